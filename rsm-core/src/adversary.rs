@@ -1,7 +1,7 @@
-//! Searches for the point at which a tape errs most, relative to its certified bound. For tests only.
+//! Searches for the point at which a tape has the largest error, relative to its certified bound. Used only by tests.
 //!
-//! In: a tape, a box, a bound. Out: the worst ratio of seen error to bound. Errors are exact: the interpreter's result against the tape in
-//! rational arithmetic. Points are searched by random restarts and hill climbing from a seed; corners come first.
+//! In: a tape, a box, a bound. Out: the largest ratio of observed error to bound. Errors are exact: the interpreter's result minus the tape in
+//! rational arithmetic. The search uses corners first, then random restarts with hill climbing from a seed.
 
 use crate::exact;
 use crate::number::{Precision, Rational, exact, integer};
@@ -45,8 +45,8 @@ pub(crate) fn inside(precision: Precision, [low, high]: [f64; 2]) -> [f64; 2] {
     [precision.round_up(&exact(low)), precision.round_down(&exact(high))]
 }
 
-/// A point that makes `height` large: the corners, then random points, each climbed from by moves of a few units in the last place and of
-/// ever smaller parts of the sides.
+/// A point at which `height` is large: from the corners, then from random points, by steps of a few units in the last place and of decreasing parts
+/// of the sides.
 pub(crate) fn climb(
     random: &mut Random,
     precision: Precision,
@@ -96,7 +96,7 @@ pub(crate) fn climb(
     best
 }
 
-/// |tape - ideal| at a point; `None` where the tape gives no finite number.
+/// |tape - ideal| at a point; `None` if the result of the tape is not finite.
 pub(crate) fn seen_error(tape: &Tape, point: &[f64]) -> Option<Rational> {
     let computed = match tape.precision {
         Precision::F64 => Interpreter::<f64>::new(tape).eval(point),
@@ -114,10 +114,10 @@ pub(crate) fn magnitude(value: Rational) -> Rational {
     if value < integer(0) { -value } else { value }
 }
 
-/// The worst ratio of seen error to bound that a search finds.
+/// The largest ratio of observed error to bound that a search finds.
 ///
 /// # Panics
-/// Where an error is above the bound, with the point and the tape.
+/// If an error exceeds the bound; the message has the point and the tape.
 pub(crate) fn worst_ratio(random: &mut Random, tape: &Tape, ranges: &[[f64; 2]], bound: f64, effort: usize) -> f64 {
     assert!(bound >= 0.0, "a bound is a number: {bound}\n{tape}");
     let ratio = |point: &[f64]| {
@@ -127,7 +127,7 @@ pub(crate) fn worst_ratio(random: &mut Random, tape: &Tape, ranges: &[[f64; 2]],
         let seen = seen_error(tape, point).unwrap_or_else(|| panic!("no finite number at {point:?}, bound {bound:e}\n{tape}"));
         let told = Precision::F64.round(&seen);
         assert!(seen <= exact(bound), "{told:e} seen at {point:?}, {bound:e} promised\n{tape}");
-        // Near the smallest numbers the error itself may be no f64.
+        // For very small numbers the error itself may not be an f64.
         if bound == 0.0 {
             0.0
         } else if bound < 1e-290 {

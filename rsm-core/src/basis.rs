@@ -1,9 +1,8 @@
 //! The factors of a surface: the variables whose powers make a term.
 //!
-//! In: a surface and the ranges of its inputs. Out: one [`Factor`] an input, then one a knot, then one a sigmoid, then
-//! two a wave, in the order of a term's powers. The formulas are written once, generic over the arithmetic: the
-//! rational reference and the fitter both use them. Lowering derives its own folded form, which tests compare with this
-//! one.
+//! In: a surface and the ranges of its inputs. Out: one [`Factor`] for each input, then one for each knot, one for each sigmoid, and two for each
+//! wave, in the order of a term's powers. The formulas are written once, generic over the arithmetic: the rational reference and the fitter both use
+//! them. Lowering has its own folded form, which tests compare with this one.
 
 use crate::model::{Coding, Input, Outside, Sigmoid, Surface, Symmetry, Wave};
 
@@ -21,7 +20,7 @@ pub trait Arithmetic:
     fn of(value: f64) -> Self;
 }
 
-/// Rounded at every step: where a glance is enough.
+/// Rounded at every step, for approximate values.
 impl Arithmetic for f64 {
     fn of(value: f64) -> Self {
         value
@@ -34,84 +33,84 @@ impl Arithmetic for crate::number::Rational {
     }
 }
 
-/// How a natural variable becomes the variable x of the polynomial.
+/// The conversion of a natural variable to the variable x of the polynomial.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Variable {
     /// x = xi.
     Natural,
     /// x = (xi - mid)/half (22), (23).
     Centred {
-        /// Bottom of the range.
+        /// The lower end of the range.
         low: f64,
-        /// Top of the range.
+        /// The upper end of the range.
         high: f64,
     },
     /// x = |xi| (coding none).
     Magnitude,
     /// x = |xi|/high.
     ScaledMagnitude {
-        /// Top of the symmetric range.
+        /// The upper end of the symmetric range.
         high: f64,
     },
     /// x = 1/xi (coding none).
     Reciprocal,
     /// x = (1/xi - mid)/half over [1/high, 1/low].
     CentredReciprocal {
-        /// Bottom of the range of xi.
+        /// The lower end of the range of xi.
         low: f64,
-        /// Top of the range of xi.
+        /// The upper end of the range of xi.
         high: f64,
     },
 }
 
-/// What one power of a term is a power of.
+/// The base of one power of a term.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Factor {
-    /// Which input of the surface, from 0.
+    /// The index of the surface's input.
     pub input: usize,
-    /// How that input is coded.
+    /// The coding of that input.
     pub variable: Variable,
-    /// What is made of that variable, or of the input itself.
+    /// The function of that variable, or of the input itself.
     pub shape: Shape,
 }
 
-/// What a factor makes of its input.
+/// The function of a factor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
     /// The variable x.
     Itself,
     /// The hinge max(0, x(xi) - x(at)).
     Hinge {
-        /// The natural value at which it opens.
+        /// The natural value of the knot.
         at: f64,
     },
-    /// The smooth step u = s (1 + |s|)/(1 + |s| + s^2), s = (xi - at)/width, of the natural value; of a symmetric input u(|xi|) - u(0).
-    /// It is rational: no root is asked of a target. It rises from -1 to 1, and its first three derivatives are continuous.
+    /// The sigmoid u = s (1 + |s|)/(1 + |s| + s^2), s = (xi - at)/width, of the natural value; for a symmetric input u(|xi|) - u(0). It is rational,
+    /// so a target needs no root. It rises from -1 to 1, and its first three derivatives are continuous.
     Sigmoid {
         /// The natural value at which it is 0.
         at: f64,
         /// 1 over its slope there.
         width: f64,
-        /// Of |xi|, and 0 at 0.
+        /// Whether it is of |xi|, and 0 at 0.
         is_symmetric: bool,
     },
     /// Cosine or sine of 2 pi order (xi - middle)/period: see [`Turn`].
     Wave {
-        /// Bottom of the range of xi.
+        /// The lower end of the range of xi.
         low: f64,
-        /// Top of the range.
+        /// The upper end of the range.
         high: f64,
-        /// Of order 1.
+        /// The period of order 1.
         period: f64,
-        /// Waves in a period.
+        /// The number of waves in a period.
         order: u32,
-        /// Else the cosine.
+        /// Sine; otherwise the cosine.
         is_sine: bool,
     },
 }
 
-/// sin(2 pi b) = b (K(0) + K(1) b^2 + ...) for |b| <= 1/4, off by less than 3e-16: an interpolation at the zeros of a Chebyshev polynomial, in 60 digits.
-/// These numbers are what a wave means: its exact reference has them too.
+/// sin(2 pi b) = b (K(0) + K(1) b^2 + ...) for |b| <= 1/4, with an error below 3e-16: an interpolation at the zeros of a Chebyshev polynomial, in 60
+/// digits. These numbers define a wave: its exact reference uses them too.
 pub(crate) const QUARTER_TURN: [f64; 8] = [
     6.283185307179585,
     -41.341702240398284,
@@ -125,8 +124,8 @@ pub(crate) const QUARTER_TURN: [f64; 8] = [
 
 /// Cosine and sine of 2 pi order t, t in turns from -1/2 to 1/2.
 ///
-/// Of order 1 by folding, cos = S(1/4 - |t|), sin = S(|t + 1/4| - |t - 1/4| - t), with the polynomial S of `QUARTER_TURN`; of higher orders as the power of a
-/// complex number, by squaring: its binary digits from the highest on.
+/// For order 1 by folding, cos = S(1/4 - |t|), sin = S(|t + 1/4| - |t - 1/4| - t), with the polynomial S of `QUARTER_TURN`. For higher orders as the
+/// power of a complex number, by squaring, along its binary digits from the highest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Turn<T> {
     /// The cosine.
@@ -168,7 +167,7 @@ fn quarter_turn<T: Arithmetic>(b: T) -> T {
 }
 
 impl Shape {
-    /// The smooth step of z = xi - at: z (w + |z|)/(w^2 + |z| (w + |z|)).
+    /// The sigmoid of z = xi - at: z (w + |z|)/(w^2 + |z| (w + |z|)).
     #[must_use]
     pub fn step<T: Arithmetic>(z: T, width: f64) -> T {
         let width = T::of(width);
@@ -223,7 +222,7 @@ impl Factor {
     /// The factors of a surface in the order of a term's powers: inputs, knots, sigmoids, waves. `inputs` are those of the surface, in its order.
     ///
     /// # Panics
-    /// When a knot or a sigmoid names an input that the surface does not have: [`crate::check`] refuses such a file.
+    /// If a knot or a sigmoid names an input that the surface does not have: [`crate::check`] rejects such a file.
     #[must_use]
     pub fn all(surface: &Surface, inputs: &[Input]) -> Vec<Factor> {
         let main = inputs.iter().enumerate();
@@ -270,7 +269,7 @@ impl Factor {
     }
 }
 
-/// xi as the evaluator sees it: clamped to the range where the input says so.
+/// xi as in the evaluator: clamped to the range if the input clamps.
 #[must_use]
 pub fn clamped<T: Arithmetic>(input: &Input, xi: T) -> T {
     let [low, high] = input.range.map(T::of);
@@ -282,7 +281,7 @@ pub fn clamped<T: Arithmetic>(input: &Input, xi: T) -> T {
     }
 }
 
-/// The sign that odd symmetry gives the result: -1 when an odd number of odd inputs is negative.
+/// Whether odd symmetry makes the result negative: an odd number of odd inputs is negative.
 #[must_use]
 pub fn is_negated<T: Arithmetic>(surface: &Surface, inputs: &[Input], point: &[T]) -> bool {
     let odd = |name: &str| surface.symmetry.iter().any(|(input, symmetry)| input == name && *symmetry == Symmetry::Odd);

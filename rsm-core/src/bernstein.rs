@@ -1,43 +1,43 @@
 //! Encloses the range of a polynomial over a box.
 //!
-//! In: terms and a box of their variables. Out: an interval that holds every value there. The polynomial is written in the Bernstein basis
-//! of the box: its values lie between the least and the greatest coefficient (convex hull property; Cargo and Shisha 1966), and the
-//! coefficients at the corners are values themselves. The cell that looks widest is halved until the enclosure meets a corner value, or
-//! the budget is spent. All arithmetic is interval arithmetic, so rounding is enclosed too.
+//! In: terms and a box of their variables. Out: an interval that contains every value there. The polynomial is expressed in the Bernstein basis of
+//! the box: its values are between the smallest and the largest coefficient (convex hull property; Cargo and Shisha 1966), and the coefficients at
+//! the corners are values themselves. The cell with the worst bound is halved until the enclosure reaches a corner value, or the budget is used up.
+//! All arithmetic is interval arithmetic, so rounding errors are included.
 //!
-//! A [`Measure`] of several polynomials is bounded in the same way: a function that is concave in their values is, over
-//! a cell, at least its value at the worst of their joint coefficients.
+//! A [`Measure`] of several polynomials is bounded in the same way: a function that is concave in their values is, over a cell, at least its smallest
+//! value at their joint coefficients.
 
 use std::collections::BinaryHeap;
 
 use crate::interval::Interval;
 
-/// Coefficients that may be touched in all: 2 * 10^7 interval operations are about a tenth of a second.
+/// The budget of coefficients: 2 * 10^7 interval operations take about a tenth of a second.
 const BUDGET: usize = 20_000_000;
 
-/// The enclosure is as tight as anyone needs once its excess is below this share of the spread of values,
+/// The search ends if the excess of the enclosure is below this share of the spread of values,
 const TIGHT_ENOUGH: f64 = 1e-9;
 
-/// or below this share of their magnitude: a few thousand times what outward rounding adds (2^-52 an operation), so that it can be reached.
+/// or below this share of their magnitude: a few thousand times the outward rounding (2^-52 per operation), so that it is reachable.
 const ROUNDING: f64 = 1e-12;
 
 /// A term: powers of the variables and a coefficient.
 #[derive(Debug, Clone)]
 pub struct Monomial {
-    /// One power a variable.
+    /// One power for each variable.
     pub powers: Vec<u32>,
     /// An enclosure of the coefficient.
     pub coefficient: Interval,
 }
 
-/// An enclosure of a polynomial's values over a box, and where in the box the least and the greatest value were seen.
+/// An enclosure of a polynomial's values over a box, and the points of the smallest and the largest computed value.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Extent {
-    /// Holds every value.
+    /// Contains every value.
     pub range: Interval,
-    /// Where the least value was seen, a share of each side: 0 at its low end, 1 at its high end.
+    /// The point of the smallest computed value, as a share of each side: 0 at its low end, 1 at its high end.
     pub least_at: Vec<f64>,
-    /// Where the greatest value was seen.
+    /// The point of the largest computed value.
     pub greatest_at: Vec<f64>,
 }
 
@@ -50,18 +50,19 @@ pub(crate) fn extent(terms: &[Monomial], sides: &[Interval]) -> Extent {
     Extent { range: Interval { low, high: -high }, least_at, greatest_at }
 }
 
-/// What the Bernstein coefficients alone tell of the polynomial's values for variables in `sides`, without a cut.
+/// The enclosure from the Bernstein coefficients alone for variables in `sides`, without dividing the box.
 #[must_use]
 pub fn hull(terms: &[Monomial], sides: &[Interval]) -> Interval {
     Cell::new(&[terms], sides).bounds()
 }
 
-/// A concave function of the values of some polynomials, whose least value is sought. Their values at a point are a mean of their joint Bernstein coefficients with
-/// weights that are not negative and sum to 1, and so the function is there at least what it is at the worst of these.
+/// A concave function of the values of some polynomials, to be minimised. Their values at a point are a mean of their joint Bernstein coefficients,
+/// with weights that are not negative and sum to 1, so the function there is at least its smallest value at these coefficients.
 pub trait Measure {
-    /// At most the function for all values in these intervals, one a polynomial; where it is at least `than`, any number from `than` up to it will do.
+    /// A lower bound of the function for all values in these intervals, one for each polynomial. If it is at least `than`, any number between `than`
+    /// and it may be returned.
     fn low(&self, values: &[Interval], than: f64) -> f64;
-    /// At least the function at some values in these intervals.
+    /// An upper bound of the function at some values in these intervals.
     fn high(&self, values: &[Interval]) -> f64;
 }
 
@@ -77,26 +78,26 @@ impl Measure for Value {
     }
 }
 
-/// Bernstein coefficients of polynomials over one cell of the box, a row-major tensor; along its last axis the polynomials.
+/// Bernstein coefficients of polynomials over one cell of the box, as a row-major tensor; the last axis is the polynomial.
 #[derive(Debug, Clone)]
 struct Cell {
     degrees: Vec<usize>,
     polynomials: usize,
     coefficients: Vec<Interval>,
-    /// The part of each side that the cell spans, as shares of the box. Halving is exact down to 2^-52.
+    /// The part of each side in the cell, as shares of the box. Halving is exact down to 2^-52.
     spans: Vec<[f64; 2]>,
-    /// Whether a part of it may lie outside the region that is searched.
+    /// Whether a part of it may be outside the searched region.
     is_partly: bool,
 }
 
-/// A cell in the queue of a branch and bound: the one with the least lower bound comes first.
+/// A cell in the queue of a branch and bound: the one with the smallest lower bound comes first.
 pub(crate) struct Queued<C> {
     pub(crate) bound: f64,
     pub(crate) cell: C,
 }
 
 impl<C> PartialEq for Queued<C> {
-    // mutant `body to true`: `Ord` asks for it, a heap never calls it.
+    // mutant `body to true`: `Ord` requires it, a heap never calls it.
     // mutant `body to false`: likewise.
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other).is_eq()
@@ -114,63 +115,63 @@ impl<C> Ord for Queued<C> {
     }
 }
 
-/// A lower bound of the values in the cell, and where the least value was seen: branch and bound, until the best bound is as good as a
-/// value that was seen at a corner.
+/// A lower bound of the values in the cell, and the point of the smallest computed value: branch and bound, until the best bound is near a computed
+/// value at a corner.
 fn lower_bound(root: &Cell) -> (f64, Vec<f64>) {
-    // mutant `1.0 doubled`: no cell is cut by an edge where all are inside, so the finest is not asked.
+    // mutant `1.0 doubled`: all cells are inside, so the finest size is not used.
     // mutant `1.0 to 0.0`: likewise.
     let everywhere = Search { place: &|_| Place::Inside, finest: 1.0, enough: f64::INFINITY };
     let found = search_within(root, &Value, &everywhere, BUDGET).0;
     (found.bound, found.at)
 }
 
-/// Where a cell lies.
+/// The position of a cell relative to the region.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
-    /// No point of it belongs to the region.
+    /// No point of it is in the region.
     Outside,
-    /// Some may, some may not.
+    /// Some points may be in the region.
     Partly,
-    /// All do.
+    /// All points are in the region.
     Inside,
 }
 
-/// Which part of a box is searched for the least value, and how far.
+/// The region and the accuracy of a search for the smallest value.
 #[derive(Clone, Copy)]
 pub struct Search<'a> {
-    /// Where a cell lies, given as shares of the sides. A point is a cell without width.
+    /// The position of a cell, given as shares of the sides. A point is a cell of width 0.
     pub place: &'a dyn Fn(&[[f64; 2]]) -> Place,
     /// A cell that is no wider than this share of each side counts as inside unless it is outside.
     pub finest: f64,
-    /// A least value of at least this is as good as any; a value well below it is all that is asked for. Infinite: find the least.
+    /// The search may end if the smallest value is at least this, or is proved to be well below it. Infinite: find the smallest value.
     pub enough: f64,
 }
 
-/// What a search found.
+/// The result of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Least {
-    /// No value in the region is less; infinite where the region is empty.
+    /// A lower bound of all values in the region; infinite if the region is empty.
     pub bound: f64,
-    /// The least value that was seen, rounded up; infinite where no corner belonged to the region.
+    /// The smallest computed value, rounded up; infinite if no corner was in the region.
     pub seen: f64,
-    /// Where it was seen, a share of each side.
+    /// The point of that value, as a share of each side.
     pub at: Vec<f64>,
 }
 
-/// The least value of the polynomial over a region of the box.
+/// The smallest value of the polynomial over a region of the box.
 #[must_use]
 pub fn least(terms: &[Monomial], sides: &[Interval], wanted: &Search<'_>) -> Least {
     search_within(&Cell::new(&[terms], sides), &Value, wanted, BUDGET).0
 }
 
-/// The least measure of some polynomials over a region of the box.
+/// The smallest measure of some polynomials over a region of the box.
 #[must_use]
 pub fn least_measure(polynomials: &[Vec<Monomial>], sides: &[Interval], measure: &impl Measure, wanted: &Search<'_>) -> Least {
     let polynomials: Vec<&[Monomial]> = polynomials.iter().map(Vec::as_slice).collect();
     search_within(&Cell::new(&polynomials, sides), measure, wanted, BUDGET).0
 }
 
-/// Branch and bound; with the work that was done.
+/// Branch and bound; also returns the work done.
 fn search_within(root: &Cell, measure: &impl Measure, wanted: &Search<'_>, budget: usize) -> (Least, usize) {
     let whole = root.bounds();
     let dimensions = root.degrees.len();
@@ -180,7 +181,7 @@ fn search_within(root: &Cell, measure: &impl Measure, wanted: &Search<'_>, budge
     let tolerance = (TIGHT_ENOUGH * (whole.high - whole.low)).max(ROUNDING * whole.magnitude());
     let mut queue = BinaryHeap::from([Queued { bound: root.low(measure), cell: root }]);
     let mut work = 0;
-    // The least bound of cells that are good enough. Only it is kept of them: with several polynomials of four variables a cell takes 40 kB.
+    // The smallest bound of the cells that are good enough. Only this is kept, because with several polynomials of four variables a cell takes 40 kB.
     let mut settled = f64::INFINITY;
     while let Some(Queued { bound, cell }) = queue.pop() {
         best.bound = bound;
@@ -189,7 +190,7 @@ fn search_within(root: &Cell, measure: &impl Measure, wanted: &Search<'_>, budge
         if is_known || best.seen - bound <= tolerance || work > budget || !bound.is_finite() {
             return (best, work);
         }
-        // What is linear along a side is enclosed without a cut of it.
+        // A side along which the polynomial is linear need not be divided.
         let may_be_cut = |k: &usize| cell.is_partly || cell.degrees[*k] > 1;
         let Some(axis) = (0..dimensions).filter(may_be_cut).reduce(|k, other| cell.better_cut(k, other)) else {
             return (best, work);
@@ -200,9 +201,9 @@ fn search_within(root: &Cell, measure: &impl Measure, wanted: &Search<'_>, budge
         for half in [left, right] {
             let Some(half) = half.placed(wanted) else { continue };
             half.look(measure, wanted, &mut best);
-            // A half lies in the whole: its bound is never worse.
+            // A half is a part of the whole, so its bound is not worse.
             let bound = half.low(measure).max(bound);
-            // mutant `>= to >`: one that is kept is looked at after all others, with the same end.
+            // mutant `>= to >`: a cell that is kept is processed last, with the same result.
             if bound >= wanted.enough {
                 settled = settled.min(bound);
                 continue;
@@ -215,11 +216,11 @@ fn search_within(root: &Cell, measure: &impl Measure, wanted: &Search<'_>, budge
     (best, work)
 }
 
-/// A value below what is enough is deep enough when the deepest is at most this share deeper.
+/// The search may end at a value below `enough` if the smallest value is at most this share lower.
 const DEEP_ENOUGH: f64 = 0.25;
 
 impl Cell {
-    /// Power basis to Bernstein basis over the box, one variable after the other.
+    /// From the power basis to the Bernstein basis over the box, one variable at a time.
     fn new(polynomials: &[&[Monomial]], sides: &[Interval]) -> Self {
         let (dimensions, count) = (sides.len(), polynomials.len());
         let degree_of = |k: usize| polynomials.iter().copied().flatten().map(|term| term.powers[k] as usize).max().unwrap_or(0);
@@ -259,18 +260,18 @@ impl Cell {
         }
     }
 
-    /// From a coefficient to the next one along an axis.
+    /// The distance from a coefficient to the next one along an axis.
     fn stride(&self, axis: usize) -> usize {
         self.degrees[axis + 1..].iter().map(|degree| degree + 1).product::<usize>() * self.polynomials
     }
 
-    /// At most the measure anywhere in the cell.
+    /// A lower bound of the measure in the cell.
     fn low(&self, measure: &impl Measure) -> f64 {
         let each = self.coefficients.chunks(self.polynomials);
         each.fold(f64::INFINITY, |least, values| measure.low(values, least).min(least))
     }
 
-    /// Holds every value of every polynomial.
+    /// Contains every value of every polynomial.
     fn bounds(&self) -> Interval {
         self.coefficients.iter().copied().reduce(Interval::hull).expect("a polynomial has a coefficient")
     }
@@ -279,9 +280,9 @@ impl Cell {
         self.spans[axis][1] - self.spans[axis][0]
     }
 
-    /// Which of two sides to halve, the first of equals. A cell that a region's edge may cut: the longer. Else the one along which the
-    /// coefficients are bent more. Sides taken in turn over all cells would be wrong: the same side of one cell may come up for ever, and its
-    /// bound then stays.
+    /// Which of two sides to halve, the first of equal ones. For a cell at the region's edge: the longer one. Otherwise the one with the larger
+    /// second differences of the coefficients. A fixed rotation of sides would be wrong: one cell could always get the same side, and its bound would
+    /// not improve.
     fn better_cut(&self, one: usize, other: usize) -> usize {
         let [one_size, other_size] = [one, other].map(|axis| ((!self.is_partly).then(|| self.bend(axis)), self.width(axis)));
         if other_size > one_size { other } else { one }
@@ -297,7 +298,7 @@ impl Cell {
         (0..self.coefficients.len()).filter(is_inner).map(second).fold(0.0, f64::max)
     }
 
-    /// The cell with its place in the region; `None` outside.
+    /// The cell with its position relative to the region; `None` if it is outside.
     fn placed(mut self, wanted: &Search<'_>) -> Option<Self> {
         let place = (wanted.place)(&self.spans);
         let is_fine = (0..self.spans.len()).all(|k| self.width(k) <= wanted.finest);
@@ -305,7 +306,7 @@ impl Cell {
         (place != Place::Outside).then_some(self)
     }
 
-    /// Looks at the corners that belong to the region.
+    /// Evaluates the corners in the region.
     fn look(&self, measure: &impl Measure, wanted: &Search<'_>, best: &mut Least) {
         let mut corners = vec![(0usize, 0usize)];
         for (k, degree) in self.degrees.iter().enumerate() {
@@ -317,7 +318,7 @@ impl Cell {
         }
         for (index, ends) in corners {
             let values = &self.coefficients[index * self.polynomials..][..self.polynomials];
-            // What is nowhere below the best is not lower: of an eigenvalue that is known sooner than its value.
+            // A corner whose lower bound is not below the best value is skipped: for an eigenvalue a bound is cheaper than the value.
             if measure.low(values, best.seen) >= best.seen {
                 continue;
             }

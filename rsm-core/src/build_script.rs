@@ -1,4 +1,4 @@
-//! The API for build.rs, one page.
+//! The functions for build.rs.
 //!
 //! ```no_run
 //! // build.rs
@@ -18,11 +18,11 @@ use crate::compile::{self, RustModule};
 use crate::number::Precision;
 use crate::source::{Fault, Faults, Source};
 
-/// Compiles a model file to `OUT_DIR/<model>.rs` and tells cargo to run the script again when the file changes. The path is relative to
-/// the package. `precisions` empty: every precision that can hold the model. Nothing is written into a source folder.
+/// Compiles a model file to `OUT_DIR/<model>.rs`, and makes cargo run the script again when the file changes. The path is relative to the package.
+/// `precisions` empty: every precision that can hold the model. Nothing is written to a source folder.
 ///
 /// # Panics
-/// With every fault of the file, so that the build fails with file, line and column; and where cargo's environment is missing.
+/// With every fault of the file, so that the build fails with file, line and column; and if cargo's environment is missing.
 pub fn compile(model_file: impl AsRef<Path>, precisions: &[Precision]) {
     let model_file = model_file.as_ref();
     println!("cargo::rerun-if-changed={}", model_file.display());
@@ -73,7 +73,7 @@ pub fn compile_into(model_file: &Path, precisions: &[Precision], folder: &Path) 
 
 fn write_module(module: &RustModule, folder: &Path) -> Result<PathBuf, Faults> {
     let path = folder.join(format!("{}.rs", module.model));
-    // An unchanged file keeps its time stamp, so cargo does not compile what depends on it again.
+    // An unchanged file keeps its time stamp, so cargo does not recompile the crates that depend on it.
     if std::fs::read_to_string(&path).is_ok_and(|old| old == module.text) {
         return Ok(path);
     }

@@ -1,8 +1,7 @@
 //! Checks once that the parts of a model fit together. Only this module makes a [`Checked`].
 //!
-//! In: a source or a [`Model`]. Out: [`Checked`], or every fault in the order of the file. Later stages take a
-//! [`Checked`], so they need no checks of their own and do not fail. One rule is one function. Whether f32 can hold the
-//! model at all is asked separately: [`Checked::refusal`].
+//! In: a source or a [`Model`]. Out: [`Checked`], or every fault in the order of the file. Later stages take a [`Checked`], so they need no checks
+//! and do not fail. Each rule is one function. Whether f32 can hold the model is a separate question: [`Checked::refusal`].
 
 mod in_memory;
 
@@ -19,11 +18,11 @@ use crate::source::{Collector, Fault, Faults, Source};
 #[derive(Debug, Clone)]
 pub struct Checked {
     model: Model,
-    /// Where parts stand, for what only one precision refuses: file and position of each input's range and of each term.
+    /// Positions for faults of one precision only: the file, and the position of each input's range and of each term.
     file: String,
     range_places: Vec<(usize, usize)>,
     term_places: Vec<Vec<(usize, usize)>>,
-    /// Of each compensator: its scheduled numbers, in the order of [`Compensator::parts`], and its sample time.
+    /// For each compensator: the positions of its scheduled numbers, in the order of [`Compensator::parts`], and of its sample time.
     compensator_places: Vec<Vec<(usize, usize)>>,
 }
 
@@ -53,7 +52,7 @@ impl Checked {
         faults.finish(Some(checked))
     }
 
-    /// Checks a model that was made in memory. Faults name its file `NAME.toml`, although none was read, and have no line.
+    /// Checks a model that was made in memory. Faults name the file `NAME.toml`, although there is none, and have no line.
     ///
     /// # Errors
     /// Every fault: those of a model file with the same content, except those of its text.
@@ -82,7 +81,7 @@ impl Checked {
         let name = if model.name.is_empty() { "model" } else { &model.name };
         let context = Context { model, file: &format!("{name}.toml"), text: None };
         in_memory::check(&context, &mut faults);
-        // The rules compare exact numbers: what is not finite has none.
+        // The rules compare exact numbers, so all numbers must be finite.
         if faults.is_clean() {
             context.check(&mut faults);
         }
@@ -109,7 +108,7 @@ impl Checked {
         surface.inputs.iter().map(find).collect()
     }
 
-    /// The inputs that a compensator's surfaces use, in the order of the file: what its step takes after the signal itself.
+    /// The inputs that a compensator's surfaces use, in the order of the file: the arguments of its step after the signal.
     #[must_use]
     pub fn schedule_of(&self, compensator: &Compensator) -> Vec<Input> {
         schedule(&self.model, compensator)
@@ -122,8 +121,8 @@ impl Checked {
         Fault::at_line(&self.file, line, column, what)
     }
 
-    /// Why a precision cannot hold this model, or `None`: a bound or coefficient beyond its largest number, or a range in which it
-    /// has fewer than two numbers.
+    /// The reason why a precision cannot hold this model, or `None`: a bound or coefficient beyond its largest number, or a range that contains fewer
+    /// than two of its numbers.
     #[must_use]
     pub fn refusal(&self, precision: Precision) -> Option<Faults> {
         let name = precision.name();
@@ -197,14 +196,14 @@ fn schedule(model: &Model, compensator: &Compensator) -> Vec<Input> {
     model.inputs.iter().filter(is_used).cloned().collect()
 }
 
-/// Whether a precision can hold what lowering makes of a fixed number of a compensator. The largest is 1 + g (g + 2 p) < 4 p, since g is
-/// below pi/4, once p is large; the smallest is half of it.
+/// Whether a precision can hold the constants that lowering makes from a fixed number of a compensator. The largest is 1 + g (g + 2 p) < 4 p for
+/// large p, because g is below pi/4; the smallest is half of it.
 fn fits_fixed(precision: Precision, value: f64) -> bool {
     let largest = precision.round(&(exact(value) * exact(4.0)));
     largest.is_finite() && precision.round(&(exact(value) / exact(2.0))) != 0.0
 }
 
-/// Whether a precision holds the squares that a sigmoid is made of, of every argument in the range.
+/// Whether a precision holds the squares in a sigmoid for every argument in the range.
 fn fits_sigmoid(precision: Precision, sigmoid: &Sigmoid, range: [f64; 2]) -> bool {
     let width = exact(sigmoid.width);
     let reach = range.map(|end| (exact(end) - exact(sigmoid.at)).abs() + &width);
@@ -213,10 +212,10 @@ fn fits_sigmoid(precision: Precision, sigmoid: &Sigmoid, range: [f64; 2]) -> boo
     reach.iter().all(|reach| holds(reach * reach * exact(2.0))) && precision.round(&(&width * &width)) >= power_of_two(smallest)
 }
 
-/// The place of `pole_frequency` among [`Compensator::parts`].
+/// The index of `pole_frequency` in [`Compensator::parts`].
 const POLE_FREQUENCY: usize = 3;
 
-/// Whether a precision can hold the square of the ratio of two fixed frequencies, which lowering makes a constant of.
+/// Whether a precision can hold the square of the ratio of two fixed frequencies, which is a constant on the tape.
 fn fits_ratio(precision: Precision, compensator: &Compensator) -> bool {
     let own = compensator.pole_frequency.as_ref().and_then(|scheduled| scheduled.fixed());
     let (Some(poles), Some(zeros)) = (own, compensator.natural_frequency.fixed()) else { return true };
@@ -234,15 +233,15 @@ fn beyond_ratio(compensator: &Compensator, precision: &str) -> String {
     )
 }
 
-/// What is said of a number that does not fit.
+/// The message for a number that does not fit.
 const BEYOND: &str = "too large or too small for";
 
-/// A model under check.
+/// A model during the check.
 struct Context<'a> {
     model: &'a Model,
-    /// How messages call it.
+    /// Its name in messages.
     file: &'a str,
-    /// Its text and where its parts stand in it; `None` of a model that was made in memory.
+    /// Its text and the positions of its parts; `None` for a model that was made in memory.
     text: Option<(&'a Source, &'a Places)>,
 }
 
@@ -254,14 +253,14 @@ impl Context<'_> {
         }
     }
 
-    /// All rules, one after the other.
+    /// Runs all rules.
     fn check(&self, faults: &mut Collector) {
         for rule in [check_name, check_inputs, check_surfaces, check_compensators, check_emitted_names] {
             rule(self, faults);
         }
     }
 
-    /// The model with the places of what only one precision refuses.
+    /// The model with the positions for faults of one precision only.
     fn checked(&self) -> Checked {
         let model = self.model;
         let position = |path: String| self.text.map_or((0, 0), |(source, places)| source.position(places.place(&path).start));
@@ -282,21 +281,21 @@ impl Context<'_> {
         }
     }
 
-    /// Whether a part stands in the file but was refused for its shape.
+    /// Whether a part is in the file but has a wrong shape.
     fn is_broken(&self, path: &str) -> bool {
         self.text.is_some_and(|(_, places)| places.is_broken(path))
     }
 
-    /// Whether a key that a file must have is missing.
+    /// Whether a required key is missing.
     fn is_missing(&self, path: &str) -> bool {
         self.text.is_some_and(|(_, places)| places.place(path) == (0..0))
     }
 
-    /// Whether a name that is not there is really missing: its section could be read, and it was not refused for its shape.
+    /// Whether a missing name can be reported: its section could be read, and the entry does not have a wrong shape.
     fn knows_all(&self, section: &str, name: &str) -> bool {
         let read = !self.is_missing(section) && !self.is_broken(section);
         let refused = self.is_broken(&format!("{section}.{name}"));
-        // Where a model has no input at all, that is said once.
+        // A model without any input is reported only once.
         let nothing_there = section == "inputs" && self.model().inputs.is_empty();
         read && !refused && !nothing_there
     }
@@ -328,13 +327,13 @@ fn check_inputs(context: &Context<'_>, faults: &mut Collector) {
     }
 }
 
-/// Whether some entry of a section was there but refused for its shape.
+/// Whether some entry of a section has a wrong shape.
 fn any_under(context: &Context<'_>, section: &str) -> bool {
-    // A section that is missing, or has no entry at all, has no broken entry either: the faults of shape speak for the rest.
+    // A section that is missing or empty has no such entry; other faults report it.
     context.is_missing(section) || context.text.is_some_and(|(_, places)| places.has_broken_under(section))
 }
 
-/// low < high, and a width that f64 can hold: half of it is the unit of the coded variable.
+/// low < high, and a width that f64 can hold, because half of it is the unit of the coded variable.
 fn check_range(context: &Context<'_>, faults: &mut Collector, who: &str, path: &str, [low, high]: [f64; 2], unit: &str) {
     let unit = if unit == "1" || unit.is_empty() { String::new() } else { format!(" {unit}") };
     if low > high {
@@ -400,7 +399,7 @@ fn check_terms(context: &Context<'_>, faults: &mut Collector, surface: &Surface,
     }
     let (inputs, knots, sigmoids) = (surface.inputs.len(), surface.knots.len(), surface.sigmoids.len());
     let waves = surface.waves.len();
-    // How many powers a term needs is known only where what they are powers of could be read.
+    // The number of powers of a term can be checked only if the inputs and the coding could be read.
     let counts = !context.is_broken(&format!("{path}.inputs")) && !context.is_broken(&format!("{path}.basis"));
     for (k, term) in surface.terms.iter().enumerate() {
         let place = format!("{path}.terms.{k}");
@@ -451,14 +450,14 @@ fn check_symmetry(context: &Context<'_>, faults: &mut Collector, surface: &Surfa
     }
 }
 
-/// "odd" gives the result the sign of xi: where xi passes 0 the result must too, or it would jump.
+/// "odd" gives the result the sign of xi, so the result must be 0 at xi = 0; otherwise it would jump.
 fn check_odd_terms(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str, index: usize) {
     let name = &surface.inputs[index];
     let of_sigmoids = surface.sigmoids.iter().map(|sigmoid| sigmoid.input == *name);
     let hinges: Vec<_> = surface.knots.iter().map(|knot| knot.input == *name).chain(of_sigmoids).collect();
     for (k, term) in surface.terms.iter().enumerate() {
         let own = term.powers.get(index).is_none_or(|power| *power > 0);
-        // A hinge of this input opens above 0 (a rule of its own), and from a sigmoid its value at 0 is taken off: both vanish at 0 as well.
+        // A hinge of this input has its knot above 0 (another rule), and the value of a sigmoid at 0 is subtracted: both are 0 at 0.
         let by_hinge =
             hinges.iter().zip(term.powers.iter().skip(surface.inputs.len())).any(|(of_it, power)| *of_it && *power > 0);
         if !own && !by_hinge {
@@ -494,14 +493,14 @@ fn check_knots(context: &Context<'_>, faults: &mut Collector, surface: &Surface,
     }
 }
 
-/// A width is at most so many times the range, and at least its inverse.
+/// The largest width of a sigmoid relative to the range; the smallest is its inverse.
 const WIDEST: f64 = 1e6;
 
-/// What is wrong with a sigmoid of an input of this range, and what to do.
+/// The fault of a sigmoid for an input of this range, and what to do.
 ///
 /// # Errors
-/// A centre far outside of the range; a width that is not between a millionth of the range and a million times the range; numbers whose squares
-/// f64 cannot hold.
+/// If the centre is far outside of the range, if the width is not between a millionth of the range and a million times the range, or if the squares
+/// of the numbers exceed f64.
 ///
 /// ```
 /// use rsm_core::{check, model::Sigmoid};
@@ -551,10 +550,10 @@ fn check_sigmoids(context: &Context<'_>, faults: &mut Collector, surface: &Surfa
     }
 }
 
-/// What is wrong with a wave over this input, and what to do.
+/// The fault of a wave over this input, and what to do.
 ///
 /// # Errors
-/// An input that extrapolates; a range wider than a period, or a period wider than a million ranges.
+/// If the input extrapolates, if the range is wider than a period, or if the period is wider than a million ranges.
 ///
 /// ```
 /// use rsm_core::{check, model::{Input, Outside, Wave}};
@@ -593,7 +592,7 @@ fn check_waves(context: &Context<'_>, faults: &mut Collector, surface: &Surface,
             let what = format!("{who}: `{name}` cannot have `waves` beside `reciprocal` or `symmetry`");
             faults.push(context.fault(&place, what));
         }
-        // From a file the reader refuses it; a model made in memory comes here.
+        // The reader of a file rejects it; a model in memory is checked here.
         if !(1..=model_file::HIGHEST_ORDER).contains(&wave.order) {
             let what = format!("{who}: `order`: found {}, expected 1 to {}", wave.order, model_file::HIGHEST_ORDER);
             faults.push(context.fault(&place, what));
@@ -694,7 +693,7 @@ fn check_scheduled(context: &Context<'_>, faults: &mut Collector, compensator: &
     }
 }
 
-/// Names that differ only in case, or that run into each other once the emitters add their suffixes.
+/// Names that differ only in case, or that become equal with the suffixes of the emitters.
 fn check_emitted_names(context: &Context<'_>, faults: &mut Collector) {
     let model = context.model();
     let inputs = model.inputs.iter().map(|input| ("inputs", input.name.as_str())).collect::<Vec<_>>();

@@ -1,6 +1,6 @@
-//! The whole compiler in one call: a model file in, source text out.
+//! The whole compiler in one call: from a model file to source text.
 //!
-//! The macro, build.rs and the command line call these functions and no others, so they give the same text and the same errors.
+//! The macro, build.rs and the command line all call these functions, so they give the same text and the same errors.
 
 use crate::certificate;
 use crate::check::Checked;
@@ -16,7 +16,7 @@ use crate::values::Values;
 /// A model as a Rust module.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RustModule {
-    /// The name of the model, which is to be the name of the module.
+    /// The name of the model, to be used as the name of the module.
     pub model: String,
     /// The text of the module.
     pub text: String,
@@ -25,7 +25,7 @@ pub struct RustModule {
 /// The evaluators of a checked model, ready for a printer. `precisions` empty: every precision that can hold the model.
 ///
 /// # Errors
-/// The faults of a precision that was asked for and cannot hold the model; a compensator that is not certain to be stable.
+/// The faults of a requested precision that cannot hold the model; a compensator whose stability is not proved.
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
@@ -63,22 +63,22 @@ pub fn unit_with_gradients(checked: &Checked, precisions: &[Precision]) -> Resul
     unit_with_parts(checked, precisions, &Parts { gradient: true, ..Parts::default() })
 }
 
-/// Which functions of a surface are wanted beside the surface itself and its support test.
+/// Functions of a surface in addition to the surface itself and its support test.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Parts {
     /// The gradient.
     pub gradient: bool,
     /// The surface without its clamps ([`lower::inside`]).
     pub inside: bool,
-    /// The inputs of which `inside` takes what they give once: they change seldom.
+    /// The rarely changed inputs, whose part `inside` computes once.
     pub once: Vec<String>,
 }
 
-/// The evaluators of a checked model as [`unit()`] gives them, and after each surface the parts that are wanted.
+/// The evaluators of a checked model as [`unit()`] gives them, and after each surface the requested parts.
 ///
 /// # Errors
-/// As [`unit()`]; a part that would have the name of another function; an input of `once` that no surface has, or whose share in a surface is not
-/// one number.
+/// As [`unit()`]; a part with the name of another function; an input of `once` that no surface has, or whose part in a surface is not a single
+/// number.
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[inputs.load]\nunit = \"t\"\nrange = [0.0, 2.0]\n\
@@ -197,10 +197,10 @@ fn functions(checked: &Checked, precisions: &[Precision], parts: &Parts) -> Resu
     Ok(Unit { model: model.name.clone(), functions })
 }
 
-/// The step of a compensator, ready for a printer.
+/// The step of a compensator, for a printer.
 fn step(checked: &Checked, index: usize, precision: Precision) -> Function {
     let compensator = &checked.model().compensators[index];
-    // The signal has no range. A self-test takes it from this one, in which a pedal or a normalised demand lies.
+    // The signal has no range. A self-test uses this one, which suits a pedal or a normalised demand.
     let signal =
         Input { name: lower::SIGNAL.to_string(), unit: String::new(), range: [-1.0, 1.0], outside: Outside::Extrapolate };
     Function {
@@ -214,7 +214,7 @@ fn step(checked: &Checked, index: usize, precision: Precision) -> Function {
     }
 }
 
-/// The precisions that were asked for, all of which must hold the model; none asked for: those that do. f64 holds every checked model.
+/// The requested precisions, which must all hold the model. If none is requested: those that hold it. f64 holds every checked model.
 ///
 /// # Errors
 /// The faults of a precision that cannot hold the model.

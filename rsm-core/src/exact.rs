@@ -1,8 +1,8 @@
-//! The exact reference: what a surface means, in rational arithmetic.
+//! The exact reference: the value of a surface in rational arithmetic.
 //!
-//! In: a checked surface and a point. Out: the value of the true polynomial, without any rounding. It is slow, and it shares no
-//! decision with lowering: interpreter and emitters read the same tape, so their agreement says nothing about the tape itself.
-//! Also executes a tape in exact arithmetic, with its constants as they were before rounding: that must give the polynomial again.
+//! In: a checked surface and a point. Out: the value of the true polynomial, without rounding. It is slow, and it shares no code with lowering. The
+//! interpreter and the emitters use the same tape, so their agreement does not test the tape itself. This module also executes a tape in exact
+//! arithmetic, with its constants before rounding; that must give the same polynomial.
 
 use num_traits::Signed;
 
@@ -11,8 +11,8 @@ use crate::model::{Input, Surface};
 use crate::number::{Precision, Rational, exact, integer};
 use crate::tape::{Op, Reg, Tape};
 
-/// The true polynomial at a point, inputs clamped where they say so, before `output_range`. `None` where it has a pole (a reciprocal
-/// input at 0, which only an extrapolated one can reach).
+/// The true polynomial at a point, with clamped inputs, before `output_range`. `None` at a pole (a reciprocal input at 0, which is possible only by
+/// extrapolation).
 #[must_use]
 pub fn polynomial(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Option<Rational> {
     let zero = Rational::of(0.0);
@@ -29,7 +29,7 @@ pub fn polynomial(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Op
     Some(if basis::is_negated(surface, inputs, point) { -sum } else { sum })
 }
 
-/// What an evaluator would return if it made no rounding error: the polynomial, then `output_range`.
+/// The result of an evaluator without rounding errors: the polynomial, limited to `output_range`.
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
@@ -48,7 +48,7 @@ pub fn value(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Option<
     Some(saturated(surface, polynomial(surface, inputs, point)?))
 }
 
-/// What `output_range` makes of a value of the polynomial.
+/// A value of the polynomial, limited to `output_range`.
 #[must_use]
 pub fn saturated(surface: &Surface, y: Rational) -> Rational {
     match surface.output_range {
@@ -58,22 +58,21 @@ pub fn saturated(surface: &Surface, y: Rational) -> Rational {
     }
 }
 
-/// A tape executed without rounding, its constants as they were before rounding. `None` on a division by zero, and where the tape has an
-/// elementary function: its values are not rational.
+/// The result of a tape executed without rounding, with its constants before rounding. `None` for a division by zero, and for an elementary function,
+/// whose values are not rational.
 #[must_use]
 pub fn ideal(tape: &Tape, point: &[Rational]) -> Option<Rational> {
     ideal_step(tape, &mut [], point)
 }
 
-/// All results of a tape, executed without rounding as [`ideal`] does it.
+/// All results of a tape, executed without rounding as in [`ideal`].
 #[must_use]
 pub fn ideal_all(tape: &Tape, point: &[Rational]) -> Option<Vec<Rational>> {
     let registers = registers(tape, &[], point)?;
     Some(tape.outputs.iter().map(|output| registers[output.reg.0 as usize].clone()).collect())
 }
 
-/// One step of a tape without rounding, from the states that are given and to those that it leaves; the result, of several the first. `None`
-/// on a division by zero.
+/// One step of a tape without rounding; `states` are updated. Returns the first result. `None` for a division by zero.
 #[must_use]
 pub fn ideal_step(tape: &Tape, states: &mut [Rational], point: &[Rational]) -> Option<Rational> {
     let registers = registers(tape, states, point)?;
@@ -83,7 +82,7 @@ pub fn ideal_step(tape: &Tape, states: &mut [Rational], point: &[Rational]) -> O
     Some(registers[tape.output().0 as usize].clone())
 }
 
-/// What every operation gives without rounding.
+/// The results of all operations without rounding.
 fn registers(tape: &Tape, states: &[Rational], point: &[Rational]) -> Option<Vec<Rational>> {
     if !tape.computed.is_empty() {
         return None;
@@ -120,7 +119,7 @@ fn registers(tape: &Tape, states: &[Rational], point: &[Rational]) -> Option<Vec
     Some(registers)
 }
 
-/// floor(log2 |value|), one below the smallest exponent for what is subnormal or zero.
+/// floor(log2 |value|); for subnormals and zero one below the smallest exponent.
 fn exponent(value: &Rational, precision: Precision) -> i64 {
     let bias = bias(precision);
     let power = |exponent: i64| {
@@ -136,7 +135,7 @@ fn exponent(value: &Rational, precision: Precision) -> i64 {
     if magnitude < power(above) { above - 1 } else { above }
 }
 
-/// 2^value of a whole number for which there is a normal number; `None` for any other.
+/// 2^value for an integer with a normal result; otherwise `None`.
 fn power_of_two(value: &Rational, precision: Precision) -> Option<Rational> {
     let bias = bias(precision);
     if !value.is_integer() || *value < integer(1 - bias) || *value > integer(bias) {

@@ -1,8 +1,8 @@
 //! The elementary functions by name.
 //!
-//! In: a name. Out: the function and how many arguments it has. [`crate::elementary`] writes its operations and says how exact they are; a tape knows the function alone.
+//! In: a name. Out: the function and its number of arguments. [`crate::elementary`] writes its operations and gives its accuracy.
 
-/// A function of one number, `Atan2` of two.
+/// A function of one number; `Atan2` has two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Function {
     /// The square root.
@@ -33,7 +33,7 @@ pub enum Function {
     Cosh,
     /// The hyperbolic tangent.
     Tanh,
-    /// The largest whole number that is not above the argument.
+    /// The largest integer that is not above the argument.
     Floor,
 }
 
@@ -44,7 +44,7 @@ impl Function {
         [Sqrt, Exp, Log, Log10, Sin, Cos, Tan, Asin, Acos, Atan, Atan2, Sinh, Cosh, Tanh, Floor]
     };
 
-    /// The name, as equations have it.
+    /// The name in equations.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -66,13 +66,13 @@ impl Function {
         }
     }
 
-    /// The function of a name.
+    /// The function with this name.
     #[must_use]
     pub fn of_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|function| function.name() == name)
     }
 
-    /// How many arguments it has.
+    /// The number of its arguments.
     #[must_use]
     pub fn arity(self) -> usize {
         if self == Function::Atan2 { 2 } else { 1 }

@@ -1,7 +1,8 @@
-//! Splits a tape in two: operations that depend only on held inputs are computed once for many evaluations.
+//! Splits a tape in two: operations that depend only on held (constant) inputs are computed once for many evaluations.
 //!
-//! In: a tape, and which of its inputs are held. Out: [`Divided`]: the tape of what is held, and the tape of the rest, which takes its results as further inputs. Together they give the bits of
-//! the tape. [`turned`] writes a division by a held number as a product with its reciprocal first; that may move the last bit.
+//! In: a tape, and which of its inputs are held. Out: [`Divided`]: the tape of the held part, and the tape of the rest, which takes its results as
+//! further inputs. Together they give the bits of the original tape. [`turned`] first replaces a division by a held number by a product with its
+//! reciprocal; that may change the last bit.
 
 use std::collections::HashMap;
 
@@ -12,13 +13,13 @@ use crate::tape::{Op, Reg, Tape, TapeBuilder};
 /// A tape in two parts.
 #[derive(Debug, Clone)]
 pub struct Divided {
-    /// From all inputs of the tape to the values that the rest needs; `None` where it needs none.
+    /// Computes from all inputs of the tape the values that the rest needs; `None` if it needs none.
     pub held: Option<Tape>,
     /// The rest: its inputs are those of the tape, then the results of `held`.
     pub rest: Tape,
 }
 
-/// Which registers depend on held inputs and numbers alone.
+/// Which registers depend only on held inputs and constants.
 #[must_use]
 pub fn of_held(tape: &Tape, is_held: &[bool]) -> Vec<bool> {
     let mut held: Vec<bool> = Vec::with_capacity(tape.ops.len());
@@ -32,11 +33,11 @@ pub fn of_held(tape: &Tape, is_held: &[bool]) -> Vec<bool> {
     held
 }
 
-/// The tape with every division by a held number as a product with its reciprocal, where the dividend is not held.
+/// The tape with every division by a held number replaced by a product with its reciprocal, unless the dividend is held too.
 #[must_use]
 pub fn turned(tape: &Tape, is_held: &[bool]) -> Tape {
     let held = of_held(tape, is_held);
-    // Inside of the rows of an elementary function nothing is changed: they are proved as they stand.
+    // Elementary functions are not changed inside, because the proof is for their operations as they are.
     let own = outside_of_rows(tape);
     rewritten(tape, |builder, reg, op, places| match *op {
         Op::Divide(a, b) if own[reg.0 as usize] && held[b.0 as usize] && !held[a.0 as usize] => {
@@ -48,7 +49,7 @@ pub fn turned(tape: &Tape, is_held: &[bool]) -> Tape {
     })
 }
 
-/// Registers that do not stand inside of the row of a function.
+/// The registers that are not inside an elementary function.
 fn outside_of_rows(tape: &Tape) -> Vec<bool> {
     let mut own = vec![false; tape.ops.len()];
     tape.results().for_each(|reg| own[reg.0 as usize] = true);
@@ -84,10 +85,10 @@ fn rewritten(tape: &Tape, mut other: impl FnMut(&mut TapeBuilder, Reg, &Op, &[Re
     builder.finish_with_results(tape.name.clone(), tape.inputs.clone(), outputs, [] as [(String, Reg); 0])
 }
 
-/// Divides a tape.
+/// Splits a tape.
 ///
 /// # Panics
-/// When the tape keeps states, or when there is not one answer an input.
+/// If the tape has states, or if the length of `is_held` is not the number of inputs.
 ///
 /// ```
 /// use rsm_core::{held, number::Precision, run::Interpreter, tape::TapeBuilder};
@@ -117,7 +118,7 @@ pub fn divided(tape: &Tape, is_held: &[bool]) -> Divided {
     let mut parts =
         Parts { tape, held: &held, rest: TapeBuilder::sharing(tape.precision), places: HashMap::new(), carried: Vec::new() };
     let rows: Vec<&Computed> = tape.computed.iter().filter(|row| !held[row.result.0 as usize]).collect();
-    // What nobody needs is not written.
+    // Unused operations are not written.
     let mut needed: Vec<bool> = vec![false; tape.ops.len()];
     tape.results().for_each(|reg| needed[reg.0 as usize] = true);
     rows.iter().for_each(|row| row.arguments.iter().for_each(|reg| needed[reg.0 as usize] |= needed[row.result.0 as usize]));
@@ -157,12 +158,12 @@ struct Parts<'t> {
     held: &'t [bool],
     rest: TapeBuilder,
     places: HashMap<Reg, Reg>,
-    /// Registers that the rest takes from what is held.
+    /// The registers that the rest takes from the held part.
     carried: Vec<Reg>,
 }
 
 impl Parts<'_> {
-    /// Where a register stands on the rest.
+    /// The register on the tape of the rest.
     fn place(&mut self, reg: Reg) -> Reg {
         if let Some(place) = self.places.get(&reg) {
             return *place;
@@ -171,7 +172,7 @@ impl Parts<'_> {
         let place = match op {
             Op::Constant(constant) => self.rest.rounded_constant(constant.value, constant.exact.clone()),
             Op::Input(port) => self.rest.input(port.0),
-            // A comparison is no number that could be carried.
+            // A comparison is not a number and cannot be passed.
             _ if self.held[reg.0 as usize] && !matches!(op, Op::Less(..)) => {
                 self.carried.push(reg);
                 self.rest.input((self.tape.inputs.len() + self.carried.len() - 1) as u32)

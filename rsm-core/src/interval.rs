@@ -1,7 +1,7 @@
 //! Intervals of reals with f64 bounds, rounded outward: every computed interval encloses the exact result.
 //!
-//! Each operation is done to nearest and then moved one number outward, which is at most half a unit in the last place more than directed
-//! rounding would give and needs no change of rounding mode.
+//! Each operation is computed to nearest, and the result is moved outward by one number. That is at most half a unit in the last place more than
+//! directed rounding, and it needs no change of the rounding mode.
 
 use std::ops::{Add, Mul, Neg, Sub};
 
@@ -38,7 +38,7 @@ impl Interval {
         Interval { low, high }
     }
 
-    /// The smallest interval of f64 bounds around a rational.
+    /// The smallest interval with f64 bounds that contains a rational.
     #[must_use]
     pub fn around(value: &Rational) -> Self {
         let nearest = Precision::F64.round(value);
@@ -54,7 +54,7 @@ impl Interval {
         (-self.low).max(self.high)
     }
 
-    /// The smallest interval that holds both.
+    /// The smallest interval that contains both.
     #[must_use]
     pub fn hull(self, other: Interval) -> Self {
         Interval { low: self.low.min(other.low), high: self.high.max(other.high) }
@@ -66,7 +66,7 @@ impl Interval {
         (self.high - self.low).next_up()
     }
 
-    /// What [`crate::tape::Op::Exponent`] gives for the numbers in it.
+    /// The values of [`crate::tape::Op::Exponent`] for the numbers in it.
     #[must_use]
     pub fn exponent(self, precision: Precision) -> Self {
         let of = |value: f64| match precision {
@@ -77,7 +77,7 @@ impl Interval {
         Interval { low: of(nearest), high: of(self.magnitude()) }
     }
 
-    /// What [`crate::tape::Op::PowerOfTwo`] gives for the whole numbers in it; `None` where one of them has no power.
+    /// The values of [`crate::tape::Op::PowerOfTwo`] for the integers in it; `None` if any of them has no power.
     #[must_use]
     pub fn power_of_two(self, precision: Precision) -> Option<Self> {
         let largest = match precision {
@@ -87,20 +87,20 @@ impl Interval {
         if !(self.low > -largest && self.high <= largest) {
             return None;
         }
-        // Ends that are not whole lie outside of the whole numbers between them.
+        // The exponents are integers, so ends that are not integers are rounded outward.
         Some(Interval { low: power_of_two(self.low.floor() as i64), high: power_of_two(self.high.ceil() as i64) })
     }
 
-    /// Half of everything; exact but for subnormals, which are moved outward.
+    /// Half of the interval; exact except for subnormals, which are rounded outward.
     #[must_use]
     pub fn halved(self) -> Self {
         self * Interval::point(0.5)
     }
 }
 
-/// Moves a bound outward unless the operation was exact in an obvious way.
+/// Moves a bound outward, unless the operation was obviously exact.
 fn outward(low: f64, high: f64) -> Interval {
-    // A zero bound of a product or sum of intervals is exact or an underflow; moving it by the smallest subnormal covers both.
+    // A zero bound of a product or sum is exact or an underflow; the smallest subnormal covers both.
     let bound = |value: f64| if value.is_nan() { f64::INFINITY } else { value };
     Interval { low: -bound(-low.next_down()), high: bound(high.next_up()) }
 }

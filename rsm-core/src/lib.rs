@@ -1,4 +1,4 @@
-//! What a model is, and its compiler.
+//! Models and their compiler.
 //!
 //! ```text
 //! model.toml --model_file--> Model --check--> Checked --lower--> Tape --run--> value
@@ -8,10 +8,10 @@
 //!                                                '---certificate, exact--> range, stability, reference
 //! ```
 //!
-//! A tape is a function of its arguments (a surface) or a step that keeps states as well (a compensator).
+//! A tape is a function of its arguments (a surface), or a step that also has states (a compensator).
 //!
-//! A row of a CSV becomes a term of a surface in `rsm-fit`. Here a term becomes operations of a tape, and each operation a line
-//! of Rust and of C, with the same bits in every back end:
+//! `rsm-fit` converts the rows of a CSV to terms of a surface. Here a term becomes operations of a tape, and each operation becomes a line of Rust
+//! and of C, with the same bits in every back end:
 //!
 //! ```
 //! use rsm_core::{check::Checked, lower, number::Precision, run::Interpreter, source::Source};

@@ -1,7 +1,7 @@
-//! What a model is: inputs with ranges, surfaces with terms, compensators. Plain data, nothing checked.
+//! The parts of a model: inputs with ranges, surfaces with terms, compensators. Plain data without checks.
 //!
-//! Read from a file by [`crate::model_file`], made by the fitter, proved consistent by [`crate::check`]. The truth of a surface is the
-//! real polynomial with exactly these f64 coefficients on exactly coded variables.
+//! Read from a file by [`crate::model_file`], created by the fitter, checked by [`crate::check`]. The exact value of a surface is the real polynomial
+//! with exactly these f64 coefficients and exact coded variables.
 
 /// A model: one file.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -25,17 +25,17 @@ pub struct Input {
     pub unit: String,
     /// Lowest and highest value, in `unit`.
     pub range: [f64; 2],
-    /// What an evaluator does outside the range.
+    /// The behaviour of an evaluator outside the range.
     pub outside: Outside,
 }
 
-/// What an evaluator does with a value outside the range.
+/// The behaviour of an evaluator for a value outside the range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Outside {
-    /// The value becomes the nearest bound.
+    /// The value is limited to the nearest bound.
     #[default]
     Clamp,
-    /// The polynomial is used as it is.
+    /// The polynomial is extrapolated.
     Extrapolate,
 }
 
@@ -48,9 +48,9 @@ pub struct Surface {
     pub unit: String,
     /// The names of its inputs: the order of powers and of the evaluator's arguments.
     pub inputs: Vec<String>,
-    /// The evaluator saturates here.
+    /// The range to which the evaluator limits the result.
     pub output_range: Option<[f64; 2]>,
-    /// What the powers are powers of.
+    /// The coding of the variables.
     pub coding: Coding,
     /// Inputs that enter by their magnitude.
     pub symmetry: Vec<(String, Symmetry)>,
@@ -64,14 +64,14 @@ pub struct Surface {
     pub reciprocal: Vec<String>,
     /// The polynomial.
     pub terms: Vec<Term>,
-    /// Where the data support the surface: every half-space must hold. Empty: everywhere.
+    /// The region in which the data support the surface: every half-space must hold. Empty: everywhere.
     pub support: Vec<HalfSpace>,
-    /// Written by the fitter, read by reports, ignored by the compiler.
+    /// Written by the fitter, shown in reports, ignored by the compiler.
     pub evidence: Vec<(String, Evidence)>,
 }
 
 impl Surface {
-    /// How messages and emitted code speak of a term: `1`, `speed`, `torque^2*speed`, `hinge(speed, 465)`.
+    /// The name of a term in messages and emitted code: `1`, `speed`, `torque^2*speed`, `hinge(speed, 465)`.
     ///
     /// ```
     /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
@@ -98,13 +98,13 @@ impl Surface {
         if factors.is_empty() { "1".to_string() } else { factors.join("*") }
     }
 
-    /// How many powers a term has: one for every input, then one for every knot, then one for every sigmoid, then two for every wave.
+    /// The number of powers of a term: one for every input, one for every knot, one for every sigmoid, and two for every wave.
     #[must_use]
     pub fn width(&self) -> usize {
         self.inputs.len() + self.knots.len() + self.sigmoids.len() + 2 * self.waves.len()
     }
 
-    /// Whether a variable that no piece of the box makes a polynomial stands in a term.
+    /// Whether a term contains a sigmoid or wave, which is not a polynomial on any piece of the box.
     #[must_use]
     pub fn is_bent(&self) -> bool {
         let first = self.inputs.len() + self.knots.len();
@@ -118,7 +118,7 @@ impl Surface {
     }
 }
 
-/// What the powers of a surface are powers of.
+/// The variables of the powers of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Coding {
     /// Coded variables x = (xi - mid)/half, (22), (23).
@@ -128,7 +128,7 @@ pub enum Coding {
     None,
 }
 
-/// How a response behaves when an input changes sign.
+/// The symmetry of a response when an input changes sign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Symmetry {
     /// y(-xi) = y(xi).
@@ -142,18 +142,18 @@ pub enum Symmetry {
 pub struct Knot {
     /// The input.
     pub input: String,
-    /// The natural value at which the hinge opens.
+    /// The natural value of the knot.
     pub at: f64,
 }
 
-/// A smooth step of an input: from -1 far below a natural value to 1 far above it, with slope 1/width there.
+/// A sigmoid of an input: from -1 far below a natural value to 1 far above it, with slope 1/width there.
 ///
-/// With s = (xi - at)/width: u = s (1 + |s|)/(1 + |s| + s^2). Of a symmetric input |xi| takes the place of xi, and the value at 0 is taken off.
+/// With s = (xi - at)/width: u = s (1 + |s|)/(1 + |s| + s^2). For a symmetric input |xi| replaces xi, and the value at 0 is subtracted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sigmoid {
     /// The input.
     pub input: String,
-    /// The natural value at which it passes 0.
+    /// The natural value at which it is 0.
     pub at: f64,
     /// At `at + width` it is 2/3.
     pub width: f64,
@@ -161,14 +161,14 @@ pub struct Sigmoid {
 
 /// Two periodic variables of an input: cosine and sine of 2 pi order (xi - middle)/period, with the middle of its range.
 ///
-/// Polynomials of one turn and products of them, off by less than 10^-15 (order + 1): see [`crate::basis`].
+/// Computed by polynomials of one turn and products of them, with an error below 10^-15 (order + 1): see [`crate::basis`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wave {
-    /// The input. It clamps, and its range is at most a period.
+    /// The input. It must clamp, and its range must be at most one period.
     pub input: String,
     /// The period of order 1, in the unit of the input.
     pub period: f64,
-    /// How many waves stand in a period, 1 to 1000.
+    /// The number of waves in a period, 1 to 1000.
     pub order: u32,
 }
 
@@ -184,16 +184,16 @@ pub struct Term {
 /// normal . x <= bound, in coded variables of the inputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HalfSpace {
-    /// One number an input.
+    /// One number for each input.
     pub normal: Vec<f64>,
     /// The right-hand side.
     pub bound: f64,
 }
 
-/// A piece of evidence: whatever TOML holds.
+/// A piece of evidence: any TOML value.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Evidence {
-    /// A whole number.
+    /// An integer.
     Whole(i64),
     /// A number.
     Number(f64),
@@ -207,8 +207,7 @@ pub enum Evidence {
     Table(Vec<(String, Evidence)>),
 }
 
-/// (a s^2 + b s + c)/(a s^2 + d s + c), section 4 of the paper; with a natural frequency of its own, the pair of poles is moved in
-/// frequency too.
+/// (a s^2 + b s + c)/(a s^2 + d s + c), section 4 of the paper. With a separate natural frequency of the poles, the poles also move in frequency.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compensator {
     /// Its name.
@@ -221,15 +220,15 @@ pub struct Compensator {
     pub zero_damping: Scheduled,
     /// zeta of the denominator, d = 2 zeta w_n a.
     pub pole_damping: Scheduled,
-    /// w_p in rad/s, the natural frequency of the poles: H = (w_p/w_n)^2 (s^2 + 2 z w_n s + w_n^2)/(s^2 + 2 p w_p s + w_p^2), whose gain
-    /// at frequency 0 is 1. `None`: that of the zeros.
+    /// w_p in rad/s, the natural frequency of the poles: H = (w_p/w_n)^2 (s^2 + 2 z w_n s + w_n^2)/(s^2 + 2 p w_p s + w_p^2), whose gain at frequency
+    /// 0 is 1. `None`: the same as that of the zeros.
     pub pole_frequency: Option<Scheduled>,
 }
 
-/// A number that a compensator takes from surfaces.
+/// A number of a compensator: constant, or given by surfaces.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Scheduled {
-    /// Always the same.
+    /// A constant.
     Fixed(f64),
     /// The value of a surface.
     Surface(String),
@@ -238,7 +237,7 @@ pub enum Scheduled {
 }
 
 impl Scheduled {
-    /// The number, where it is always the same.
+    /// The number, if it is constant.
     #[must_use]
     pub fn fixed(&self) -> Option<f64> {
         match self {
@@ -247,7 +246,7 @@ impl Scheduled {
         }
     }
 
-    /// The surfaces that it is made from.
+    /// The surfaces that give it.
     #[must_use]
     pub fn surfaces(&self) -> &[String] {
         match self {
@@ -271,20 +270,20 @@ impl Compensator {
         parts
     }
 
-    /// The surfaces that it uses; one that is used twice stands there twice.
+    /// The surfaces that it uses. One that is used twice occurs twice.
     pub fn surfaces(&self) -> impl Iterator<Item = &String> {
         self.parts().into_iter().flat_map(|(_, scheduled)| scheduled.surfaces())
     }
 }
 
 impl Model {
-    /// The input of a name.
+    /// The input with this name.
     #[must_use]
     pub fn input(&self, name: &str) -> Option<&Input> {
         self.inputs.iter().find(|input| input.name == name)
     }
 
-    /// The surface of a name.
+    /// The surface with this name.
     #[must_use]
     pub fn surface(&self, name: &str) -> Option<&Surface> {
         self.surfaces.iter().find(|surface| surface.name == name)

@@ -1,8 +1,8 @@
-//! Numbers: decimal text to bits and back, bits to exact rationals and back. The only place that reads or writes them.
+//! Numbers: decimal text to bits and back, bits to exact rationals and back. All reading and writing of numbers is here.
 //!
-//! A coefficient survives file -> model -> tape -> source bit for bit: decimals are written as the shortest text that reads
-//! back to the same bits (`%.20f` would not), and an exact rational is rounded once, to nearest with ties to even, straight
-//! into the wanted format (by way of f64 an f32 would be rounded twice).
+//! A coefficient keeps its bits from the file to the emitted source. Decimals are written as the shortest text that reads back to the same bits
+//! (`%.20f` would not). An exact rational is rounded once, to nearest with ties to even, directly to the required format (through f64, an f32 would
+//! be rounded twice).
 
 use num_bigint::{BigInt, BigUint, Sign};
 use num_rational::BigRational;
@@ -22,10 +22,10 @@ pub enum Precision {
 }
 
 impl Precision {
-    /// Both, in the order in which files list them.
+    /// Both, in the order used in files.
     pub const ALL: [Precision; 2] = [Precision::F64, Precision::F32];
 
-    /// The name in the command line, in JSON and in Rust.
+    /// The name used in the command line, in JSON and in Rust.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -34,7 +34,7 @@ impl Precision {
         }
     }
 
-    /// Significant bits, the hidden one included.
+    /// The number of significant bits, including the hidden one.
     #[must_use]
     pub(crate) fn significand_bits(self) -> i64 {
         match self {
@@ -43,7 +43,7 @@ impl Precision {
         }
     }
 
-    /// Exponent of the smallest subnormal, a power of two.
+    /// The exponent of the smallest subnormal, which is a power of two.
     #[must_use]
     pub(crate) fn smallest_exponent(self) -> i64 {
         match self {
@@ -111,7 +111,7 @@ impl Precision {
     }
 }
 
-/// 2^exponent for an exponent that f64 can hold, subnormals included; 0 below.
+/// 2^exponent for an exponent in the range of f64, including subnormals; 0 below.
 #[must_use]
 pub fn power_of_two(exponent: i64) -> f64 {
     match exponent {
@@ -125,7 +125,7 @@ pub fn power_of_two(exponent: i64) -> f64 {
 /// A finite f64 as an exact rational.
 ///
 /// # Panics
-/// On NaN and infinities: a model that was checked holds none.
+/// For NaN and infinities, which a checked model does not contain.
 #[must_use]
 pub fn exact(value: f64) -> Rational {
     Rational::from_float(value).expect("a checked number is finite")
@@ -168,7 +168,7 @@ fn shifted_less(numerator: &BigUint, denominator: &BigUint, exponent: i64) -> bo
     }
 }
 
-/// value * 2^exponent, exact when the result is a number of f64; in two steps, since 2^-1074 * 2^1074 is more than one factor holds.
+/// value * 2^exponent, exact if the result is an f64. In two steps, because 2^exponent may be outside the range of f64.
 fn scale_by_power_of_two(value: f64, exponent: i64) -> f64 {
     let half = exponent / 2;
     value * power_of_two(half) * power_of_two(exponent - half)
@@ -180,13 +180,13 @@ pub fn integer(value: i64) -> Rational {
     Rational::from_integer(BigInt::from(value))
 }
 
-/// `base` to a whole power.
+/// `base` to an integer power.
 #[must_use]
 pub fn power(base: &Rational, exponent: u32) -> Rational {
     num_traits::pow(base.clone(), exponent as usize)
 }
 
-/// Whether a rational is negative, zero or positive, without building another one.
+/// The sign of a rational, without creating another one.
 #[must_use]
 pub fn sign(value: &Rational) -> Sign {
     value.numer().sign()

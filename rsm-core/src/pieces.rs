@@ -1,31 +1,31 @@
-//! The pieces of a surface: its box cut at the knots.
+//! The pieces of a surface: its box divided at the knots.
 //!
-//! In: a surface and its inputs. Out: for each piece the sides of its main coded variables, and every term written as a plain
-//! polynomial of them: in a piece a hinge is 0 or a difference. Of a symmetric input the half above 0, which stands for both.
-//! Exact: nothing is rounded but the sides, outward.
+//! In: a surface and its inputs. Out: for each piece the ranges of its main coded variables, and every term as a polynomial of them: in a piece a
+//! hinge is 0 or a difference. For a symmetric input only the half above 0 is used, which represents both. Exact, except that the ranges are rounded
+//! outward.
 
 use crate::basis::{Arithmetic as _, Factor, Shape};
 use crate::interval::Interval;
 use crate::model::{Input, Surface};
 use crate::number::{Rational, exact, integer};
 
-/// A polynomial: powers of the main variables and exact coefficients; powers may stand several times.
+/// A polynomial: powers of the main variables with exact coefficients. The same powers may occur several times.
 pub type Polynomial = Vec<(Vec<u32>, Rational)>;
 
-/// A part of the box in which no hinge opens or closes.
+/// A part of the box without a knot inside.
 #[derive(Debug, Clone)]
 pub struct Piece {
     /// The range of each input, in natural units.
     pub cell: Vec<[f64; 2]>,
-    /// The place of the cell among those of its input.
+    /// The index of the cell along each input.
     pub place: Vec<usize>,
     /// The range of each main variable.
     pub sides: Vec<Interval>,
-    /// For every knot the value of its variable, where the hinge is open.
+    /// For every knot the value of its variable, if the hinge is positive in this piece.
     hinges: Vec<Option<(usize, Rational)>>,
 }
 
-/// All pieces of a surface; those of the first input change fastest.
+/// All pieces of a surface. Those of the first input change fastest.
 #[must_use]
 pub fn all(surface: &Surface, inputs: &[Input]) -> Vec<Piece> {
     let factors = Factor::all(surface, inputs);
@@ -41,7 +41,7 @@ pub fn all(surface: &Surface, inputs: &[Input]) -> Vec<Piece> {
     }
 }
 
-/// The range of an input between its knots; of a symmetric input the half above 0.
+/// The parts of an input's range between its knots; for a symmetric input only the half above 0.
 fn parts(surface: &Surface, input: &Input) -> Vec<[f64; 2]> {
     let symmetric = surface.symmetry.iter().any(|(name, _)| *name == input.name);
     let low = if symmetric { 0.0 } else { input.range[0] };
@@ -55,7 +55,7 @@ fn parts(surface: &Surface, input: &Input) -> Vec<[f64; 2]> {
 impl Piece {
     fn new(factors: &[Factor], cell: Vec<[f64; 2]>, place: Vec<usize>) -> Self {
         let inputs = cell.len();
-        // The main variable is monotone in xi within a piece, so its ends are the ends of its range.
+        // The main variable is monotone in xi within a piece, so its range is between its values at the ends.
         let side = |(factor, ends): (&Factor, &[f64; 2])| {
             let [one, other] = ends.map(|end| Interval::around(&factor.value(exact(end))));
             one.hull(other)
@@ -71,10 +71,10 @@ impl Piece {
         Piece { cell, place, sides, hinges }
     }
 
-    /// A term of coefficient 1 as a polynomial of the main variables; empty where a hinge in it is closed.
+    /// A term of coefficient 1 as a polynomial of the main variables; empty if it contains a hinge that is 0 here.
     ///
     /// # Panics
-    /// When it holds a sigmoid: no piece makes a polynomial of it ([`Surface::is_bent`]).
+    /// If it contains a sigmoid, which is not a polynomial on any piece ([`Surface::is_bent`]).
     #[must_use]
     pub fn term(&self, powers: &[u32]) -> Polynomial {
         let (own, of_hinges) = powers.split_at(self.cell.len());

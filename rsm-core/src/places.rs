@@ -1,7 +1,7 @@
-//! Where the parts of a file stand, and which of them were refused for their shape.
+//! The positions of the parts of a file, and which parts have a wrong shape.
 //!
-//! In: what readers of a format note while they read. Out: a place for every fault that a rule finds later. Shared by all formats of ours: the
-//! reading of a section whose keys are free names, and of a range.
+//! In: the notes of a reader. Out: a position for every fault that a rule finds later. Used by all formats of the project. Also reads sections whose
+//! keys are free names, and ranges.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -9,27 +9,27 @@ use std::ops::Range;
 use crate::source::{Collector, Source};
 use crate::toml_reader::{TableReader, Value};
 
-/// Places of parts by dotted path, such as `inputs.torque.range`.
+/// The positions of parts by dotted path, such as `inputs.torque.range`.
 #[derive(Debug, Default, Clone)]
 pub struct Places {
     spans: BTreeMap<String, Range<usize>>,
-    /// Paths of parts that were refused: nobody should complain that they are missing.
+    /// The paths of parts with faults. They must not be reported as missing.
     broken: BTreeSet<String>,
 }
 
 impl Places {
-    /// Notes where a part stands.
+    /// Records the position of a part.
     pub fn note(&mut self, path: impl Into<String>, span: Range<usize>) {
         self.spans.insert(path.into(), span);
     }
 
-    /// Whether a place of the part itself was noted.
+    /// Whether the part itself has a position.
     #[must_use]
     pub fn has(&self, path: &str) -> bool {
         self.spans.contains_key(path)
     }
 
-    /// Where a part stands; of a part without a place of its own, where the nearest part around it stands.
+    /// The position of a part, or of the nearest enclosing part that has one.
     #[must_use]
     pub fn place(&self, path: &str) -> Range<usize> {
         let mut path = path;
@@ -44,12 +44,12 @@ impl Places {
         }
     }
 
-    /// Notes that a part was refused for its shape.
+    /// Records that a part has a wrong shape.
     pub fn refuse(&mut self, path: impl Into<String>) {
         self.broken.insert(path.into());
     }
 
-    /// Notes that `path.part` was refused when it could not be read.
+    /// Records that `path.part` has a fault if it could not be read.
     pub fn part<T>(&mut self, path: &str, part: &str, read: Option<T>) -> Option<T> {
         if read.is_none() {
             self.refuse(format!("{path}.{part}"));
@@ -57,21 +57,21 @@ impl Places {
         read
     }
 
-    /// Whether a part stands in the file but was refused for its shape.
+    /// Whether a part is present but has a wrong shape.
     #[must_use]
     pub fn is_broken(&self, path: &str) -> bool {
         self.broken.contains(path)
     }
 
-    /// Whether a section, or some entry of it, was refused for its shape.
+    /// Whether a section or any of its entries has a wrong shape.
     #[must_use]
     pub fn has_broken_under(&self, section: &str) -> bool {
         self.is_broken(section)
             || self.broken.iter().any(|path| path.strip_prefix(section).is_some_and(|rest| rest.starts_with('.')))
     }
 
-    /// Reads the tables of a section whose keys are free names, in the order of the file. `read` is given the path and the name of each; what it
-    /// cannot read is noted as refused.
+    /// Reads the tables of a section whose keys are free names, in the order of the file. `read` gets the path and the name of each. A table that it
+    /// cannot read is recorded as having a fault.
     pub fn each_entry<'a>(
         &mut self,
         section: Option<Value<'a>>,
@@ -100,7 +100,7 @@ impl Places {
         }
     }
 
-    /// The range [low, high] of a key: two finite numbers, whose order is a matter of rules.
+    /// The range [low, high] of a key: two finite numbers. Rules check their order.
     pub fn range<'a>(
         &mut self,
         path: &str,

@@ -1,7 +1,7 @@
 //! The range of the true polynomial of a surface over its box.
 //!
-//! In: a surface and its inputs. Out: an enclosure of its values before `output_range`, and points at which the extremes were seen. It knows
-//! nothing of tapes: lowering asks it which bounds of `output_range` can act, and the certificate reports it.
+//! In: a surface and its inputs. Out: an enclosure of its values before `output_range`, and the points of the extremes. Tapes are not used. Lowering
+//! uses it to find which bounds of `output_range` can act, and the certificate reports it.
 
 mod bent;
 
@@ -33,19 +33,19 @@ pub fn range(surface: &Surface, inputs: &[Input]) -> Interval {
     extent(surface, inputs).range
 }
 
-/// An enclosure of the true polynomial, and points of the box where its least and its greatest value were seen, in natural units.
+/// An enclosure of the true polynomial, and the points of the box with the smallest and the largest computed value, in natural units.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Extent {
-    /// Holds every value.
+    /// An interval that contains every value.
     pub range: Interval,
-    /// Where the least value was seen, in the order of the inputs.
+    /// The point of the smallest computed value, in the order of the inputs.
     pub least_at: Vec<f64>,
-    /// Where the greatest value was seen.
+    /// The point of the largest computed value.
     pub greatest_at: Vec<f64>,
 }
 
-/// The extent of the true polynomial over the box. The box is cut at the knots: in each piece a hinge is 0 or a plain difference, so
-/// the surface is a polynomial there, unless it has sigmoids (`range/bent.rs`).
+/// The extent of the true polynomial over the box. The box is divided at the knots: in each piece a hinge is 0 or a plain difference, so the surface
+/// is a polynomial there, unless it has sigmoids (`range/bent.rs`).
 #[must_use]
 pub(crate) fn extent(surface: &Surface, inputs: &[Input]) -> Extent {
     let factors = Factor::all(surface, inputs);
@@ -59,7 +59,7 @@ pub(crate) fn extent(surface: &Surface, inputs: &[Input]) -> Extent {
     let is_odd = |input: &Input| surface.symmetry.contains(&(input.name.clone(), Symmetry::Odd));
     match inputs.iter().position(is_odd) {
         None => whole,
-        // On the other side of an odd input every value has its opposite.
+        // For the other sign of an odd input every value is negated.
         Some(odd) => {
             let opposite = |mut point: Vec<f64>| {
                 point[odd] = -point[odd];
@@ -80,10 +80,10 @@ impl Extent {
     }
 }
 
-/// The natural value at which a variable is at a share of its way from its least to its greatest value over [low, high].
+/// The natural value at which a variable has gone a given share of the way from its smallest to its largest value over [low, high].
 fn natural(variable: Variable, [low, high]: [f64; 2], share: f64) -> f64 {
     let xi = match variable {
-        // 1/xi falls where xi rises.
+        // 1/xi decreases with xi.
         Variable::Reciprocal | Variable::CentredReciprocal { .. } => 1.0 / ((1.0 - share) / high + share / low),
         _ => low * (1.0 - share) + high * share,
     };

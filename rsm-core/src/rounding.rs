@@ -1,12 +1,12 @@
-//! Bounds the rounding error of a tape, as a theorem over a whole box.
+//! Bounds the rounding error of a tape, with a proof over a whole box.
 //!
-//! In: a tape and the box of its arguments. Out: a bound of |tape - ideal| over every argument of the tape's type in the box, where the
-//! ideal is the same tape with exact constants and no rounding (which is the true polynomial, saturated alike: the exact
-//! reference tests that identity). Running error analysis after Wilkinson (1963), with ranges from interval arithmetic; the box is cut into
-//! cells and the largest bound of a cell is the answer, since narrower ranges give smaller bounds.
+//! In: a tape and the box of its arguments. Out: a bound of |tape - ideal| over every argument of the tape's type in the box. The ideal is the same
+//! tape with exact constants and without rounding: the true polynomial, with the same saturation (tests against the exact reference check this).
+//! Running error analysis after Wilkinson (1963), with ranges from interval arithmetic. The box is divided into cells, because narrower ranges give
+//! smaller bounds; the result is the largest bound of a cell.
 //!
-//! Per register: the range of the computed values, and a bound of |computed - ideal|. The range of a computed value needs no outward
-//! rounding: rounding is monotone, so the computed result lies between the rounded results at the ends of the operands' ranges.
+//! Each register has the range of the computed values and a bound of |computed - ideal|. The range of a computed value needs no outward rounding:
+//! rounding is monotone, so the computed result is between the rounded results at the ends of the operands' ranges.
 
 use std::cmp::Ordering;
 
@@ -17,11 +17,11 @@ use crate::interval::Interval;
 use crate::number::{Precision, Rational, exact, power_of_two};
 use crate::tape::{Extremum, Op, Reg, Tape};
 
-/// How many cells the box is cut into, at most. 4096 cells of 1000 operations take some 40 ms.
+/// The largest number of cells of the box. 4096 cells with 1000 operations take about 40 ms.
 const CELLS: usize = 4096;
 
-/// A bound of |tape - ideal| over all arguments of the tape's type in the box; infinite when none can be given (the tape may overflow, or
-/// divide by a range that holds zero).
+/// A bound of |tape - ideal| over all arguments of the tape's type in the box. Infinite if there is none: the tape may overflow, or divide by a range
+/// that contains zero.
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
@@ -56,7 +56,7 @@ fn worst_over_cells(tape: &Tape, ranges: &[[f64; 2]], registers: &[Reg]) -> Vec<
     let mut cell = vec![0usize; ranges.len()];
     loop {
         let sides: Option<Vec<Side>> = parts.iter().zip(&cell).map(|(parts, k)| parts[*k]).collect();
-        // A cell without any number of the type (a narrow range in f32) holds no argument.
+        // A cell without any number of the type (a narrow range in f32) has no arguments.
         if let Some(sides) = sides {
             analysis.run(&sides);
             worst.iter_mut().zip(registers).for_each(|(worst, reg)| *worst = worst.max(analysis.of(*reg).error));
@@ -70,11 +70,11 @@ fn worst_over_cells(tape: &Tape, ranges: &[[f64; 2]], registers: &[Reg]) -> Vec<
     }
 }
 
-/// As many cells per side as stay within the budget, a power of two, at most 2^8; fewer for long tapes.
+/// The number of cells per side within the budget: a power of two, at most 2^8; fewer for long tapes.
 fn cells_per_side(dimensions: usize, operations: usize) -> usize {
-    // mutant `1000 down`: 4100 cells are no more than 4096, since powers of two are counted.
+    // mutant `1000 down`: with 4100 cells instead of 4096 the result is the same, because only powers of two count.
     let budget = CELLS * 1000 / operations.max(1000);
-    // More cells than a number can count are more than the budget.
+    // If the number of cells overflows, it is above the budget.
     let fits = |halvings: &u32| {
         let cells = (1usize << halvings).checked_pow(dimensions as u32);
         cells.is_some_and(|cells| cells <= budget)
@@ -85,8 +85,8 @@ fn cells_per_side(dimensions: usize, operations: usize) -> usize {
 /// The range of one argument in a cell: numbers of the tape's type.
 type Side = [f64; 2];
 
-/// The k-th of n parts of a range, its ends rounded inward to the type. Neighbours share their bound, so no number between is lost:
-/// a shared bound that is no number of the type has none of the type on it.
+/// The k-th of n parts of a range, with its ends rounded inward to the type. Neighbours share a bound, so no number between is lost: if the shared
+/// bound is not a number of the type, no number of the type is on it.
 fn side(precision: Precision, [low, high]: [f64; 2], k: usize, n: usize) -> Option<Side> {
     let bound = |j: usize| {
         if j == 0 {
@@ -103,12 +103,12 @@ fn side(precision: Precision, [low, high]: [f64; 2], k: usize, n: usize) -> Opti
     (low <= high).then_some([low, high])
 }
 
-/// What is known of a register in one cell.
+/// The information about a register in one cell.
 #[derive(Debug, Clone, Copy)]
 struct Known {
     low: f64,
     high: f64,
-    /// |computed - ideal| is at most this.
+    /// An upper bound of |computed - ideal|.
     error: f64,
 }
 
@@ -117,14 +117,14 @@ impl Known {
         magnitude(self.low, self.high)
     }
 
-    /// k, where the register holds nothing but 2^k or nothing but -2^k.
+    /// k, if the register can only be 2^k or only -2^k.
     fn exponent_of_two(self) -> Option<i64> {
-        // A subnormal power of two is none here: it needs no rule of its own.
+        // A subnormal power of two is excluded; it needs no special rule.
         let is_power = self.low.is_normal() && self.low.to_bits() << 12 == 0;
         (self.low == self.high && is_power).then(|| floor_log2(self.low))
     }
 
-    /// Range and error unknown.
+    /// No information.
     const NOTHING: Known = Known { low: f64::NEG_INFINITY, high: f64::INFINITY, error: f64::INFINITY };
 }
 
@@ -149,13 +149,13 @@ impl<'t> Analysis<'t> {
         let mut rows = self.tape.computed.iter().peekable();
         for (reg, op) in self.tape.iter() {
             let known = match *op {
-                // Known from the beginning.
+                // Already known.
                 Op::Constant(_) => continue,
                 Op::Input(port) => {
                     let [low, high] = sides[port.0 as usize];
                     Known { low, high, error: 0.0 }
                 }
-                // What a state holds depends on all steps before: nothing is known of one step alone.
+                // A state depends on all earlier steps, so a single step gives no information about it.
                 Op::State(_) => Known::NOTHING,
                 Op::Negate(a) => {
                     let a = self.of(a);
@@ -168,28 +168,28 @@ impl<'t> Analysis<'t> {
                 Op::Subtract(a, b) => self.sum(a, b, true),
                 Op::Multiply(a, b) => self.product(self.of(a), self.of(b), a == b),
                 Op::Divide(a, b) => self.quotient(self.of(a), self.of(b)),
-                // Only `Select` reads it, and looks at the operands itself.
+                // Only `Select` reads it, and it uses the operands of the comparison.
                 Op::Less(..) => Known::NOTHING,
                 Op::Select { condition, then, otherwise } => self.select(reg, condition, then, otherwise),
             };
-            // What its rows compute is known better than they tell: they choose, and keep what rounding loses.
+            // For an elementary function, the proof about the function is better than an analysis of its operations.
             let known = match rows.next_if(|row| row.result == reg) {
                 Some(row) => self.computed(row),
                 None => known,
             };
             let largest = self.tape.precision.largest();
-            // Not so for a NaN.
+            // False for a NaN.
             let is_known = known.low >= -largest && known.high <= largest && known.error.is_finite();
             self.known[reg.0 as usize] = if is_known { known } else { Known::NOTHING };
         }
     }
 
-    /// An elementary function: the slope carries the errors of its arguments, and the rows err by what is proved of them. The ideal is
-    /// the function itself.
+    /// An elementary function: its slope multiplies the errors of the arguments, and the proved error of its operations is added. The ideal is the
+    /// exact function.
     fn computed(&self, row: &Computed) -> Known {
         let arguments: Vec<Known> = row.arguments.iter().map(|argument| self.of(*argument)).collect();
         let computed: Vec<Interval> = arguments.iter().map(|a| Interval { low: a.low, high: a.high }).collect();
-        // Between an argument and its ideal.
+        // All numbers between an argument and its ideal.
         let wide = arguments.iter().map(|a| Interval {
             low: if a.error == 0.0 { a.low } else { difference_down(a.low, a.error) },
             high: sum_up(a.high, a.error),
@@ -205,7 +205,7 @@ impl<'t> Analysis<'t> {
         Known { low: range.low - unit, high: range.high + unit, error: propagated.fold(unit, sum_up) }
     }
 
-    /// Tape and ideal may have different exponents where the operand has an error.
+    /// The tape and the ideal may have different exponents if the operand has an error.
     fn exponent(&self, a: Known) -> Known {
         if a.error > 0.0 || !a.magnitude().is_finite() {
             return Known::NOTHING;
@@ -214,7 +214,7 @@ impl<'t> Analysis<'t> {
         Known { low: range.low, high: range.high, error: 0.0 }
     }
 
-    /// An operand without error is a whole number: who writes the operation makes it one.
+    /// An operand without error is an integer, because the code that writes this operation ensures it.
     fn power_of_two(&self, a: Known) -> Known {
         match (Interval { low: a.low, high: a.high }.power_of_two(self.tape.precision), a.error) {
             (Some(range), 0.0) => Known { low: range.low, high: range.high, error: 0.0 },
@@ -226,8 +226,8 @@ impl<'t> Analysis<'t> {
         self.known[reg.0 as usize]
     }
 
-    /// An endpoint as the tape would compute it: operations of f64 on numbers of the type, rounded to the type. For f32 the f64 result
-    /// is innocent double rounding: 53 >= 2*24 + 2 bits (Figueroa 1995), for +, -, * and /.
+    /// An endpoint as the tape would compute it: f64 operations on numbers of the type, rounded to the type. For f32 this double rounding changes
+    /// nothing for +, -, * and /, because 53 >= 2*24 + 2 bits (Figueroa 1995).
     fn rounded(&self, value: f64) -> f64 {
         match self.tape.precision {
             Precision::F64 => value,
@@ -237,7 +237,7 @@ impl<'t> Analysis<'t> {
 
     fn sum(&self, left: Reg, right: Reg, subtract: bool) -> Known {
         let (a, b) = (self.of(left), self.of(right));
-        // Of a number, not of a NaN or an infinity.
+        // For a number, not for a NaN or an infinity.
         if subtract && left == right && a.magnitude().is_finite() {
             return Known { low: 0.0, high: 0.0, error: 0.0 };
         }
@@ -265,9 +265,9 @@ impl<'t> Analysis<'t> {
     }
 
     fn quotient(&self, a: Known, b: Known) -> Known {
-        // Not positive where the divisor may be zero, NaN where nothing is known of it.
+        // Not positive if the divisor may be zero; NaN if nothing is known about it.
         let ideal_nearest = difference_down(b.low.max(-b.high), b.error);
-        // mutant `<= to <`: a quotient by zero is not finite, and nothing is known of it either.
+        // mutant `<= to <`: a quotient by zero is not finite, so nothing is known about it either.
         if ideal_nearest.is_nan() || ideal_nearest <= 0.0 {
             return Known::NOTHING;
         }
@@ -298,7 +298,7 @@ impl<'t> Analysis<'t> {
                 let is_certain = self.is_certain(left, right);
                 let (left, right) = (self.of(left), self.of(right));
                 let (a, b) = (self.of(then), self.of(otherwise));
-                // Where tape and ideal may choose differently nothing is known.
+                // If the tape and the ideal may select differently, nothing is known.
                 if !is_certain {
                     Known::NOTHING
                 } else if left.high < right.low {
@@ -312,9 +312,9 @@ impl<'t> Analysis<'t> {
         }
     }
 
-    /// Whether the tape and its ideal always compare alike. So they do where both operands are exact. So they do for an exact number beside a bound
-    /// that was rounded away from it: no number of the type lies between the bound and what it stands for. And the sign of a difference
-    /// of exact numbers is right however it is rounded.
+    /// Whether the comparison always has the same result on the tape and in the ideal. That is so in three cases: both operands are exact; one is
+    /// exact and the other is a bound that was rounded away from it, because no number of the type is between the bound and its exact value; or the
+    /// operands are the difference of exact numbers and zero, because the sign of a rounded difference is right.
     fn is_certain(&self, left: Reg, right: Reg) -> bool {
         let is_exact = |reg: Reg| self.of(reg).error == 0.0;
         let is_zero = |reg: Reg| self.of(reg).magnitude() == 0.0 && is_exact(reg);
@@ -339,8 +339,8 @@ impl<'t> Analysis<'t> {
     }
 
     /// The rounding error of a number times 2^exponent, with the result in [low, high]. Only the exponent changes, so there is none, unless the
-    /// result may be subnormal: then bits are shifted out at its end. (An overflow is no number, and not asked here.) What is computed as
-    /// the smallest normal number may have been rounded up to it.
+    /// result may be subnormal: then low bits are lost. (An overflow is handled elsewhere.) A result equal to the smallest normal number may have
+    /// been rounded up to it.
     fn rounding_of_shift(&self, exponent: i64, low: f64, high: f64) -> f64 {
         let smallest_normal =
             power_of_two(self.tape.precision.smallest_exponent() + self.tape.precision.significand_bits() - 1);
@@ -348,14 +348,14 @@ impl<'t> Analysis<'t> {
         if exponent >= 0 || is_normal { 0.0 } else { self.half_ulp(0.0) }
     }
 
-    /// The rounding error of a result of at most this magnitude: half a unit in its last place. Holds for subnormal results too.
+    /// The rounding error of a result of at most this magnitude: half a unit in its last place. Valid for subnormal results too.
     fn half_ulp(&self, magnitude: f64) -> f64 {
         if !magnitude.is_finite() {
             return f64::INFINITY;
         }
         let exponent = floor_log2(magnitude);
         let ulp = (exponent - self.tape.precision.significand_bits() + 1).max(self.tape.precision.smallest_exponent());
-        // Half of the smallest subnormal of f64 is no f64: one whole is a bound all the same.
+        // Half of the smallest subnormal f64 is not an f64; the smallest subnormal itself is a valid bound.
         power_of_two((ulp - 1).max(-1074))
     }
 }
@@ -365,13 +365,13 @@ fn magnitude(low: f64, high: f64) -> f64 {
     (-low).max(high)
 }
 
-/// floor(log2 |x|) of a normal x; one less than the smallest of these for 0 (of either sign) and subnormals.
+/// floor(log2 |x|) for a normal x; for 0 (of either sign) and subnormals one less than the smallest of these.
 fn floor_log2(value: f64) -> i64 {
     (value.abs().to_bits() >> 52) as i64 - 1023
 }
 
-/// Sterbenz: a - b is exact when b/2 <= a <= 2 b, both of one sign. `b` comes negated. That it is positive need not be asked: if b < 0, no a is
-/// at least b/2 and at most 2 b, and 0 - 0 is exact.
+/// Sterbenz: a - b is exact if b/2 <= a <= 2 b, both with the same sign. `b` is given negated. Its sign need not be tested: if b < 0, no a is between
+/// b/2 and 2 b, and 0 - 0 is exact.
 fn is_exact_difference(a: Known, minus_b_low: f64, minus_b_high: f64) -> bool {
     let (b_low, b_high) = (-minus_b_high, -minus_b_low);
     let within = |a_low: f64, a_high: f64, b_low: f64, b_high: f64| a_low >= b_high / 2.0 && a_high <= 2.0 * b_low;
@@ -383,27 +383,27 @@ fn negated(a: Known) -> Known {
 }
 
 fn absolute(a: Known) -> Known {
-    // Neither end is positive where the range holds 0.
+    // Neither end is positive if the range contains 0.
     let nearest = a.low.max(-a.high);
     Known { low: nearest.max(0.0), high: a.magnitude(), error: a.error }
 }
 
-/// The maximum moves by no more than the larger of two moves. An exact value that is never below a bound which was rounded upward
-/// is not below the ideal bound either: both maxima are the value itself. (So a clamp to the box costs an argument in the box nothing.)
+/// The error of a maximum is at most the larger of the two errors. If an exact value is never below a bound that was rounded upward, it is not below
+/// the ideal bound either, and both maxima are the value itself. (So a clamp to the box adds no error for an argument in the box.)
 fn at_least(value: Known, bound: Known, bound_rounded_upward: bool) -> Known {
     let (low, high) = (value.low.max(bound.low), value.high.max(bound.high));
     let is_value = value.error == 0.0 && value.low >= bound.high && bound_rounded_upward;
     Known { low, high, error: if is_value { 0.0 } else { value.error.max(bound.error) } }
 }
 
-// Bounds of the exact results for operands that are not negative. Errors are summed, multiplied and divided by these alone, so
-// what the bound itself rounds is in the bound. A zero is exact: what loses nothing is charged nothing.
+// Upper bounds of exact results for operands that are not negative. All errors are added, multiplied and divided with these functions, so the
+// rounding of the bound itself is included. A zero operand gives an exact zero.
 
 fn sum_up(a: f64, b: f64) -> f64 {
     if a == 0.0 || b == 0.0 { a + b } else { (a + b).next_up() }
 }
 
-/// NaN for zero times infinity: nothing is known of such a product.
+/// NaN for zero times infinity, because nothing is known about such a product.
 fn product_up(a: f64, b: f64) -> f64 {
     if a == 0.0 || b == 0.0 { a * b } else { (a * b).next_up() }
 }

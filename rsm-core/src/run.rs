@@ -1,12 +1,12 @@
 //! The interpreter: executes a tape in its own precision.
 //!
-//! In: a tape and the arguments, for a compensator step by step. Out: the result, bit for bit what every emitted evaluator returns. An f32 tape is executed in f32,
-//! never in f64 and rounded at the end.
+//! In: a tape and the arguments, step by step for a compensator. Out: the result, with the same bits as every emitted evaluator. An f32 tape is
+//! executed in f32, not in f64 with a final rounding.
 
 pub use crate::scalar::Scalar;
 use crate::tape::{Op, Reg, Tape};
 
-/// An interpreter with its registers, so that repeated evaluation allocates nothing.
+/// An interpreter with its registers, so that repeated evaluation does not allocate.
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
@@ -34,7 +34,7 @@ impl<'t, T: Scalar> Interpreter<'t, T> {
     /// An interpreter of a tape.
     ///
     /// # Panics
-    /// When the tape was lowered for another precision.
+    /// If the tape has another precision.
     #[must_use]
     pub fn new(tape: &'t Tape) -> Self {
         assert_eq!(tape.precision, T::PRECISION, "a tape is executed in the precision it was lowered for");
@@ -44,19 +44,19 @@ impl<'t, T: Scalar> Interpreter<'t, T> {
         Interpreter { tape, registers: vec![zero; size], flags: vec![false; size], states }
     }
 
-    /// The value of the surface; of a tape with several results the first. `arguments` in the order of the surface's inputs, in their units.
+    /// The value of the surface; for a tape with several results, the first. `arguments` are in the order of the surface's inputs, in their units.
     ///
     /// # Panics
-    /// When the number of arguments is not that of the tape, or the tape keeps states: its value is that of [`Interpreter::step`].
+    /// If the number of arguments is not that of the tape, or if the tape has states: then use [`Interpreter::step`].
     pub fn eval(&mut self, arguments: &[T]) -> T {
         assert!(self.tape.states.is_empty(), "a tape with states is executed step by step");
         self.execute(arguments)
     }
 
-    /// All results of a tape that is a function of its arguments, in the order of its `outputs`.
+    /// All results of a tape without states, in the order of its `outputs`.
     ///
     /// # Panics
-    /// As [`Interpreter::eval`], and when there is not one place a result.
+    /// As [`Interpreter::eval`], and if the length of `results` is not the number of results.
     pub fn eval_all(&mut self, arguments: &[T], results: &mut [T]) {
         self.eval(arguments);
         assert_eq!(results.len(), self.tape.outputs.len(), "one place a result");
@@ -68,10 +68,10 @@ impl<'t, T: Scalar> Interpreter<'t, T> {
         self.tape.outputs.iter().map(|output| self.registers[output.reg.0 as usize])
     }
 
-    /// The result of one step, of several the first; the states become what the step leaves. A tape without states is just evaluated.
+    /// Executes one step and updates the states. Returns the first result. A tape without states is only evaluated.
     ///
     /// # Panics
-    /// When the number of arguments is not that of the tape.
+    /// If the number of arguments is not that of the tape.
     pub fn step(&mut self, arguments: &[T]) -> T {
         let result = self.execute(arguments);
         for (state, next) in self.states.iter_mut().zip(&self.tape.states) {
@@ -80,13 +80,13 @@ impl<'t, T: Scalar> Interpreter<'t, T> {
         result
     }
 
-    /// The states as the last step left them.
+    /// The states after the last step.
     #[must_use]
     pub fn states(&self) -> &[T] {
         &self.states
     }
 
-    /// How each comparison of the last execution went, by its register; false where there is none.
+    /// The result of each comparison in the last execution, by its register; false for other registers.
     pub(crate) fn flags(&self) -> &[bool] {
         &self.flags
     }
@@ -94,7 +94,7 @@ impl<'t, T: Scalar> Interpreter<'t, T> {
     /// Sets the states.
     ///
     /// # Panics
-    /// When their number is not that of the tape.
+    /// If their number is not that of the tape.
     pub fn set_states(&mut self, states: &[T]) {
         self.states.copy_from_slice(states);
     }

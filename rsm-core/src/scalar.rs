@@ -1,6 +1,6 @@
-//! The numbers that a tape is executed in: f64 and f32, with the operations that arithmetic alone does not have.
+//! The scalar types for executing a tape: f64 and f32, with operations besides arithmetic.
 //!
-//! In: a number. Out: its sign, its exponent, its bits. Never rounds.
+//! In: a number. Out: its sign, its exponent, its bits. No rounding.
 
 use crate::number::Precision;
 
@@ -14,15 +14,15 @@ pub trait Scalar:
     + std::ops::Mul<Output = Self>
     + std::ops::Div<Output = Self>
 {
-    /// Which precision this is.
+    /// The precision of this type.
     const PRECISION: Precision;
-    /// A constant of a tape, which is exact in this type.
+    /// A constant of a tape; exact in this type.
     fn from_constant(value: f64) -> Self;
     /// Clears the sign bit.
     fn absolute(self) -> Self;
-    /// The number in the place of the exponent, without its bias: [`crate::tape::Op::Exponent`].
+    /// The exponent field without its bias, as a number: [`crate::tape::Op::Exponent`].
     fn exponent(self) -> Self;
-    /// A whole number moved into the place of the exponent: [`crate::tape::Op::PowerOfTwo`].
+    /// An integer moved to the exponent field: [`crate::tape::Op::PowerOfTwo`].
     fn power_of_two(self) -> Self;
     /// The bits, in the low end.
     fn bits(self) -> u64;
@@ -45,7 +45,7 @@ macro_rules! scalar {
             }
             fn power_of_two(self) -> Self {
                 const DIGITS: u32 = <$float>::MANTISSA_DIGITS - 1;
-                // In [2^52, 2^53), in f32 [2^23, 2^24), the last bit of a number is worth 1. Sum and bias are exact.
+                // In [2^52, 2^53), in f32 [2^23, 2^24), the last bit of a number is 1. Sum and bias are exact.
                 let one_and_a_half = (3u64 << (DIGITS - 1)) as $float;
                 let biased = self + (one_and_a_half + (<$float>::MAX_EXP - 1) as $float);
                 <$float>::from_bits(biased.to_bits() << DIGITS)

@@ -8,7 +8,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-/// A text file as it was read, with the name under which messages speak of it.
+/// A text file as read, with its name in messages.
 ///
 /// ```
 /// use rsm_core::source::Source;
@@ -26,8 +26,8 @@ pub struct Source {
 /// Every file that [`Source::read`] has opened in this process.
 static READ: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// The files that this process has read, as they were named: whoever writes asks here what must not be overwritten. All files of ours are read in
-/// one place, so no subcommand can forget one.
+/// The files that this process has read, by the names given. Code that writes files uses this list so that no input is overwritten. All files are
+/// read in one place, so no subcommand can omit one.
 #[must_use]
 pub fn files_read() -> Vec<PathBuf> {
     READ.lock().unwrap_or_else(PoisonError::into_inner).clone()
@@ -58,7 +58,7 @@ impl Source {
         }
     }
 
-    /// The bytes of a file that may hold anything.
+    /// The bytes of a file with any content.
     ///
     /// # Errors
     /// One fault that names the file and the reason of the operating system.
@@ -68,7 +68,7 @@ impl Source {
             .map_err(|error| Faults::one(Fault::whole_file(&path.display().to_string(), format!("cannot be read: {error}"))))
     }
 
-    /// The name under which messages speak of this file.
+    /// The name of this file in messages.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
@@ -100,14 +100,14 @@ impl Source {
     }
 }
 
-/// One thing that is wrong with a file: place, what was found, what to do.
+/// A fault of a file: the place, what was found, what to do.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
     /// The file as the user named it.
     pub file: String,
-    /// Line, from 1; 0 when the fault is of the file as a whole.
+    /// The line, from 1; 0 if the fault concerns the whole file.
     pub line: usize,
-    /// Column in characters, from 1; 0 when the fault is of the line as a whole.
+    /// The column in characters, from 1; 0 if the fault concerns the whole line.
     pub column: usize,
     /// What was found and what is accepted.
     pub what: String,
@@ -116,7 +116,7 @@ pub struct Fault {
 }
 
 impl Fault {
-    /// A fault of a file as a whole.
+    /// A fault of the whole file.
     #[must_use]
     pub fn whole_file(file: &str, what: impl Into<String>) -> Self {
         Fault { file: file.to_string(), line: 0, column: 0, what: what.into(), help: None }
@@ -203,24 +203,24 @@ impl Collector {
         self.faults.push(fault);
     }
 
-    /// Whether nothing was found so far.
+    /// Whether no fault was added.
     #[must_use]
     pub fn is_clean(&self) -> bool {
         self.faults.is_empty()
     }
 
-    /// The value if nothing was found, else all the faults sorted by place.
+    /// The value if there is no fault; otherwise all faults sorted by place.
     ///
     /// # Errors
     /// The collected faults.
     ///
     /// # Panics
-    /// When no value was made although no fault was found: every reader that gives up must say why.
+    /// If there is neither a value nor a fault: a reader without a result must report why.
     pub fn finish<T>(mut self, value: Option<T>) -> Result<T, Faults> {
         if self.faults.is_empty() {
             return Ok(value.expect("a stage that gives no value must report a fault"));
         }
-        // Stable: faults at one place stay in the order in which the rules ran.
+        // The sort is stable, so faults at one place stay in the order of the rules.
         self.faults.sort_by_key(|fault| (fault.line, fault.column));
         self.faults.dedup();
         Err(Faults(self.faults))

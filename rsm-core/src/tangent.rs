@@ -1,32 +1,32 @@
-//! Tangents: the derivatives of a tape are a tape again.
+//! Tangents: the derivatives of a tape, as a tape.
 //!
-//! In: a tape and the inputs and states to differentiate by. Out: a tape with the values and their derivatives. Forward mode (R. E. Wengert, "A simple
-//! automatic derivative evaluation program", 1964): every operation is differentiated by its rule, exactly; zeros and ones are not written, numbers are
-//! multiplied as rationals and rounded once, and expressions that two derivatives share are on the tape once.
+//! In: a tape, and the inputs and states with respect to which it is differentiated. Out: a tape with the values and their derivatives. Forward mode
+//! (R. E. Wengert, "A simple automatic derivative evaluation program", 1964): every operation is differentiated exactly by its rule. Zeros and ones
+//! are not written, constants are multiplied as rationals and rounded once, and common expressions of two derivatives are on the tape once.
 //!
-//! A selection keeps its condition: the derivative is that of the side that was chosen, at a border too. An elementary function is differentiated as the
-//! function that it is, not row by row. `Exponent` and `PowerOfTwo` outside of such rows move in steps: their derivative is 0.
+//! A selection keeps its condition: the derivative is that of the selected side, also at a border. An elementary function is differentiated as a
+//! function, not operation by operation. `Exponent` and `PowerOfTwo` outside of such functions are piecewise constant: their derivative is 0.
 
 use crate::elementary::{self, Computed, Function};
 use crate::number::{Rational, integer};
 use crate::tape::{Op, Reg, Tape, TapeBuilder};
 
-/// What to differentiate by.
+/// A variable of differentiation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variable {
-    /// An input, by its place among the tape's `inputs`.
+    /// An input, by its index in the tape's `inputs`.
     Input(usize),
-    /// A state, by its place among the tape's `states`.
+    /// A state, by its index in the tape's `states`.
     State(usize),
 }
 
 /// The tape of all results of a tape and their derivatives.
 ///
-/// Its inputs are those of the tape, then its states by their names: it keeps no state itself. Its results are those of the tape, then the next values of
-/// its states, `next NAME`; then the derivatives of each of these by each variable, `d RESULT / d VARIABLE`, result by result.
+/// Its inputs are those of the tape, then its states by name; it has no states itself. Its results are those of the tape, then the next values of its
+/// states, `next NAME`; then the derivatives of each of these with respect to each variable, `d RESULT / d VARIABLE`, result by result.
 ///
 /// # Panics
-/// When a variable is not of the tape.
+/// If the tape has no such variable.
 ///
 /// ```
 /// use rsm_core::number::Precision;
@@ -72,14 +72,14 @@ pub fn tangent(tape: &Tape, variables: &[Variable]) -> Tape {
 pub struct Written {
     /// The results, then the next values of the states.
     pub values: Vec<Reg>,
-    /// The derivatives of each of these, by each variable.
+    /// For each of these, the derivative with respect to each variable.
     pub derivatives: Vec<Vec<Reg>>,
 }
 
-/// Writes a tape and its derivatives into another tape, its inputs and states replaced by registers of that one.
+/// Writes a tape and its derivatives to another tape, with its inputs and states replaced by registers of that one.
 ///
 /// # Panics
-/// When there are not as many registers as inputs and states, when the precision differs, or when a variable is not of the tape.
+/// If the number of registers is not that of inputs or states, if the precision differs, or if the tape has no such variable.
 pub fn write(builder: &mut TapeBuilder, tape: &Tape, inputs: &[Reg], states: &[Reg], variables: &[Variable]) -> Written {
     assert_eq!(tape.states.len(), states.len(), "one register a state");
     for variable in variables {
@@ -104,13 +104,13 @@ pub fn write(builder: &mut TapeBuilder, tape: &Tape, inputs: &[Reg], states: &[R
     Written { values: results.iter().map(|reg| places[reg.0 as usize]).collect(), derivatives }
 }
 
-/// The tape of the derivatives of all results along one direction that is given when it runs.
+/// The tape of the directional derivatives of all results, along a direction that is given at run time.
 ///
-/// Its inputs are those of the tape, then one for each input that is named: how fast that one moves. Inputs that are not named stand still. Its results are how fast each result moves, `d RESULT`. So one tape serves for every
-/// direction, and many directions run side by side in the lanes of one pass.
+/// Its inputs are those of the tape, then one for each input in `moving`: the component of the direction. All other components are zero. Its results
+/// are the derivatives along the direction, `d RESULT`. One tape serves for all directions, and many directions can run in the lanes of one pass.
 ///
 /// # Panics
-/// When the tape keeps states, or has no such input.
+/// If the tape has states, or lacks such an input.
 ///
 /// ```
 /// use rsm_core::number::Precision;
@@ -154,11 +154,11 @@ pub fn along(tape: &Tape, moving: &[usize]) -> Tape {
     builder.finish_with_results(format!("{}_along", tape.name), names.collect(), outputs, [] as [(String, Reg); 0])
 }
 
-/// By what a pass differentiates.
+/// The direction of differentiation in one pass.
 enum Direction<'a> {
     /// One variable.
     Of(Variable),
-    /// By input: the register of how fast it moves; `None`: it stands still.
+    /// For each input, the register of its component; `None` if it is zero.
     Along(&'a [Option<Reg>]),
 }
 
@@ -178,13 +178,13 @@ impl Direction<'_> {
     }
 }
 
-/// The row that ends in a register.
+/// The function whose result is in a register.
 fn row_at(tape: &Tape, reg: Reg) -> Option<&Computed> {
     let place = tape.computed.binary_search_by_key(&reg, |row| row.result).ok()?;
     tape.computed.get(place)
 }
 
-/// The registers whose derivatives the results need: inside of the rows of an elementary function none is.
+/// The registers whose derivatives are needed. Inside an elementary function none is.
 fn wanted(tape: &Tape) -> Vec<bool> {
     let mut wanted = vec![false; tape.ops.len()];
     tape.results().for_each(|reg| wanted[reg.0 as usize] = true);
@@ -203,14 +203,14 @@ fn wanted(tape: &Tape) -> Vec<bool> {
     wanted
 }
 
-/// A derivative, as much of it as stands on the tape.
+/// A derivative: a constant or a register.
 #[derive(Debug, Clone, PartialEq)]
 enum Factor {
     Number(Rational),
     Register(Reg),
 }
 
-/// A factor, and 0 instead where one of the conditions is as it says: what a clamp makes of a derivative, which is written once at the end.
+/// A factor, and conditions under which the derivative is 0 instead. This is the derivative of a clamp; it is written only at the end.
 #[derive(Debug, Clone, PartialEq)]
 struct Slope {
     factor: Option<Factor>,
@@ -236,7 +236,7 @@ impl Slope {
 struct Forward<'a> {
     tape: &'a Tape,
     builder: &'a mut TapeBuilder,
-    /// Where the tape's registers stand on the builder's tape.
+    /// The new register of each of the tape's registers.
     places: &'a [Reg],
     slopes: Vec<Slope>,
 }
@@ -400,7 +400,7 @@ impl Forward<'_> {
         }
     }
 
-    /// Two slopes that are 0 in the same places, as factors and these places; others are written out first.
+    /// Two slopes with the same zero conditions, as factors and these conditions. Slopes with different conditions are written out first.
     fn aligned(&mut self, a: &Slope, b: &Slope) -> (Factor, Factor, Vec<(Reg, bool)>) {
         if a.zero_where == b.zero_where
             && let (Some(left), Some(right)) = (&a.factor, &b.factor)
@@ -455,7 +455,7 @@ impl Forward<'_> {
         Slope { zero_where, ..normal(factor) }
     }
 
-    /// Times a register of the tape that is differentiated; a constant is multiplied as the number that it stands for.
+    /// Multiplies by a register of the differentiated tape; a constant is multiplied as its exact number.
     fn times(&mut self, a: Slope, value: Reg) -> Slope {
         match self.tape.op(value) {
             Op::Constant(constant) => self.times_number(a, &constant.exact),
@@ -463,7 +463,7 @@ impl Forward<'_> {
         }
     }
 
-    /// Times a register of the builder's tape.
+    /// Multiplies by a register of the builder's tape.
     fn scaled(&mut self, a: Slope, value: Reg) -> Slope {
         let factor = a.factor.map(|factor| match factor {
             Factor::Number(number) => Factor::Register(self.builder.times(value, number)),
@@ -483,7 +483,7 @@ impl Forward<'_> {
         Slope { factor, zero_where: a.zero_where }
     }
 
-    /// Divided by a register of the builder's tape.
+    /// Divides by a register of the builder's tape.
     fn over(&mut self, a: Slope, divisor: Reg) -> Slope {
         let Some(factor) = a.factor else { return Slope::ZERO };
         let constant = match self.builder.op(divisor) {
@@ -522,7 +522,7 @@ impl Forward<'_> {
     }
 }
 
-/// A number that is 0 is no factor.
+/// A constant factor of 0 becomes no factor.
 fn normal(factor: Factor) -> Slope {
     match factor {
         Factor::Number(number) => Slope::number(number),

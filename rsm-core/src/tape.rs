@@ -1,9 +1,9 @@
 //! The tape: a straight-line program whose operations are exactly defined by IEEE 754.
 //!
-//! Once lowering has written a tape, the tape is the meaning of the surface in that precision: the interpreter executes it, every
-//! emitter prints it, and the certificate bounds its rounding error. There is no branch, loop, call or allocation in it. A fused
-//! multiply-add is not among the operations, so no back end may fuse. A tape of a compensator also has states: numbers that it reads, and
-//! writes when all operations are done, so that a step sees what the step before left.
+//! After lowering, the tape defines the surface in that precision: the interpreter executes it, every emitter prints it, and the certificate bounds
+//! its rounding error. It has no branch, loop, call or allocation. A fused multiply-add is not an operation of the tape, so no back end may fuse. A
+//! tape of a compensator also has states: numbers that it reads, and that it writes after all operations, so that a step sees the values of the step
+//! before.
 
 mod builder;
 mod fold;
@@ -23,20 +23,20 @@ pub struct Reg(pub u32);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Port(pub u32);
 
-/// A number that a tape keeps from step to step, counted from 0; 0.0 before the first step.
+/// A number that a tape keeps between steps, counted from 0; 0.0 before the first step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct State(pub u32);
 
-/// A constant: the value the tape computes with, and the real number that it stands for.
+/// A constant: the value that the tape uses, and the real number that it represents.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Constant {
     /// A number of the tape's precision (an f32 tape holds f32 values here), never NaN or infinite.
     pub value: f64,
-    /// The number before rounding. The certificate charges the difference.
+    /// The number before rounding. The certificate includes the difference.
     pub exact: Rational,
 }
 
-/// A row of operations that computes a function: which one, of what, and where the result stands.
+/// A sequence of operations that computes a function: the function, its arguments and its result.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Computed {
     /// The function.
@@ -54,7 +54,7 @@ pub enum Op {
     Constant(Constant),
     /// An argument of the evaluator.
     Input(Port),
-    /// A state, as the step before left it.
+    /// A state, with its value after the last step.
     State(State),
     /// `-a`, flips the sign of zero and NaN too.
     Negate(Reg),
@@ -68,11 +68,11 @@ pub enum Op {
     Multiply(Reg, Reg),
     /// `a / b`.
     Divide(Reg, Reg),
-    /// The exponent of `a` as a number: floor(log2 |a|) of a normal number. Of zero and of subnormal numbers one below the smallest (-1023,
-    /// in f32 -127), of an infinity and of NaN one above the largest (1024, in f32 128).
+    /// The exponent of `a` as a number: floor(log2 |a|) for a normal number. For zero and subnormal numbers it is one below the smallest (-1023, in
+    /// f32 -127); for an infinity and NaN one above the largest (1024, in f32 128).
     Exponent(Reg),
-    /// 2^a of a whole number `a` from -1022 to 1023, in f32 from -126 to 127: `a` moved into the place of the exponent. Anything else gives
-    /// some bits, of NaN not the same on every machine; who writes the operation clamps before it and passes a NaN beside it.
+    /// 2^a for an integer `a` from -1022 to 1023, in f32 from -126 to 127: `a` is moved to the exponent field. Any other `a` gives unspecified bits,
+    /// which for NaN differ between machines. The code that uses this operation must clamp `a` first and pass NaN separately.
     PowerOfTwo(Reg),
     /// `a < b`: true or false, false when either is NaN. Only `Select` reads it.
     Less(Reg, Reg),
@@ -82,42 +82,42 @@ pub enum Op {
         condition: Reg,
         /// The value when true.
         then: Reg,
-        /// The value when false, and when the comparison met a NaN.
+        /// The value when false, and if an operand of the comparison is NaN.
         otherwise: Reg,
     },
 }
 
-/// A select that is really a maximum or a minimum of the two numbers that its condition compares.
+/// A select that is a maximum or a minimum of the two numbers that its condition compares.
 ///
-/// Printers give it the machine's own instruction, and the certificate knows that it moves errors without enlarging them.
+/// Printers use the machine's own instruction, and the certificate uses that it does not increase errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Extremum {
     /// `bound` if `value < bound`, else `value`: NaN in `value` passes, and `value` wins a tie (so -0 against +0 stays -0).
     AtLeast {
-        /// The number that is kept from falling.
+        /// The value that is limited.
         value: Reg,
-        /// What it is not to fall below.
+        /// Its lower limit.
         bound: Reg,
     },
     /// `bound` if `bound < value`, else `value`: NaN in `value` passes, and `value` wins a tie.
     AtMost {
-        /// The number that is kept from rising.
+        /// The value that is limited.
         value: Reg,
-        /// What it is not to rise above.
+        /// Its upper limit.
         bound: Reg,
     },
 }
 
-/// A register that matters when the tape has been executed, with its name.
+/// A result or a next state of the tape, with its name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Named {
-    /// What the result or the state is called.
+    /// The name of the result or the state.
     pub name: String,
     /// The register that holds the result, or the next value of the state.
     pub reg: Reg,
 }
 
-/// A straight line of operations in one precision: a lowered surface or compensator, or what another crate wrote with a [`TapeBuilder`].
+/// A straight-line program in one precision: a lowered surface or compensator, or a program that another crate wrote with a [`TapeBuilder`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tape {
     /// The name of the surface, of the support test or of the compensator.
@@ -128,18 +128,17 @@ pub struct Tape {
     pub inputs: Vec<String>,
     /// The operations, in order of execution.
     pub ops: Vec<Op>,
-    /// The results, one or more, in order. A single one has the name of the tape.
+    /// The results, at least one, in order. A single one has the name of the tape.
     pub outputs: Vec<Named>,
-    /// The states in order, each with the register of its next value, written when all operations are done. Empty: the tape is a function
-    /// of its arguments.
+    /// The states in order, each with the register of its next value, which is written after all operations. Empty if the tape has no states.
     pub states: Vec<Named>,
-    /// The terms of the model behind constants, in the order of the registers. For a reader: they change no result.
+    /// The model terms of constants, in the order of the registers. For readers only: they change no result.
     pub notes: Vec<(Reg, Note)>,
-    /// The rows of operations that compute elementary functions, in the order of their results.
+    /// The sequences of operations that compute elementary functions, in the order of their results.
     pub computed: Vec<Computed>,
 }
 
-/// The term of a model from which a constant is made: scales of variables are folded into it.
+/// The model term of a constant. Scales of variables are folded into the constant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Note {
     /// Its name, as [`crate::model::Surface::term_name`] gives it.
@@ -162,13 +161,13 @@ impl Tape {
         self.ops.iter().enumerate().map(|(k, op)| (Reg(k as u32), op))
     }
 
-    /// The register of the result, of several the first.
+    /// The register of the first result.
     #[must_use]
     pub fn output(&self) -> Reg {
         self.outputs[0].reg
     }
 
-    /// The registers that matter when the tape has been executed: the results, then the next states.
+    /// The registers of the results, then those of the next states.
     pub fn results(&self) -> impl Iterator<Item = Reg> {
         self.outputs.iter().chain(&self.states).map(|named| named.reg)
     }
@@ -187,7 +186,7 @@ impl Tape {
         }
     }
 
-    /// How many operations compute something: constants, inputs and states are not counted.
+    /// The number of operations without constants, inputs and states.
     ///
     /// ```
     /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
@@ -206,7 +205,7 @@ impl Tape {
         self.ops.iter().filter(|op| !matches!(op, Op::Constant(_) | Op::Input(_) | Op::State(_))).count()
     }
 
-    /// The length of the longest chain of dependent operations up to the result or a next state, constants, inputs and states not counted.
+    /// The length of the longest chain of dependent operations up to the result or a next state, without constants, inputs and states.
     #[must_use]
     pub fn depth(&self) -> usize {
         let depth = depths(&self.ops);
@@ -236,7 +235,7 @@ impl Op {
         }
     }
 
-    /// The same operation on other registers.
+    /// The same operation with other registers.
     #[must_use]
     pub fn with_operands(&self, place: impl Fn(Reg) -> Reg) -> Op {
         match *self {
@@ -263,7 +262,7 @@ impl fmt::Display for Reg {
     }
 }
 
-/// The text listing. Registers carry the same numbers here, in Rust and in C.
+/// The text listing. Registers have the same numbers here, in Rust and in C.
 impl fmt::Display for Tape {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "tape {}({}) {}", self.name, self.inputs.join(", "), self.precision.name())?;

@@ -1,8 +1,8 @@
 //! Reads a TOML document key by key and collects every fault with its line and column.
 //!
-//! In: a parsed table with spans. Out: values, and faults in a [`Collector`]. A reader of a table remembers which keys were
-//! asked for, and [`TableReader::finish`] reports the others with the accepted names. Shared by the model file, the fit
-//! specification and the plant file, so that all of them refuse bad input in the same words.
+//! In: a parsed table with spans. Out: values, and faults in a [`Collector`]. A table reader records the requested keys, and [`TableReader::finish`]
+//! reports the others, with the accepted names. Shared by the model file, the fit specification and the plant file, so that all of them report bad
+//! input in the same words.
 
 use std::ops::Range;
 
@@ -11,7 +11,7 @@ use toml::de::{DeTable, DeValue};
 
 use crate::source::{Collector, Fault, Source};
 
-/// Parses the text of a source. `None` when it is no TOML: then every syntax error is among the faults.
+/// Parses the text of a source. `None` if it is not valid TOML; then every syntax error is reported.
 pub fn parse<'a>(source: &'a Source, faults: &mut Collector) -> Option<Spanned<DeTable<'a>>> {
     let (table, errors) = DeTable::parse_recoverable(source.text());
     for error in &errors {
@@ -21,7 +21,7 @@ pub fn parse<'a>(source: &'a Source, faults: &mut Collector) -> Option<Spanned<D
     errors.is_empty().then_some(table)
 }
 
-/// A value of the document with the place where it stands.
+/// A value of the document with its position.
 pub type Value<'a> = &'a Spanned<DeValue<'a>>;
 
 /// Reads the keys of one table.
@@ -29,7 +29,7 @@ pub struct TableReader<'a> {
     source: &'a Source,
     table: &'a DeTable<'a>,
     span: Range<usize>,
-    /// How messages speak of this table: `input `torque``, `surface `psi_d``, or empty for the document.
+    /// The name of this table in messages: `input `torque``, `surface `psi_d``, or empty for the document.
     who: String,
     known: Vec<&'static str>,
 }
@@ -59,24 +59,24 @@ impl<'a> TableReader<'a> {
         self.source
     }
 
-    /// Where the table stands.
+    /// The position of the table.
     #[must_use]
     pub fn span(&self) -> Range<usize> {
         self.span.clone()
     }
 
-    /// How messages speak of this table.
+    /// The name of this table in messages.
     #[must_use]
     pub fn who(&self) -> &str {
         &self.who
     }
 
-    /// `who: ` or nothing: the beginning of a message about this table.
+    /// `who: ` or empty: the beginning of a message about this table.
     fn prefix(&self) -> String {
         if self.who.is_empty() { String::new() } else { format!("{}: ", self.who) }
     }
 
-    /// A fault at a place of this file, with the name of the table before it.
+    /// A fault at a position in this file, with the name of the table before it.
     #[must_use]
     pub fn fault(&self, span: Range<usize>, what: impl AsRef<str>) -> Fault {
         self.source.fault(span, format!("{}{}", self.prefix(), what.as_ref()))
@@ -97,7 +97,7 @@ impl<'a> TableReader<'a> {
         found
     }
 
-    /// The place of a key itself.
+    /// The position of a key itself.
     #[must_use]
     pub fn key_span(&self, key: &str) -> Range<usize> {
         self.table.get_key_value(key).map_or(self.span(), |(name, _)| name.span())
@@ -108,7 +108,7 @@ impl<'a> TableReader<'a> {
         self.table.iter().map(|(key, value)| (key.get_ref().as_ref(), key.span(), value))
     }
 
-    /// Reports every key that nobody asked for, with the accepted ones.
+    /// Reports every key that was not requested, with the accepted ones.
     pub fn finish(self, faults: &mut Collector) {
         for (key, span, _) in self.entries() {
             if !self.known.contains(&key) {
@@ -168,7 +168,7 @@ impl<'a> TableReader<'a> {
         }
     }
 
-    /// A whole number of at least `least` and at most `most`.
+    /// An integer from `least` to `most`.
     pub fn whole(&self, what: &str, value: Value<'a>, least: i64, most: i64, faults: &mut Collector) -> Option<i64> {
         let found = match value.get_ref() {
             DeValue::Integer(text) => i64::from_str_radix(text.as_str(), text.radix()).ok(),
@@ -221,7 +221,7 @@ impl<'a> TableReader<'a> {
     }
 }
 
-/// How a message speaks of a value that stands where another was expected.
+/// The description of an unexpected value in a message.
 #[must_use]
 pub fn describe(value: &DeValue<'_>) -> String {
     match value {

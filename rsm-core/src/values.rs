@@ -1,10 +1,9 @@
-//! What a tape may compute: the range of the computed numbers, rounding included, over a cell of arguments.
+//! The range of the values that a tape computes, including rounding, over a cell of arguments.
 //!
-//! In: a tape and bounds of its arguments. Out: an interval that holds every result of the emitted evaluator there. Rounding is monotone, so
-//! the results at the ends of the operands' ranges, rounded as the tape rounds them, are the ends of the range of a result; for a cell that
-//! is a point they are the bits of the evaluator. Unlike the range of the certificate it is about the computed numbers and not about the
-//! true polynomial, and it does not search: the excess of the enclosure is proportional to the width of the cell, so a caller who needs a
-//! tighter one halves cells.
+//! In: a tape and bounds of its arguments. Out: an interval that contains every result of the emitted evaluator in the cell. Rounding is monotone, so
+//! the results at the ends of the operands' ranges, rounded as on the tape, are the ends of the range of a result. If the cell is a point, they are
+//! the bits of the evaluator. The certificate's range is about the true polynomial; this one is about the computed numbers, and it does not search.
+//! Its excess is proportional to the width of the cell, so a caller who needs a tighter range divides the cell.
 
 use crate::elementary::{self, Function};
 use crate::interval::Interval;
@@ -19,23 +18,23 @@ pub struct Values<'t> {
     ranges: Vec<Interval>,
 }
 
-/// Nothing is known.
+/// No information.
 const ANYTHING: Interval = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
 
 impl<'t> Values<'t> {
-    /// Of a tape that is a function of its arguments.
+    /// For a tape without states.
     #[must_use]
     pub fn new(tape: &'t Tape) -> Self {
         let extrema = (0..tape.ops.len()).map(|k| tape.extremum(Reg(k as u32))).collect();
         Values { tape, extrema, ranges: vec![ANYTHING; tape.ops.len()] }
     }
 
-    /// Holds every value that the tape computes for arguments of its type between these bounds, which are numbers of the type; arguments
-    /// beyond the range of an input are clamped or extrapolated as the evaluator does it. Everything where nothing is certain: a bound is
-    /// NaN, or an operation may give an infinity or a NaN, or a selection is no bound.
+    /// The range of all values that the tape computes for arguments of its type between these bounds. The bounds must be numbers of the type.
+    /// Arguments beyond the range of an input are clamped or extrapolated like in the evaluator. The result is unbounded if nothing is certain: if a
+    /// bound is NaN, if an operation may give an infinity or a NaN, or if a selection is not a minimum or maximum.
     ///
     /// # Panics
-    /// When there are not as many bounds as arguments.
+    /// If the number of bounds differs from the number of arguments.
     #[must_use]
     pub fn over(&mut self, cell: &[Interval]) -> Interval {
         assert_eq!(cell.len(), self.tape.inputs.len(), "one pair of bounds an argument");
@@ -51,7 +50,7 @@ impl<'t> Values<'t> {
                 Op::Exponent(a) => of(a).exponent(self.tape.precision),
                 Op::PowerOfTwo(a) => of(a).power_of_two(self.tape.precision).unwrap_or(ANYTHING),
                 Op::Add(a, b) => self.rounded(of(a).low + of(b).low, of(a).high + of(b).high),
-                // Of numbers, not of an infinity or a NaN.
+                // For numbers, not for an infinity or a NaN.
                 Op::Subtract(a, b) if a == b && of(a).magnitude().is_finite() => Interval::point(0.0),
                 Op::Subtract(a, b) => self.rounded(of(a).low - of(b).high, of(a).high - of(b).low),
                 Op::Multiply(a, b) if a == b => self.square(of(a)),
@@ -74,7 +73,7 @@ impl<'t> Values<'t> {
                     },
                 },
             };
-            // The rows of an elementary function give it to one unit in the last place.
+            // The rows of an elementary function give its value to one unit in the last place.
             let found = match rows.next_if(|row| row.result == Reg(k as u32)) {
                 Some(row) => {
                     let arguments: Vec<Interval> = row.arguments.iter().map(|reg| self.ranges[reg.0 as usize]).collect();
@@ -84,21 +83,21 @@ impl<'t> Values<'t> {
                 }
                 None => found,
             };
-            // An infinity is an end that rounding may have passed: what follows from it may be NaN.
+            // An infinite end may come from overflow, and a later operation may then give NaN.
             let is_known = found.low.is_finite() && found.high.is_finite();
             self.ranges[k] = if is_known { found } else { ANYTHING };
         }
         self.of(self.tape.output())
     }
 
-    /// The range of a register in the cell that [`Values::over`] was asked for last: another result.
+    /// The range of a register in the last cell of [`Values::over`]: another result.
     #[must_use]
     pub fn of(&self, reg: Reg) -> Interval {
         self.ranges[reg.0 as usize]
     }
 
-    /// Ends as the tape would compute them: f64 operations on numbers of the type, rounded to the type. For f32 the rounding of the f64
-    /// result is innocent: 53 >= 2 * 24 + 2 bits (Figueroa 1995), for +, -, * and /.
+    /// Ends as the tape would compute them: f64 operations on numbers of the type, rounded to the type. For f32 this double rounding changes nothing
+    /// for +, -, * and /, because 53 >= 2 * 24 + 2 bits (Figueroa 1995).
     fn rounded(&self, low: f64, high: f64) -> Interval {
         if low.is_nan() || high.is_nan() {
             return ANYTHING;

@@ -1,9 +1,8 @@
-//! Canonical analysis: where a second-order surface is flat, and whether that is a top, a bottom or a saddle.
+//! Canonical analysis: the stationary point of a second-order surface, and whether it is a maximum, a minimum or a saddle.
 //!
-//! In: a second-order surface of plain coded (or natural) variables and its inputs. Out: the stationary point in natural units,
-//! the eigenvalues of the matrix of second-order coefficients in the variables of the polynomial, largest first. `None` for any
-//! other surface, and for one whose matrix is singular (a ridge has no single stationary point). Never calls a point outside
-//! the data a prediction: where it lies is for the reader to judge.
+//! In: a second-order surface of plain coded (or natural) variables and its inputs. Out: the stationary point in natural units, and the eigenvalues
+//! of the matrix of second-order coefficients in the variables of the polynomial, largest first. `None` for any other surface, and for a singular
+//! matrix (a ridge has no single stationary point). The stationary point may be outside the data; the reader must check this.
 //!
 //! Source: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 6.3: y = b0 + x'b + x'Bx, x_s = -1/2 B^-1 b.
 
@@ -17,23 +16,23 @@ use crate::observations::Named;
 /// The form of a second-order surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Canonical {
-    /// Where all slopes are zero, in natural units.
+    /// The point with zero gradient, in natural units.
     pub stationary_point: Named<f64>,
     /// Curvatures along the principal axes, the largest first.
     pub eigenvalues: Vec<f64>,
-    /// What the stationary point is.
+    /// The kind of the stationary point.
     pub kind: Kind,
 }
 
-/// What a stationary point is.
+/// The kind of a stationary point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// Every way leads down.
+    /// All curvatures are negative.
     Maximum,
-    /// Every way leads up.
+    /// All curvatures are positive.
     Minimum,
-    /// Some lead up, some down.
+    /// Some curvatures are positive, some negative.
     Saddle,
 }
 
@@ -64,7 +63,7 @@ pub(crate) fn analyse(surface: &Surface, inputs: &[Input]) -> Option<Canonical> 
     eigenvalues.sort_by(|a, b| b.total_cmp(a));
     let (least, most) =
         eigenvalues.iter().fold((f64::INFINITY, 0.0f64), |(low, high), e| (low.min(e.abs()), high.max(e.abs())));
-    // The eigenvalues carry the rounding of f64, 2^-53 of the largest each; a hundred times that is no sign of curvature.
+    // The eigenvalues have the rounding error of f64, 2^-53 of the largest. A curvature below a hundred times that has no certain sign.
     if least <= 1e-14 * most {
         return None;
     }

@@ -1,8 +1,8 @@
 //! Double-double arithmetic: a number as the unevaluated sum of two f64, some 106 significant bits.
 //!
-//! In: f64 numbers, exactly. Out: [`Dd`], with a relative error of a few 2^-104 an operation. Never used in a control loop: it
-//! is what lets least squares on badly conditioned data keep every digit that the data hold. Overflows where f64 would, and a
-//! little earlier in products (above 2^996); NaN and infinities pass through as some non-finite number.
+//! In: f64 numbers, exactly. Out: [`Dd`], with a relative error of a few 2^-104 in each operation. With it, least squares on badly conditioned data
+//! keeps all digits of the data. It is not used in a control loop. It overflows where f64 does, and products slightly earlier (above 2^996). NaN and
+//! infinities give some non-finite number.
 //!
 //! Sources: Dekker, "A floating-point technique for extending the available precision" (1971); Knuth, The Art of Computer
 //! Programming 2, 4.2.2 (the exact sum); Joldes, Muller, Popescu, "Tight and rigorous error bounds for basic building blocks
@@ -50,8 +50,7 @@ fn split(a: f64) -> (f64, f64) {
     (high, a - high)
 }
 
-/// The rounded product and its exact error. By splitting, because a fused multiply-add is a slow call on the baseline of
-/// x86-64.
+/// The rounded product and its exact error. By splitting, because a fused multiply-add is a slow function call on the x86-64 baseline.
 fn two_prod(a: f64, b: f64) -> (f64, f64) {
     let product = a * b;
     let ((a_high, a_low), (b_high, b_low)) = (split(a), split(b));
@@ -162,7 +161,7 @@ impl Mul for Dd {
 impl Div for Dd {
     type Output = Dd;
     fn div(self, other: Dd) -> Dd {
-        // Long division with f64 digits: three of them leave nothing above 2^-105.
+        // Long division with f64 digits: three of them leave an error below 2^-105.
         let first = self.high / other.high;
         if !first.is_finite() || first == 0.0 {
             return Dd::from(first);

@@ -1,9 +1,8 @@
 //! The design matrix: from points in natural units to the rows of a least-squares problem.
 //!
-//! In: a surface (its factors, symmetry and terms) and its inputs with their ranges. Out: a row of double-doubles a point, one
-//! number a term, by the same [`Factor`]s that give the surface its meaning: as measured for the fit, as the evaluator sees the
-//! point for its errors. Powers are formed in double-double: rounded to f64 they would cost NIST's Filip half of its digits.
-//! Never looks at a response.
+//! In: a surface (its factors, symmetry and terms) and its inputs with their ranges. Out: a row of double-doubles for each point, one number for each
+//! term, computed by the same [`Factor`]s as in the surface. Points are used as measured for the fit, and as the evaluator sees them for errors.
+//! Powers are computed in double-double: in f64, NIST's Filip data would lose half of their digits. Responses are not used.
 
 use rsm_core::basis::{self, Factor};
 use rsm_core::model::{Input, Surface, Symmetry};
@@ -43,7 +42,7 @@ impl Design {
         Design::new(&self.surface, &self.inputs, terms.iter().map(|k| self.terms[*k].clone()).collect())
     }
 
-    /// How many terms there are.
+    /// The number of terms.
     #[must_use]
     pub fn width(&self) -> usize {
         self.terms.len()
@@ -55,14 +54,14 @@ impl Design {
         &self.terms
     }
 
-    /// The row of a point as an evaluator sees it: clamped where an input says so.
+    /// The row of a point as an evaluator sees it: clamped if an input is clamped.
     #[must_use]
     pub fn row(&self, point: &[Physical]) -> Vec<Dd> {
         let clamped = |(input, value): (&Input, &Physical)| basis::clamped(input, Dd::from(value.0));
         self.terms_at(&self.inputs.iter().zip(point).map(clamped).collect::<Vec<Dd>>())
     }
 
-    /// The row of a point as it was measured: what is fitted. Clamped, a point beyond the range would pull the surface at its edge.
+    /// The row of a point as measured, for the fit. If it were clamped, a point beyond the range would distort the surface at the edge.
     #[must_use]
     pub fn row_as_measured(&self, point: &[Physical]) -> Vec<Dd> {
         self.terms_at(&point.iter().map(|value| Dd::from(value.0)).collect::<Vec<Dd>>())
@@ -94,7 +93,7 @@ impl Design {
         self.terms.iter().map(product).collect()
     }
 
-    /// How messages speak of a term: `1`, `speed`, `torque^2*speed`, `hinge(speed, 465)`.
+    /// The name of a term in messages: `1`, `speed`, `torque^2*speed`, `hinge(speed, 465)`.
     #[must_use]
     pub fn name_of(&self, term: usize) -> String {
         self.surface.term_name(&self.terms[term])
@@ -107,8 +106,8 @@ pub fn order(powers: &[u32]) -> u32 {
     powers.iter().sum()
 }
 
-/// All terms of at most an order that a surface may have: the constant first, then by order, and within one with the powers of
-/// the first factors highest first. Odd symmetry asks every term to contain the odd inputs; of each input at most one sigmoid enters, once.
+/// All allowed terms of a surface up to an order: the constant first, then by order; within an order, those with the highest powers of the first
+/// factors come first. With odd symmetry every term must contain the odd inputs. A term has at most one sigmoid for each input, to the first power.
 #[must_use]
 pub fn terms_up_to(surface: &Surface, highest_order: u32) -> Vec<Vec<u32>> {
     let mut terms = monomials_up_to(surface.width(), highest_order);
@@ -116,7 +115,7 @@ pub fn terms_up_to(surface: &Surface, highest_order: u32) -> Vec<Vec<u32>> {
     terms
 }
 
-/// The powers of so many factors, in the order of [`terms_up_to`], whatever a surface may have.
+/// The powers of `width` factors in the order of [`terms_up_to`], without the restrictions of a surface.
 pub(crate) fn monomials_up_to(width: usize, highest_order: u32) -> Vec<Vec<u32>> {
     let mut terms = Vec::new();
     for order in 0..=highest_order {
@@ -125,8 +124,8 @@ pub(crate) fn monomials_up_to(width: usize, highest_order: u32) -> Vec<Vec<u32>>
     terms
 }
 
-/// A sigmoid or a wave enters a term once, and of one input only one: its powers and the products of two say little that the sigmoids themselves do not.
-/// Powers of a periodic input jump where it repeats.
+/// Whether a term has at most one sigmoid or wave of each input, to the first power. Their powers and products add little to the sigmoids themselves.
+/// A power of a periodic input would jump at the end of the period.
 fn has_plain_steps(surface: &Surface, powers: &[u32]) -> bool {
     let made = &powers[surface.inputs.len() + surface.knots.len()..];
     let steps = surface.sigmoids.iter().map(|sigmoid| &sigmoid.input);
@@ -153,8 +152,8 @@ fn push_terms_of_order(order: u32, width: usize, begun: &mut Vec<u32>, terms: &m
     }
 }
 
-/// An odd input that a term does not contain, if there is one: such a term would jump where the input changes sign. A hinge of
-/// the input opens above 0, and a sigmoid's value there is taken off, so they do as well as the input itself.
+/// An odd input that a term does not contain, if there is one. Such a term would jump where the input changes sign. A hinge of the input is 0 up to a
+/// knot above 0, and a sigmoid minus its value at 0 is 0 there, so both can replace the input itself.
 #[must_use]
 pub fn missing_odd_input<'a>(surface: &'a Surface, powers: &[u32]) -> Option<&'a str> {
     let (own, hinges) = powers.split_at(surface.inputs.len().min(powers.len()));
@@ -167,12 +166,12 @@ pub fn missing_odd_input<'a>(surface: &'a Surface, powers: &[u32]) -> Option<&'a
     odd.map(|(name, _)| name.as_str()).find(|name| !contains(name))
 }
 
-/// How many terms [`terms_up_to`] makes at most; saturates. (width + order) over width.
+/// An upper limit of the number of terms of [`terms_up_to`]: the binomial coefficient (width + order) over width; saturates.
 #[must_use]
 pub fn count_of_terms(width: usize, order: u32) -> usize {
     let mut count: usize = 1;
     for k in 1..=order as usize {
-        // Exact at every step: a binomial coefficient.
+        // Exact at every step, because it is a binomial coefficient.
         count = count.saturating_mul(width + k) / k;
     }
     count

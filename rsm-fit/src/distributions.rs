@@ -1,4 +1,4 @@
-//! Student's t and Fisher's F: probabilities and a quantile.
+//! Student's t and Fisher's F: probabilities, and a quantile of t.
 //!
 //! In: a value with degrees of freedom. Out: a probability, or the value of one. By the regularised incomplete beta function.
 
@@ -10,7 +10,7 @@ pub(crate) fn two_sided_t(t: f64, freedom: f64) -> Option<f64> {
     p.is_finite().then_some(p)
 }
 
-/// The t that |T| stays below with a probability: by halving, to the last bit.
+/// The t for which |T| < t has this probability, by bisection to the last bit.
 ///
 /// ```
 /// // A table has 2.262 for 95 % and 9 degrees of freedom.

@@ -1,8 +1,7 @@
 //! The evidence for a surface, as it is written into the model file.
 //!
-//! In: the specification, the outcome and the records of one response. Out: named pieces of evidence: data files with hashes,
-//! the specification with its hash, the method, the figures that say how good the surface is. Never a path of the machine, a
-//! date or a user: the same inputs give the same text.
+//! In: the specification, the outcome and the records of one response. Out: named pieces of evidence: data files with hashes, the specification with
+//! its hash, the method, the figures of quality. It contains no path, date or user name, so the same inputs give the same text.
 
 use rsm_core::model::Evidence;
 use rsm_core::source::Source;
@@ -80,7 +79,7 @@ pub(crate) fn of(
     evidence
 }
 
-/// Where rows that were kept apart come from, and the errors on them.
+/// The source of rows that were set aside, and the errors on them.
 fn apart(rows: &Validation, records: &Records, judged: &ValidationStatistics) -> Vec<(String, Evidence)> {
     let source = match rows {
         Validation::Split(split) => Evidence::Text(format!("a share of {} of the data, seed {}", split.share, split.seed)),
@@ -118,7 +117,7 @@ fn files(files: &[DataFile]) -> Evidence {
     Evidence::List(files.iter().map(of_one).collect())
 }
 
-/// What was proven of the surface, and what it cost.
+/// What was proven about the surface, and the increase of its error.
 fn constrained(told: &ConstraintStatistics) -> Evidence {
     let number = |name: &str, value: f64| (name.to_string(), Evidence::Number(value));
     let of_one = |report: &ConstraintReport| {
@@ -139,7 +138,7 @@ fn constrained(told: &ConstraintStatistics) -> Evidence {
     Evidence::Table(table)
 }
 
-/// The name without folders: where it lay on the machine that fitted says nothing.
+/// The file name without folders, because the folder is specific to one machine.
 fn specification_of(source: &Source) -> Evidence {
     let name = source.name().rsplit(['/', '\\']).next().unwrap_or_default();
     Evidence::Table(vec![text("file", name), text("sha256", &hash(source.text()))])

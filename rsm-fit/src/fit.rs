@@ -1,4 +1,4 @@
-//! The whole way from a specification to a model.
+//! A complete fit, from a specification to a model.
 //!
 //! In: a [`Specification`]. Out: an [`Outcome`]: the model, and the outcome and the figures of every response. Bad input is an
 //! error with every fault; a numerical outcome (confidence not reached, linearly dependent columns) is data. The way of one
@@ -21,7 +21,7 @@ pub use crate::outcome::{Progress, ResponseOutcome};
 pub use crate::selection::ChosenBy;
 pub use crate::verdict::Verdict;
 
-/// What became of a specification.
+/// The outcome of a specification.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// The model: a surface for every response that could be fitted.
@@ -34,30 +34,30 @@ pub struct Outcome {
     pub fitted: Records,
     /// The rows that were kept for validation.
     pub validation: Option<Records>,
-    /// The rows that judged at the end and chose nothing.
+    /// The test rows, which are used only for the final errors.
     pub test: Option<Records>,
 }
 
 impl Outcome {
-    /// Whether every response was fitted and reached what was asked for.
+    /// Whether every response was fitted and reached the required confidence.
     #[must_use]
     pub fn reached(&self) -> bool {
         self.responses.iter().all(|response| matches!(response.verdict, Verdict::Fitted | Verdict::Reached { .. }))
     }
 
-    /// What became of a response.
+    /// The outcome of a response.
     #[must_use]
     pub fn response(&self, name: &str) -> Option<&ResponseOutcome> {
         self.responses.iter().find(|response| response.name == name)
     }
 
-    /// The figures of a response; none when there is no such response, or it could not be fitted.
+    /// The figures of a response; `None` if there is no such response, or if it could not be fitted.
     #[must_use]
     pub fn statistics(&self, response: &str) -> Option<&ResponseStatistics> {
         self.response(response)?.statistics.as_ref()
     }
 
-    /// The model with the proof that its parts fit together: what evaluators are made of.
+    /// The model with a proof that it is consistent. Evaluators are generated from this.
     ///
     /// # Errors
     /// Every fault of the model, as [`Checked::from_model`]: a model without any surface, or names that no language can have.
@@ -102,7 +102,7 @@ pub struct Report<'a> {
     pub model: &'a str,
     /// The figures of every response.
     pub responses: Named<Option<&'a ResponseStatistics>>,
-    /// Why a response is null; left out where none is.
+    /// Why a response is null; omitted if none is.
     #[serde(skip_serializing_if = "is_empty")]
     pub not_fitted: Named<NotFitted<'a>>,
 }
@@ -112,7 +112,7 @@ pub struct Report<'a> {
 pub struct NotFitted<'a> {
     /// In words.
     pub why: String,
-    /// What of its constraints is not proven, and what ended the search; left out for other reasons.
+    /// Its unproven constraints, and what ended the search; omitted for other reasons.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub not_proven: Option<&'a NotProven>,
 }
@@ -128,7 +128,7 @@ fn is_empty<T>(named: &Named<T>) -> bool {
     named.0.is_empty()
 }
 
-/// Rows to fit, to validate and to test.
+/// Rows for the fit, for validation and for the test.
 pub(crate) struct Data {
     pub fit: Records,
     pub validate: Option<Records>,
@@ -148,7 +148,7 @@ pub fn fit(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)
     fit_rows(specification, data, progress)
 }
 
-/// Fits every response of a specification whose data files are in memory: `sources` under the names that the specification has.
+/// Fits every response of a specification whose data files are in memory: `sources` have the names of the specification.
 ///
 /// # Errors
 /// Those of [`fit`]; a file that the specification names and that is not there.
@@ -185,7 +185,7 @@ pub fn fit_sources(
     fit_rows(specification, data, progress)
 }
 
-/// Fits every response to rows in memory: what all ways to a fit share. Splits that the specification asks for are made here.
+/// Fits every response to rows in memory. All fits use this function. It also makes the splits of the specification.
 pub(crate) fn fit_rows(
     specification: &Specification,
     data: Data,
@@ -233,7 +233,7 @@ pub(crate) fn fit_rows(
     Ok(Outcome { model, responses, files, fitted: data.fit, validation: data.validate, test: data.test })
 }
 
-/// The rows of a response. Rows at the same point of its inputs stay together, and all that the specification keeps so.
+/// The rows of a response. Rows with the same values of its inputs stay together, as do the groups of the specification.
 fn sample(specification: &Specification, records: &Records, used: &[usize], response: usize, weights: Vec<f64>) -> Sample {
     let columns: Vec<Vec<f64>> = used.iter().map(|k| records.inputs[*k].clone()).collect();
     let groups = split::group_of(specification, records);
@@ -243,7 +243,7 @@ fn sample(specification: &Specification, records: &Records, used: &[usize], resp
     sample
 }
 
-/// Readings of periodic inputs brought into one period, from the bottom of the given range or from 0 on.
+/// Converts readings of periodic inputs to one period, from the lower end of the given range or from 0.
 fn in_one_period(specification: &Specification, mut data: Data) -> Data {
     for (k, input) in specification.inputs.iter().enumerate() {
         let Some(period) = input.period else { continue };
@@ -256,7 +256,7 @@ fn in_one_period(specification: &Specification, mut data: Data) -> Data {
     data
 }
 
-/// Rows of other files that are exact copies of rows to fit: they have been seen.
+/// The number of rows in other files that are exact copies of fitted rows. The fit has already used these.
 fn copies(specification: &Specification, data: &Data) -> Vec<(&'static str, usize)> {
     let of = |key, rows: &Validation, records: &Option<Records>| match (rows, records) {
         (Validation::Files(_), Some(records)) => Some((key, records.copies_of(&data.fit))).filter(|(_, count)| *count > 0),
@@ -266,7 +266,7 @@ fn copies(specification: &Specification, data: &Data) -> Vec<(&'static str, usiz
     validate.into_iter().chain(of("test", &specification.test, &data.test)).collect()
 }
 
-/// `open`: the file of a name.
+/// Reads the data files. `open` returns the file with a name.
 fn read(specification: &Specification, open: &mut dyn FnMut(&str) -> Result<Source, Faults>) -> Result<Data, Refused> {
     let mut units = Units::of(specification);
     let all = Records::read(specification, &specification.data, Rows::ToFit, &mut units, open);
@@ -274,7 +274,7 @@ fn read(specification: &Specification, open: &mut dyn FnMut(&str) -> Result<Sour
         Validation::Files(files) => Records::read(specification, files, Rows::Unseen, &mut units, open).map(Some),
         _ => Ok(None),
     };
-    // All are read before one is refused: all faults together.
+    // All files are read before any is rejected, so that all faults are reported together.
     let (validate, test) = (apart(&specification.validation), apart(&specification.test));
     match (all, validate, test) {
         (Ok(fit), Ok(validate), Ok(test)) => Ok(Data { fit, validate, test, units }),
@@ -285,7 +285,7 @@ fn read(specification: &Specification, open: &mut dyn FnMut(&str) -> Result<Sour
     }
 }
 
-/// Takes the rows that a split sets aside from those to fit.
+/// Moves the rows of a split out of those to fit.
 fn set_aside(specification: &Specification, data: Data) -> Result<Data, Refused> {
     let Data { mut fit, mut validate, mut test, units } = data;
     let set_aside = |key: &str, rows: &Validation, fit: &mut Records| -> Result<Option<Records>, Refused> {
@@ -307,14 +307,14 @@ fn set_aside(specification: &Specification, data: Data) -> Result<Data, Refused>
         *fit = fit.select(&sides.fit);
         Ok(Some(aside))
     };
-    // The rows that judge leave first, so that nothing else can depend on them.
+    // Test rows are removed first, so that nothing else can depend on them.
     test = set_aside("test", &specification.test, &mut fit)?.or(test);
     validate = set_aside("validate", &specification.validation, &mut fit)?.or(validate);
     Ok(Data { fit, validate, test, units })
 }
 
-/// The inputs of the model. A range that the specification does not give is that of the data to fit; symmetric about 0 where a
-/// symmetry asks for it.
+/// The inputs of the model. If the specification gives no range, it is the range of the fitted data, made symmetric about 0 if a symmetry requires
+/// it.
 fn inputs(specification: &Specification, data: &Data) -> Result<Vec<Input>, Faults> {
     let mut faults = Collector::new();
     let mut inputs = Vec::new();
@@ -332,7 +332,7 @@ fn inputs(specification: &Specification, data: &Data) -> Result<Vec<Input>, Faul
             faults.push(fault.help("measure at two values at least, or leave this input out"));
         }
         from_data.push(input.range.is_none().then_some(found).filter(|[low, high]| low < high));
-        // + 0.0: a range from 0, not from -0.
+        // + 0.0: the range starts at 0, not at -0.
         let whole_period = input.period.map(|period| [0.0, period]);
         let range = input.range.or(whole_period).unwrap_or(found).map(|bound| bound + 0.0);
         inputs.push(Input { name: input.name.clone(), unit: data.units.get(k).to_string(), range, outside: input.outside });
@@ -341,7 +341,7 @@ fn inputs(specification: &Specification, data: &Data) -> Result<Vec<Input>, Faul
     faults.finish(Some(inputs))
 }
 
-/// Weights with a mean of 1, so that the residual standard deviation is that of a row of mean weight.
+/// Weights scaled to a mean of 1, so that the residual standard deviation is that of a row with mean weight.
 fn relative(weights: &[f64]) -> Vec<f64> {
     let mean = weights.iter().sum::<f64>() / weights.len() as f64;
     weights.iter().map(|weight| weight / mean).collect()

@@ -1,30 +1,28 @@
-//! The ladder of figure 1: grow a model term by term until the confidence C is reached, then remove the terms that it does not need.
+//! The ladder of figure 1: adds terms until the confidence C is reached, then removes the terms that are not needed.
 //!
-//! In: the triangle of all candidate terms on the data to fit, and a [`Judge`]: rows that are not fitted, or parts of the fitted
-//! rows that are left out in turn. Out: the chosen terms and how they are rated. The paper starts with first order (13) and adds
-//! interactions and higher orders until
+//! In: the triangle of all candidate terms on the data to fit, and a [`Judge`]: rows that are not fitted, or parts of the fitted rows that are left
+//! out in turn. Out: the chosen terms and their rating. The paper starts with first order (13) and adds interactions and higher orders until
 //!
 //! ```text
 //! C = 100 - 100 SS_lof / SS_y,   SS_lof = sum n_i (ybar_i - yhat_i)^2 (14),   SS_y = sum n_i ybar_i^2 (15)
 //! ```
 //!
-//! and wants the fewest regressors that reach C. Here: on each rung (order) the term that takes most from the residual of the
-//! fitted rows is added, until none is left; then the next order opens. The judge says how far to climb: to the first model that
-//! reaches C (and, where the judge knows the spread about the mean, the same figure about the mean), else to the one with the
-//! least error. When C is reached, terms leave one at a time while it still is, and two are exchanged for one where that is
-//! possible.
+//! reaches the required value, with the fewest regressors possible. Here, on each rung (order), the term that reduces the residual of the fitted rows most is added, until
+//! none is left; then the next order begins. The judge determines the end: the first model that reaches C (and, if the judge knows the spread about
+//! the mean, the same C about the mean), otherwise the one with the smallest error. If C is reached, terms are removed one at a time while it still
+//! is, and two terms are exchanged for one where that is possible.
 //!
-//! The judge does not pick the terms of the climb, because it has few rows and there are many candidates: on 5 inputs, 60 rows
-//! (18 of them judging), order 4 and noise as large as the signal, picking by the judge gave a true error of 1.56 times the
-//! noise, picking by the fitted rows 1.27, and leaving parts of all 60 rows out in turn 1.24. A rule of one standard error
-//! changed these by less than 2 % and cost as much on rows with less noise, so the least error stands. Still the judging rows
-//! have a say: their error is that of rows that chose. Never solves with dependent columns.
+//! The judge does not select the terms of the climb, because it has few rows and there are many candidates. With 5 inputs, 60 rows (18 of them for
+//! the judge), order 4 and noise as large as the signal, selection by the judge gave a true error of 1.56 times the noise, selection by the fitted
+//! rows 1.27, and leaving out parts of all 60 rows in turn 1.24. A one-standard-error rule changed these by less than 2 % and was as much worse on
+//! rows with less noise, so the smallest error is used. The judge's rows do affect the choice, so their error is not that of unused rows. Linearly
+//! dependent columns are never solved.
 
 use crate::dd::Dd;
 use crate::design::order;
 use crate::qr::{Dependent, Growing, Triangle};
 
-/// Judges coefficients on rows that do not take part in computing them.
+/// Evaluates coefficients on rows that are not used to compute them.
 #[derive(Debug, Clone)]
 pub struct Judge {
     parts: Vec<Part>,
@@ -32,32 +30,32 @@ pub struct Judge {
     about_mean: Option<Dd>,
 }
 
-/// Rows that judge, and the rows that are fitted for them.
+/// The rows of a judge, and the rows that are fitted for them.
 #[derive(Debug, Clone)]
 struct Part {
-    /// None: the rows of the ladder itself.
+    /// `None` for the rows of the ladder itself.
     fit: Option<Triangle>,
     rows: Triangle,
 }
 
-/// What a judge says of a model.
+/// The rating of a model by a judge.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Rating {
     /// C of (14), (15), in percent. NaN when every mean response is 0.
     pub confidence: f64,
-    /// The same about the mean response in place of zero; `None` where the judge does not know it or the responses have no spread.
+    /// The same about the mean response instead of zero; `None` if the judge does not know it, or if the responses have no spread.
     pub centred: Option<f64>,
 }
 
 impl Judge {
-    /// From rows sqrt(n_i) (terms, ybar_i), one a group of replicates.
+    /// A judge from rows sqrt(n_i) (terms, ybar_i), one for each group of replicates.
     #[must_use]
     pub fn new(triangle: Triangle) -> Self {
         let ss_y = triangle.response_square();
         Judge { parts: vec![Part { fit: None, rows: triangle }], ss_y, about_mean: None }
     }
 
-    /// From parts that are left out in turn: for each the rows to fit without it, and its own rows as in [`Judge::new`].
+    /// A judge from parts that are left out in turn: for each, the rows to fit without it, and its own rows as in [`Judge::new`].
     #[must_use]
     pub fn left_out(parts: Vec<(Triangle, Triangle)>) -> Self {
         let ss_y = parts.iter().map(|(_, rows)| rows.response_square()).sum();
@@ -65,7 +63,7 @@ impl Judge {
         Judge { parts: parts.into_iter().map(part).collect(), ss_y, about_mean: None }
     }
 
-    /// Asks for C about the mean too: sum n_i (ybar_i - mean)^2 of the judging rows.
+    /// Requires C about the mean too: `square` is sum n_i (ybar_i - mean)^2 of the judge's rows.
     #[must_use]
     pub(crate) fn about_the_mean(self, square: Dd) -> Self {
         Judge { about_mean: Some(square).filter(|square| *square > Dd::ZERO), ..self }
@@ -83,50 +81,50 @@ impl Rating {
     }
 }
 
-/// Where a climb ended.
+/// The result of a climb.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Climb {
     /// The chosen terms, in the order of the candidates.
     pub chosen: Vec<usize>,
     /// Their C.
     pub confidence: f64,
-    /// Their C about the mean, where the judge knows it.
+    /// Their C about the mean, if the judge knows it.
     pub centred: Option<f64>,
 }
 
-/// A ladder and what stands around it.
+/// A ladder with its data.
 pub struct Ladder<'a> {
     /// All candidates and the response on the data to fit.
     pub fit: &'a Triangle,
-    /// What is judged on.
+    /// The judge.
     pub judge: &'a Judge,
     /// The candidates, by order.
     pub terms: &'a [Vec<u32>],
     /// The highest order.
     pub max_order: u32,
-    /// The wanted C.
+    /// The required C.
     pub wanted: f64,
 }
 
-/// A model must leave less than the best by this share to be preferred over a smaller one; less is rounding.
+/// A larger model is preferred only if it reduces the error by at least this share; less is rounding.
 const LEAST_GAIN: f64 = 1e-9;
 
-/// Exchanges of two for one are tried up to so many terms: their number grows with the square.
+/// Exchanges of two terms for one are tried up to this number of terms, because their number grows with its square.
 const MOST_FOR_EXCHANGE: usize = 12;
 
-/// The order of the first rung: 1, or the lowest that there is where odd symmetry asks for more.
+/// The order of the first rung: 1, or the lowest order of a candidate if odd symmetry requires more.
 #[must_use]
 pub(crate) fn first_rung(terms: &[Vec<u32>]) -> u32 {
     terms.iter().map(|powers| order(powers)).min().map_or(1, |lowest| lowest.max(1))
 }
 
-/// How many terms so many rows may have: one row stays for the residual, where there is one to spare.
+/// The largest number of terms for this number of rows: one row is kept for the residual, if possible.
 #[must_use]
 pub(crate) fn most_terms(rows: usize) -> usize {
     rows.saturating_sub(1).max(1)
 }
 
-/// One climb: a problem that grows, and the order that is open.
+/// One climb: a growing problem, and the current order.
 struct Climber {
     growing: Growing,
     rung: u32,
@@ -134,10 +132,10 @@ struct Climber {
 }
 
 impl Ladder<'_> {
-    /// Climbs. `progress` hears the order, the number of terms and C after each step.
+    /// Climbs. `progress` is called with the order, the number of terms and C after each step.
     ///
     /// # Errors
-    /// If the first-order columns are linearly dependent already: the data cannot tell the inputs apart.
+    /// If the first-order columns are already linearly dependent: the data do not distinguish the inputs.
     pub fn climb(&self, progress: &mut dyn FnMut(u32, usize, f64)) -> Result<Climb, Dependent> {
         let first = first_rung(self.terms);
         let lowest: Vec<usize> = (0..self.terms.len()).filter(|k| order(&self.terms[*k]) <= first).collect();
@@ -153,7 +151,7 @@ impl Ladder<'_> {
         Ok(best)
     }
 
-    /// All climbs side by side, a term each at a time: that of the ladder's own rows, and one for each part that is left out.
+    /// All climbs in parallel, one term at a time: that of the ladder's own rows, and one for each part that is left out.
     fn ascend(&self, progress: &mut dyn FnMut(u32, usize, f64)) -> Result<Climb, Dependent> {
         let climber = |fit: &Triangle, judging: Option<&Triangle>| {
             let growing = judging.map_or_else(|| Growing::new(fit), |rows| Growing::judged_by(fit, rows));
@@ -192,7 +190,7 @@ impl Ladder<'_> {
         Ok(Climb { chosen: own.growing.chosen()[..size].to_vec(), confidence, centred })
     }
 
-    /// The constant, or where there is none (an odd surface) the first term.
+    /// The constant; without one (an odd surface), the first term.
     fn start(&self, climber: &mut Climber) -> Result<(), Dependent> {
         match (0..self.terms.len()).find(|k| order(&self.terms[*k]) == 0) {
             Some(constant) => climber.growing.add(constant),
@@ -203,8 +201,8 @@ impl Ladder<'_> {
         }
     }
 
-    /// Adds the term that takes most from the residual, of the lowest order that has one. False when there is none. Dependent terms
-    /// are passed over: the data cannot tell what they would add.
+    /// Adds the term that reduces the residual most, from the lowest order that has one. False if there is none. Linearly dependent terms are
+    /// skipped.
     fn step(&self, climber: &mut Climber) -> bool {
         if climber.growing.chosen().len() >= climber.most {
             return false;
@@ -223,7 +221,7 @@ impl Ladder<'_> {
         false
     }
 
-    /// How a set of terms is rated; `None` if they are linearly dependent.
+    /// The rating of a set of terms; `None` if they are linearly dependent.
     fn rating_of(&self, terms: &[usize]) -> Option<Rating> {
         let left = |part: &Part| {
             let growing = Growing::of(part.fit.as_ref().unwrap_or(self.fit), terms).ok()?;
@@ -232,8 +230,8 @@ impl Ladder<'_> {
         self.judge.parts.iter().map(left).sum::<Option<Dd>>().map(|left| self.judge.rating(left))
     }
 
-    /// Takes out terms one at a time, the least missed first, while C is still reached. The constant is not a regressor and
-    /// stays. No terms at all have a C of 0.
+    /// Removes terms one at a time while C is still reached, the least important first. The constant is not a regressor and stays. Without any terms,
+    /// C is 0.
     fn prune(&self, climb: &mut Climb) {
         loop {
             let without = |out: &usize| -> Option<Climb> {
@@ -248,8 +246,8 @@ impl Ladder<'_> {
         }
     }
 
-    /// Puts one term in the place of two, if C is still reached. True when it did. Not tried where parts are left out in turn:
-    /// each of the many solutions would be one a part.
+    /// Replaces two terms by one, if C is still reached. Returns whether it did. Not tried if parts are left out in turn, because each trial would
+    /// need one solution for each part.
     fn exchange(&self, climb: &mut Climb) -> bool {
         let regressors: Vec<usize> = climb.chosen.iter().copied().filter(|term| order(&self.terms[*term]) > 0).collect();
         let [Part { fit: None, rows }] = &self.judge.parts[..] else { return false };
@@ -259,7 +257,7 @@ impl Ladder<'_> {
         for (k, first) in regressors.iter().enumerate() {
             for second in &regressors[k + 1..] {
                 let rest: Vec<usize> = climb.chosen.iter().copied().filter(|term| term != first && term != second).collect();
-                // All candidates at once: one problem with `rest` solved, each looked at in turn.
+                // All candidates at once: one problem with `rest` solved, in which each candidate is evaluated.
                 let mut growing = Growing::judged_by(self.fit, rows);
                 if rest.iter().any(|term| growing.add(*term).is_err()) {
                     continue;

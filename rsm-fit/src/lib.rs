@@ -13,12 +13,12 @@
 //!                    Outcome { model: rsm_core::model::Model, figures of each response }
 //! ```
 //!
-//! Beside the line: recursive, rows one at a time; plan, what to run before there are data.
+//! Not in the picture: `recursive` fits rows one at a time; `plan` designs experiments.
 //!
-//! Every stage collects all faults of its input; numerical outcomes are data. Nothing here writes a file, prints, or knows an
-//! emitter. The same bytes in give the same model, to the bit, on every machine with IEEE 754.
+//! Every stage reports all faults of its input together; numerical outcomes are data. Nothing here writes a file, prints, or depends on an emitter.
+//! The same input bytes give the same model, bit for bit, on every machine with IEEE 754.
 //!
-//! Rows that are in memory already enter as `Records`: [`Fit`] is that way. A line through seven points, from there to a model:
+//! Rows in memory are fitted with [`Fit`]. A line through seven points, from the rows to a model:
 //!
 //! ```
 //! use rsm_fit::{Fit, Input, Response};

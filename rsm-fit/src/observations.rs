@@ -1,6 +1,6 @@
-//! Points with their responses, errors on rows, and named values: what the figures of a fit are made of.
+//! Points with their responses, errors on rows, and named values: the data of a fit's figures.
 //!
-//! In: columns of values. Out: plain structs. Knows no model and no term.
+//! In: columns of values. Out: plain structs. Independent of models and terms.
 
 use std::collections::BTreeMap;
 
@@ -24,16 +24,16 @@ impl<T: Serialize> Serialize for Named<T> {
     }
 }
 
-/// Errors on rows from which no coefficient was computed, with the coefficients and the saturation of the model as it is written.
+/// Errors on rows that were not used for the coefficients, of the model as written, including its saturation.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ValidationStatistics {
-    /// How many rows.
+    /// The number of rows.
     pub rows: usize,
-    /// Mean of the magnitudes of the errors.
+    /// The mean absolute error.
     pub mean_abs_error: f64,
-    /// The largest magnitude.
+    /// The largest absolute error.
     pub max_abs_error: f64,
-    /// Root of the mean square.
+    /// The root mean square error.
     pub rmse: f64,
     /// C of (14), (15).
     pub confidence_c: Option<f64>,
@@ -42,22 +42,22 @@ pub struct ValidationStatistics {
 /// Points with their responses.
 #[derive(Debug, Clone, Copy)]
 pub struct Observations<'a> {
-    /// For every input of the surface its values.
+    /// The values of every input of the surface.
     pub inputs: &'a [&'a [f64]],
     /// The response.
     pub response: &'a [f64],
-    /// How much each row counts, with a mean of 1; empty where all count alike.
+    /// The weight of each row, with a mean of 1; empty if all rows count equally.
     pub weights: &'a [f64],
 }
 
 impl Observations<'_> {
-    /// How much a row counts.
+    /// The weight of a row.
     #[must_use]
     pub fn weight(&self, row: usize) -> Dd {
         self.weights.get(row).map_or(Dd::ONE, |weight| Dd::from(*weight))
     }
 
-    /// How much some rows count together.
+    /// The sum of the weights of some rows.
     #[must_use]
     pub(crate) fn weight_of(&self, rows: &[usize]) -> Dd {
         rows.iter().map(|row| self.weight(*row)).sum()
@@ -81,7 +81,7 @@ impl Observations<'_> {
         let mut group_of: BTreeMap<Vec<u64>, usize> = BTreeMap::new();
         let mut groups: Vec<Vec<usize>> = Vec::new();
         for row in 0..self.response.len() {
-            // + 0.0 makes one of the two zeros.
+            // + 0.0 makes both zeros equal.
             let key = self.inputs.iter().map(|column| (column[row] + 0.0).to_bits()).collect();
             let group = *group_of.entry(key).or_insert(groups.len());
             if group == groups.len() {
@@ -92,7 +92,7 @@ impl Observations<'_> {
         groups
     }
 
-    /// The mean response of some rows, each with its weight.
+    /// The weighted mean response of some rows.
     #[must_use]
     pub fn mean(&self, rows: &[usize]) -> Dd {
         let sum: Dd = rows.iter().map(|row| self.weight(*row) * Dd::from(self.response[*row])).sum();

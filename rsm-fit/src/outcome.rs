@@ -4,47 +4,47 @@ use crate::selection::ChosenBy;
 use crate::statistics::ResponseStatistics;
 use crate::verdict::Verdict;
 
-/// What a fit tells while it runs.
+/// Progress messages of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Progress<'a> {
     /// A data file is being read.
     Reading {
-        /// Its name, as the specification has it.
+        /// Its name in the specification.
         file: &'a str,
     },
     /// A response is being fitted.
     Fitting {
         /// Its name.
         response: &'a str,
-        /// Its place among all, from 1.
+        /// Its number, from 1.
         number: usize,
-        /// How many there are.
+        /// The number of responses.
         of: usize,
     },
     /// A step of the ladder.
     Step {
         /// The response.
         response: &'a str,
-        /// The order that is open.
+        /// The current order.
         order: u32,
-        /// Terms so far.
+        /// The current number of terms.
         terms: usize,
-        /// C so far.
+        /// The current C.
         confidence: f64,
     },
 }
 
-/// What became of a response.
+/// The outcome of a response.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResponseOutcome {
     /// Its name.
     pub name: String,
-    /// How it ended.
+    /// Its verdict.
     pub verdict: Verdict,
-    /// So many fitted rows lie outside the range of an input. They are fitted as measured.
+    /// The number of fitted rows outside the range of an input. They are fitted as measured.
     pub rows_outside: usize,
-    /// Its figures; none when it could not be fitted.
+    /// Its figures; `None` if it could not be fitted.
     pub statistics: Option<ResponseStatistics>,
-    /// What the terms were chosen by.
+    /// What the choice of terms was based on.
     pub chosen_by: ChosenBy,
 }

@@ -1,22 +1,20 @@
 //! Least squares by Householder reflections in double-double arithmetic, on a model that may grow.
 //!
-//! In: rows of a design matrix with the response behind them. Out: coefficients, the triangular factor, the residual sum of
-//! squares. [`Compressed`] takes any number of rows and keeps a triangle: an orthogonal transformation of all candidate columns
-//! and of the response, which has the same least-squares solution for every choice of columns. [`Growing`] solves on that
-//! triangle and appends a column at the cost of one reflection. A column that is a linear combination of the others (to within
-//! the rounding of the data) is refused by name, never solved silently.
+//! In: rows of a design matrix, each followed by its response. Out: coefficients, the triangular factor, the residual sum of squares. [`Compressed`]
+//! takes any number of rows and keeps a triangle: an orthogonal transformation of all candidate columns and the response, which has the same
+//! least-squares solution for every choice of columns. [`Growing`] solves on that triangle and adds a column at the cost of one reflection. A column
+//! that is a linear combination of the others (within the rounding of the data) is rejected by name.
 //!
 //! Source: Golub, Van Loan, Matrix Computations, 5.2 (Householder QR) and 6.5 (updating); Lawson, Hanson, Solving Least Squares
 //! Problems, chapter 27 (sequential accumulation).
 
 use crate::dd::Dd;
 
-/// A column is refused when the part of it that the other columns do not make up is below this share of it. Data are rounded to
-/// f64, each value wrong by up to 2^-53 of itself; 2^-46 leaves a factor 128 for sums of several such columns. Filip, the worst
-/// of NIST's sets, is at 2^-31.
+/// A column is rejected if its component orthogonal to the other columns is below this share of it. Data are rounded to f64, with relative errors up
+/// to 2^-53; 2^-46 leaves a factor of 128 for sums of several such columns. For Filip, the worst of NIST's sets, the share is 2^-31.
 pub(crate) const DEPENDENT: f64 = 1.0 / (1u64 << 46) as f64;
 
-/// Rows that are reduced together. Larger blocks cost memory, smaller ones repeat the work on the triangle.
+/// The number of rows that are reduced together. Larger blocks need more memory; smaller ones repeat the work on the triangle.
 const BLOCK: usize = 512;
 
 /// A matrix by columns.
@@ -30,13 +28,13 @@ pub struct Compressed {
 }
 
 impl Compressed {
-    /// No rows yet; `width` counts the response.
+    /// Without rows; `width` includes the response.
     #[must_use]
     pub fn new(width: usize) -> Self {
         Compressed { columns: vec![Vec::new(); width], rows: 0 }
     }
 
-    /// Takes a row in: the terms, then the response.
+    /// Adds a row: the terms, then the response.
     pub fn push(&mut self, row: impl IntoIterator<Item = Dd>) {
         let mut count = 0;
         for (column, value) in self.columns.iter_mut().zip(row) {
@@ -52,7 +50,7 @@ impl Compressed {
         }
     }
 
-    /// How many rows were taken in.
+    /// The number of added rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.rows
@@ -73,10 +71,10 @@ impl Compressed {
         }
     }
 
-    /// The triangle, as columns of at most as many rows as there are columns.
+    /// The triangle, as columns with at most as many rows as there are columns.
     #[must_use]
     pub fn finish(mut self) -> Triangle {
-        // Fewer rows than columns are small already.
+        // With fewer rows than columns, no reduction is needed.
         if self.rows > self.columns.len() {
             self.reduce();
         }
@@ -92,10 +90,10 @@ pub struct Triangle {
 }
 
 impl Triangle {
-    /// The triangle of the rows of several, which have the same candidates.
+    /// The triangle of the rows of several triangles with the same candidates.
     ///
     /// # Panics
-    /// When there is none.
+    /// If `parts` is empty.
     #[must_use]
     pub fn stacked(parts: &[&Triangle]) -> Self {
         let mut columns = parts.first().expect("a triangle to stack").columns.clone();
@@ -107,13 +105,13 @@ impl Triangle {
         Compressed { columns, rows: parts.iter().map(|part| part.rows).sum() }.finish()
     }
 
-    /// How many rows went in.
+    /// The number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.rows
     }
 
-    /// How many candidates there are.
+    /// The number of candidates.
     #[must_use]
     pub fn width(&self) -> usize {
         self.columns.len() - 1
@@ -138,7 +136,7 @@ impl Triangle {
     }
 }
 
-/// I - 2 v v'/(v'v), which turns the tail of one column into a single number.
+/// The reflection I - 2 v v'/(v'v), which reduces the tail of a column to a single number.
 struct Reflection {
     from: usize,
     v: Vec<Dd>,
@@ -146,7 +144,7 @@ struct Reflection {
 }
 
 impl Reflection {
-    /// The reflection for a column from a row on; the column becomes its result. `None` when there is nothing to turn.
+    /// The reflection for a column from a row on. The column is replaced by the result. `None` if the tail is already zero.
     fn of(column: &mut [Dd], from: usize) -> Option<Self> {
         let tail = column.get_mut(from..)?;
         let below: Dd = tail.iter().skip(1).map(|x| *x * *x).sum();
@@ -154,8 +152,8 @@ impl Reflection {
             return None;
         }
         let norm = (tail[0] * tail[0] + below).sqrt();
-        // The sign that adds, so that nothing cancels.
-        // mutant `> to >=`: nothing is added to 0, so either sign does.
+        // The sign that adds, to avoid cancellation.
+        // mutant `> to >=`: for 0 both signs give the same.
         let turned = if tail[0] > Dd::ZERO { -norm } else { norm };
         let mut v = tail.to_vec();
         v[0] = tail[0] - turned;
@@ -175,28 +173,28 @@ impl Reflection {
     }
 }
 
-/// The columns that make one column up.
+/// A linear dependence of columns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dependent {
-    /// How much larger the column is than the part of it that is its own; infinite when nothing is.
+    /// The norm of the column divided by the norm of its orthogonal component; infinite if that is zero.
     pub condition: f64,
-    /// The candidates involved, the refused one last.
+    /// The candidates involved, the rejected one last.
     pub candidates: Vec<usize>,
 }
 
-/// A least-squares problem that grows by a column at a time.
+/// A least-squares problem to which columns are added one at a time.
 #[derive(Debug, Clone)]
 pub struct Growing {
     /// Transformed candidates and, last, the response.
     columns: Columns,
     norms: Vec<f64>,
     chosen: Vec<usize>,
-    /// Rows that judge and are not fitted, column by column: what the chosen candidates leave of each. Empty where nobody judges.
+    /// The rows of a judge, which are not fitted, by column: the residual of each column after the chosen candidates. Empty without a judge.
     judging: Columns,
 }
 
 impl Growing {
-    /// Nothing chosen yet.
+    /// A problem without chosen candidates.
     #[must_use]
     pub fn new(triangle: &Triangle) -> Self {
         let norm = |column: &Vec<Dd>| column.iter().map(|x| *x * *x).sum::<Dd>().sqrt().to_f64();
@@ -204,21 +202,21 @@ impl Growing {
         Growing { columns: triangle.columns.clone(), norms, chosen: Vec::new(), judging: Vec::new() }
     }
 
-    /// Nothing chosen yet, with other rows that judge each choice: [`Growing::judged`] costs no solution then. Both triangles have
-    /// the same candidates.
+    /// The same with other rows that evaluate each choice, so that [`Growing::judged`] needs no solution. Both triangles must have the same
+    /// candidates.
     #[must_use]
     pub fn judged_by(fit: &Triangle, judge: &Triangle) -> Self {
         Growing { judging: judge.columns.clone(), ..Growing::new(fit) }
     }
 
-    /// The sum of squares that the chosen candidates leave on the rows that judge.
+    /// The sum of squares that the chosen candidates leave on the judge's rows.
     #[must_use]
     pub fn judged(&self) -> Dd {
         self.judging.last().map_or(Dd::ZERO, |response| response.iter().map(|x| *x * *x).sum())
     }
 
-    /// What a candidate more would do: how much it takes from the residual sum of squares of the fitted rows, and what would be
-    /// left on the rows that judge. `None` if it is linearly dependent on the chosen ones.
+    /// The effect of adding a candidate: the reduction of the residual sum of squares of the fitted rows, and the sum of squares that would be left
+    /// on the judge's rows. `None` if it is linearly dependent on the chosen ones.
     #[must_use]
     pub fn ahead(&self, candidate: usize) -> Option<(Dd, Dd)> {
         let (own, last) = self.last_with(candidate)?;
@@ -231,7 +229,7 @@ impl Growing {
         Some((last * last * own * own, left))
     }
 
-    /// The norm of a candidate's own part, and the coefficient that it would get.
+    /// The norm of a candidate's orthogonal component, and its coefficient if it is added.
     fn last_with(&self, candidate: usize) -> Option<(Dd, Dd)> {
         let k = self.chosen.len();
         let own = self.own_part(candidate).ok()?;
@@ -240,7 +238,7 @@ impl Growing {
         Some((own, product / (own * own)))
     }
 
-    /// A problem of some candidates alone: cheaper than one that carries all of them along.
+    /// A problem with only these candidates: cheaper than one with all of them.
     ///
     /// # Errors
     /// The first candidate that is linearly dependent on those before it, numbered as in the triangle.
@@ -258,16 +256,16 @@ impl Growing {
         Ok(small)
     }
 
-    /// The chosen candidates, in the order in which they came.
+    /// The chosen candidates, in the order in which they were added.
     #[must_use]
     pub fn chosen(&self) -> &[usize] {
         &self.chosen
     }
 
-    /// Appends a candidate.
+    /// Adds a candidate.
     ///
     /// # Errors
-    /// If it is linearly dependent on the chosen ones; nothing is changed then.
+    /// If it is linearly dependent on the chosen ones. The problem is then unchanged.
     pub fn add(&mut self, candidate: usize) -> Result<(), Dependent> {
         let k = self.chosen.len();
         self.own_part(candidate)?;
@@ -276,7 +274,7 @@ impl Growing {
         self.chosen.push(candidate);
         if let Some(reflection) = reflection {
             for (other, entry) in self.columns.iter_mut().enumerate() {
-                // Chosen columns are zero from row k on, except this one.
+                // Chosen columns are zero from row k on, except for this one.
                 if !self.chosen.contains(&other) {
                     reflection.apply(entry);
                 }
@@ -287,7 +285,7 @@ impl Growing {
         Ok(())
     }
 
-    /// Takes the part of a newly chosen candidate out of all other columns of the rows that judge, as the fitted rows have it.
+    /// Subtracts a newly chosen candidate from all other columns of the judge's rows, with the coefficients of the fitted rows.
     fn judge_without(&mut self, candidate: usize, k: usize) {
         if self.judging.is_empty() {
             return;
@@ -304,7 +302,7 @@ impl Growing {
         }
     }
 
-    /// The norm of the part of a candidate that is orthogonal to the chosen ones. There are never more chosen ones than rows.
+    /// The norm of the component of a candidate that is orthogonal to the chosen ones. There are never more chosen ones than rows.
     fn own_part(&self, candidate: usize) -> Result<Dd, Dependent> {
         let k = self.chosen.len();
         let column = &self.columns[candidate];
@@ -313,7 +311,8 @@ impl Growing {
         if own.to_f64() > DEPENDENT * norm {
             return Ok(own);
         }
-        // The candidate as a combination of the chosen ones: R w = column. Those with a share above the threshold's root count as involved.
+        // The candidate as a combination of the chosen ones: R w = column. Those with a share above the square root of the threshold count as
+        // involved.
         let mut weights: Vec<Dd> = column[..k].to_vec();
         self.back_substitute(&mut weights);
         let share = |(weight, chosen): &(&Dd, &usize)| weight.to_f64().abs() * self.norms[**chosen] > DEPENDENT.sqrt() * norm;
@@ -344,7 +343,7 @@ impl Growing {
         }
     }
 
-    /// The norm of a chosen candidate's column, by its place among the chosen.
+    /// The norm of a chosen candidate's column, by its index among the chosen ones.
     #[must_use]
     pub fn norm(&self, place: usize) -> f64 {
         self.norms[self.chosen[place]]
@@ -358,7 +357,7 @@ impl Growing {
         b
     }
 
-    /// R^-T x: the row of a linear function of the coefficients, seen from R b.
+    /// R^-T x for the row x of a linear function of the coefficients.
     #[must_use]
     pub fn projected(&self, mut row: Vec<Dd>) -> Vec<Dd> {
         self.forward_substitute(&mut row);

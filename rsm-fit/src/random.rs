@@ -1,7 +1,7 @@
 //! Random numbers that are the same for one seed on every machine and in every release.
 //!
-//! In: a seed. Out: whole numbers below a limit, numbers in [0, 1) and (0, 1], normal numbers, shuffles. The stream of ChaCha8 is fixed by its definition;
-//! what is made of it is fixed here. Never reads a clock or the machine.
+//! In: a seed. Out: integers below a limit, numbers in [0, 1) and (0, 1], normal numbers, shuffles. The stream of ChaCha8 is fixed by its definition,
+//! and the conversions are fixed here. Independent of clock and machine.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -25,10 +25,10 @@ impl Random {
         Random(ChaCha8Rng::seed_from_u64(seed))
     }
 
-    /// A whole number below `limit`, each equally likely: draws beyond the last full multiple are thrown away.
+    /// An integer below `limit`, uniformly distributed: draws beyond the last full multiple are discarded.
     ///
     /// # Panics
-    /// When `limit` is 0: no number is below it.
+    /// If `limit` is 0.
     pub fn below(&mut self, limit: u64) -> u64 {
         let full = u64::MAX - u64::MAX % limit;
         loop {
@@ -39,12 +39,12 @@ impl Random {
         }
     }
 
-    /// A number in [0, 1): a multiple of 2^-53, each equally likely.
+    /// A uniformly distributed number in [0, 1), a multiple of 2^-53.
     pub fn share(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// A number in (0, 1], for a logarithm: a multiple of 2^-53, each equally likely.
+    /// A uniformly distributed number in (0, 1], a multiple of 2^-53, for a logarithm.
     pub fn uniform(&mut self) -> f64 {
         1.0 - self.share()
     }
@@ -55,7 +55,7 @@ impl Random {
         radius * (std::f64::consts::TAU * self.share()).cos()
     }
 
-    /// Puts items into a random order, each equally likely (Fisher and Yates; Durstenfeld 1964).
+    /// Shuffles items; every order is equally likely (Fisher and Yates; Durstenfeld 1964).
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for last in (1..items.len()).rev() {
             items.swap(last, self.below(last as u64 + 1) as usize);

@@ -1,8 +1,8 @@
 //! Records: the rows of the data files in the units of the model.
 //!
-//! In: a specification and the names of some of its files. Out: [`Records`] (one list a variable, all of the same length) with
-//! the name, hash and rows of each file, or every fault of every file. The first file that names a unit decides where the
-//! specification names none. Never drops a row.
+//! In: a specification and the names of some of its files. Out: [`Records`] (one list for each variable, all of the same length) with the name, hash
+//! and rows of each file, or every fault of every file. If the specification gives no unit, that of the first file with a unit is used. Never drops a
+//! row.
 
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use sha2::{Digest, Sha256};
@@ -38,24 +38,23 @@ impl From<Refused> for Faults {
     }
 }
 
-/// A data file as the evidence names it.
+/// A data file, for the evidence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DataFile {
-    /// The name, as the specification has it.
+    /// The name in the specification.
     pub name: String,
     /// SHA-256 of its bytes, in hexadecimal.
     pub sha256: String,
-    /// How many rows it has.
+    /// The number of its rows.
     pub rows: usize,
 }
 
-/// The units in which a fit counts: of the inputs, then of the responses. Settled by the specification or by the first file
-/// that has one.
+/// The units of a fit: of the inputs, then of the responses, from the specification or from the first file with a unit.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Units(Vec<Option<String>>);
 
 impl Units {
-    /// What the specification says.
+    /// The units in the specification.
     #[must_use]
     pub fn of(specification: &Specification) -> Self {
         let inputs = specification.inputs.iter().map(|input| input.unit.clone());
@@ -69,34 +68,34 @@ impl Units {
     }
 }
 
-/// What rows are read for.
+/// The use of rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rows {
-    /// To be fitted, with their weights.
+    /// Rows to fit, with their weights.
     ToFit,
-    /// To judge; they count alike.
+    /// Rows for evaluation; all count equally.
     Unseen,
 }
 
 /// Rows in the units of the model.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Records {
-    /// Where they come from.
+    /// Their files.
     pub files: Vec<DataFile>,
-    /// For every input its values, in natural units.
+    /// The values of every input, in natural units.
     pub inputs: Vec<Vec<f64>>,
-    /// For every response its values.
+    /// The values of every response.
     pub responses: Vec<Vec<f64>>,
-    /// For every response the weights of its rows, 1/sigma^2 as the file has it; empty where all count alike, and for unseen rows.
+    /// For every response the weights of its rows, proportional to 1/sigma^2; empty if all count equally, and for rows that are not fitted.
     pub weights: Vec<Vec<f64>>,
-    /// For every column that keeps rows together ([`Specification::labels`]) its cells.
+    /// The cells of every column that keeps rows together ([`Specification::labels`]).
     pub labels: Vec<Vec<String>>,
-    /// The place of each row in the order in which the runs were made; empty where no column says it, or not for every row.
+    /// The place of each row in run order; empty if no column gives it for every row.
     pub order: Vec<f64>,
 }
 
 impl Records {
-    /// Reads some of the files of a specification. `open` gives the file of a name.
+    /// Reads some of the files of a specification. `open` returns the file with a name.
     ///
     /// # Errors
     /// Every fault of every file.
@@ -147,7 +146,7 @@ impl Records {
         if refused.is_empty() { Ok(records) } else { Err(Refused(refused)) }
     }
 
-    /// Weights are taken as numbers: only their ratios count, so a unit would change nothing.
+    /// Weights are read without units, because only their ratios matter.
     fn append_weights(&mut self, table: &Table, weights: &[Option<Weights>]) -> Result<(), Faults> {
         let mut faults = Collector::new();
         for (target, weights) in self.weights.iter_mut().zip(weights) {
@@ -182,7 +181,7 @@ impl Records {
                     target.extend(values);
                     *unit = Some(found);
                 }
-                // A column that serves two variables is told of once.
+                // A fault in a column that is used for two variables is reported once.
                 Err(fault) if told.contains(&fault) => {}
                 Err(fault) => {
                     told.push(fault.clone());
@@ -196,7 +195,7 @@ impl Records {
         faults.finish(Some(table.rows()))
     }
 
-    /// How many rows there are.
+    /// The number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.responses.first().map_or(0, Vec::len)
@@ -217,11 +216,11 @@ impl Records {
         }
     }
 
-    /// Rows of which the other records have an exact copy, in every input and every response.
+    /// The number of rows that have an exact copy in the other records, in every input and every response.
     #[must_use]
     pub(crate) fn copies_of(&self, other: &Records) -> usize {
         let key = |records: &Records, row: usize| -> Vec<u64> {
-            // + 0.0 makes one of the two zeros.
+            // + 0.0 makes both zeros equal.
             records.inputs.iter().chain(&records.responses).map(|column| (column[row] + 0.0).to_bits()).collect()
         };
         let known: std::collections::BTreeSet<Vec<u64>> = (0..other.rows()).map(|row| key(other, row)).collect();
@@ -229,12 +228,12 @@ impl Records {
     }
 }
 
-/// The cells of the columns of runs as numbers, if each row has one of its own.
+/// The cells of the run column as numbers, if all are different; otherwise empty.
 fn in_order(cells: &[String], rows: usize) -> Vec<f64> {
     distinct(cells.iter().filter_map(|cell| cell.parse().ok()).filter(|run: &f64| run.is_finite()).collect(), rows)
 }
 
-/// The places of rows in an order, if each row has one of its own; else none.
+/// The places of rows in an order, if all are different; otherwise empty.
 pub(crate) fn distinct(order: Vec<f64>, rows: usize) -> Vec<f64> {
     let mut sorted = order.clone();
     sorted.sort_by(f64::total_cmp);
@@ -249,7 +248,7 @@ fn wanted(specification: &Specification) -> Wanted {
     Wanted { numbers, labels, run: true, ..Wanted::default() }
 }
 
-/// SHA-256 in hexadecimal. A source keeps every byte of its file, so this is what `sha256sum` prints.
+/// SHA-256 in hexadecimal. A source keeps every byte of its file, so this is the output of `sha256sum`.
 #[must_use]
 pub fn hash(text: &str) -> String {
     hexadecimal(&Sha256::digest(text.as_bytes()))

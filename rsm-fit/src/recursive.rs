@@ -1,10 +1,9 @@
-//! Recursive least squares: rows one at a time, old ones forgotten at a chosen rate.
+//! Recursive least squares: rows one at a time, with a forgetting factor.
 //!
-//! In: rows of a design matrix with their responses, in the order of time. Out: after each row the coefficients that minimise
-//! sum of forgetting^(age) (response - row b)^2. Kept in square-root information form (a triangle R and a right-hand side z
-//! with R b = z), updated by Givens rotations in double-double: it starts from no rows, not from a made-up covariance, so that
-//! with forgetting factor 1 the answer is that of batch least squares. Before the rows determine the coefficients there is no
-//! answer. Never keeps a row.
+//! In: rows of a design matrix with their responses, in the order of time. Out: after each row the coefficients that minimise sum of forgetting^(age)
+//! (response - row b)^2. The state is the square-root information form (a triangle R and a right-hand side z with R b = z), updated by Givens
+//! rotations in double-double. It starts without rows, not with an assumed covariance, so the result with forgetting factor 1 is that of batch least
+//! squares. There is no result until the rows determine the coefficients. Rows are not stored.
 //!
 //! Source: Golub, Van Loan, Matrix Computations, 6.5.2; Haykin, Adaptive Filter Theory, chapter on square-root adaptive filters
 //! (QR-RLS).
@@ -29,21 +28,20 @@ use crate::qr::DEPENDENT;
 pub struct RecursiveLeastSquares {
     /// sqrt(forgetting factor).
     fading: Dd,
-    /// Upper triangle with the right-hand side as last column, row by row.
+    /// The upper triangle, with the right-hand side as last column, row by row.
     triangle: Vec<Vec<Dd>>,
-    /// Weighted sum of squares of each column, against which its diagonal is judged.
+    /// The weighted sum of squares of each column; a small diagonal relative to it means that the column is not determined.
     squares: Vec<Dd>,
     residual_square: Dd,
     rows: usize,
 }
 
 impl RecursiveLeastSquares {
-    /// Nothing seen yet. The weight of a row is `forgetting` to the power of its age in rows: 1 forgets nothing, 0.99 remembers
-    /// about 100 rows.
+    /// A state without rows. The weight of a row is `forgetting` to the power of its age in rows: 1 forgets nothing, 0.99 has a memory of about 100
+    /// rows.
     ///
     /// # Panics
-    /// Unless `terms` is at least 1 and `forgetting` is above 0 and at most 1: a factor above 1 would trust the oldest rows
-    /// most.
+    /// If `terms` is 0, or if `forgetting` is not above 0 and at most 1. A factor above 1 would give the oldest rows the largest weight.
     #[must_use]
     pub fn new(terms: usize, forgetting: f64) -> Self {
         assert!(terms > 0, "recursive least squares of no terms");
@@ -57,11 +55,10 @@ impl RecursiveLeastSquares {
         }
     }
 
-    /// Takes a row in. A row with a NaN or an infinity is refused, so that one bad sample does not poison the state: false
-    /// then.
+    /// Adds a row. A row with a NaN or an infinity is rejected, so that it does not destroy the state; the result is then false.
     ///
     /// # Panics
-    /// When the row has another number of terms than the state.
+    /// If the row has a different number of terms than the state.
     pub fn update(&mut self, row: &[Dd], response: f64) -> bool {
         assert_eq!(row.len(), self.triangle.len(), "a row has a number for every term");
         if !response.is_finite() || row.iter().any(|x| !x.is_finite()) {
@@ -80,7 +77,7 @@ impl RecursiveLeastSquares {
             if new[k] == Dd::ZERO {
                 continue;
             }
-            // The rotation that takes new[k] into the diagonal, which is never negative.
+            // The rotation that moves new[k] to the diagonal, which is never negative.
             let radius = (old[k] * old[k] + new[k] * new[k]).sqrt();
             let (cosine, sine) = (old[k] / radius, new[k] / radius);
             for (above, below) in old.iter_mut().zip(&mut new).skip(k) {
@@ -92,13 +89,13 @@ impl RecursiveLeastSquares {
         true
     }
 
-    /// How many rows were taken in.
+    /// The number of added rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.rows
     }
 
-    /// The coefficients; `None` while the rows do not determine all of them.
+    /// The coefficients; `None` until the rows determine all of them.
     #[must_use]
     pub fn coefficients(&self) -> Option<Vec<f64>> {
         let terms = self.triangle.len();
@@ -108,7 +105,7 @@ impl RecursiveLeastSquares {
             if diagonal.to_f64() <= DEPENDENT * self.squares[k].sqrt().to_f64() {
                 return None;
             }
-            // What is not known yet is 0.
+            // Coefficients that are not yet known are 0.
             let known: Dd = self.triangle[k].iter().zip(&b).map(|(r, b)| *r * *b).sum();
             b[k] = (self.triangle[k][terms] - known) / diagonal;
         }

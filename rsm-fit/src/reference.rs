@@ -1,6 +1,7 @@
-//! Least squares by normal equations in exact rational arithmetic: what the double-double way is compared with.
+//! Least squares by normal equations in exact rational arithmetic, as a reference for the double-double solution.
 //!
-//! In: rows, responses and weights, as rational numbers. Out: coefficients, (X'WX)^-1, sums of squares, all exact. Shares nothing with `qr.rs`: no
+//! In: rows, responses and weights as rational numbers. Out: coefficients, (X'WX)^-1, sums of squares, all exact. Shares no code with `qr.rs`. Used
+//! only by tests.
 //! reflection, no root, no rounding. For tests alone.
 
 use num_traits::ToPrimitive;
@@ -17,7 +18,7 @@ pub(crate) struct Problem {
     pub weights: Vec<Rational>,
 }
 
-/// The answer.
+/// The solution.
 #[derive(Debug)]
 pub(crate) struct Answer {
     pub coefficients: Vec<Rational>,
@@ -65,12 +66,12 @@ impl Problem {
         .sum()
     }
 
-    /// None if the columns are linearly dependent.
+    /// `None` if the columns are linearly dependent.
     pub(crate) fn solve(&self) -> Option<Answer> {
         let width = self.rows.first().map_or(0, Vec::len);
         let sum =
             |of: &dyn Fn(usize) -> Rational| (0..self.rows.len()).map(|row| of(row) * &self.weights[row]).sum::<Rational>();
-        // X'WX beside the unit matrix, then Gauss and Jordan.
+        // X'WX next to the unit matrix, then Gauss-Jordan elimination.
         let mut lines: Vec<Vec<Rational>> = (0..width)
             .map(|a| {
                 let square = (0..width).map(|b| sum(&|row| &self.rows[row][a] * &self.rows[row][b]));
@@ -109,19 +110,19 @@ pub(crate) fn dot(a: &[Rational], b: &[Rational]) -> Rational {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// The exact value of a double-double, as far as its public face tells: its high part, and what is left below.
+/// The exact value of a double-double from its public functions: the high part and the remainder.
 pub(crate) fn rational(value: Dd) -> Rational {
     let high = value.to_f64();
     exact(high) + exact((value - Dd::from(high)).to_f64())
 }
 
-/// Whether two numbers agree to a share of the second, or of 1 where that is smaller.
+/// Whether two numbers agree within a share of the second one, or of 1 if that is smaller.
 pub(crate) fn agree(found: &Rational, expected: &Rational, share: f64) -> bool {
     let scale = expected.to_f64().expect("a number").abs().max(1.0);
     (found - expected).to_f64().expect("a number").abs() <= share * scale
 }
 
-/// Whole numbers from -`largest` to `largest`.
+/// An integer from -`largest` to `largest`.
 pub(crate) fn whole(random: &mut Random, largest: u64) -> f64 {
     random.below(2 * largest + 1) as f64 - largest as f64
 }

@@ -1,8 +1,7 @@
-//! The way of one response from its rows to a surface with its figures.
+//! The fit of one response, from its rows to a surface with its figures.
 //!
-//! In: the rows of a response, its specification. Out: the terms of the surface, the figures and the outcome. Linearly
-//! dependent columns and constraints that cannot be kept are outcomes; too few rows and terms that are not finite are
-//! faults. Never reads a file.
+//! In: the rows of a response, its specification. Out: the terms of the surface, the figures and the outcome. Linearly dependent columns and
+//! constraints that cannot be met are outcomes; too few rows and terms that are not finite are faults.
 
 use rsm_core::model::{Input, Surface, Term};
 use rsm_core::source::Faults;
@@ -23,19 +22,19 @@ use crate::support::{self, Region, SupportStatistics};
 use crate::verdict::{self, Criterion, Verdict};
 use crate::warnings::{self, Noted, Notes};
 
-/// Whether a constraint holds the surface.
+/// Whether a constraint is active.
 fn is_held(statistics: &ResponseStatistics) -> bool {
     statistics.constraints.as_ref().is_some_and(|constraints| constraints.active)
 }
 
-/// What a search found, as a choice.
+/// The result of a search as a choice.
 fn choice_of(found: &Found) -> Choice {
     let climb = |(confidence, centred)| Climb { chosen: found.terms.clone(), confidence, centred };
     Choice { terms: found.terms.clone(), by: found.by, climb: found.climb.map(climb) }
 }
 
-/// Whether a form that was not asked for may be looked for: the terms are searched for their error, or a ladder did not get where it was to go. A ladder that
-/// did has what was asked for, by the fewest terms.
+/// Whether other forms may be tried without a request: if the terms are searched for the smallest error, or if a ladder did not reach its confidence.
+/// A ladder that reached it already has the fewest terms.
 fn is_open(method: &Method, outcome: &Result<ResponseOutcome, Faults>) -> bool {
     match (method, outcome) {
         (Method::Search(_), Ok(outcome)) => outcome.statistics.is_some(),
@@ -44,7 +43,7 @@ fn is_open(method: &Method, outcome: &Result<ResponseOutcome, Faults>) -> bool {
     }
 }
 
-/// A search judges models of a constant and a term by rows left out.
+/// The smallest number of rows for a search: it evaluates models of a constant and one term by cross-validation.
 const LEAST_FOR_SEARCH: usize = 6;
 
 fn terms_of(statistics: &ResponseStatistics) -> Vec<Term> {
@@ -57,18 +56,18 @@ pub(crate) struct Task<'a> {
     pub response: &'a ResponseSpec,
     pub inputs: Vec<Input>,
     pub fit: Sample,
-    /// The place of each row to fit in the order of the runs, where it is known.
+    /// The place of each row to fit in run order, if known.
     pub order: &'a [f64],
     pub validate: Option<Sample>,
-    /// Of the rows to validate, where they come from the data.
+    /// The weights of the validation rows, if they are part of the data.
     pub validate_weights: Vec<f64>,
     pub test: Option<Sample>,
-    /// Files with copies of rows to fit, and how many.
+    /// The files with copies of fitted rows, and their number.
     pub copies: Vec<(&'static str, usize)>,
 }
 
 impl Task<'_> {
-    /// Chooses the form, fits, and fills the surface's sigmoids and terms.
+    /// Chooses the form, fits, and sets the surface's sigmoids and terms.
     pub(crate) fn run(&self, surface: &mut Surface, progress: &mut dyn FnMut(Progress<'_>)) -> Result<ResponseOutcome, Faults> {
         let empty = surface.clone();
         let powers = self.run_form(surface, None, progress);
@@ -108,7 +107,7 @@ impl Task<'_> {
         self.specification.inputs.iter().find(|known| known.name == input)?.period
     }
 
-    /// Fits with the surface's variables. `taken`: what the data chose of them.
+    /// Fits with the surface's variables. `taken`: the form chosen by the data.
     fn run_form(
         &self,
         surface: &mut Surface,
@@ -127,7 +126,7 @@ impl Task<'_> {
                 let first = first_rung(&terms);
                 terms.iter().filter(|powers| design::order(powers) <= first).count()
             }
-            // A constant and a term, where there is one, and rows that judge them.
+            // A constant and possibly one term, plus rows that evaluate them.
             Method::Search(_) => LEAST_FOR_SEARCH,
             _ => terms.len(),
         };
@@ -166,7 +165,7 @@ impl Task<'_> {
             let what = format!("response `{}`: the rows are too few, or in too few groups, to choose terms by", surface.name);
             return Err(Faults::one(self.fault(what).help("measure more points, or give terms with method \"fixed\"")));
         }
-        // Of a search only what it chose: all candidates would be reduced in double-double.
+        // For a search, only the chosen candidates: reducing all of them in double-double would take too long.
         let triangle = match &found {
             Some(found) => self.fit.to_fit(&all.only(&found.terms)),
             None => self.fit.to_fit(&all),
@@ -204,7 +203,7 @@ impl Task<'_> {
         let design = all.only(&chosen.terms);
         let shrunk = found.as_ref().and_then(|found| found.shrunk.as_ref());
         let free = self.fit.observed(|fitted| match shrunk {
-            // Coefficients that are drawn towards 0 have no standard errors either.
+            // Shrunken coefficients have no standard errors either.
             Some(coefficients) => statistics::of_constrained(&design, coefficients, fitted),
             None => statistics::of_fit(&design, &growing, fitted),
         });
@@ -225,7 +224,7 @@ impl Task<'_> {
         }
         statistics.selection = found.as_ref().and_then(|found| found.report.clone());
         let cross = || {
-            // Where the data chose sigmoids, they are refined without each part too.
+            // If the data chose sigmoids, these are refined without each part too.
             if let Some(taken) = taken {
                 return taken.judged;
             }
@@ -265,7 +264,7 @@ impl Task<'_> {
         Ok(ResponseOutcome { name, verdict, rows_outside, statistics: Some(statistics), chosen_by: chosen.by })
     }
 
-    /// The errors on rows that are kept apart.
+    /// Adds the errors on rows that were set aside.
     fn with_apart(&self, surface: &Surface, design: &Design, mut statistics: ResponseStatistics) -> ResponseStatistics {
         let judged = |rows: &Option<Sample>| self.judged(surface, design, &statistics, rows.as_ref()?)?.statistics();
         (statistics.validation, statistics.test) = (judged(&self.validate), judged(&self.test));
@@ -278,8 +277,8 @@ impl Task<'_> {
         Some(rows.observed(|rows| Judged::of(design, &coefficients, surface.output_range, rows, mean)))
     }
 
-    /// What the surface explains on rows that chose nothing: the test rows, else validation rows where the terms were given, else rows left
-    /// out in turn.
+    /// The explained share on rows that were not used for any choice: test rows, otherwise validation rows if terms were given, otherwise
+    /// cross-validation.
     fn judging(
         &self,
         surface: &Surface,
@@ -307,14 +306,14 @@ impl Task<'_> {
             let errors = judged.statistics();
             judging.cross_validated = errors.map(|errors| CrossValidation { errors, parts, r2: judged.explained() });
         }
-        // Left out in turn are rows of the surface without constraints; the surface itself explains no more than it does on fitted rows.
+        // Cross-validation is for the surface without constraints. The constrained surface explains at most as much as on fitted rows.
         if is_held && self.test.is_none() {
             judging.explained = judging.explained.zip(statistics.r2).map(|(free, held)| free.min(held));
         }
         judging
     }
 
-    /// The figures with constraints on the chosen terms; those that they are given where the constraints hold anyway.
+    /// The figures with constraints on the chosen terms; unchanged if the constraints are inactive.
     fn constrained(
         &self,
         surface: &Surface,
@@ -325,7 +324,7 @@ impl Task<'_> {
         let constraints = &self.response.constraints;
         let low = self.fit.response.iter().copied().fold(f64::INFINITY, f64::min);
         let high = self.fit.response.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        // Of a response that is everywhere the same, its magnitude; 1 for one that is 0.
+        // For a constant response its magnitude, or 1 if that is 0.
         let spread = [high - low, high.abs()].into_iter().find(|spread| *spread > 0.0).unwrap_or(1.0);
         let task = constrain::Task { surface, inputs: &self.inputs, constraints, problem, spread };
         let (mut statistics, told) = match task.run() {
@@ -371,7 +370,7 @@ impl Task<'_> {
         self.fit.observed(outside)
     }
 
-    /// How much of the box the support holds.
+    /// The share of the box inside the support.
     fn support(&self, surface: &Surface) -> Option<SupportStatistics> {
         self.response.support?;
         let region = Region::new(surface, &self.inputs);
@@ -386,7 +385,7 @@ impl Task<'_> {
         })
     }
 
-    /// Every term is a finite number in every row.
+    /// Checks that every term is a finite number in every row.
     fn require_finite(&self, design: &Design) -> Result<(), Faults> {
         let is_finite = |rows: Observations<'_>| {
             let all = |row: usize| design.row_as_measured(&rows.point(row)).iter().all(|x| x.is_finite());
@@ -434,11 +433,11 @@ impl Task<'_> {
     }
 }
 
-/// How a surface does on rows that chose nothing.
+/// The quality of a surface on rows that were not used for any choice.
 struct Judging {
-    /// Whether a constraint holds the surface.
+    /// Whether a constraint is active.
     is_held: bool,
-    /// The share of the spread about the mean that it explains there; none where there are no such rows.
+    /// The explained share of the spread about the mean on those rows; `None` if there are none.
     explained: Option<f64>,
     /// The same on the rows that chose the terms.
     centred: Option<f64>,
@@ -446,7 +445,7 @@ struct Judging {
 }
 
 impl Judging {
-    /// What the rows of a response were used for.
+    /// What the rows of a response were used for, in words.
     fn words(&self, task: &Task<'_>, chosen: &Choice, has_found_steps: bool) -> RowsUsed {
         let fitted = task.fit.rows();
         let validate = task.validate.as_ref().map(Sample::rows);

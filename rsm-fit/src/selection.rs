@@ -1,8 +1,8 @@
-//! Who chooses the terms of a response, and what the error is on rows that chose nothing.
+//! Chooses the terms of a response, and estimates the error on rows that were not used for any choice.
 //!
-//! In: the design of all candidates and rows. Out: the chosen terms with what they were judged on; and the errors of
-//! cross-validation, in which the whole procedure (the choice of terms included) is repeated without each part of the rows. Never lets a
-//! part that judges take part in the choice, never puts rows of one group into two parts.
+//! In: the design of all candidates, and rows. Out: the chosen terms with their rating; and the errors of cross-validation, in which the whole
+//! procedure (including the choice of terms) is repeated without each part of the rows. A part never evaluates a choice for which it was used, and
+//! rows of one group are never in two parts.
 //!
 //! Sources: Stone 1974, Cross-validatory choice and assessment (choosing and judging need rows of their own); Cawley, Talbot 2010,
 //! On over-fitting in model selection; Breiman, Spector 1992 (five to ten parts).
@@ -19,10 +19,10 @@ use crate::statistics::{Judged, Observations};
 /// Rows of one response.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Sample {
-    /// For every input of the surface its values.
+    /// The values of every input of the surface.
     pub columns: Vec<Vec<f64>>,
     pub response: Vec<f64>,
-    /// With a mean of 1; empty where all rows count alike.
+    /// The weights, with a mean of 1; empty if all rows count equally.
     pub weights: Vec<f64>,
     /// Rows with the same number stay together.
     pub groups: Vec<usize>,
@@ -38,7 +38,7 @@ impl Sample {
         act(Observations { inputs: &columns, response: &self.response, weights: &self.weights })
     }
 
-    /// The rows of which the predicate holds.
+    /// The rows for which the predicate is true.
     pub(crate) fn chosen(&self, is_chosen: impl Fn(usize) -> bool) -> Sample {
         let rows: Vec<usize> = (0..self.rows()).filter(|row| is_chosen(*row)).collect();
         let of = |column: &Vec<f64>| rows.iter().filter_map(|row| column.get(*row).copied()).collect();
@@ -50,7 +50,7 @@ impl Sample {
         }
     }
 
-    /// The rows of both; groups are those of the numbers that they have.
+    /// The rows of both. Equal group numbers mean the same group.
     pub(crate) fn and(&self, other: &Sample) -> Sample {
         let both = |one: &Vec<f64>, other: &Vec<f64>| [&one[..], &other[..]].concat();
         Sample {
@@ -61,7 +61,7 @@ impl Sample {
         }
     }
 
-    /// A row a group of replicates: the mean response, with the weight of all.
+    /// One row for each group of replicates: the mean response, with the sum of the weights.
     pub(crate) fn by_replicates(&self) -> Sample {
         self.observed(|rows| {
             let groups = rows.replicates();
@@ -91,8 +91,8 @@ impl Sample {
         })
     }
 
-    /// The same to judge: a row a group of replicates, with the mean response and the weight sqrt(n_i). `as_measured`: else through
-    /// the evaluator's eyes.
+    /// The same for a judge: one row for each group of replicates, with the mean response and the weight sqrt(n_i). `as_measured`: points as
+    /// measured; otherwise as the evaluator sees them.
     pub(crate) fn to_judge(&self, design: &Design, as_measured: bool) -> Triangle {
         self.observed(|rows| {
             let row = |group: Vec<usize>| {
@@ -124,39 +124,39 @@ fn triangle(design: &Design, rows: impl Iterator<Item = Vec<Dd>>) -> Triangle {
     compressed.finish()
 }
 
-/// What terms were chosen by.
+/// The basis of the choice of terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ChosenBy {
-    /// They were given.
+    /// The terms were given.
     Nobody,
     /// Validation rows.
     Validation,
-    /// The fitted rows, each part judging what was fitted without it.
+    /// Cross-validation on the fitted rows.
     LeftOut {
-        /// How many parts.
+        /// The number of parts.
         parts: usize,
     },
-    /// The fitted rows themselves, which flatter: there are too few to leave any out.
+    /// The fitted rows themselves, because there are too few for cross-validation. The rating is then too good.
     FittedRows,
-    /// A figure of the fitted rows that allows for the number of terms: AICc or PRESS.
+    /// A criterion on the fitted rows that corrects for the number of terms: AICc or PRESS.
     Formula(&'static str),
 }
 
-/// Terms, and how they were rated by what chose them.
+/// Terms with their rating.
 pub(crate) struct Choice {
     pub terms: Vec<usize>,
     pub by: ChosenBy,
-    /// C and C about the mean on the rows that chose; none where the terms were given.
+    /// C and C about the mean on the rows used for the choice; `None` if the terms were given.
     pub climb: Option<Climb>,
 }
 
-/// Where the work is large.
+/// The number of parts for a large problem.
 const FEWER_PARTS: usize = 5;
 
-/// Multiplications in double-double of one climb from which there are fewer parts: 56 climbs of 3 * 10^6 take two seconds.
+/// From this number of double-double multiplications of one climb, fewer parts are used: 56 climbs of 3 * 10^6 take two seconds.
 const LARGE_WORK: f64 = 3e6;
 
-/// Beyond this the choice is not repeated without each part: 16 climbs of 2 * 10^8 take a minute.
+/// Above this number the choice is not repeated without each part: 16 climbs of 2 * 10^8 take a minute.
 const TOO_MUCH_WORK: f64 = 2e8;
 
 /// Parts of some rows, each with its triangles.
@@ -166,22 +166,22 @@ struct Part {
     judge: Triangle,
 }
 
-/// A response whose terms are chosen.
+/// A response with the data for the choice of terms.
 pub(crate) struct Selection<'a> {
     /// All candidates.
     pub design: &'a Design,
     pub method: &'a Method,
     pub output_range: Option<[f64; 2]>,
     pub fit: &'a Sample,
-    /// All of `fit`.
+    /// The triangle of all rows of `fit`.
     pub triangle: &'a Triangle,
-    /// Rows by which a ladder chooses.
+    /// Validation rows for the choice of a ladder.
     pub validate: Option<&'a Sample>,
-    /// Where the rows to fit and those to validate were drawn from one lot: the share of the latter, and their weights.
+    /// If the rows to fit and the validation rows were split from the same data: the share of the validation rows, and their weights.
     pub lot: Option<(f64, &'a [f64])>,
 }
 
-/// Hears the order, the number of terms and C.
+/// A progress function: order, number of terms, C.
 type Hears<'a> = &'a mut dyn FnMut(u32, usize, f64);
 
 impl Selection<'_> {
@@ -224,7 +224,7 @@ impl Selection<'_> {
         (0..count).map(of_one).collect()
     }
 
-    /// Multiplications of one climb: every step looks at every entry. More rows than columns are a triangle a part.
+    /// The multiplications of one climb: every step uses every entry. If there are more rows than columns, each part is a triangle.
     fn work(&self) -> f64 {
         let Method::Ladder { .. } = self.method else { return 0.0 };
         let width = self.design.width() as f64;
@@ -232,7 +232,7 @@ impl Selection<'_> {
         width * rows * width.min(rows)
     }
 
-    /// Judges by leaving out each part in turn; none where two parts are not to be had.
+    /// A judge that leaves out each part in turn; `None` if there are fewer than two parts.
     fn judge_of(&self, parts: &[&Part]) -> Option<Judge> {
         if parts.len() < 3 {
             return None;
@@ -242,15 +242,15 @@ impl Selection<'_> {
         Some(Judge::left_out((0..parts.len()).map(of_one).collect()).about_the_mean(all.square_about(all.mean())))
     }
 
-    /// How many terms a ladder may choose that fits these parts and leaves out each in turn.
+    /// The largest number of terms of a ladder that fits these parts and leaves out each in turn.
     fn reach(parts: &[&Part]) -> usize {
         let rows = |part: &&Part| part.rows.rows();
         let all: usize = parts.iter().map(rows).sum();
         most_terms(all - parts.iter().map(rows).max().unwrap_or(0))
     }
 
-    /// The errors on rows that chose nothing, and the number of parts. `None`: there are too few rows, or a part is all that tells terms apart, or
-    /// it is too much work. Too few: without a part a ladder may not choose as many terms as were chosen, so that its errors are those of another surface.
+    /// The errors on rows that were not used for the choice, and the number of parts. `None` if there are too few rows, if one part alone determines
+    /// some term, or if it is too much work. There are too few rows if without a part a ladder cannot choose as many terms as were chosen.
     pub(crate) fn cross_validated(&self, chosen: usize) -> Option<(Judged, usize)> {
         if self.work() > TOO_MUCH_WORK {
             return None;
@@ -258,7 +258,7 @@ impl Selection<'_> {
         let quiet = &mut |_: u32, _: usize, _: f64| {};
         let is_ladder = matches!(self.method, Method::Ladder { .. });
         match (self.validate, self.lot) {
-            // The rows to fit are the same in each round, as they are for the model; a part of those that choose judges.
+            // The rows to fit are the same in each round, as for the model. A part of the validation rows evaluates.
             (Some(validate), None) if is_ladder => {
                 let part_of = split::parts(&validate.groups, PARTS, 1);
                 let count = part_of.iter().max().map_or(0, |most| most + 1);
@@ -269,9 +269,9 @@ impl Selection<'_> {
                 };
                 sum((0..count).map(round), count)
             }
-            // Rows to fit and rows that choose come from one lot: the lot is drawn again from what is left.
+            // Rows to fit and validation rows come from the same data, so the split is repeated with the remaining rows.
             (Some(validate), Some((share, weights))) if is_ladder => {
-                // The two number their groups apart.
+                // The group numbers of the two are separate.
                 let groups = validate.groups.iter().map(|group| group + self.fit.rows()).collect();
                 let all = self.fit.and(&Sample { weights: weights.to_vec(), groups, ..validate.clone() });
                 let part_of = split::parts(&all.groups, PARTS, 1);
@@ -310,7 +310,7 @@ impl Selection<'_> {
         }
     }
 
-    /// The errors on some rows of these terms, fitted to others.
+    /// The errors on some rows of these terms, fitted to other rows.
     fn judged(&self, fit: &Triangle, terms: &[usize], rows: &Sample, mean: Dd) -> Option<Judged> {
         let coefficients: Vec<f64> = Growing::of(fit, terms).ok()?.coefficients().into_iter().map(Dd::to_f64).collect();
         let design = self.design.only(terms);
@@ -333,7 +333,7 @@ fn sum(rounds: impl Iterator<Item = Option<Judged>>, count: usize) -> Option<(Ju
     Some((all, count))
 }
 
-/// Which rows are set aside: groups in a random order until the share is reached.
+/// Marks the rows to set aside: groups in random order until the share is reached.
 pub(crate) fn aside(groups: &[usize], share: f64, seed: u64) -> Vec<bool> {
     let mut order: Vec<usize> = groups.to_vec();
     order.sort_unstable();

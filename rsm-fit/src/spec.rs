@@ -1,36 +1,35 @@
-//! The fit specification (docs/book/src/reference/formats.md 3): which data, which inputs, which responses, how terms are chosen.
+//! The fit specification (docs/book/src/reference/formats.md 3): data, inputs, responses, and how terms are chosen.
 //!
-//! In: a TOML file. Out: a [`Specification`] whose parts fit together as far as they can be judged without the data, or every
-//! fault with line and column and what is accepted. Paths in it are relative to it. What the format names but this version
-//! cannot do is refused in words, never ignored. Never opens a data file.
+//! In: a TOML file. Out: a [`Specification`] whose parts fit together as far as possible without the data, or every fault with line and column and
+//! what is accepted. Paths are relative to the file. Keys that this version does not support are rejected with a message.
 //!
-//! Beyond the format's own example: `column` names the column of an input or of a response where it is not called like it, and
-//! a split keeps declared rows on one side:
+//! In addition to the format's own example: `column` gives the column of an input or response with another name, and a split keeps declared rows on
+//! one side:
 //!
 //! ```toml
 //! validate = { share = 0.3, seed = 7, keep_together = ["run"], mirror = ["i_q"] }
 //! ```
 //!
-//! Rows that judge and choose nothing are named beside `validate` in the same way; the ladder chooses by the rows of `validate`:
+//! Test rows, which are not used for any choice, are given in the same way; a ladder chooses terms with the rows of `validate`:
 //!
 //! ```toml
 //! test = ["untouched.csv"]         # or { share = 0.2, seed = 7 }, split off before all else
 //! ```
 //!
-//! and a response says where its data support it, by half-spaces that hold all rows to fit:
+//! A response may request a support region, in half-spaces that contain all fitted rows:
 //!
 //! ```toml
 //! support = "data"                 # or { from = "data", margin = 0.05, faces = 8 }: margin in coded units, faces with two inputs
 //! ```
 //!
-//! `weights` names a column of the data to fit, proportional to 1/sigma^2 of each row, or the column of sigma itself:
+//! `weights` gives a column of the data to fit, proportional to 1/sigma^2 of each row, or the column of sigma itself:
 //!
 //! ```toml
 //! weights = "runs"                 # or { standard_error = "damping_ratio_error" }; only ratios of weights count
 //! ```
 //!
-//! Rows with the same cell in every column of `keep_together` stay together (a run, a day, a specimen). So do rows that agree
-//! in all inputs but for the sign of those named by `mirror` (a map whose halves were made from each other).
+//! Rows with the same cell in every column of `keep_together` stay together (a run, a day, a specimen). So do rows whose inputs differ only in the
+//! sign of those named by `mirror` (a map with mirrored halves).
 
 mod read;
 mod rules;
@@ -46,52 +45,52 @@ pub(crate) use rules::check_basis_against_ranges;
 pub use shape::{Constraint, SupportSpec};
 pub(crate) use shape::{FACES, MOST_FACES};
 
-/// So many candidate terms are the most: the triangle of all of them is held in memory and each step looks at all.
+/// The largest number of candidate terms: the triangle of all of them is in memory, and each step uses all.
 pub const MOST_TERMS: usize = 1000;
 
-/// What to fit to what, and how.
+/// A fit specification.
 #[derive(Debug)]
 pub struct Specification {
     /// The name of the model.
     pub model: String,
     /// Files with the data to fit, as written.
     pub data: Vec<String>,
-    /// The rows by which a ladder chooses; where terms are given they are unseen.
+    /// Validation rows: a ladder chooses terms with them; if terms are given, they are not used for the fit.
     pub validation: Validation,
-    /// The rows that judge at the very end and choose nothing.
+    /// Test rows, which are used only for the final errors.
     pub test: Validation,
     /// The natural variables, in the order of the file.
     pub inputs: Vec<InputSpec>,
     /// The responses, in the order of the file.
     pub responses: Vec<ResponseSpec>,
-    /// Which rows stay together in every split, beyond what the splits say.
+    /// Rows that stay together in every split, in addition to the settings of the splits.
     pub(crate) together: Together,
-    /// Its text; none when it was made in memory.
+    /// Its text; `None` if it was made in memory.
     source: Option<Source>,
     folder: PathBuf,
     places: Places,
 }
 
-/// Which rows stay together, whatever is split. A file says it of each split.
+/// Rows that stay together in every split of rows in memory. A file has these settings in each split.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Together {
     /// Columns: rows that agree in all of them stay together.
     pub columns: Vec<String>,
-    /// Inputs: rows that agree in all inputs but for the sign of these stay together.
+    /// Inputs: rows whose inputs differ only in the sign of these stay together.
     pub mirror: Vec<String>,
 }
 
-/// How faults call a fit that was asked for in memory.
+/// The name of a fit in memory in messages.
 pub(crate) const IN_MEMORY: &str = "fit";
 
-/// Where rows that are not fitted come from.
+/// The source of rows that are not fitted.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Validation {
-    /// From nowhere.
+    /// None.
     None,
-    /// From rows of their own: files, as written, or what rows in memory are called.
+    /// Separate rows: files as written, or the names of rows in memory.
     Files(Vec<String>),
-    /// From the data: rows set aside.
+    /// Rows set aside from the data.
     Split(Split),
 }
 
@@ -104,7 +103,7 @@ pub struct Split {
     pub seed: u64,
     /// Columns: rows that agree in all of them stay together.
     pub keep_together: Vec<String>,
-    /// Inputs: rows that agree in all inputs but for the sign of these stay together.
+    /// Inputs: rows whose inputs differ only in the sign of these stay together.
     pub mirror: Vec<String>,
 }
 
@@ -115,13 +114,13 @@ pub struct InputSpec {
     pub name: String,
     /// The column of the data.
     pub column: String,
-    /// Its unit; that of the data's header where absent.
+    /// Its unit; `None` for that of the data's header.
     pub unit: Option<String>,
-    /// Its range; that of the data where absent.
+    /// Its range; `None` for that of the data.
     pub range: Option<[f64; 2]>,
-    /// What an evaluator does outside the range.
+    /// The behaviour of an evaluator outside the range.
     pub outside: Outside,
-    /// Where its values repeat: readings are brought into one period, from the bottom of the range or from 0 on.
+    /// Its period: readings are converted to one period, from the lower end of the range or from 0.
     pub period: Option<f64>,
 }
 
@@ -130,40 +129,40 @@ pub struct InputSpec {
 pub struct ResponseSpec {
     /// The column of the data.
     pub column: String,
-    /// Its unit; that of the data's header where absent.
+    /// Its unit; `None` for that of the data's header.
     pub unit: Option<String>,
-    /// Name, inputs, coding, symmetry, knots, sigmoids, waves, reciprocal and output range; no terms yet, and the unit as far as it is given.
+    /// Name, inputs, coding, symmetry, knots, sigmoids, waves, reciprocal and output range; without terms, and with the unit if it is given.
     pub surface: Surface,
     /// How the terms are chosen.
     pub method: Method,
-    /// How much each row counts; all alike where absent.
+    /// The weights of the rows; `None` if all count equally.
     pub weights: Option<Weights>,
-    /// What the surface must keep, over its whole supported region.
+    /// The constraints, over its whole supported region.
     pub constraints: Vec<Constraint>,
-    /// Whether the model says where the data support the surface.
+    /// Whether the model contains the region supported by the data.
     pub support: Option<SupportSpec>,
-    /// The forms that may be taken; absent: powers, and sigmoids where they are clearly better.
+    /// The allowed forms; `None`: powers, and sigmoids if they are clearly better.
     pub forms: Option<Vec<Form>>,
 }
 
-/// What a surface may be made of.
+/// A form of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Form {
-    /// Powers of the inputs, and of what the specification makes of them.
+    /// Powers of the inputs, and of the variables in the specification.
     Polynomial,
-    /// Smooth steps too, whose places the data choose.
+    /// Also sigmoids, with centres chosen by the data.
     Sigmoid,
-    /// Cosines and sines over an input with a period, whose orders the data choose.
+    /// Cosines and sines of a periodic input, with orders chosen by the data.
     Wave,
 }
 
-/// A column of the data that says how much each row counts.
+/// A column of the data with the weights of the rows.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Weights {
     /// The weight itself, proportional to 1/sigma^2 of the row.
     Weight(String),
-    /// The standard error sigma of the row's response, in any unit or none: only ratios count.
+    /// The standard error sigma of the row's response, in any unit or none: only ratios matter.
     StandardError(String),
 }
 
@@ -180,23 +179,23 @@ impl Weights {
 /// How the terms of a response are chosen.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Method {
-    /// Figure 1 of the paper: grow until the confidence C is reached.
+    /// Figure 1 of the paper: add terms until the confidence C is reached.
     Ladder {
         /// The highest order of a candidate.
         max_order: u32,
         /// C in percent.
         confidence: f64,
     },
-    /// These terms, no choice.
+    /// Exactly these terms.
     Fixed(Vec<Vec<u32>>),
-    /// All terms up to an order, no choice.
+    /// All terms up to an order.
     FixedOrder(u32),
-    /// Among all terms up to an order, by a criterion.
+    /// A search among all terms up to an order, by a criterion.
     Search(Search),
 }
 
-/// Rows are left out in ten parts: each fit then has nine tenths of the rows, and is judged a little too hard (by 1 % in the median over random
-/// surfaces).
+/// The number of parts of cross-validation: each fit has nine tenths of the rows, and its error is slightly too large (by 1 % in the median over
+/// random surfaces).
 pub(crate) const PARTS: usize = 10;
 
 /// A search among all terms up to an order.
@@ -209,22 +208,22 @@ pub(crate) const PARTS: usize = 10;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Search {
-    /// How.
+    /// The method.
     pub by: SearchBy,
     /// The highest order of a candidate.
     pub max_order: u32,
-    /// What picks the number of terms. None: validation rows where there are some, else the fitted rows left out in turn.
+    /// The criterion for the number of terms. `None`: validation rows if there are any, otherwise cross-validation on the fitted rows.
     pub criterion: Option<Criterion>,
-    /// A term stands only where those of one power less stand.
+    /// Whether a term requires the terms with one power less.
     pub heredity: bool,
-    /// The fewest terms within a standard error of the best.
+    /// Whether to take the fewest terms within one standard error of the best.
     pub one_standard_error: bool,
-    /// The parts of rows that are left out in turn, from 3 to 100.
+    /// The number of parts of cross-validation, from 3 to 100.
     pub parts: usize,
 }
 
 impl Search {
-    /// A search that decides by rows left out in ten parts, or by validation rows where there are some.
+    /// A search with cross-validation in ten parts, or with validation rows if there are any.
     #[must_use]
     pub fn new(by: SearchBy, max_order: u32) -> Self {
         Search { by, max_order, criterion: None, heredity: false, one_standard_error: false, parts: PARTS }
@@ -243,7 +242,7 @@ pub enum SearchBy {
 }
 
 impl SearchBy {
-    /// As a specification has it.
+    /// The name in a specification.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -254,23 +253,23 @@ impl SearchBy {
     }
 }
 
-/// Which way steps go.
+/// The direction of stepwise selection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
-    /// Terms enter.
+    /// Terms are added.
     Forward,
-    /// Terms leave the largest model.
+    /// Terms are removed from the largest model.
     Backward,
-    /// Terms enter, and leave again where that gives a better model of their number.
+    /// Terms are added, and removed again if that gives a better model of the same size.
     Both,
 }
 
-/// What picks the number of terms, or the penalty.
+/// The criterion for the number of terms, or for the penalty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Criterion {
-    /// Errors at rows left out one at a time, of models chosen with them.
+    /// Leave-one-out errors of models that were chosen with all rows.
     Press,
-    /// Errors on rows left out in parts, of models chosen without them.
+    /// Cross-validation errors, with the choice repeated without each part.
     KFold,
     /// Akaike's criterion with its correction for few rows.
     Aicc,
@@ -279,7 +278,7 @@ pub enum Criterion {
 }
 
 impl Criterion {
-    /// As a specification has it.
+    /// The name in a specification.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -291,7 +290,7 @@ impl Criterion {
     }
 }
 
-/// Best subsets are searched among so many candidates at most: beyond it branch and bound finds no proof in a reasonable time.
+/// The largest number of candidates for best subsets. With more, branch and bound takes too long for a proof.
 pub(crate) const MOST_FOR_SUBSETS: usize = 40;
 
 impl Specification {
@@ -330,7 +329,7 @@ impl Specification {
         faults.finish(specification)
     }
 
-    /// A specification of rows in memory. Gives it with the faults of its parts; the caller adds those of the rows.
+    /// A specification of rows in memory, with the faults of its parts. The caller adds those of the rows.
     pub(crate) fn in_memory(
         model: String,
         (validation, test): (Validation, Validation),
@@ -346,19 +345,19 @@ impl Specification {
         specification
     }
 
-    /// The text from which it was read; none when it was made in memory.
+    /// Its text; `None` if it was made in memory.
     #[must_use]
     pub fn source(&self) -> Option<&Source> {
         self.source.as_ref()
     }
 
-    /// Where a file that is named in it lies.
+    /// The path of a file that it names.
     #[must_use]
     pub(crate) fn path_of(&self, file: &str) -> PathBuf {
         self.folder.join(file)
     }
 
-    /// The columns that keep rows together in some split, each once.
+    /// The columns that keep rows together in any split, each once.
     #[must_use]
     pub fn labels(&self) -> Vec<&str> {
         let mut labels: Vec<&str> = Vec::new();
@@ -378,7 +377,7 @@ impl Specification {
         })
     }
 
-    /// The input of a name.
+    /// The input with this name.
     #[must_use]
     pub fn input(&self, name: &str) -> Option<&InputSpec> {
         self.inputs.iter().find(|input| input.name == name)

@@ -1,9 +1,9 @@
-//! Sets rows aside, so that rows which belong together stay on one side.
+//! Sets rows aside. Rows that belong together stay on one side.
 //!
-//! In: records and what the specification says about the split. Out: the rows to fit and the rows set aside, both in the order of
-//! the data; or parts of nearly equal size, each to be left out in turn. The same seed gives the same split on every machine.
-//! Rows at the same point of all inputs (repetitions, and exact copies) belong together, always: the response of one is known
-//! from the other. Never puts a row on both sides; a group larger than what is still wanted is taken whole.
+//! In: records and the specification of the split. Out: the rows to fit and the rows set aside, both in the order of the data; or parts of nearly
+//! equal size, each to be left out in turn. The same seed gives the same split on every machine. Rows at the same point of all inputs (repetitions,
+//! and exact copies) always belong together, because the response of one predicts that of the other. No row is on both sides. A group that is larger
+//! than the remaining share is taken as a whole.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ pub struct Sides {
     pub validate: Vec<usize>,
 }
 
-/// Splits the rows. Groups come in a random order and are set aside until the share is reached.
+/// Splits the rows. Groups are set aside in random order until the share is reached.
 #[must_use]
 pub fn split(specification: &Specification, split: &Split, records: &Records) -> Sides {
     let rows = records.rows();
@@ -39,8 +39,8 @@ pub fn split(specification: &Specification, split: &Split, records: &Records) ->
     Sides { fit, validate }
 }
 
-/// Parts of nearly equal size, by the part of each row: `parts` of them, or as many as there are groups. Groups come in a random
-/// order, each into the part that has the fewest rows.
+/// Parts of nearly equal size: the part of each row. There are `parts` of them, or as many as there are groups. Groups are assigned in random order,
+/// each to the part with the fewest rows.
 #[must_use]
 pub fn parts(groups: &[usize], parts: usize, seed: u64) -> Vec<usize> {
     let mut rows: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
@@ -61,7 +61,7 @@ pub fn parts(groups: &[usize], parts: usize, seed: u64) -> Vec<usize> {
     part_of
 }
 
-/// The group of every row, numbered by its first row, with all that the splits of a specification keep together.
+/// The group of every row, numbered by its first row, including everything that the splits of a specification keep together.
 #[must_use]
 pub fn group_of(specification: &Specification, records: &Records) -> Vec<usize> {
     let mut group_of = vec![0; records.rows()];
@@ -73,7 +73,7 @@ pub fn group_of(specification: &Specification, records: &Records) -> Vec<usize> 
     group_of
 }
 
-/// Joins the groups that have rows at the same point. `points`: the rows of each point.
+/// Joins groups with rows at the same point. `points`: the rows of each point.
 #[must_use]
 pub fn joined(groups: &[usize], points: &[Vec<usize>]) -> Vec<usize> {
     let most = groups.iter().max().map_or(0, |most| most + 1);
@@ -90,7 +90,7 @@ pub fn joined(groups: &[usize], points: &[Vec<usize>]) -> Vec<usize> {
 /// The groups of one split, or of all, in the order of their first rows.
 fn groups(specification: &Specification, split: Option<&Split>, records: &Records) -> Vec<Vec<usize>> {
     let rows = records.rows();
-    // The smallest row of the group of each row.
+    // The smallest row number in the group of each row.
     let mut leader: Vec<usize> = (0..rows).collect();
     let mut join = |keys: Vec<String>| {
         let mut first: BTreeMap<String, usize> = BTreeMap::new();

@@ -1,11 +1,10 @@
 //! The statistics of a fitted surface: the figures of docs/book/src/reference/formats.md 4.1.
 //!
-//! In: the design of the chosen terms, the solved problem, points and responses. Out: plain structs whose serialised keys are
-//! those of `rsm fit --json`. A figure that does not exist (no degree of freedom, a residual of exactly zero) is `None`, never
-//! NaN. Sums are taken in double-double.
+//! In: the design of the chosen terms, the solved problem, points and responses. Out: plain structs whose serialised keys are those of `rsm fit
+//! --json`. A figure that does not exist (no degree of freedom, a residual of exactly zero) is `None`, never NaN. Sums are computed in double-double.
 //!
-//! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 2.3 to 2.7 (t, R^2, PRESS, lack of fit); the
-//! paper's (14), (15) for C. Without a constant term R^2 is uncentred, as NIST and R have it.
+//! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 2.3 to 2.7 (t, R^2, PRESS, lack of fit); the paper's (14), (15) for C.
+//! Without a constant term R^2 is uncentred, as with NIST and R.
 
 use serde::Serialize;
 
@@ -26,12 +25,12 @@ pub use crate::observations::{Named, Observations, ValidationStatistics};
 pub use judged::Judged;
 pub use serial::Serial;
 
-/// A residual, or a term's part, below this share of the response is what double-double rounding leaves of zero: 2^-104 an operation, and a margin
-/// of 2^20 for the number of operations.
+/// A residual, or a term's orthogonal component, below this share of the response is a double-double rounding error: 2^-104 per operation, with a
+/// margin of 2^20 for the number of operations.
 const NO_RESIDUAL: f64 = 1.0 / (1u128 << 84) as f64;
 
-/// With leverage 1 the surface goes through a point whatever its response is: left out, nothing holds some term. What is left of 1 is well above
-/// the rounding of the leverage for columns that pass as independent.
+/// With leverage 1 the surface passes through a point whatever its response is; without the point some term is not determined. This limit is well
+/// above the rounding error of the leverage for columns that count as independent.
 const NO_REST: f64 = 1.0 / (1u64 << 40) as f64;
 
 /// A fitted term.
@@ -39,37 +38,37 @@ const NO_REST: f64 = 1.0 / (1u64 << 40) as f64;
 pub struct TermStatistics {
     /// A power for every input, then one for every knot.
     pub powers: Vec<u32>,
-    /// The coefficient, of the coded variables, in the unit of the response.
+    /// The coefficient of the coded variables, in the unit of the response.
     pub coefficient: f64,
     /// Its standard error.
     pub standard_error: Option<f64>,
-    /// Coefficient over standard error.
+    /// Coefficient divided by standard error.
     pub t: Option<f64>,
-    /// Two-sided probability of such a t when the term is not there.
+    /// The two-sided probability of such a t by chance, if the term is not needed.
     pub p: Option<f64>,
 }
 
 /// The test of lack of fit against the scatter of replicates.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LackOfFit {
-    /// Mean square of lack of fit over that of pure error; none when replicates do not scatter.
+    /// Mean square of lack of fit divided by that of pure error; `None` if replicates do not scatter.
     pub f: Option<f64>,
-    /// Probability of such an F when nothing is lacking.
+    /// The probability of such an F by chance, if there is no lack of fit.
     pub p: Option<f64>,
     /// Degrees of freedom: lack of fit, pure error.
     pub df: [usize; 2],
 }
 
-/// Errors on fitted rows that are left out in turn, with everything that depends on rows done again without them: the choice of
-/// terms too. So the rows that judge chose nothing.
+/// Cross-validation errors: fitted rows are left out in turn, and everything that depends on rows, including the choice of terms, is repeated without
+/// them. So the rows are not used for any choice.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CrossValidation {
     /// The errors, over all rows.
     #[serde(flatten)]
     pub errors: ValidationStatistics,
-    /// So many parts were left out, each once.
+    /// The number of parts, each left out once.
     pub parts: usize,
-    /// The share of the spread about the mean that is explained.
+    /// The explained share of the spread about the mean.
     pub r2: Option<f64>,
 }
 
@@ -78,9 +77,9 @@ pub struct CrossValidation {
 pub struct RowsUsed {
     /// Rows from which the coefficients were computed.
     pub coefficients: String,
-    /// Rows by which the terms were chosen; "none" where they were given.
+    /// Rows used to choose the terms; "none" if the terms were given.
     pub terms: String,
-    /// Rows on which `validation` is.
+    /// Rows of `validation`.
     pub validation: String,
     /// Rows that did not influence the fit or the choice of terms: the error estimate is computed on them.
     pub error: String,
@@ -89,9 +88,9 @@ pub struct RowsUsed {
 /// Something that the user should know before the surface is used.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Warning {
-    /// For programs.
+    /// The kind, for programs.
     pub kind: &'static str,
-    /// In words.
+    /// The message.
     pub what: String,
 }
 
@@ -102,24 +101,25 @@ pub struct SelectionReport {
     pub method: &'static str,
     /// "press", "k-fold", "aicc" or "held-out".
     pub criterion: &'static str,
-    /// Whether a term asks for those below it.
+    /// Whether a term requires the terms with one power less.
     pub heredity: bool,
-    /// Whether the smallest model within a standard error of the best was taken.
+    /// Whether the smallest model within one standard error of the best was taken.
     pub one_standard_error: bool,
-    /// How many candidates there were.
+    /// The number of candidates.
     pub candidates: usize,
-    /// Best subsets: whether no better one of its size exists. Null for other methods.
+    /// For best subsets: whether it is proved that no better subset of its size exists. Null for other methods.
     pub proved: Option<bool>,
-    /// LASSO: the weight of the penalised coefficients, from 0 (least squares on the chosen terms) to 1. Null for other methods.
+    /// For the LASSO: the weight of the penalised coefficients, from 0 (least squares on the chosen terms) to 1. Null for other methods.
     pub shrinkage: Option<f64>,
-    /// For each number of terms the criterion: the root mean square error on rows left out or held out, the same of PRESS, or AICc. Of the LASSO the least of each number.
+    /// The criterion for each number of terms: the root mean square error on rows left out or held out, that of PRESS, or AICc. For the LASSO the
+    /// smallest value of each number.
     pub path: Vec<SizeReport>,
 }
 
 /// One size of a path.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SizeReport {
-    /// How many terms.
+    /// The number of terms.
     pub terms: usize,
     /// The criterion.
     pub criterion: f64,
@@ -128,16 +128,16 @@ pub struct SizeReport {
 /// The forms of a response, for `rsm fit --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FormsReport {
-    /// What was tried, with its error on rows left out.
+    /// The tried forms, each with its cross-validation error.
     pub tried: Vec<Tried>,
-    /// What was taken.
+    /// The accepted form.
     pub chosen: Form,
     /// The reason, in words.
     pub why: String,
 }
 
 impl FormsReport {
-    /// In words: what was taken, and why.
+    /// The accepted form and the reason, in words.
     #[must_use]
     pub fn words(&self) -> String {
         let form = match self.chosen {
@@ -152,14 +152,14 @@ impl FormsReport {
 /// A form that was tried.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Tried {
-    /// Which.
+    /// The form.
     pub form: Form,
-    /// How many sigmoids it has.
+    /// The number of its sigmoids.
     pub sigmoids: usize,
     /// The orders of its waves.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub orders: Vec<u32>,
-    /// The root mean square error on rows left out in turn; null where it was not measured.
+    /// The root mean square error of cross-validation; null if it was not computed.
     pub rmse: Option<f64>,
 }
 
@@ -168,51 +168,51 @@ pub struct Tried {
 pub struct ResponseStatistics {
     /// The terms, in the order of the model file.
     pub terms: Vec<TermStatistics>,
-    /// Rows fitted.
+    /// The number of fitted rows.
     pub rows: usize,
-    /// Root of the residual mean square.
+    /// The square root of the residual mean square.
     pub residual_sd: Option<f64>,
-    /// Share of the response's square about its mean (about 0 without a constant term) that is explained.
+    /// The explained share of the response's sum of squares about its mean (about 0 without a constant term).
     pub r2: Option<f64>,
     /// The same with mean squares.
     pub r2_adjusted: Option<f64>,
     /// The same with PRESS.
     pub r2_predicted: Option<f64>,
-    /// Sum of squares of the errors at rows that are left out one at a time.
+    /// The sum of squared errors of rows that are left out one at a time.
     pub press: Option<f64>,
     /// C of (14), (15) on the fitted data.
     pub confidence_c: Option<f64>,
-    /// None without replicates.
+    /// `None` without replicates.
     pub lack_of_fit: Option<LackOfFit>,
-    /// On the rows by which a ladder chose, or unseen where terms were given. None without validation data.
+    /// Errors on validation rows: a ladder chose terms with them; if terms were given, they were not used. `None` without validation data.
     pub validation: Option<ValidationStatistics>,
-    /// None but for second-order surfaces of plain coded variables.
+    /// Only for second-order surfaces of plain coded variables.
     pub canonical: Option<Canonical>,
-    /// On rows that chose nothing. None without test data.
+    /// Errors on test rows, which were not used for any choice. `None` without test data.
     pub test: Option<ValidationStatistics>,
-    /// On rows left out in turn. None where there are other rows that chose nothing, and where it cannot be done.
+    /// Cross-validation errors. `None` if there are other rows that were not used for any choice, or if it is not possible.
     pub cross_validation: Option<CrossValidation>,
     /// What the rows were used for.
     pub rows_used: RowsUsed,
-    /// What to know before the surface is used.
+    /// Warnings about the surface.
     pub warnings: Vec<Warning>,
-    /// Analysis of variance, intervals, influence and criteria; absent where constraints or a penalty hold coefficients, without a constant term, a row to spare or a
-    /// residual, and for large fits.
+    /// Analysis of variance, intervals, influence and criteria. `None` if constraints or a penalty affect the coefficients, without a constant term,
+    /// a degree of freedom or a residual, and for large fits.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub analysis: Option<Report>,
-    /// Where errors of neighbouring rows are alike: standard errors that hold then. Absent where they are not.
+    /// If errors of neighbouring rows are correlated: standard errors that allow for this. Otherwise `None`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub serial: Option<Serial>,
-    /// How a search chose the terms; absent for other methods.
+    /// How a search chose the terms; `None` for other methods.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub selection: Option<SelectionReport>,
-    /// Which forms were tried and which was taken; absent where only powers were looked at.
+    /// The tried forms and the accepted one; `None` if only powers were tried.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub forms: Option<FormsReport>,
-    /// Where the data support the surface; absent where the specification does not ask.
+    /// The region supported by the data; `None` if the specification does not request it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub support: Option<SupportStatistics>,
-    /// What the constraints cost; absent where the specification has none.
+    /// The report on the constraints; `None` if the specification has none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub constraints: Option<ConstraintStatistics>,
 }
@@ -222,7 +222,7 @@ pub(crate) fn value(row: &[Dd], coefficients: &[Dd]) -> Dd {
     row.iter().zip(coefficients).map(|(x, b)| *x * *b).sum()
 }
 
-/// All but validation and canonical analysis. `growing` holds the terms of `design` in its order.
+/// All figures except validation and canonical analysis. `growing` contains the terms of `design` in its order.
 #[must_use]
 pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>) -> ResponseStatistics {
     let negligible = NO_RESIDUAL * observations.square_about(Dd::ZERO).sqrt().to_f64();
@@ -262,11 +262,10 @@ pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>
     }
 }
 
-/// The figures of coefficients that active constraints hold. Residuals are what they are; what rests on the distribution of free
-/// least squares does not exist: standard errors, t and p (an estimate on the edge of its region has a mixture of distributions,
-/// and a normal one not even with many rows: Geyer 1994, Silvapulle and Sen 2005, chapter 4), the p of lack of fit, and PRESS,
-/// whose rows would each have to be left out in a constrained fit of its own. Degrees of freedom count every term, as if all were
-/// free: the residual standard deviation is rather too large.
+/// The figures if active constraints affect the coefficients. Figures that need the distribution of unconstrained least squares do not exist:
+/// standard errors, t and p (an estimate on the edge of its region has a mixture of distributions, and is not normal even with many rows: Geyer 1994,
+/// Silvapulle and Sen 2005, chapter 4), the p of lack of fit, and PRESS, for which each row would need a separate constrained fit. Degrees of freedom
+/// count every term as if it were unconstrained, so the residual standard deviation is rather too large.
 #[must_use]
 pub(crate) fn of_constrained(design: &Design, coefficients: &[f64], observations: Observations<'_>) -> ResponseStatistics {
     let exact: Vec<Dd> = coefficients.iter().copied().map(Dd::from).collect();
@@ -281,7 +280,7 @@ pub(crate) fn of_constrained(design: &Design, coefficients: &[f64], observations
     ResponseStatistics { lack_of_fit, ..figures }
 }
 
-/// What does not rest on the coefficients being those of free least squares.
+/// The figures that do not depend on the method of the coefficients.
 fn figures(
     design: &Design,
     coefficients: &[Dd],
@@ -330,12 +329,12 @@ fn predictions(design: &Design, coefficients: &[Dd], observations: Observations<
     (0..observations.response.len()).map(predict).collect()
 }
 
-/// None without a degree of freedom.
+/// `None` without a degree of freedom.
 fn mean_square(sum: Dd, freedom: usize) -> Option<Dd> {
     (freedom > 0).then(|| sum / Dd::from(freedom as f64))
 }
 
-/// 1 - part/whole; none where there is no whole to explain.
+/// 1 - part/whole; `None` if the whole is zero.
 fn share(part: Option<Dd>, whole: Option<Dd>) -> Option<f64> {
     let (part, whole) = (part?, whole.filter(|whole| *whole > Dd::ZERO)?);
     Some((Dd::ONE - part / whole).to_f64())
@@ -345,13 +344,13 @@ fn has_constant(design: &Design) -> bool {
     design.terms().iter().any(|powers| order(powers) == 0)
 }
 
-/// The square of the response about its mean, or about 0 without a constant term.
+/// The sum of squares of the response about its mean, or about 0 without a constant term.
 fn total_square(design: &Design, observations: Observations<'_>) -> Dd {
     let all: Vec<usize> = (0..observations.response.len()).collect();
     observations.square_about(if has_constant(design) { observations.mean(&all) } else { Dd::ZERO })
 }
 
-/// (14), (15). None when every mean response is 0.
+/// (14), (15). `None` if every mean response is 0.
 fn confidence(observations: Observations<'_>, predictions: &[Dd]) -> Option<f64> {
     let (ss_lof, ss_y) = lack(observations, predictions);
     let confidence = 100.0 - 100.0 * (ss_lof / ss_y).to_f64();
@@ -362,10 +361,10 @@ fn confidence(observations: Observations<'_>, predictions: &[Dd]) -> Option<f64>
 pub(crate) fn lack(observations: Observations<'_>, predictions: &[Dd]) -> (Dd, Dd) {
     let (mut ss_lof, mut ss_y) = (Dd::ZERO, Dd::ZERO);
     for group in observations.replicates() {
-        // n_i of the paper: a row counts as much as it weighs.
+        // n_i of the paper, generalised to the sum of weights.
         let count = observations.weight_of(&group);
         let mean = observations.mean(&group);
-        // Replicates have one point, so one prediction.
+        // Replicates have the same point and the same prediction.
         let gap = mean - predictions[group[0]];
         ss_lof += count * gap * gap;
         ss_y += count * mean * mean;

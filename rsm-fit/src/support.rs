@@ -1,13 +1,12 @@
-//! Where the data support a surface: half-spaces in coded variables that hold every row to fit.
+//! The region in which the data support a surface: half-spaces in coded variables that contain every fitted row.
 //!
-//! In: a surface without terms, its inputs, the rows to fit. Out: half-spaces for the model file. One input: from the least to the
-//! greatest value. Two: their box, and then one edge of the convex hull after the other, each time that which cuts off most, until
-//! there are as many faces as allowed or no further edge cuts off enough. More: for each direction of {-1, 0, 1}^n the half-space
-//! that just holds the points. Never cuts a row off: bounds are rounded outward by more than the rounding of the emitted test.
-//! Never looks at a response.
+//! In: a surface without terms, its inputs, the rows to fit. Out: half-spaces for the model file. For one input: from the smallest to the largest
+//! value. For two: their box, then one edge of the convex hull after another, each time the one that cuts off most, until the allowed number is
+//! reached or no further edge cuts off enough. For more: for each direction of {-1, 0, 1}^n the tightest half-space that contains the points. No row
+//! is cut off: bounds are rounded outward by more than the rounding error of the emitted test. Responses are not used.
 //!
-//! The convex hull is as far as interpolation goes for a surface without hidden extrapolation (Brooks, Carroll, Verdini 1988;
-//! Montgomery, Peck, Vining, Introduction to Linear Regression Analysis, 3.8).
+//! Inside the convex hull a surface interpolates, without hidden extrapolation (Brooks, Carroll, Verdini 1988; Montgomery, Peck, Vining, Introduction
+//! to Linear Regression Analysis, 3.8).
 
 use rsm_core::basis::Factor;
 use rsm_core::model::{Coding, HalfSpace, Input, Surface};
@@ -19,39 +18,39 @@ use crate::observations::Observations;
 use crate::random::Random;
 use crate::spec::SupportSpec;
 
-/// What is told of the support of a surface.
+/// The report on the support of a surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SupportStatistics {
-    /// How many half-spaces there are.
+    /// The number of half-spaces.
     pub half_spaces: usize,
     /// The share of the box in which all of them hold.
     pub share_of_box: f64,
-    /// So many unseen rows lie outside.
+    /// The number of unseen rows outside.
     pub unseen_rows_outside: usize,
 }
 
-/// Half-spaces beyond these many inputs would be hundreds: then a direction has at most two entries that are not 0.
+/// With more inputs there would be hundreds of half-spaces; then a direction has at most two nonzero entries.
 const ALL_DIRECTIONS: usize = 4;
 
-/// Bounds have so many decimals below the magnitude of the sum that they bound,
+/// The number of decimals of a bound below the magnitude of its sum,
 const DECIMALS: i32 = 4;
 
-/// and at least this share of the last of them lies between the outermost row and the bound: 10^-5 of the magnitude. In f32 a
-/// coded variable is wrong by a few times 2^-24 = 6 * 10^-8, so the emitted test says 1 at every row in both precisions.
+/// and the smallest distance between the outermost row and the bound, as a share of the last decimal: 10^-5 of the magnitude. In f32 a coded variable
+/// has an error of a few times 2^-24 = 6 * 10^-8, so the emitted test is 1 at every row in both precisions.
 const GAP: f64 = 0.1;
 
 /// The coded variables of points.
 #[derive(Debug)]
 pub struct Region {
     factors: Vec<Factor>,
-    /// The sides of the box of coded variables.
+    /// The ranges of the coded variables.
     pub(crate) sides: Vec<[f64; 2]>,
-    /// Half the side where variables are natural; 1 where they are coded already.
+    /// The half range of natural variables; 1 for coded ones.
     scales: Vec<f64>,
 }
 
 impl Region {
-    /// Of a surface with its inputs.
+    /// The region of a surface with its inputs.
     #[must_use]
     pub fn new(surface: &Surface, inputs: &[Input]) -> Self {
         let factors = Factor::all(surface, inputs);
@@ -62,7 +61,7 @@ impl Region {
                 let symmetric = surface.symmetry.iter().any(|(name, _)| *name == input.name);
                 let low = if symmetric { 0.0 } else { input.range[0] };
                 let ends = [low, input.range[1]].map(|xi| factor.variable.value(Dd::from(xi)).to_f64());
-                // 1/xi falls where xi rises.
+                // 1/xi decreases with xi.
                 [ends[0].min(ends[1]), ends[0].max(ends[1])]
             })
             .collect();
@@ -71,13 +70,13 @@ impl Region {
         Region { factors, sides, scales }
     }
 
-    /// The coded variables of a point as it was measured.
+    /// The coded variables of a point as measured.
     #[must_use]
     pub fn coded(&self, point: &[Physical]) -> Vec<Dd> {
         point.iter().zip(&self.factors).map(|(value, factor)| factor.variable.value(Dd::from(value.0))).collect()
     }
 
-    /// The share of the box in which all half-spaces hold: exact for one and two inputs, else by counting points.
+    /// The share of the box inside all half-spaces: exact for one and two inputs, otherwise by counting points.
     #[must_use]
     pub fn share(&self, spaces: &[HalfSpace]) -> f64 {
         let corners = |side: &[f64; 2]| side[1] - side[0];
@@ -107,13 +106,13 @@ impl Region {
     }
 }
 
-/// Whether every half-space holds at coded variables.
+/// Whether all half-spaces contain a point in coded variables.
 #[must_use]
 pub fn holds(spaces: &[HalfSpace], coded: &[Dd]) -> bool {
     spaces.iter().all(|space| sum(&space.normal, coded) <= Dd::from(space.bound))
 }
 
-/// Half-spaces that hold all rows.
+/// Half-spaces that contain all rows.
 #[must_use]
 pub(crate) fn of_data(surface: &Surface, inputs: &[Input], rows: Observations<'_>, wanted: SupportSpec) -> Vec<HalfSpace> {
     let region = Region::new(surface, inputs);
@@ -130,19 +129,19 @@ fn sum(normal: &[f64], coded: &[Dd]) -> Dd {
     normal.iter().zip(coded).map(|(n, x)| Dd::from(*n) * *x).sum()
 }
 
-/// The half-space of a normal in units of `scales` that just holds all points, a margin and a rounding further out.
+/// The tightest half-space with this normal, in units of `scales`, that contains all points, plus a margin and a rounding.
 fn half_space(region: &Region, normal: &[f64], coded: &[Vec<Dd>], margin: f64) -> HalfSpace {
     let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
     let normal: Vec<f64> = normal.iter().zip(&region.scales).map(|(n, scale)| n / scale).collect();
     let farthest = coded.iter().map(|x| sum(&normal, x)).fold(Dd::from(f64::NEG_INFINITY), |a, b| if a < b { b } else { a });
-    // The magnitude of what the emitted test adds up, so of its rounding.
+    // The magnitude of the terms in the emitted test, and so of its rounding error.
     let part = |k: usize| normal[k].abs() * coded.iter().map(|x| x[k].to_f64().abs()).fold(0.0, f64::max);
     let magnitude = (0..normal.len()).map(part).fold(0.0, f64::max);
     let bound = rounded_up(farthest.to_f64() + margin * length, magnitude);
     HalfSpace { normal, bound }
 }
 
-/// The next decimal that is at least [`GAP`] of its last place above.
+/// The next decimal that is at least [`GAP`] of its last place above the value.
 fn rounded_up(value: f64, magnitude: f64) -> f64 {
     let exponent: i32 = format!("{magnitude:e}").split_once('e').and_then(|(_, text)| text.parse().ok()).unwrap_or(0);
     let last = exponent - DECIMALS;
@@ -168,7 +167,7 @@ fn entries_of(normal: &[f64]) -> usize {
     normal.iter().filter(|entry| **entry != 0.0).count()
 }
 
-/// Without half-spaces that the box of those along the axes implies.
+/// Removes half-spaces that the box of those along the axes implies.
 fn without_redundant(spaces: Vec<HalfSpace>) -> Vec<HalfSpace> {
     let axes: Vec<HalfSpace> = spaces.iter().filter(|space| entries_of(&space.normal) == 1).cloned().collect();
     let most = |input: usize, entry: f64| {
@@ -213,10 +212,10 @@ fn convex_hull(mut points: Vec<Point>) -> Vec<Point> {
     hull
 }
 
-/// A turn of less is none: grids whose coded values are rounded have no edges of their own rounding.
+/// A smaller turn is no corner, so rounded coded values of a grid give no additional edges.
 const FLAT: f64 = 1e-9;
 
-/// Normals of the hull of the points, at most so many. None when the points lie on a line.
+/// Normals of the hull of the points, at most this many. `None` if the points are on a line.
 fn hull_normals(region: &Region, coded: &[Vec<Dd>], faces: usize) -> Option<Vec<Vec<f64>>> {
     let scaled = |x: &Vec<Dd>| [0, 1].map(|k| x[k].to_f64() / region.scales[k]);
     let hull = convex_hull(coded.iter().map(scaled).collect());
@@ -227,7 +226,7 @@ fn hull_normals(region: &Region, coded: &[Vec<Dd>], faces: usize) -> Option<Vec<
         let (from, to) = (hull[k], hull[(k + 1) % hull.len()]);
         let outward = [to[1] - from[1], from[0] - to[0]];
         let largest = outward[0].abs().max(outward[1].abs());
-        // Four decimals turn an edge by up to 0.003 degrees; the bound is found for the normal as it is written.
+        // Four decimals turn an edge by up to 0.003 degrees. The bound is computed for the rounded normal.
         let normal = outward.map(|entry| (entry / largest * 1e4).round() / 1e4 + 0.0).to_vec();
         let reach = |point: &Point| normal[0] * point[0] + normal[1] * point[1];
         HalfSpace { bound: hull.iter().map(reach).fold(f64::NEG_INFINITY, f64::max), normal }
@@ -239,7 +238,7 @@ fn hull_normals(region: &Region, coded: &[Vec<Dd>], faces: usize) -> Option<Vec<
     };
     let ([left, right], [bottom, top]) = (ends(0), ends(1));
     let mut polygon = vec![[left, bottom], [right, bottom], [right, top], [left, top]];
-    // The bounding box first: outside the range of an input nothing is supported.
+    // The bounding box first, because points outside the range of an input are not supported.
     let mut normals = vec![vec![-1.0, 0.0], vec![1.0, 0.0], vec![0.0, -1.0], vec![0.0, 1.0]];
     let whole = area(&polygon);
     while normals.len() < faces {
@@ -252,7 +251,7 @@ fn hull_normals(region: &Region, coded: &[Vec<Dd>], faces: usize) -> Option<Vec<
     Some(normals)
 }
 
-/// A face that cuts off a smaller share of the box than this is not worth its operations.
+/// A face that cuts off a smaller share of the box is not worth its operations.
 const WORTH: f64 = 1e-3;
 
 /// The part of a polygon in a half-space (Sutherland, Hodgman 1974).

@@ -1,9 +1,9 @@
 //! Reads a CSV with units in its header.
 //!
-//! In: a [`Source`] and the names of the columns that are wanted. Out: a [`Table`] of finite numbers (and of labels, where
-//! asked), or every fault with file, line and column. The first line names columns as `name[unit]`; lines that begin with `#`
-//! are comments; a byte order mark, CRLF, quotes and blanks around cells are accepted. Decimals are rounded once, to nearest.
-//! Columns that nobody asked for may hold anything. Never converts a unit: a table says what the file says.
+//! In: a [`Source`] and the names of the requested columns. Out: a [`Table`] of finite numbers (and of labels, if requested), or every fault with
+//! file, line and column. The first line names columns as `name[unit]`. Lines that begin with `#` are comments. A byte order mark, CRLF, quotes and
+//! blanks around cells are accepted. Decimals are rounded once, to nearest. Other columns may contain anything. No unit is converted: a table has the
+//! units of its file.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,32 +12,32 @@ use rsm_core::source::{Collector, Fault, Faults, Source};
 
 use crate::units::Conversion;
 
-/// The magnitudes of a response of which every statistic is a number: sums of 10^7 squares stay finite, and squares of a ten thousandth of it keep their digits.
+/// The allowed magnitudes of a response: sums of 10^7 squares stay finite, and squares of a ten-thousandth of it keep their digits.
 pub const MAGNITUDES: [f64; 2] = [1e-140, 1e150];
 
-/// As many columns are named in a message: a line that can be read.
+/// The largest number of columns named in a message.
 const MOST_NAMES: usize = 40;
 
-/// So many faults of one file are told; the rest is counted. A wrong delimiter would otherwise give one a line.
+/// The largest number of faults reported for one file; the rest is counted. A wrong delimiter would otherwise give one for each line.
 const MOST_FAULTS: usize = 20;
 
-/// What a caller wants of a file.
+/// The columns that a caller requests.
 #[derive(Debug, Clone, Default)]
 pub struct Wanted {
     /// Columns of numbers.
     pub numbers: Vec<String>,
-    /// Columns whose cells are taken as they stand.
+    /// Columns whose cells are used unchanged.
     pub labels: Vec<String>,
     /// Every column of the file as numbers, whatever its name.
     pub every_number: bool,
-    /// The number of a run as labels, if there is a column of a name as [`is_run`] knows them.
+    /// The run number as labels, if a column has a name that [`is_run`] accepts.
     pub run: bool,
 }
 
-/// Names under which a column is taken for the number of a run, whatever its case.
+/// Column names for a run number, in upper or lower case.
 const RUN: [&str; 5] = ["run", "run_order", "runorder", "order", "run_number"];
 
-/// Whether a column of this name is taken for the number of a run.
+/// Whether a column with this name is a run number.
 #[must_use]
 pub fn is_run(name: &str) -> bool {
     RUN.iter().any(|run| run.eq_ignore_ascii_case(name))
@@ -50,18 +50,18 @@ pub struct Column {
     pub name: String,
     /// The unit in the header, if there is one.
     pub unit: Option<String>,
-    /// Its place in the file, from 1.
+    /// Its number in the file, from 1.
     pub place: usize,
-    /// A finite number a row; empty when it was not wanted as numbers.
+    /// One finite number for each row; empty if it was not requested as numbers.
     pub values: Vec<f64>,
-    /// The text of the cells; empty when it was not wanted as labels.
+    /// The text of the cells; empty if it was not requested as labels.
     pub labels: Vec<String>,
 }
 
-/// The wanted columns of a file.
+/// The requested columns of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
-    /// The file, as messages speak of it.
+    /// The name of the file in messages.
     pub file: String,
     /// Line of the header.
     pub header_line: usize,
@@ -72,10 +72,10 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads the wanted columns. A wanted column that is not there is a fault.
+    /// Reads the requested columns. A missing requested column is a fault.
     ///
     /// # Errors
-    /// Every fault, in the order of the file; past the first 20 they are counted only.
+    /// Every fault, in the order of the file; after the first 20 they are only counted.
     ///
     /// ```
     /// use rsm_core::source::Source;
@@ -95,10 +95,10 @@ impl Table {
         reader.finish(table)
     }
 
-    /// A table of columns in memory, without units in its header; `file` is how messages call it, and its rows are counted from 1.
+    /// A table of columns in memory, without units in its header. `file` is its name in messages, and its rows are counted from 1.
     ///
     /// # Errors
-    /// Every fault: a wanted column that is not there, columns of different lengths, a wanted number that is not finite, no row.
+    /// Every fault: a missing requested column, columns of different lengths, a requested number that is not finite, no row.
     pub fn in_memory(file: &str, columns: &[(&str, &[f64])], wanted: &Wanted) -> Result<Table, Faults> {
         let mut faults = Collector::new();
         let mut tell = |what: String| faults.push(Fault::whole_file(file, what));
@@ -136,19 +136,19 @@ impl Table {
         faults.finish(Some(table))
     }
 
-    /// The column of a name.
+    /// The column with this name.
     #[must_use]
     pub fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|column| column.name == name)
     }
 
-    /// The values of a column in a unit; without one, in the unit of the header. Gives the unit too.
+    /// The values of a column in a unit; without one, in the unit of the header. Returns the unit too.
     ///
     /// # Errors
-    /// A fault at the header: no unit anywhere, an unknown one, or one that measures something else.
+    /// A fault at the header: no unit given anywhere, an unknown unit, or one of another kind.
     ///
     /// # Panics
-    /// When the column was not among the wanted numbers.
+    /// If the column was not requested as numbers.
     pub fn values_in(&self, name: &str, unit: Option<&str>) -> Result<(Vec<f64>, String), Fault> {
         let column = self.column(name).expect("a wanted column is in the table");
         let fault =
@@ -169,13 +169,13 @@ impl Table {
         Ok((column.values.iter().map(|value| conversion.apply(*value)).collect(), unit))
     }
 
-    /// The values of a response, as [`Table::values_in`] gives them, if sums of their squares are numbers.
+    /// The values of a response, as [`Table::values_in`] returns them, if sums of their squares do not overflow.
     ///
     /// # Errors
-    /// Those of `values_in`; a fault at the row of the largest magnitude where that is beyond 1e150, or below 1e-140 and not 0.
+    /// Those of `values_in`; a fault at the row of the largest magnitude if that is above 1e150, or below 1e-140 and not 0.
     ///
     /// # Panics
-    /// When the column was not among the wanted numbers.
+    /// If the column was not requested as numbers.
     pub fn response_in(&self, name: &str, unit: Option<&str>) -> Result<(Vec<f64>, String), Fault> {
         let (values, unit) = self.values_in(name, unit)?;
         let Some((row, what, help)) = magnitude_fault(&values) else { return Ok((values, unit)) };
@@ -184,14 +184,14 @@ impl Table {
         Err(Fault::at_line(&self.file, self.lines[row], 0, what).help(help))
     }
 
-    /// How many rows there are.
+    /// The number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.lines.len()
     }
 }
 
-/// The row of a response with a magnitude outside [`MAGNITUDES`], what was expected, and what to do.
+/// The row of a response with a magnitude outside [`MAGNITUDES`], the expected range, and what to do.
 pub(crate) fn magnitude_fault(values: &[f64]) -> Option<(usize, String, &'static str)> {
     let (row, largest) = values.iter().map(|value| value.abs()).enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
     let [low, high] = MAGNITUDES;
@@ -213,11 +213,11 @@ struct Reader<'a> {
     lines: Lines<'a>,
 }
 
-/// Finds the lines of records, which must come in order. The CSV reader gives the place where the last record ended: its line
-/// end, blank lines and comments come before the record itself.
+/// Finds the line numbers of records, in order. The CSV reader gives the end of the last record; its line end, blank lines and comments precede the
+/// next record.
 struct Lines<'a> {
     text: &'a str,
-    /// Up to here the line ends are counted.
+    /// Line ends are counted up to this offset.
     offset: usize,
     line: usize,
 }
@@ -260,7 +260,7 @@ impl Reader<'_> {
             collector.push(fault);
         }
         if self.hidden > 0 {
-            // At the last listed line: the collector sorts by line and keeps the order within one.
+            // At the last listed line: the collector sorts by line and keeps the order within a line.
             let more = format!("{} more faults from here on are not listed", self.hidden);
             collector.push(Fault::at_line(self.source.name(), last_line, 0, more));
         }
@@ -341,7 +341,7 @@ impl Reader<'_> {
         columns
     }
 
-    /// For every column of the file: wanted as numbers, wanted as labels. Reports wanted ones that are missing.
+    /// For every column of the file: requested as numbers, requested as labels. Reports missing ones.
     fn roles(&mut self, table: &Table, wanted: &Wanted) -> Vec<(bool, bool)> {
         let known: BTreeSet<&str> = table.columns.iter().map(|column| column.name.as_str()).collect();
         for name in wanted.numbers.iter().chain(&wanted.labels) {
@@ -366,7 +366,7 @@ impl Reader<'_> {
 
     fn row(&mut self, record: &StringRecord, roles: &[(bool, bool)], table: &mut Table) {
         let line = self.lines.of(record);
-        // A line of blanks: the reader itself passes over empty ones only.
+        // A line of blanks; the CSV reader skips only empty lines.
         if record.len() == 1 && record[0].is_empty() && table.columns.len() > 1 {
             return;
         }
@@ -388,7 +388,7 @@ impl Reader<'_> {
                     column.values.push(value);
                     continue;
                 }
-                // What reads as a number and is not finite: nan, inf, and decimals beyond the largest f64.
+                // Numbers that are not finite: nan, inf, and decimals beyond the largest f64.
                 Ok(_) => format!("`{cell}`, expected a finite number"),
                 Err(_) if cell.is_empty() => "an empty cell, expected a number".to_string(),
                 Err(_) => format!("`{cell}`, expected a number"),

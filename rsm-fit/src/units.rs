@@ -1,9 +1,8 @@
-//! Units: whether a text is one, and the way from one to another.
+//! Units: whether a text is a unit, and the conversion between two units.
 //!
-//! In: texts such as `N*m`, `rad/s`, `degC`, `1` (no dimension). Out: a [`Conversion`] value -> factor value + offset, or a
-//! sentence that says what is wrong. The factors come from the library fend-core, exact as fractions (those with pi to more
-//! than 30 digits), so that a converted value is rounded once. Never converts between equal texts: those bits stay. Holds no
-//! table of factors; other people's spellings (`Nm`, `m/s²`, `mbar`) stand in `spellings.rs`.
+//! In: texts such as `N*m`, `rad/s`, `degC`, `1` (no dimension). Out: a [`Conversion`] value -> factor value + offset, or a message. The factors come
+//! from the library fend-core, exact as fractions (those with pi to more than 30 digits), so a converted value is rounded once. Equal texts are not
+//! converted, so the bits stay. There is no table of factors here; other spellings (`Nm`, `m/s²`, `mbar`) are in `spellings.rs`.
 
 mod dimension;
 mod spellings;
@@ -16,25 +15,25 @@ use rsm_core::number::{Precision, Rational, exact};
 
 use crate::dd::Dd;
 
-/// A linear way from one unit to another.
+/// A linear conversion from one unit to another.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Conversion {
-    /// The same text on both sides: the same bits.
+    /// The same text on both sides: the bits stay.
     Identity,
     /// factor value + offset.
     Linear {
-        /// What one of the first unit is in the second.
+        /// One of the first unit in the second unit.
         factor: Dd,
-        /// What zero of the first unit is in the second; not zero between scales of temperature only.
+        /// Zero of the first unit in the second unit; nonzero only between temperature scales.
         offset: Dd,
     },
 }
 
 impl Conversion {
-    /// The way from one unit to another.
+    /// The conversion from one unit to another.
     ///
     /// # Errors
-    /// A sentence: an unknown unit, or two that measure different things.
+    /// An unknown unit, or two units of different kinds; as a sentence.
     ///
     /// ```
     /// use rsm_fit::units::Conversion;
@@ -56,7 +55,7 @@ impl Conversion {
         Ok(Conversion::Linear { factor: double_double(&(one - &offset)), offset: double_double(&offset) })
     }
 
-    /// A value in the second unit, rounded once.
+    /// Converts a value to the second unit, rounded once.
     #[must_use]
     pub fn apply(&self, value: f64) -> f64 {
         match self {
@@ -69,7 +68,7 @@ impl Conversion {
 /// Whether a text is a unit that can be converted.
 ///
 /// # Errors
-/// A sentence that says what is wrong with it.
+/// What is wrong with it, as a sentence.
 ///
 /// ```
 /// use rsm_fit::units;
@@ -81,12 +80,12 @@ pub fn check(text: &str) -> Result<(), String> {
     words(text).map(|_| ())
 }
 
-/// No unit is longer.
+/// The largest length of a unit.
 const LONGEST: usize = 80;
 
-/// A unit cut into names, exponents and signs, every name known to the library.
+/// A unit split into names, exponents and operators; every name is known to the library.
 fn words(text: &str) -> Result<Vec<String>, String> {
-    // The library's parser is recursive, and powers are computed: neither is for a text without end.
+    // The length is limited, because the library's parser is recursive and computes powers.
     if text.chars().count() > LONGEST {
         return Err(format!("a text of more than {LONGEST} characters is not a unit"));
     }
@@ -147,7 +146,7 @@ fn words(text: &str) -> Result<Vec<String>, String> {
     if depth == 0 && !wants_name && exponents_follow_hats && !open { Ok(words) } else { Err(grammar()) }
 }
 
-/// `s2` as `s`, `^`, `2`, where the library does not know it as a name; everything else as it is.
+/// `s2` as `s`, `^`, `2`, if the library does not know it as a name; all else unchanged.
 fn with_power_apart(name: String) -> Vec<String> {
     match spellings::with_power(&name) {
         Some((base, power)) if spellings::name(base).is_some() || known_name(base).is_ok() => {
@@ -157,9 +156,9 @@ fn with_power_apart(name: String) -> Vec<String> {
     }
 }
 
-/// The name as the library spells it. The library takes `Nm` for the nautical mile `NM`: here capitals count.
+/// The name in the library's spelling. The library accepts `Nm` as the nautical mile `NM`; here upper and lower case differ.
 fn known_name(name: &str) -> Result<String, String> {
-    // The library's `ohm` takes `milli` but not `m`; the sign defined in [`evaluate`] does.
+    // The library's `ohm` accepts `milli` but not `m`; the symbol defined in [`evaluate`] does.
     let ohms =
         name.strip_suffix("ohm").or_else(|| name.strip_suffix(['\u{3a9}', '\u{2126}'])).map(|prefix| format!("{prefix}Ω"));
     let spelled = match name {
@@ -171,7 +170,7 @@ fn known_name(name: &str) -> Result<String, String> {
     };
     let unknown = || format!("`{name}` is not a known unit");
     let answer = evaluate(&format!("1 {spelled}")).ok_or_else(unknown)?;
-    // A unit answers with itself in some spelling (`degs` with `deg`); a function or a constant does not.
+    // For a unit the library returns the unit in some spelling (`degs` for `deg`); for a function or a constant it does not.
     let found = answer.strip_prefix("1 ").ok_or_else(unknown)?;
     if found != spelled && found.eq_ignore_ascii_case(spelled) {
         return Err(format!("{}; capitals count: there is `{found}`", unknown()));
@@ -179,7 +178,7 @@ fn known_name(name: &str) -> Result<String, String> {
     Ok(spelled.to_string())
 }
 
-/// `value` of one unit in another, as an exact fraction; `None` if they measure different things.
+/// `value` of one unit in another, as an exact fraction; `None` if they are of different kinds.
 fn convert(value: i32, from: &[String], to: &[String]) -> Option<Rational> {
     let answer = evaluate(&format!("{value} ({}) in ({}) as fraction", from.concat(), to.concat()))?;
     let number = answer.trim_start_matches("approx. ").split(' ').next()?;
@@ -195,7 +194,7 @@ fn whole(text: &str) -> Option<Rational> {
 fn evaluate(question: &str) -> Option<String> {
     let mut context = Context::new();
     context.disable_rng();
-    // Without this C and F are degrees Celsius and Fahrenheit.
+    // Otherwise C and F would be degrees Celsius and Fahrenheit.
     context.use_coulomb_and_farad();
     context.define_custom_unit_v1("Ω", "Ω", "ohm", &CustomUnitAttribute::AllowShortPrefix);
     fend_core::evaluate(question, &mut context).ok().map(|answer| answer.get_main_result().to_string())
@@ -206,8 +205,8 @@ fn double_double(value: &Rational) -> Dd {
     Dd::sum_of(high, Precision::F64.round(&(value - exact(high))))
 }
 
-/// In the SI the radian is 1, so that 1 Hz "is" 1 rad/s, and a factor of 2 pi is lost in silence. An angle, or an angle per
-/// time, is converted only to another.
+/// In the SI the radian is 1, so 1 Hz would equal 1 rad/s, and a factor of 2 pi would be lost. An angle, or an angle per time, is converted only to
+/// another such unit.
 fn refuse_cycles_for_angles(from: &str, from_words: &[String], to: &str, to_words: &[String]) -> Result<(), String> {
     const ANGLES: [&str; 15] = [
         "rad",

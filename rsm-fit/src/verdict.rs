@@ -1,80 +1,78 @@
-//! How the fit of a response ended.
+//! The verdict on the fit of a response.
 //!
-//! The outcomes as data, and their sentences. A numerical outcome is not a failure. Two things are asked of a ladder. C of the paper, (14) and (15), is
-//! taken about zero: a constant 350 K with 8 K of noise reaches 99.95 % without a surface, and the same data in degrees Celsius reach less. So the
-//! second criterion is taken about the mean, and does not change with the zero of the scale:
+//! The outcomes as data, with their sentences. A numerical outcome is not a failure. A ladder has two criteria. C of the paper, (14) and (15), is
+//! relative to zero: a constant 350 K with 8 K of noise reaches 99.95 % without a surface, and the same data in degrees Celsius reach less. So the
+//! second criterion is relative to the mean, and does not change with the zero of the scale:
 //!
-//! 1. on rows that chose nothing the surface explains at least half of the spread about the mean ([`LEAST_EXPLAINED`]), and
-//! 2. C about the mean reaches the wanted confidence too, or what is left is noise as far as the data tell: no significant lack of
-//!    fit.
+//! 1. on rows that were not used for any choice the surface explains at least half of the spread about the mean ([`LEAST_EXPLAINED`]), and
+//! 2. C about the mean also reaches the required confidence, or the residual is noise as far as the data show: no significant lack of fit.
 //!
-//! Noise alone fails the first: on rows that chose nothing no surface does better than the mean, whatever was chosen and however.
-//! A plane through clean quadratic data fails the second. A good surface through noisy data passes both: no surface could explain
-//! the noise, and none should be asked to.
+//! Noise alone fails the first: on rows that were not used for any choice, no surface is better than the mean, however it was chosen. A plane through
+//! clean quadratic data fails the second. A good surface through noisy data passes both: no surface can explain the noise, so this is not required.
 
 use crate::constrain::NotProven;
 use crate::selection::ChosenBy;
 
-/// The share of the spread about the mean that must be explained on rows that chose nothing. At a half the surface and its error are
-/// of one size; predictive models are called useful from there on (Eriksson and others, Multi- and Megavariate Data Analysis, Q^2 > 0.5).
+/// The share of the spread about the mean that must be explained on rows that were not used for any choice. At a half, the surface and its error are
+/// of the same size; predictive models count as useful above it (Eriksson and others, Multi- and Megavariate Data Analysis, Q^2 > 0.5).
 pub const LEAST_EXPLAINED: f64 = 0.5;
 
-/// How the fit of a response ended.
+/// The verdict on the fit of a response.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
-    /// The terms were given; there was nothing to reach.
+    /// The terms were given, so there was no confidence to reach.
     Fitted,
     /// The ladder reached its confidence.
     Reached {
-        /// C on the data that judge.
+        /// C on the judge's data.
         confidence: f64,
-        /// The C that was asked for.
+        /// The required C.
         wanted: f64,
     },
-    /// The ladder reached its confidence, which is taken about zero; about the mean the surface is no good.
+    /// The ladder reached its confidence, which is relative to zero; relative to the mean the surface is not good enough.
     ReachedAboutZero {
-        /// C on the data that judge.
+        /// C on the judge's data.
         confidence: f64,
-        /// The C that was asked for.
+        /// The required C.
         wanted: f64,
-        /// Why not.
+        /// The reason.
         why: AboutZero,
     },
-    /// No model of the ladder did. The best one found is in the model.
+    /// No model of the ladder reached it. The best one found is in the model.
     NotReached {
         /// The best C.
         best: f64,
-        /// The C that was asked for.
+        /// The required C.
         wanted: f64,
     },
-    /// No coefficients of the chosen terms keep the constraints. There is no surface.
+    /// No coefficients of the chosen terms meet the constraints. There is no surface.
     Infeasible {
-        /// The constraints that contradict each other or the terms.
+        /// The constraints that contradict one another or the terms.
         constraints: Vec<String>,
     },
-    /// Some coefficients may keep the constraints, but none could be proven to. There is no surface.
+    /// Some coefficients may meet the constraints, but there is no proof. There is no surface.
     NotProven(NotProven),
-    /// The data cannot tell some columns apart. There is no surface.
+    /// The data do not distinguish some columns. There is no surface.
     IllConditioned {
         /// The norm of a column divided by the norm of its part that is orthogonal to the others.
         condition: f64,
-        /// The terms involved, the refused one last.
+        /// The terms involved, the rejected one last.
         columns: Vec<String>,
     },
 }
 
-/// What is asked beside C.
+/// The criteria in addition to C.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Criterion {
-    /// In percent.
+    /// The required C in percent.
     pub wanted: f64,
-    /// The share explained about the mean on the rows that chose the terms.
+    /// The share explained about the mean on the rows that were used to choose the terms.
     pub centred: Option<f64>,
-    /// The same on rows that chose nothing; none where there are none.
+    /// The same on rows that were not used for any choice; `None` without such rows.
     pub explained: Option<f64>,
     /// Whether a lack of fit is significant.
     pub is_lacking: bool,
-    /// Whether all responses are the same: then there is nothing to explain.
+    /// Whether all responses are equal, so that there is nothing to explain.
     pub has_no_spread: bool,
 }
 
@@ -101,20 +99,20 @@ pub(crate) fn of_ladder(confidence: Option<f64>, asked: &Criterion) -> Verdict {
     }
 }
 
-/// Why a surface whose C is reached is no good about the mean.
+/// The reason why a surface that reaches C is not good enough relative to the mean.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum AboutZero {
-    /// On rows that chose nothing it explains less than [`LEAST_EXPLAINED`] of the spread about the mean.
+    /// On rows that were not used for any choice it explains less than [`LEAST_EXPLAINED`] of the spread about the mean.
     ExplainsLittle {
-        /// This share.
+        /// The explained share.
         share: f64,
     },
-    /// Something systematic is left, and C about the mean is below what is wanted.
+    /// The residual is systematic, and C about the mean is below the required one.
     LacksFit {
         /// C about the mean, in percent.
         centred: f64,
     },
-    /// There are no rows that chose nothing.
+    /// There are no rows that were not used for any choice.
     NobodyJudges,
 }
 
@@ -138,7 +136,7 @@ impl std::fmt::Display for AboutZero {
 }
 
 impl ChosenBy {
-    /// The rows on which a ladder's C is, in words that stand behind a verdict.
+    /// The rows of a ladder's C, in words that follow a verdict.
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {

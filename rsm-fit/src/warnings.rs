@@ -1,8 +1,8 @@
-//! What a user should know before a surface is used.
+//! Warnings about a fitted surface.
 //!
-//! In: a fitted surface with its rows and figures. Out: warnings, each of a kind and with its sentence; and whether a lack of fit is
-//! significant. Tests on residuals have a false-alarm rate of [`ALARM`] each where the model is right and the noise normal and
-//! independent; the others compare the surface with its data and do not alarm there. Changes nothing.
+//! In: a fitted surface with its rows and figures. Out: warnings, each with a kind and a sentence; and whether a lack of fit is significant. Each
+//! test on residuals has a false-alarm rate of [`ALARM`] if the model is right and the noise is normal and independent. The other warnings compare
+//! the surface with its data and give no false alarm there. Changes nothing.
 //!
 //! ```text
 //! lack-of-fit           F against replicates; and the largest t of a term that is not in the model, up to one order above
@@ -29,23 +29,23 @@ use crate::spec::{Constraint, MOST_TERMS};
 use crate::statistics::{ResponseStatistics, RowsUsed, Serial, Warning, serial, value};
 use crate::verdict::LEAST_EXPLAINED;
 
-/// False alarms of each test.
+/// The false-alarm rate of each test.
 pub(crate) const ALARM: f64 = 0.01;
 
-/// Residuals below this share of the spread are rounding of the data: no test is made of them.
+/// Residuals below this share of the spread are rounding errors of the data and are not tested.
 const EXACT: f64 = 1e-9;
 
-/// A row counts as held by the output range when the polynomial is beyond it by more than this share of the spread.
+/// A row counts as limited by the output range if the polynomial exceeds it by more than this share of the spread.
 const HELD: f64 = 1e-9;
 
-/// A response counts as beyond a bound from this many residual standard deviations on.
+/// A response counts as beyond a bound by at least this many residual standard deviations.
 const FAR: f64 = 3.0;
 
-/// Multiplications in double-double of the search for a missing term: 2 * 10^8 take a second. Beyond it the order above is not looked at, then
-/// nothing is.
+/// The limit of double-double multiplications in the search for a missing term: 2 * 10^8 take a second. Above it, terms of the next order are not
+/// tested; if it is still exceeded, none are.
 const WORK: f64 = 2e8;
 
-/// Outliers that are named.
+/// The largest number of named outliers.
 const MOST_NAMED: usize = 5;
 
 pub(crate) struct Notes<'a> {
@@ -56,36 +56,36 @@ pub(crate) struct Notes<'a> {
     pub order: &'a [f64],
     pub constraints: &'a [Constraint],
     pub statistics: &'a ResponseStatistics,
-    /// Whether the coefficients are drawn towards 0.
+    /// Whether the coefficients are shrunken.
     pub is_shrunk: bool,
-    /// Of least squares without constraints.
+    /// The residual standard deviation of least squares without constraints.
     pub free_residual_sd: Option<f64>,
     pub highest_order: u32,
-    /// The share of the spread that is explained on rows that chose nothing.
+    /// The explained share of the spread on rows that were not used for any choice.
     pub explained: Option<f64>,
     pub copies: &'a [(&'static str, usize)],
 }
 
-/// What is to be known.
+/// The warnings, with data for other figures.
 pub(crate) struct Noted {
     pub warnings: Vec<Warning>,
     /// Whether a lack of fit is significant.
     pub is_lacking: bool,
-    /// Where errors of neighbours are alike.
+    /// The serial correlation, if errors of neighbours are correlated.
     pub serial: Option<Serial>,
 }
 
-/// Residuals of the fitted rows and what is known of them.
+/// Residuals of the fitted rows with related figures.
 struct Residuals {
     /// sqrt(weight) (y - yhat).
     weighted: Vec<f64>,
-    /// Of the polynomial, before the output range.
+    /// The values of the polynomial, before the output range.
     predicted: Vec<f64>,
     triangle: Triangle,
 }
 
 impl Notes<'_> {
-    /// All that is to be known.
+    /// All warnings.
     pub(crate) fn all(&self) -> Noted {
         let mut warnings = Vec::new();
         let mut serial = None;
@@ -94,7 +94,7 @@ impl Notes<'_> {
         let low = self.fit.response.iter().copied().fold(f64::INFINITY, f64::min);
         let high = self.fit.response.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let spread = high - low;
-        // What rests on least squares is not asked of other coefficients.
+        // Tests for least squares are not made for other coefficients.
         let is_held = self.is_shrunk || self.statistics.constraints.as_ref().is_some_and(|constraints| constraints.active);
         let is_exact = self.statistics.residual_sd.is_none_or(|sd| sd <= EXACT * spread);
         warn("explains-little", self.explains_little(spread, is_held));
@@ -154,7 +154,7 @@ impl Notes<'_> {
         Some(format!("the surface misses the means of repeated points by more than their scatter (F = {f:.1}, p = {p:.1e})"))
     }
 
-    /// The term outside of the model that would explain most, if chance does not explain as much.
+    /// The term outside of the model that would explain most, if it is significant.
     fn missing_term(&self, is_held: bool) -> Option<String> {
         if is_held {
             return None;
@@ -173,7 +173,7 @@ impl Notes<'_> {
         let gains = (chosen.len()..design.width()).filter_map(|k| Some((k, growing.ahead(k)?.0.to_f64())));
         let (term, gain) = gains.reduce(|best, other| if other.1 > best.1 { other } else { best })?;
         let t = (gain / ((left - gain).max(0.0) / freedom)).sqrt();
-        // Each of the terms had the chance to be the largest.
+        // Corrected for the number of tested terms.
         let p = if t.is_finite() { two_sided_t(t, freedom)? * others.len() as f64 } else { 0.0 };
         (p < ALARM).then(|| {
             let above = if order > self.highest_order { ", which is above the order that was fitted," } else { "" };
@@ -182,7 +182,7 @@ impl Notes<'_> {
         })
     }
 
-    /// All terms up to an order above the highest that was fitted, or up to it.
+    /// All terms up to one order above the highest fitted one, or up to that.
     fn wider(&self) -> Option<(u32, Vec<Vec<u32>>)> {
         let width = self.surface.width();
         let fits = |order: &u32| {
@@ -207,7 +207,7 @@ impl Notes<'_> {
             let error = residuals.weighted[row];
             let without = ((square - error * error / own) / freedom).max(0.0);
             let t = error / (without * own).sqrt();
-            // With leverage 1 the surface goes through the point whatever it is.
+            // With leverage 1 the surface passes through the point whatever its response is.
             (own > 1e-9 && !t.is_nan()).then_some((row, t))
         };
         let found: Vec<(usize, f64)> = (0..rows).filter_map(studentised).collect();
@@ -229,13 +229,13 @@ impl Notes<'_> {
         })
     }
 
-    /// A fitted row by its inputs: its number alone says little after a split.
+    /// A fitted row described by its inputs, because its number alone means little after a split.
     fn place(&self, row: usize) -> String {
         let each = self.surface.inputs.iter().zip(&self.fit.columns).map(|(name, column)| format!("{name} = {}", column[row]));
         format!("({})", each.collect::<Vec<String>>().join(", "))
     }
 
-    /// Rows in the order of the runs; where it is not known, as they stand: recordings stand in the order of time.
+    /// The rows in run order or, if that is not known, in file order: recordings are in the order of time.
     fn serial(&self, residuals: &Residuals, is_held: bool) -> Option<Serial> {
         let mut places: Vec<usize> = (0..self.fit.rows()).collect();
         let is_known = self.order.len() == places.len();
@@ -304,7 +304,7 @@ impl Notes<'_> {
     }
 }
 
-/// Where there are no rows that chose nothing.
+/// The warning if there are no rows that were not used for any choice.
 pub(crate) fn not_judged(used: &RowsUsed) -> Warning {
     Warning { kind: "judged-by-choosers", what: format!("no error on rows that chose nothing is known: {}", used.error) }
 }

@@ -1,6 +1,7 @@
 //! The plants that come with the project, as texts.
 //!
-//! Equations of `docs/book/src/reference/plants.md`, section 2. Values are those of the shipped plant files, where such a file gives no other.
+//! Equations of `docs/book/src/reference/plants.md`, section 2. Parameter values are those of the shipped plant files, for parameters that the user's
+//! file does not give.
 
 use rsm_core::source::Source;
 

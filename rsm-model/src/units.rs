@@ -2,9 +2,10 @@
 //!
 //! In: a flat system. Out: how many equations were checked, or a fault for each sum, comparison, argument or equation whose parts have different units.
 //!
-//! A variable without a unit matches every unit, and results computed from it are not checked. A number in a sum or a comparison matches every unit too: in `T - 293.15`
-//! it has the unit of `T`. In a product it is a pure number where it is a quarter of a whole number up to 16, as in `0.5*m*v^2`; any other may carry a unit that the
-//! text does not state, as 9.81 does in `9.81*m`. Scale factors are checked too: km/h is not m/s. `rsm-fit` interprets the units, by a library.
+//! A variable without a unit matches every unit, and results computed from it are not checked. A number in a sum or a comparison matches every unit
+//! too: in `T - 293.15` it has the unit of `T`. In a product, a multiple of 1/4 up to 16 is a pure number, as in `0.5*m*v^2`. Any other number may
+//! have a unit that the text does not state, as 9.81 in `9.81*m`. Scale factors are checked too: km/h is not m/s. `rsm-fit` interprets the units,
+//! with a library.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -15,24 +16,24 @@ use rsm_fit::units::{Dimension, dimension};
 use crate::expression::{Binary, Id, Node, Symbol, Unary};
 use crate::flat::{Basic, Flat, Role};
 
-/// How far units were checked.
+/// The result of the check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Checked {
-    /// Equations whose both sides have units that agree.
+    /// The number of equations whose sides have units that agree.
     pub equations: usize,
-    /// Equations that hold something without a unit, so that nothing can be said of the whole.
+    /// The number of equations with a part without a unit, which cannot be checked completely.
     pub unchecked: usize,
 }
 
-/// Exponents are kept in twelfths: roots of products stay exact.
+/// Exponents are counted in twelfths, so that roots of products stay exact.
 const TWELFTHS: i32 = 12;
 
-/// What an expression measures.
+/// The unit of an expression.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Measure {
-    /// Unknown: fits everything.
+    /// Unknown: matches every unit.
     Any,
-    /// A number of the text; whether it is a pure number in a product.
+    /// A number of the text, and whether it is a pure number in a product.
     Literal(bool),
     Known(Unit),
 }
@@ -71,7 +72,7 @@ impl Unit {
         Unit { exponents, factor, has_offset: false }
     }
 
-    /// In words: a name of the SI where there is one, else base units.
+    /// In words: an SI name if there is one, otherwise base units.
     fn text(self) -> String {
         const NAMED: &[(&str, [i32; 7])] = &[
             ("no dimension (1 or rad)", [0, 0, 0, 0, 0, 0, 0]),
@@ -129,7 +130,7 @@ struct Checker<'f> {
 /// ```
 ///
 /// # Errors
-/// Every place where units do not agree, and every unit that is none.
+/// Every place where units do not agree, and every unknown unit.
 pub fn check(flat: &Flat) -> Result<Checked, Faults> {
     let mut checker = Checker { flat, faults: Collector::new(), texts: HashMap::new(), done: HashMap::new(), place: 0..0 };
     let mut checked = Checked::default();
@@ -172,7 +173,7 @@ impl Checker<'_> {
         self.faults.push(self.flat.fault(&self.place, what).help(help));
     }
 
-    /// Whether both sides have units, which then agree.
+    /// Whether both sides have units; these then agree.
     fn equal(&mut self, left: Id, right: Id, place: &Range<usize>, what: &str) -> bool {
         let (a, b) = (self.measure(left, place), self.measure(right, place));
         self.place = place.clone();
@@ -190,7 +191,7 @@ impl Checker<'_> {
         self.same(own, its, &format!("`{name}` and {what}"), &name, &text);
     }
 
-    /// What two expressions have in common, that must measure the same.
+    /// The common unit of two expressions that must have the same unit.
     fn same(&mut self, a: Measure, b: Measure, what: &str, left: &str, right: &str) -> Measure {
         match (a, b) {
             (Measure::Known(x), Measure::Known(y)) => {
@@ -215,7 +216,7 @@ impl Checker<'_> {
         if let Some(known) = self.texts.get(text) {
             return *known;
         }
-        // In the notation of the language a point is a product.
+        // In the notation of the language, a point is a product.
         let found = dimension(&text.replace('.', "*"));
         let measure = match found {
             Ok(dimension) => Measure::Known(dimension.into()),
@@ -254,7 +255,7 @@ impl Checker<'_> {
         }
     }
 
-    /// What an expression measures; faults are told at `place`.
+    /// The unit of an expression; faults are reported at `place`.
     fn measure(&mut self, root: Id, place: &Range<usize>) -> Measure {
         self.place = place.clone();
         let mut open = vec![(root, false)];
@@ -385,7 +386,7 @@ fn has_offset(measure: Measure) -> bool {
     matches!(measure, Measure::Known(unit) if unit.has_offset)
 }
 
-/// Temperatures in degC: their difference is in K; one plus a difference is one again.
+/// Temperatures in degC: their difference is in K; a temperature plus a difference is a temperature.
 fn offset_sum(operation: Binary, a: Measure, b: Measure) -> Measure {
     match (a, b) {
         (Measure::Known(x), Measure::Known(y)) if x.exponents == y.exponents && x.factor == y.factor => {

@@ -1,20 +1,20 @@
-//! A scenario with all its files in one text: what a worker on another host gets, so that no file system is shared.
+//! A scenario with all its files in one text, for workers on other hosts without a shared file system.
 //!
-//! In: a scenario, or such a text. Out: such a text, or the scenario again: the same tasks with the same hashes.
+//! In: a scenario, or such a text. Out: such a text, or the same scenario: the same tasks with the same hashes.
 
 use rsm_core::source::{Fault, Faults, Source};
 use serde_json::{Map, Value, json};
 
 use crate::scenario::Scenario;
 
-/// The text.
+/// The bundle of a scenario.
 #[must_use]
 pub fn write(scenario: &Scenario) -> String {
     let files: Map<String, Value> = scenario.files.iter().map(|(name, text)| (name.clone(), json!(text))).collect();
     json!({ "bundle": 1, "scenario": scenario.source.text(), "name": scenario.source.name(), "files": files }).to_string()
 }
 
-/// Whether a text is a bundle: a scenario is TOML, which never begins so.
+/// Whether a text is a bundle: TOML never begins like one.
 #[must_use]
 pub fn is_one(text: &str) -> bool {
     text.starts_with("{\"bundle\":")
@@ -23,7 +23,7 @@ pub fn is_one(text: &str) -> bool {
 /// Reads a bundle.
 ///
 /// # Errors
-/// A text that is no bundle of this version; the faults of the scenario in it.
+/// If the text is no bundle of this version, or the faults of its scenario.
 pub fn read(source: &Source) -> Result<Scenario, Faults> {
     let refuse = |what: &str| Faults::one(Fault::whole_file(source.name(), what));
     let value: Value = serde_json::from_str(source.text()).map_err(|error| refuse(&format!("no bundle: {error}")))?;

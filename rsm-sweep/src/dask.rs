@@ -1,7 +1,8 @@
 //! Runs tasks on a Dask cluster.
 //!
-//! In: tasks that have no result yet, the address of a scheduler. Out: their results in a store on this machine, each as soon as it comes. The script `python/rsm_sweep_dask.py` speaks with the scheduler; it gets
-//! the bundle of the scenario and the hashes on its standard input, and prints a line for each task. Scheduling, lost workers and retries are Dask's.
+//! In: tasks without a result, the address of a scheduler. Out: their results in a store on this machine, each written when it arrives. The script
+//! `python/rsm_sweep_dask.py` communicates with the scheduler. It receives the bundle of the scenario and the hashes on its standard input, and
+//! prints a line for each task. Dask handles scheduling, lost workers and retries.
 
 use std::collections::HashMap;
 use std::io::{BufRead as _, BufReader, Write as _};
@@ -14,18 +15,18 @@ use crate::scenario::Scenario;
 use crate::store::Store;
 use crate::tasks::Task;
 
-/// Where and how.
+/// The cluster and its programs.
 #[derive(Debug, Clone)]
 pub struct Cluster<'a> {
     /// HOST:PORT of the scheduler.
     pub scheduler: &'a str,
-    /// Python on this machine, which has the script and the package `distributed`.
+    /// The Python program on this machine, with the script and the package `distributed`.
     pub python: &'a str,
     /// The command `rsm` on the workers.
     pub program: &'a str,
 }
 
-/// A process that does not outlive a fault of ours.
+/// A process that is killed if this one fails.
 struct Guarded(Child);
 
 impl Drop for Guarded {
@@ -35,10 +36,10 @@ impl Drop for Guarded {
     }
 }
 
-/// Runs tasks; `done` hears of each.
+/// Runs tasks. `done` is called after each.
 ///
 /// # Errors
-/// In words: the script cannot be started, tasks that failed on the workers (all others are kept), a result that cannot be written.
+/// If the script cannot be started, if tasks failed on the workers (all others are kept), or if a result cannot be written; as a sentence.
 pub fn run(
     scenario: &Scenario,
     tasks: &[&Task],
@@ -52,7 +53,7 @@ pub fn run(
     let mut child = Guarded(child);
     let hashes: Vec<&str> = tasks.iter().map(|it| it.hash.as_str()).collect();
     let job = json!({ "program": cluster.program, "bundle": bundle::write(scenario), "tasks": hashes });
-    // A script that ends at once does not read it: what it says is told below.
+    // A script that ends at once does not read its input; its error is reported below.
     if let Some(mut input) = child.0.stdin.take() {
         let _ = input.write_all(job.to_string().as_bytes());
     }

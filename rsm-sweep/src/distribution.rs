@@ -1,35 +1,35 @@
-//! Distributions of a number that is varied.
+//! Distributions of a varied number.
 //!
-//! In: a share between 0 and 1. Out: the value below which the distribution has this share. Random shares give random values, the shares of a design
-//! give a design. Never draws anything.
+//! In: a share between 0 and 1. Out: the quantile of the distribution at this share. Random shares give random values, the shares of a design give a
+//! design. Draws nothing.
 
 use statrs::distribution::{ContinuousCDF as _, Normal};
 
-/// How a number is distributed.
+/// The distribution of a number.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Distribution {
-    /// Normal; cut at two ends where they are given, and then scaled to 1 again.
+    /// Normal; truncated at two ends if they are given.
     Normal {
         /// Its mean.
         mean: f64,
         /// Its standard deviation, above 0.
         sd: f64,
-        /// The only values that it takes.
+        /// The two ends, if it is truncated.
         within: Option<[f64; 2]>,
     },
-    /// Equally likely between two ends.
+    /// Uniform between two ends.
     Uniform([f64; 2]),
-    /// Its logarithm is equally likely between two ends, which are above 0.
+    /// Uniform in the logarithm between two ends above 0.
     LogUniform([f64; 2]),
-    /// One of these, equally likely.
+    /// One of these values, with equal probability.
     List(Vec<f64>),
 }
 
-/// The nearest shares to 0 and 1 at which a normal distribution has a value: a share is a multiple of 2^-53.
+/// The shares nearest to 0 and 1 at which a normal distribution is evaluated: a share is a multiple of 2^-53.
 const LEAST: f64 = 1.0 / (1u64 << 54) as f64;
 
 impl Distribution {
-    /// The value of a share.
+    /// The quantile at a share.
     ///
     /// ```
     /// use rsm_sweep::distribution::Distribution;
@@ -47,7 +47,7 @@ impl Distribution {
                     low + share * (high - low)
                 });
                 let value = mean + sd * unit.inverse_cdf(share.clamp(LEAST, 1.0 - 2.0 * LEAST));
-                // The last bits of the two functions may lead over an end.
+                // Rounding of the two functions could exceed an end.
                 within.map_or(value, |[low, high]| value.clamp(low, high))
             }
             Distribution::Uniform([low, high]) => low * (1.0 - share) + high * share,

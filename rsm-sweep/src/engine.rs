@@ -1,6 +1,6 @@
 //! Runs tasks on the cores of this machine.
 //!
-//! In: tasks that have no result yet. Out: their results in a store, each as soon as it is there. What is in the store does not depend on the number of threads.
+//! In: tasks without a result. Out: their results in a store, each written when it is ready. The store does not depend on the number of threads.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -12,10 +12,10 @@ use crate::scenario::Scenario;
 use crate::store::Store;
 use crate::tasks::Task;
 
-/// Runs tasks; `done` hears of each.
+/// Runs tasks. `done` is called after each.
 ///
 /// # Errors
-/// In words: a result could not be written. The others are kept.
+/// If a result could not be written; as a sentence. The others are kept.
 pub fn run(
     scenario: &Scenario,
     tasks: &[&Task],

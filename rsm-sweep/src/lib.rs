@@ -8,8 +8,8 @@
 //!                        Store + tasks --table--> CSV, Parquet --summary--> quantiles with their intervals
 //! ```
 //!
-//! A result depends on its task alone: not on threads, order, shards, or on whether the list was killed and started again. A result that is there
-//! is not made again. Nothing here prints. A task that is a diagnosis is run by the function that the caller gives.
+//! A result depends only on its task: not on threads, order, shards, or on whether the list was killed and started again. An existing result is not
+//! computed again. Nothing here prints. The caller gives the function that runs a diagnosis.
 //!
 //! ```
 //! use rsm_core::source::{Fault, Faults, Source};
@@ -61,13 +61,13 @@ pub mod parquet;
 
 pub mod summary;
 
-/// What decides a result beside the files: another version may give other bits.
+/// Part of every hash besides the files, because another version may give other bits.
 pub const PROGRAM: &str = concat!("rsm ", env!("CARGO_PKG_VERSION"));
 
-/// For scenarios without diagnoses.
+/// The diagnosis function for scenarios without diagnoses.
 ///
 /// # Errors
-/// Always: it makes none.
+/// Always.
 pub fn no_diagnosis(_: &Case<'_>) -> Result<serde_json::Value, String> {
     Err("no diagnosis is made here".to_string())
 }

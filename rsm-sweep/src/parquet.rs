@@ -1,6 +1,6 @@
 //! A table as a Parquet file.
 //!
-//! In: a [`Table`]. Out: bytes, the same for the same table. One row group, no compression. With the feature `parquet` alone, which is off by default.
+//! In: a [`Table`]. Out: bytes, the same for the same table. One row group, no compression. Needs the feature `parquet`, which is off by default.
 
 use crate::table::Table;
 
@@ -10,7 +10,7 @@ pub const IS_BUILT: bool = cfg!(feature = "parquet");
 /// The bytes of a Parquet file.
 ///
 /// # Errors
-/// In words: a build without the feature `parquet`.
+/// If the build lacks the feature `parquet`; as a sentence.
 #[cfg(not(feature = "parquet"))]
 pub fn write(_: &Table) -> Result<Vec<u8>, String> {
     Err("this build writes no Parquet: build it with `--features parquet`".to_string())
@@ -19,7 +19,7 @@ pub fn write(_: &Table) -> Result<Vec<u8>, String> {
 /// The bytes of a Parquet file.
 ///
 /// # Errors
-/// In words: none is known.
+/// None is known; as a sentence.
 #[cfg(feature = "parquet")]
 pub fn write(table: &Table) -> Result<Vec<u8>, String> {
     written(table).map_err(|error| format!("the table cannot be written as Parquet: {error}"))
@@ -56,7 +56,7 @@ fn written(table: &Table) -> parquet::errors::Result<Vec<u8>> {
     let mut group = writer.next_row_group()?;
     for column in &table.columns {
         let Some(mut out) = group.next_column()? else { break };
-        // Cells that are there, and for every row whether it has one.
+        // The cells that have a value, and for every row whether it has one.
         match &column.cells {
             Cells::Whole(cells) => {
                 let (values, levels) = present(cells, |it| *it as i64);

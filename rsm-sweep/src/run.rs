@@ -1,6 +1,7 @@
 //! One task: a simulation with its figures, or a diagnosis.
 //!
-//! In: a task and its scenario. Out: its result as JSON, which depends on the task alone. A simulation that stops is a result, too: `failed` says why.
+//! In: a task and its scenario. Out: its result as JSON, which depends on the task alone. A simulation that fails also has a result: `failed` gives
+//! the reason.
 
 use rsm_fit::random::Random;
 use rsm_sim::plant_file::PlantFile;
@@ -12,25 +13,25 @@ use crate::PROGRAM;
 use crate::scenario::{Scenario, Simulations, Statistic, Work};
 use crate::tasks::{Task, What, set};
 
-/// A diagnosis that is to be made.
+/// The data of a diagnosis.
 #[derive(Debug)]
 pub struct Case<'a> {
     /// The plant.
     pub plant: &'a PlantFile,
-    /// Records to estimate from, to choose by, and to judge by.
+    /// Records for training, validation and test.
     pub records: [&'a [Record]; 3],
-    /// Threads that it may take.
+    /// The number of threads that it may use.
     pub threads: usize,
 }
 
-/// Makes a diagnosis: its JSON, or why there is none. Of one case it must be the same JSON, whatever the number of threads.
+/// Runs a diagnosis and returns its JSON, or why there is none. The JSON must not depend on the number of threads.
 pub type Diagnose<'a> = dyn Fn(&Case<'_>) -> Result<Value, String> + Sync + 'a;
 
 impl Task {
     /// Runs it.
     ///
     /// # Panics
-    /// When it is a task of another scenario.
+    /// If it is a task of another scenario.
     #[must_use]
     pub fn run(&self, scenario: &Scenario, threads: usize, diagnose: &Diagnose<'_>) -> Value {
         let mut result = Map::new();
@@ -56,7 +57,7 @@ impl Task {
     }
 }
 
-/// The bytes of a result: what a folder of results holds and what a worker gives back.
+/// The bytes of a result, as stored in a folder and as returned by a worker.
 #[must_use]
 pub(crate) fn bytes(result: &Value) -> Vec<u8> {
     let mut text = result.to_string();
@@ -95,7 +96,7 @@ fn simulate(
     result.insert("failed".into(), failed);
 }
 
-/// White normal noise as the plant file has it, output by output.
+/// Adds white normal noise to each output, as the plant file states.
 fn add_noise(file: &PlantFile, outputs: &mut Outputs, seed: u64) {
     let mut random = Random::new(seed);
     for (signal, values) in outputs.signals.iter().zip(&mut outputs.values) {
@@ -111,7 +112,7 @@ fn figures(all: &Simulations, record: &Record, file: &PlantFile, outputs: &Outpu
         let signal = outputs.signals.iter().find(|it| it.name == *name);
         let measured = file.kind.output(name).and_then(|place| record.measured[place].as_deref());
         let mut found = Map::from_iter([("unit".to_string(), json!(signal.map_or("1", |it| it.unit)))]);
-        // serde_json makes null of a number that is not finite.
+        // serde_json writes null for a number that is not finite.
         for it in statistics {
             found.insert(it.name().into(), json!(statistic(*it, values, measured.unwrap_or_default())));
         }

@@ -1,7 +1,7 @@
-//! What is swept: the file of a sweep with all files that it names.
+//! The file of a sweep, with all files that it names.
 //!
-//! In: TOML, and a way to open files. Out: a [`Scenario`] whose plants, records and distributions go together, or every fault with line and column.
-//! Never runs anything.
+//! In: TOML, a function that opens files. Out: a [`Scenario`] whose plants, records and distributions fit together, or every fault with line and
+//! column. Runs nothing.
 
 mod read;
 mod vary;
@@ -15,10 +15,10 @@ use rsm_sim::record::Record;
 
 use crate::distribution::Distribution;
 
-/// More tasks than a folder of files holds well.
+/// The largest number of tasks: a folder with more files is slow.
 pub const MOST_TASKS: usize = 1_000_000;
 
-/// Opens a file by the name that the scenario gives it.
+/// Opens a file by its name in the scenario.
 pub type Open<'a> = dyn Fn(&str) -> Result<Source, Faults> + 'a;
 
 /// A sweep with the contents of its files.
@@ -26,9 +26,9 @@ pub type Open<'a> = dyn Fn(&str) -> Result<Source, Faults> + 'a;
 pub struct Scenario {
     /// Its name.
     pub name: String,
-    /// Its random numbers.
+    /// The seed of its random numbers.
     pub seed: u64,
-    /// What a task is.
+    /// What its tasks do.
     pub work: Work,
     /// The file itself.
     pub(crate) source: Source,
@@ -36,12 +36,12 @@ pub struct Scenario {
     pub(crate) files: Vec<(String, String)>,
 }
 
-/// What a task is.
+/// What the tasks of a sweep do.
 #[derive(Debug)]
 pub enum Work {
     /// A run of a plant along a record.
     Simulate(Simulations),
-    /// A diagnosis each.
+    /// Diagnoses, one in each task.
     Diagnose(Vec<Diagnosis>),
 }
 
@@ -52,19 +52,19 @@ pub struct Simulations {
     pub plants: Vec<Plant>,
     /// The names of the records.
     pub records: Vec<String>,
-    /// What is varied.
+    /// The varied factors.
     pub factors: Vec<Factor>,
-    /// Which settings.
+    /// The settings.
     pub(crate) points: Points,
-    /// How many settings.
+    /// The number of settings.
     pub settings: usize,
-    /// Whether outputs get the noise of the plant file.
+    /// Whether the noise of the plant file is added to outputs.
     pub noise: bool,
-    /// How often each setting is run, each time with other noise.
+    /// The number of runs of each setting, each with different noise.
     pub repeats: usize,
-    /// Which figures of which outputs.
+    /// The outputs, each with its figures.
     pub outputs: Vec<(String, Vec<Statistic>)>,
-    /// Whether a result has every row of these outputs.
+    /// Whether a result contains every row of these outputs.
     pub whole_records: bool,
 }
 
@@ -73,28 +73,28 @@ pub struct Simulations {
 pub struct Plant {
     /// Its name in the scenario.
     pub name: String,
-    /// Itself.
+    /// The plant file.
     pub file: PlantFile,
     /// The records, as this plant reads them, in the order of [`Simulations::records`].
     pub records: Vec<Record>,
-    /// Where each factor is set, and how it is distributed here.
+    /// The number and the distribution of each factor in this plant.
     pub(crate) places: Vec<Place>,
-    /// The files of which it is made, as places in [`Scenario::files`].
+    /// The files that it consists of, as indices in [`Scenario::files`].
     pub(crate) files: Vec<usize>,
 }
 
-/// Something that is varied.
+/// A varied factor.
 #[derive(Debug)]
 pub struct Factor {
     /// The name of its column.
     pub name: String,
-    /// As messages speak of it.
+    /// Its name in messages.
     pub(crate) who: String,
-    /// Where it stands in the scenario.
+    /// Its position in the scenario.
     pub(crate) span: Range<usize>,
 }
 
-/// A number of a plant.
+/// A number of a plant, with its distribution.
 #[derive(Debug)]
 pub(crate) struct Place {
     pub(crate) of: Number,
@@ -103,47 +103,47 @@ pub(crate) struct Place {
     pub(crate) law: Law,
 }
 
-/// Which number.
+/// The number of a plant.
 #[derive(Debug)]
 pub(crate) enum Number {
     /// A parameter.
     Parameter(&'static str),
-    /// A number of an effect, by the place of the effect in the file.
+    /// A number of an effect; the first field is the index of the effect in the file.
     Effect(usize, &'static str),
 }
 
-/// Where its values come from.
+/// The source of the values.
 #[derive(Debug)]
 pub(crate) enum Law {
     /// A distribution.
     Drawn(Distribution),
-    /// A column of a plan: a value a setting.
+    /// A column of a plan: one value for each setting.
     Planned(Vec<f64>),
 }
 
-/// The shares at which distributions are taken.
+/// The shares at which distributions are evaluated.
 #[derive(Debug)]
 pub(crate) enum Points {
-    /// Random, by the seed and the number of the setting alone.
+    /// Random; they depend only on the seed and the number of the setting.
     Random,
-    /// Of a design: a share for each factor.
+    /// From a design: one share for each factor.
     Design(Vec<Vec<f64>>),
 }
 
 /// A figure of an output along a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Statistic {
-    /// At the last row.
+    /// The value at the last row.
     Final,
-    /// The least.
+    /// The smallest value.
     Min,
-    /// The greatest.
+    /// The largest value.
     Max,
     /// The mean of all rows.
     Mean,
-    /// The root of the mean square of all rows.
+    /// The root mean square of all rows.
     Rms,
-    /// The root of the mean squared difference from the record.
+    /// The root mean square of the difference from the record.
     Rmse,
 }
 
@@ -174,9 +174,9 @@ pub struct Diagnosis {
     pub plant_name: String,
     /// The plant.
     pub plant: PlantFile,
-    /// Records to estimate from, to choose by, and to judge by.
+    /// Records for training, validation and test.
     pub records: [Vec<Record>; 3],
-    /// The files of which it is made, as places in [`Scenario::files`]: of the plant, then of the three lists.
+    /// The files that it consists of, as indices in [`Scenario::files`]: those of the plant, then of the three lists.
     pub(crate) files: [Vec<usize>; 4],
 }
 
@@ -202,7 +202,7 @@ impl Scenario {
         self.source.fault(factor.span.clone(), format!("{}: {what}", factor.who))
     }
 
-    /// The names of the files that it is made of, each once, in the order in which they were opened.
+    /// The names of all files that it consists of, each once, in the order of opening.
     pub fn files(&self) -> impl Iterator<Item = &str> {
         self.files.iter().map(|it| it.0.as_str())
     }

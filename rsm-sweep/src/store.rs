@@ -1,7 +1,7 @@
-//! A folder of results: a file for each task, whole or absent.
+//! A folder of results: one file for each task, complete or absent.
 //!
-//! In: results. Out: those that are there. `tasks/HASH.json` is written beside its place and renamed. A file that is not whole (a machine that lost its power) is none.
-//! `starts.log` has a line for each task that was started here: what was under way when a run was killed.
+//! In: results. Out: the stored results. `tasks/HASH.json` is written under a temporary name and renamed. An incomplete file (after a power failure)
+//! counts as absent. `starts.log` has a line for each started task: it shows the running tasks after a run was killed.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write as _;
@@ -13,18 +13,18 @@ use serde_json::Value;
 use crate::run::bytes;
 use crate::tasks::Task;
 
-/// Names of files that are not whole yet.
+/// The prefix of temporary files.
 const PREFIX: &str = ".rsm-";
 const SUFFIX: &str = ".part";
 
-/// After an hour nobody writes a small file any more.
+/// A temporary file of this age is left over from a killed run.
 const LEFTOVER: Duration = Duration::from_secs(3600);
 
 /// A folder of results.
 #[derive(Debug)]
 pub struct Store {
     folder: PathBuf,
-    /// `None`: it is only read.
+    /// `None` if the folder is only read.
     log: Option<File>,
 }
 
@@ -33,10 +33,10 @@ fn failed(path: &Path, what: &str, error: &std::io::Error) -> String {
 }
 
 impl Store {
-    /// The folder, to be written; it is made where it is not there.
+    /// Opens a folder for writing; creates it if necessary.
     ///
     /// # Errors
-    /// In words: it cannot be written.
+    /// If it cannot be written; as a sentence.
     pub fn open(out: &Path) -> Result<Store, String> {
         let folder = out.join("tasks");
         std::fs::create_dir_all(&folder).map_err(|error| failed(&folder, "made", &error))?;
@@ -47,10 +47,10 @@ impl Store {
         Ok(store)
     }
 
-    /// A folder that is only read.
+    /// Opens a folder for reading only.
     ///
     /// # Errors
-    /// In words: it holds no results.
+    /// If it has no results; as a sentence.
     pub fn look(out: &Path) -> Result<Store, String> {
         let folder = out.join("tasks");
         if folder.is_dir() {
@@ -60,7 +60,7 @@ impl Store {
         }
     }
 
-    /// What a run that was killed has left half written. Another run may be writing in the same folder: only what is old is a leftover.
+    /// Removes temporary files of a killed run. Another run may be writing in the same folder, so only old files are removed.
     fn remove_leftovers(&self) {
         for entry in std::fs::read_dir(&self.folder).into_iter().flatten().flatten() {
             let name = entry.file_name();
@@ -76,27 +76,27 @@ impl Store {
         self.folder.join(format!("{hash}.json"))
     }
 
-    /// The result of a task, if it is there and whole.
+    /// The result of a task, if it exists and is complete.
     #[must_use]
     pub fn get(&self, task: &Task) -> Option<Value> {
         let value: Value = serde_json::from_slice(&std::fs::read(self.path(&task.hash)).ok()?).ok()?;
         (value["task"].as_str() == Some(&task.hash)).then_some(value)
     }
 
-    /// Notes that a task is started.
+    /// Logs the start of a task.
     ///
     /// # Errors
-    /// In words: the log cannot be written.
+    /// If the log cannot be written; as a sentence.
     pub fn start(&self, task: &Task) -> Result<(), String> {
         let Some(mut log) = self.log.as_ref() else { return Ok(()) };
-        // One write: lines of threads and processes do not mix.
+        // A single write, so that lines of threads and processes do not mix.
         log.write_all(format!("{}\n", task.hash).as_bytes()).map_err(|error| format!("starts.log cannot be written: {error}"))
     }
 
-    /// Keeps a result.
+    /// Stores a result.
     ///
     /// # Errors
-    /// In words: it cannot be written.
+    /// If it cannot be written; as a sentence.
     pub fn put(&self, task: &Task, result: &Value) -> Result<(), String> {
         let path = self.path(&task.hash);
         let write = || {
@@ -104,7 +104,7 @@ impl Store {
             builder.prefix(PREFIX).suffix(SUFFIX);
             #[cfg(unix)]
             {
-                // A temporary file is private by default; a result is as readable as any other output.
+                // A temporary file is private by default. The result gets the same permissions as other outputs.
                 use std::os::unix::fs::PermissionsExt as _;
                 builder.permissions(std::fs::Permissions::from_mode(0o644));
             }
@@ -116,7 +116,7 @@ impl Store {
         write().map_err(|error| failed(&path, "written", &error))
     }
 
-    /// How many files of results the folder has, of this list and of others.
+    /// The number of result files in the folder, of this list and of others.
     #[must_use]
     pub fn count(&self) -> usize {
         let entries = std::fs::read_dir(&self.folder).into_iter().flatten().flatten();

@@ -1,10 +1,10 @@
-//! What many runs say together: mean and quantiles of each figure, with their confidence intervals.
+//! Summary of many runs: mean and quantiles of each figure, with their confidence intervals.
 //!
-//! In: the table of a list of runs. Out: a [`Summary`] for each plant, record and figure. Intervals stand only where the runs are independent draws: of a design (Sobol, Latin hypercube, plan)
-//! no interval of independent draws holds, and repeats of one setting are no draws of the settings.
+//! In: the table of a list of runs. Out: a [`Summary`] for each plant, record and figure. Intervals are given only if the runs are independent draws.
+//! They are not valid for a design (Sobol, Latin hypercube, plan), and repeats of one setting are not draws of the settings.
 //!
-//! The interval of a quantile lies between two order statistics (W. J. Conover, Practical Nonparametric Statistics, 3.2): the number of draws below the true quantile is binomial,
-//! whatever the distribution. Where the runs are too few to have such a bound, there is none.
+//! The interval of a quantile lies between two order statistics (W. J. Conover, Practical Nonparametric Statistics, 3.2): the number of draws below
+//! the true quantile is binomial, for any distribution. If there are too few runs for such a bound, there is none.
 
 use rsm_fit::distributions::quantile_t;
 use statrs::function::beta::beta_reg;
@@ -15,10 +15,10 @@ use crate::table::{Cells, Column, Table, figure};
 /// The confidence of every interval.
 pub const CONFIDENCE: f64 = 0.95;
 
-/// The shares whose quantiles are told.
+/// The shares of the reported quantiles.
 pub const SHARES: [f64; 7] = [0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99];
 
-/// A figure over the runs of a plant along a record.
+/// A figure over all runs of a plant along a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
     /// The name of its column.
@@ -29,17 +29,17 @@ pub struct Summary {
     pub plant: String,
     /// The record.
     pub record: String,
-    /// Runs that have a value.
+    /// The number of runs with a value.
     pub count: usize,
-    /// Runs that have none.
+    /// The number of runs without one.
     pub failed: usize,
-    /// Their mean, with its interval of Student's t.
+    /// The mean of the values.
     pub mean: f64,
-    /// The interval of the mean.
+    /// Its interval, by Student's t.
     pub mean_interval: Option<[f64; 2]>,
     /// Their standard deviation.
     pub sd: f64,
-    /// The least and the greatest.
+    /// The smallest and the largest value.
     pub range: [f64; 2],
     /// Quantiles.
     pub quantiles: Vec<Quantile>,
@@ -50,7 +50,7 @@ pub struct Summary {
 pub struct Quantile {
     /// The share below it.
     pub share: f64,
-    /// The estimate: between the two nearest runs, in proportion (Hyndman and Fan 1996, type 7).
+    /// The estimate: linear interpolation between the two nearest runs (Hyndman and Fan 1996, type 7).
     pub value: f64,
     /// The lower end of its interval.
     pub low: Option<f64>,
@@ -58,15 +58,15 @@ pub struct Quantile {
     pub high: Option<f64>,
 }
 
-/// Whether the runs are independent draws of what is asked.
+/// Whether the runs are independent draws of the varied quantities.
 fn is_independent(all: &Simulations) -> bool {
     let draws = matches!(all.points, Points::Random) && all.settings > 1 && all.repeats == 1;
     let planned = all.plants.iter().flat_map(|it| &it.places).any(|it| matches!(it.law, crate::scenario::Law::Planned(_)));
-    // One setting, repeated with other noise.
+    // Or a single setting, repeated with independent noise.
     (draws && !planned) || (all.settings == 1 && all.noise)
 }
 
-/// A summary of each figure; none of diagnoses.
+/// A summary of each figure; empty for diagnoses.
 #[must_use]
 pub fn of(scenario: &Scenario, table: &Table) -> Vec<Summary> {
     let Work::Simulate(all) = &scenario.work else { return Vec::new() };
@@ -99,7 +99,7 @@ pub fn of(scenario: &Scenario, table: &Table) -> Vec<Summary> {
 fn summary(column: &Column, rows: &[usize], independent: bool, [plant, record]: [&str; 2]) -> Option<Summary> {
     let Cells::Numbers(cells) = &column.cells else { return None };
     let mut values: Vec<f64> = rows.iter().filter_map(|row| cells[*row]).collect();
-    // In the order of the list: the sum does not depend on how equal numbers are sorted.
+    // In the order of the list, so that the sum does not depend on how equal numbers are sorted.
     let count = values.len();
     let mean = values.iter().sum::<f64>() / count as f64;
     let sd = (values.iter().map(|it| (it - mean) * (it - mean)).sum::<f64>() / (count as f64 - 1.0)).sqrt();
@@ -130,7 +130,7 @@ fn summary(column: &Column, rows: &[usize], independent: bool, [plant, record]: 
     })
 }
 
-/// Of sorted values.
+/// The quantile of sorted values.
 fn quantile(sorted: &[f64], share: f64) -> f64 {
     let place = share * (sorted.len() - 1) as f64;
     let (below, part) = (place.floor() as usize, place.fract());
@@ -143,10 +143,10 @@ fn at_most(most: usize, count: usize, share: f64) -> f64 {
     if most >= count { 1.0 } else { beta_reg((count - most) as f64, most as f64 + 1.0, 1.0 - share) }
 }
 
-/// The places (from 0) of the sorted draws between which the quantile lies with the confidence, half of the doubt on either side.
+/// The indices (from 0) of the two sorted draws that enclose the quantile with the confidence; half of the remaining probability is on each side.
 fn order_statistics(share: f64, count: usize) -> [Option<usize>; 2] {
     let doubt = (1.0 - CONFIDENCE) / 2.0;
-    // The lower end x_(l+1) is above the quantile if at most l draws are below it. The greatest l is wanted for which that is unlikely.
+    // The lower end x_(l+1) is above the quantile if at most l draws are below it. Finds the largest l for which that is unlikely.
     let is_unlikely = |l: usize| at_most(l, count, share) <= doubt;
     let first = partition(count, is_unlikely);
     let low = first.checked_sub(1);
@@ -156,7 +156,7 @@ fn order_statistics(share: f64, count: usize) -> [Option<usize>; 2] {
     [low, (high < count).then_some(high)]
 }
 
-/// The first of so many numbers for which a condition no longer holds, by halving; it holds for the small ones.
+/// The first number below `count` for which a condition is false, by bisection. The condition must be true before and false after it.
 fn partition(count: usize, holds: impl Fn(usize) -> bool) -> usize {
     let (mut low, mut high) = (0, count);
     while low < high {

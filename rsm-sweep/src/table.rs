@@ -1,6 +1,6 @@
-//! Results as one table: a row a task, in the order of the list.
+//! Results as one table: one row for each task, in the order of the list.
 //!
-//! In: tasks with their results. Out: columns, and their CSV. A number that is not there (a run that failed) is an empty cell.
+//! In: tasks with their results. Out: columns, and their CSV. A missing number (of a failed run) is an empty cell.
 
 use serde_json::Value;
 
@@ -10,7 +10,7 @@ use crate::tasks::{Task, What};
 /// The results of a list.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
-    /// All of one length.
+    /// The columns, all of the same length.
     pub columns: Vec<Column>,
 }
 
@@ -21,14 +21,14 @@ pub struct Column {
     pub name: String,
     /// The unit of its numbers.
     pub unit: Option<String>,
-    /// What is in it.
+    /// Its cells.
     pub cells: Cells,
 }
 
 /// The cells of a column.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cells {
-    /// Whole numbers.
+    /// Integers.
     Whole(Vec<Option<u64>>),
     /// Numbers.
     Numbers(Vec<Option<f64>>),
@@ -44,7 +44,7 @@ impl Column {
     }
 }
 
-/// The name of the column of a figure.
+/// The column name of a figure.
 pub(crate) fn figure(output: &str, statistic: &str) -> String {
     format!("{output}_{statistic}")
 }
@@ -54,7 +54,7 @@ fn texts(name: &str, cells: impl Iterator<Item = Option<String>>) -> Column {
 }
 
 impl Table {
-    /// The table of a list; a task without a result has empty cells.
+    /// The table of a list. A task without a result has empty cells.
     #[must_use]
     pub fn of(scenario: &Scenario, tasks: &[Task], results: &[Option<Value>]) -> Table {
         let run = (1..=tasks.len() as u64).map(Some).collect();

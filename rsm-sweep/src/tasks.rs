@@ -1,7 +1,8 @@
-//! The list of tasks: what each of them is, and its hash.
+//! The list of tasks, each with its hash.
 //!
-//! In: a scenario. Out: [`Task`]s in a fixed order: plants, records, settings, repeats. A hash is over everything that decides a result: version of the program, names and contents
-//! of files, numbers bit by bit, seed of the noise, what is wanted. It is not over the place in the list, so a longer list holds the tasks of a shorter one.
+//! In: a scenario. Out: [`Task`]s in a fixed order: plants, records, settings, repeats. A hash covers everything that affects a result: version of
+//! the program, names and contents of files, bits of numbers, seed of the noise, requested outputs. It does not cover the index in the list, so a
+//! longer list contains the tasks of a shorter one.
 
 use std::fmt::Write as _;
 
@@ -14,37 +15,37 @@ use sha2::{Digest as _, Sha256};
 use crate::PROGRAM;
 use crate::scenario::{Law, Number, Plant, Points, Scenario, Simulations, Work};
 
-/// A run or a diagnosis.
+/// A task: a run or a diagnosis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Task {
-    /// Over all that decides its result: 32 hexadecimal digits of SHA-256.
+    /// The hash of everything that affects its result: 32 hexadecimal digits of SHA-256.
     pub hash: String,
-    /// Which part of the scenario.
+    /// The part of the scenario.
     pub what: What,
 }
 
-/// Which part of a scenario a task is.
+/// The part of a scenario that a task is.
 #[derive(Debug, Clone, PartialEq)]
 pub enum What {
     /// A run.
     Run {
-        /// Which plant.
+        /// The index of the plant.
         plant: usize,
-        /// Which record.
+        /// The index of the record.
         record: usize,
         /// A value for each factor, in the unit of the plant.
         values: Vec<f64>,
-        /// The seed of its noise, where it has some.
+        /// The seed of its noise, if it has noise.
         noise: Option<u64>,
     },
-    /// A diagnosis, by its place.
+    /// A diagnosis, by its index.
     Diagnosis(usize),
 }
 
 /// All tasks of a scenario.
 ///
 /// # Errors
-/// A number that is drawn or planned and that its plant cannot have; two tasks that are one.
+/// If a drawn or planned number is not allowed for its plant, or if two tasks are equal.
 pub fn list(scenario: &Scenario) -> Result<Vec<Task>, Faults> {
     let mut faults = Collector::new();
     let files: Vec<String> = scenario.files.iter().map(|(name, text)| format!("{name}\n{}", digest(text.as_bytes()))).collect();
@@ -71,13 +72,13 @@ pub fn list(scenario: &Scenario) -> Result<Vec<Task>, Faults> {
     faults.finish(Some(tasks))
 }
 
-/// The tasks of a shard: those whose place in the list leaves a rest; shard 1 of 3 has the first, the fourth.
+/// The tasks of a shard, by index modulo the number of shards: shard 1 of 3 has the first, the fourth and so on.
 #[must_use]
 pub fn shard(tasks: &[Task], [shard, of]: [usize; 2]) -> Vec<&Task> {
     tasks.iter().skip(shard - 1).step_by(of).collect()
 }
 
-/// 32 hexadecimal digits: half of SHA-256, which a million tasks share by chance once in 10^27 lists.
+/// 32 hexadecimal digits: half of SHA-256. For a million tasks, two hashes are equal by chance in one of 10^27 lists.
 fn digest(bytes: &[u8]) -> String {
     hex(&Sha256::digest(bytes))
 }
@@ -89,13 +90,14 @@ fn hex(digest: &[u8]) -> String {
     })
 }
 
-/// A seed for one purpose, by the seed of the scenario and some counts.
+/// A seed for one purpose, from the seed of the scenario and some counts.
 fn derived(purpose: &str, numbers: [u64; 3]) -> u64 {
     let digest = Sha256::digest(format!("rsm sweep {purpose} {numbers:?}"));
     u64::from_le_bytes(digest[..8].try_into().expect("a digest has 32 bytes"))
 }
 
-/// The numbers of a setting on a plant. Random ones depend on the seed and on the number of the setting alone: a longer list begins with the shorter one.
+/// The values of a setting for a plant. Random values depend only on the seed and the number of the setting, so a longer list begins with the shorter
+/// one.
 fn setting(scenario: &Scenario, all: &Simulations, plant: &Plant, setting: usize) -> Vec<f64> {
     let shares: Vec<f64> = match &all.points {
         Points::Design(points) => points[setting].clone(),
@@ -111,7 +113,7 @@ fn setting(scenario: &Scenario, all: &Simulations, plant: &Plant, setting: usize
     plant.places.iter().zip(shares).map(value).collect()
 }
 
-/// A plant with the numbers of a setting.
+/// A plant with the values of a setting.
 pub(crate) fn set(plant: &Plant, values: &[f64]) -> PlantFile {
     let mut file = plant.file.clone();
     for (place, value) in plant.places.iter().zip(values) {
@@ -126,7 +128,7 @@ pub(crate) fn set(plant: &Plant, values: &[f64]) -> PlantFile {
     file
 }
 
-/// Of plants that are code: how much of the inertia the effects split off. A plant file with all of it is refused, and so is a setting.
+/// For plants in code: the share of the inertia that the effects split off. All of it is an error, in a plant file and in a setting.
 fn split(file: &PlantFile) -> f64 {
     if matches!(file.kind, PlantKind::Equations(_)) {
         return 0.0;
@@ -134,7 +136,7 @@ fn split(file: &PlantFile) -> f64 {
     file.effects.iter().filter_map(|it| (it.description.build)(&it.arguments).split()).sum()
 }
 
-/// Tells the first number of each factor that its plant cannot have.
+/// Reports for each factor the first value that its plant does not allow.
 fn check(scenario: &Scenario, all: &Simulations, plant: &Plant, settings: &[Vec<f64>], faults: &mut Collector) {
     let mut good = true;
     for (k, (place, factor)) in plant.places.iter().zip(&all.factors).enumerate() {
@@ -175,7 +177,7 @@ fn runs(scenario: &Scenario, all: &Simulations, files: &[String], faults: &mut C
             for (s, values) in settings.iter().enumerate() {
                 for repeat in 0..all.repeats {
                     let noise = all.noise.then(|| {
-                        // So many bits as every reader of JSON holds.
+                        // 53 bits, which every JSON reader holds exactly.
                         derived("noise", [scenario.seed, s as u64, repeat as u64]) >> 11
                     });
                     let mut hash = common.clone();

@@ -1,12 +1,12 @@
 //! The certificate of a compensator, over the whole box of the inputs that its surfaces use.
 //!
-//! In: `Checked`. Out: enclosures of natural frequency and of both damping ratios, and every condition that is not certain to hold, with the
-//! point of the box that breaks it. The certificate holds for the true surfaces, saturated as the evaluator saturates them; for a surface
-//! that extrapolates it holds inside the range only. Nothing is proved by sampling: points are searched only after an enclosure has failed.
+//! In: `Checked`. Out: enclosures of the natural frequency and of both damping ratios, and every condition that is not proved, with a point of the
+//! box that violates it. The certificate is for the true surfaces, with the saturation of the evaluator. For a surface that extrapolates it holds
+//! only inside the range. The proof does not sample: points are searched only after an enclosure has failed.
 //!
-//! The filter is stable, and so is its inverse, when damping and frequency are positive: the bilinear transform takes the left half plane into the unit
-//! circle, whatever the sample time. A natural frequency, of the zeros and of the poles, must also lie below a quarter of the sample rate, w < 2 pi/(4 T): there the transform
-//! bends the frequency axis by tan(pi/4)/(pi/4) = 1.27 already, and the filter is no longer the one that was asked for.
+//! The filter and its inverse are stable if damping and frequency are positive, because the bilinear transform maps the left half plane to the unit
+//! circle for any sample time. The natural frequencies of the zeros and of the poles must also be below a quarter of the sample rate, w < 2 pi/(4 T).
+//! There the transform already distorts the frequency axis by tan(pi/4)/(pi/4) = 1.27, and the filter deviates too far from the specified one.
 
 use crate::basis::Variable;
 use crate::check::Checked;
@@ -17,41 +17,41 @@ use crate::number::{Precision, Rational, exact, integer};
 use crate::range::{self, Extent};
 use crate::source::{Collector, Faults};
 
-/// What is certain about one compensator.
+/// The certificate of one compensator.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompensatorCertificate {
     /// The compensator.
     pub name: String,
-    /// Holds every natural frequency over the box, in rad/s.
+    /// Contains every natural frequency over the box, in rad/s.
     pub natural_frequency: Interval,
-    /// Holds every damping ratio of the zeros.
+    /// Contains every damping ratio of the zeros.
     pub zero_damping: Interval,
-    /// Holds every damping ratio of the poles.
+    /// Contains every damping ratio of the poles.
     pub pole_damping: Interval,
-    /// Holds every natural frequency of the poles, in rad/s, where they have their own.
+    /// Contains every natural frequency of the poles, in rad/s, if they have a separate one.
     pub pole_frequency: Option<Interval>,
-    /// What is not certain to hold. Empty: stable over the whole box.
+    /// Conditions that are not proved. Empty: stable over the whole box.
     pub violations: Vec<Violation>,
 }
 
 /// A condition that does not hold over the whole box.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Violation {
-    /// Which of the scheduled numbers, in the order of [`crate::model::Compensator::parts`].
+    /// The index of the scheduled number in [`crate::model::Compensator::parts`].
     pub part: usize,
     /// Its key in the file.
     pub key: &'static str,
     /// What was found and what is expected.
     pub what: String,
-    /// Where in the box: input and value, in the order of the file. Empty for a number that is always the same.
+    /// The point in the box: input and value, in the order of the file. Empty for a constant.
     pub at: Vec<(String, f64)>,
 }
 
-/// What a scheduled number must be.
+/// The condition for a scheduled number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Condition {
     Positive,
-    /// Below a limit, which is given rounded down.
+    /// Below a limit, which is rounded down.
     Below(f64),
 }
 
@@ -83,12 +83,12 @@ pub fn certify(checked: &Checked, index: usize) -> CompensatorCertificate {
     }
 }
 
-/// 2 pi/(4 T) in rad/s, rounded down: pi/2 of f64 is below pi/2, and the quotient is moved below the exact one.
+/// 2 pi/(4 T) in rad/s, rounded down: the f64 pi/2 is below pi/2, and the quotient is moved below the exact one.
 fn quarter_of_sample_rate(sample_time: f64) -> f64 {
     (std::f64::consts::FRAC_PI_2 / sample_time).next_down()
 }
 
-/// Refuses a compensator that is not certain to be stable over the whole box.
+/// Rejects a compensator whose stability over the whole box is not proved.
 ///
 /// # Errors
 /// A fault for each condition that does not hold, with the value and the point.
@@ -119,7 +119,7 @@ impl Condition {
     }
 }
 
-/// An enclosure of a scheduled number, and points at which its extremes may lie.
+/// An enclosure of a scheduled number, and points at which its extremes may be.
 struct Enclosed {
     range: Interval,
     inputs: Vec<Input>,
@@ -140,7 +140,7 @@ impl Enclosed {
             let Extent { range, least_at, greatest_at } = range::extent(&sum, &inputs);
             return Enclosed { range, inputs, least_at: vec![least_at], greatest_at: vec![greatest_at] };
         }
-        // Each for itself: the sum of the ranges holds the sum. Its extremes may lie at those of a summand, or in a corner.
+        // Each surface separately: the sum of the ranges contains the sum. Its extremes may be at those of a summand, or at a corner.
         let mut range = Interval::point(0.0);
         let (mut least_at, mut greatest_at) = (corners(&inputs), corners(&inputs));
         for surface in &surfaces {
@@ -148,7 +148,7 @@ impl Enclosed {
                 surface.inputs.iter().map(|name| model.input(name).expect("a checked surface").clone()).collect();
             let extent = range::extent(surface, &own);
             range = range + saturated(extent.range, surface.output_range);
-            // Inputs that this surface does not have are in the middle of their range.
+            // Inputs that this surface does not have are set to the middle of their range.
             let widened = |point: &[f64]| -> Vec<f64> {
                 let of = |input: &Input| own.iter().position(|it| it.name == input.name).map(|k| point[k]);
                 inputs.iter().map(|input| of(input).unwrap_or(0.5 * input.range[0] + 0.5 * input.range[1])).collect()
@@ -159,7 +159,7 @@ impl Enclosed {
         Enclosed { range, inputs, least_at, greatest_at }
     }
 
-    /// The candidate that breaks a condition most, evaluated exactly.
+    /// The candidate that violates a condition most, evaluated exactly.
     fn violation(
         &self,
         model: &Model,
@@ -207,8 +207,8 @@ fn value(model: &Model, scheduled: &Scheduled, inputs: &[Input], point: &[f64]) 
     })
 }
 
-/// The sum of surfaces as one polynomial over all their inputs. `None` where their variables do not agree, where one saturates or has
-/// sigmoids, and where a sign goes with an odd input.
+/// The sum of surfaces as one polynomial over all their inputs. `None` if their variables differ, or if one saturates, has sigmoids, or has an odd
+/// input.
 fn as_one(surfaces: &[&Surface], inputs: &[Input]) -> Option<Surface> {
     let coding = surfaces.first()?.coding;
     let odd = |surface: &Surface| surface.symmetry.iter().any(|(_, symmetry)| *symmetry == Symmetry::Odd);
@@ -254,7 +254,7 @@ fn saturated(range: Interval, output_range: Option<[f64; 2]>) -> Interval {
     }
 }
 
-/// Beyond this many inputs the corners are not looked at: 2^8 exact evaluations take a quarter of a second.
+/// With more inputs, corners are not tested: 2^8 exact evaluations take a quarter of a second.
 const CORNERS_UP_TO: usize = 8;
 
 /// Every corner of a box.
@@ -264,7 +264,7 @@ fn corners(inputs: &[Input]) -> Vec<Vec<f64>> {
     (0..count).map(corner).collect()
 }
 
-/// Six significant digits, for a reader.
+/// Six significant digits, for readers.
 fn short(value: f64) -> String {
     let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
     let is_handy = rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs());

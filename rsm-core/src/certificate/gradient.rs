@@ -1,8 +1,8 @@
 //! The certificate of the gradient of a surface.
 //!
-//! In: a checked model, a surface, a precision. Out: for each input the range of the computed derivative over the whole box, and a bound of its distance
-//! from the exact derivative. The bound holds where the result does not saturate: at a bound of `output_range` the exact derivative jumps to 0,
-//! and a result that is rounded may jump a little earlier or later.
+//! In: a checked model, a surface, a precision. Out: for each input the range of the computed derivative over the whole box, and a bound of its
+//! difference from the exact derivative. The bound holds where the result does not saturate: at a bound of `output_range` the exact derivative jumps
+//! to 0, and a rounded result may jump slightly earlier or later.
 
 use crate::check::Checked;
 use crate::interval::Interval;
@@ -11,20 +11,20 @@ use crate::number::{Precision, exact};
 use crate::rounding;
 use crate::values::Values;
 
-/// What is certain about the derivative by one input.
+/// The certificate of the derivative with respect to one input.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Derivative {
     /// The input.
     pub input: String,
-    /// Holds every computed derivative over the box, saturated or not; in the unit of the response a unit of the input. Infinite where
-    /// none is certain.
+    /// Contains every computed derivative over the box, saturated or not, in the unit of the response per unit of the input. Infinite if there is no
+    /// bound.
     pub range: Interval,
-    /// Bounds |computed - exact derivative| over the box before `output_range`; infinite when none can be given (at a hinge the derivative jumps,
-    /// and a difference that is rounded may lie on the other side).
+    /// The bound of |computed - exact derivative| over the box before `output_range`. Infinite if there is none: at a hinge the derivative jumps, and
+    /// a rounded difference may be on the other side.
     pub error: f64,
 }
 
-/// Cells a box is cut into for the ranges, at most.
+/// The largest number of cells of the box for the ranges.
 const CELLS: usize = 4096;
 
 /// The derivatives of a surface, in the order of its inputs.
@@ -55,13 +55,13 @@ pub fn derivatives(checked: &Checked, index: usize, precision: Precision) -> Vec
     each.map(|((input, range), error)| Derivative { input: input.name, range, error }).collect()
 }
 
-/// The hull of what every result may be, over cells of the box.
+/// The hull of the possible values of every result, over the cells of the box.
 fn ranges_of_results(tape: &crate::tape::Tape, ranges: &[[f64; 2]]) -> Vec<Interval> {
     let mut per_side = 1usize;
     while (2 * per_side).checked_pow(ranges.len() as u32).is_some_and(|cells| cells <= CELLS) && per_side < 256 {
         per_side *= 2;
     }
-    // Ends in the box and of the type, as the arguments are.
+    // The ends are in the box and numbers of the type, like the arguments.
     let end = |[low, high]: [f64; 2], k: usize| {
         let share = k as f64 / per_side as f64;
         let at = (low * (1.0 - share) + high * share).clamp(low, high);

@@ -1,7 +1,8 @@
-//! The certificates of a model: statements that are proved over the whole input box, not sampled.
+//! The certificates of a model: statements that are proved over the whole input box.
 //!
-//! In: `Checked`. Out: for each surface an enclosure of the true polynomial's range (before `output_range`), and for each precision a bound
-//! of |tape - true polynomial, saturated alike| over all arguments of that type in the box, with operations and depth of the tape. Compensators have theirs in `compensator.rs`.
+//! In: `Checked`. Out: for each surface an enclosure of the true polynomial's range (before `output_range`), and for each precision a bound of
+//! |tape - true polynomial, with the same saturation| over all arguments of that type in the box, with operations and depth of the tape. Compensators: see
+//! `compensator.rs`.
 
 pub mod compensator;
 pub mod gradient;
@@ -14,23 +15,23 @@ use crate::range;
 use crate::rounding;
 use crate::source::Faults;
 
-/// What is certain about one surface.
+/// The certificate of one surface.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SurfaceCertificate {
     /// The surface.
     pub name: String,
-    /// Holds every value of the true polynomial over the box, before `output_range`; in the unit of the response.
+    /// Contains every value of the true polynomial over the box, before `output_range`; in the unit of the response.
     pub range: Interval,
-    /// What holds in each precision that was asked for.
+    /// The certificates for the requested precisions.
     pub tapes: Vec<TapeCertificate>,
 }
 
-/// What is certain about one tape.
+/// The certificate of one tape.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TapeCertificate {
     /// The scalar type.
     pub precision: Precision,
-    /// Bounds |tape - true polynomial, saturated alike| in the unit of the response; infinite when none can be given.
+    /// The bound of |tape - true polynomial, with the same saturation| in the unit of the response; infinite if there is none.
     pub error: f64,
     /// Arithmetic operations, comparisons and selections.
     pub operations: usize,
@@ -64,7 +65,7 @@ pub fn surfaces(checked: &Checked, precisions: &[Precision]) -> Result<Vec<Surfa
     Ok((0..checked.model().surfaces.len()).map(|index| surface(checked, index, precisions)).collect())
 }
 
-/// The certificate of one surface in precisions that can hold it.
+/// The certificate of one surface, in precisions that can hold it.
 #[must_use]
 pub fn surface(checked: &Checked, index: usize, precisions: &[Precision]) -> SurfaceCertificate {
     let surface = &checked.model().surfaces[index];

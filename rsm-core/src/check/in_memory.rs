@@ -1,7 +1,7 @@
-//! Rules for a model that was made in memory: faults that the reader of a file refuses before it makes a model.
+//! Rules for a model that was made in memory: faults that the reader of a file would already report.
 //!
-//! In: a model. Out: a fault for each number that is not finite, each power that is too high, and each name that stands twice in a table.
-//! A model that passes can be written to a file and read back.
+//! In: a model. Out: a fault for each number that is not finite, each power that is too high, and each name that occurs twice in a table. A model
+//! without these faults can be written to a file and read back.
 
 use super::Context;
 use crate::model::{Evidence, Scheduled, Surface};
@@ -75,7 +75,7 @@ fn numbers_of(surface: &Surface, finite: &mut impl FnMut(&str, f64)) {
     }
 }
 
-/// Names that stand at an earlier place too.
+/// Names that already occurred before.
 fn repeated<'a>(names: &[&'a String]) -> Vec<&'a String> {
     let is_repeated = |(k, name): (usize, &&'a String)| names[..k].contains(name).then_some(*name);
     names.iter().enumerate().filter_map(is_repeated).collect()

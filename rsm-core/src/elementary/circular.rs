@@ -1,14 +1,14 @@
 //! sin, cos, tan.
 //!
-//! x = k pi/2 + r with a whole k and |r| <= pi/4, r in a pair of numbers. The first three parts of pi/2 have 33 bits each, so that their products with k
-//! are exact for |k| < 2^20; what the differences lose is kept (Cody and Waite; K. C. Ng, "Argument reduction for huge arguments", 1992). The
-//! remainder of k by 4 says which of sin r and cos r is the result, and its sign.
+//! x = k pi/2 + r with an integer k and |r| <= pi/4, r as a pair of numbers. The first three parts of pi/2 have 33 bits each, so that their products
+//! with k are exact for |k| < 2^20. The rounding errors of the differences are kept (Cody and Waite; K. C. Ng, "Argument reduction for huge
+//! arguments", 1992). The remainder of k by 4 selects sin r or cos r, and the sign.
 
 use super::coefficients::{COS, HALF_PI, INVERSE_HALF_PI, SIN};
 use super::pair::{Pair, constant, difference, nearest_whole, polynomial, product, quotient};
 use crate::tape::{Reg, TapeBuilder};
 
-/// Beyond this argument the result is NaN: k would have more than 20 bits.
+/// Beyond this argument the result is NaN, because k would have more than 20 bits.
 pub(super) const LIMIT: f64 = 800_000.0;
 
 /// The remainder of k by 4, in -2, -1, 0, 1, 2, and r.
@@ -80,7 +80,7 @@ fn both(tape: &mut TapeBuilder, x: Reg) -> (Reg, Reg, Reg) {
     (quadrant, sine, cosine)
 }
 
-/// `odd` where the remainder is 1 or -1, else `even`.
+/// `odd` if the remainder is 1 or -1, otherwise `even`.
 fn by_parity(tape: &mut TapeBuilder, quadrant: Reg, odd: Reg, even: Reg) -> Reg {
     let (half, one) = (constant(tape, 0.5), constant(tape, 1.0));
     let magnitude = tape.absolute(quadrant);
@@ -89,7 +89,7 @@ fn by_parity(tape: &mut TapeBuilder, quadrant: Reg, odd: Reg, even: Reg) -> Reg 
     tape.select_less(distance, half, odd, even)
 }
 
-/// NaN where the argument is beyond the limit or NaN.
+/// NaN if the argument is beyond the limit or NaN.
 fn within_the_limit(tape: &mut TapeBuilder, x: Reg, result: Reg) -> Reg {
     let zero = constant(tape, 0.0);
     let nan = tape.divide(zero, zero);
@@ -101,7 +101,7 @@ fn within_the_limit(tape: &mut TapeBuilder, x: Reg, result: Reg) -> Reg {
 pub(super) fn sin(tape: &mut TapeBuilder, x: Reg) -> Reg {
     let (quadrant, sine, cosine) = both(tape, x);
     let value = by_parity(tape, quadrant, cosine, sine);
-    // Negative at -2, -1 and 2, which are farther than 1 from 1/2.
+    // Negative at -2, -1 and 2: these are more than 1 away from 1/2.
     let (half, one) = (constant(tape, 0.5), constant(tape, 1.0));
     let from_half = tape.subtract(quadrant, half);
     let distance = tape.absolute(from_half);
@@ -113,7 +113,7 @@ pub(super) fn sin(tape: &mut TapeBuilder, x: Reg) -> Reg {
 pub(super) fn cos(tape: &mut TapeBuilder, x: Reg) -> Reg {
     let (quadrant, sine, cosine) = both(tape, x);
     let value = by_parity(tape, quadrant, sine, cosine);
-    // Negative at -2, 1 and 2, which are farther than 1 from -1/2.
+    // Negative at -2, 1 and 2: these are more than 1 away from -1/2.
     let (half, one) = (constant(tape, 0.5), constant(tape, 1.0));
     let from_half = tape.add(quadrant, half);
     let distance = tape.absolute(from_half);
@@ -128,7 +128,7 @@ pub(super) fn tangent(tape: &mut TapeBuilder, quadrant: Reg, r: Pair) -> Reg {
     let half_z = half(tape, square.high);
     let sine = sine(tape, r, square.high, half_z);
     let cosine = cosine(tape, r, square.high, half_z);
-    // A quotient of two results would err by more than a unit: the square's own rounding is taken into the cosine.
+    // A quotient of two rounded results would have an error above one unit, so the rounding error of the square is included in the cosine.
     let half_rest = half(tape, square.low);
     let cosine = Pair { high: cosine.high, low: tape.subtract(cosine.low, half_rest) };
     // sin/cos, or cos/-sin

@@ -1,9 +1,9 @@
-//! Derives the constants of `coefficients.rs` in exact rationals, with a proven bound of what each polynomial misses.
+//! Derives the constants of `coefficients.rs` in exact rationals, with a proven bound of each polynomial's error.
 //!
-//! In: the Taylor coefficients of a function and an interval. Out: a polynomial of lower degree with coefficients of f64, and a bound of
-//! |polynomial - function| over the interval. The Taylor polynomial is written in Chebyshev polynomials of the interval; dropping the last of these
-//! costs at most the magnitude of its coefficient (Lanczos, "Applied Analysis", 1956, chapter 7: economisation). The bound is the sum of what was
-//! dropped, of what Taylor's series has left, and of what the rounding of the coefficients moves.
+//! In: the Taylor coefficients of a function and an interval. Out: a polynomial of lower degree with f64 coefficients, and a bound of
+//! |polynomial - function| over the interval. The Taylor polynomial is expressed in Chebyshev polynomials of the interval. Dropping the last of these
+//! has an error of at most its coefficient (Lanczos, "Applied Analysis", 1956, chapter 7: economisation). The bound is the sum of the dropped
+//! coefficients, of the remainder of the Taylor series, and of the rounding of the coefficients.
 //!
 //! Only tests use this file: one of them compares `coefficients.rs` with what is derived here (`RSM_BLESS=1` writes it).
 
@@ -11,20 +11,20 @@ use num_traits::Signed;
 
 use crate::number::{Precision, Rational, exact, integer};
 
-/// A polynomial whose coefficients are numbers of f64, and how far it is from its function at most.
+/// A polynomial with f64 coefficients, and the bound of its error.
 pub(super) struct Derived {
     pub coefficients: Vec<f64>,
     pub bound: Rational,
 }
 
-/// Of sum a(i) z^i over [low, high], with |z| < 1 there or coefficients that fall as fast as those of exp: terms up to 40 are taken, and
-/// `ratio` bounds |a(i+1) z / a(i)| from there on.
+/// The polynomial for sum a(i) z^i over [low, high], with |z| < 1 there, or with coefficients that fall as fast as those of exp. Terms up to 40 are
+/// used, and `ratio` bounds |a(i+1) z / a(i)| from there on.
 pub(super) fn economised(taylor: impl Fn(u32) -> Rational, [low, high]: [f64; 2], ratio: f64, terms: usize) -> Derived {
     const TAYLOR: u32 = 40;
     let (low, high) = (exact(low), exact(high));
     let all: Vec<Rational> = (0..TAYLOR).map(&taylor).collect();
     let largest = low.abs().max(high.abs());
-    // A geometric series from the first term that is left out.
+    // A geometric series from the first omitted term.
     let rest = taylor(TAYLOR).abs() * crate::number::power(&largest, TAYLOR) / (integer(1) - exact(ratio));
     // z = middle + half u, u in [-1, 1].
     let (middle, half) = ((&low + &high) / integer(2), (&high - &low) / integer(2));
@@ -88,7 +88,7 @@ fn atan_of_inverse(n: i64) -> Rational {
     let square = integer(n * n);
     let mut power = integer(1) / integer(n);
     let mut sum = integer(0);
-    // 25^-k, 4^-k: 200 terms are far below.
+    // 25^-k, 4^-k: 200 terms are more than enough.
     for k in 0..200 {
         let term = &power / integer(2 * k + 1);
         sum = if k % 2 == 0 { sum + term } else { sum - term };
@@ -128,7 +128,7 @@ pub(super) fn log_of_ten() -> Rational {
     integer(3) * log_of_two() + log_of(&(integer(5) / integer(4)))
 }
 
-/// A number as a sum of parts, each but the last with so many bits that a product with a whole number of the other bits is exact.
+/// A number as a sum of parts. Each part except the last has few enough bits that its product with an integer of the remaining bits is exact.
 pub(super) fn parts(value: &Rational, bits: u32, count: usize) -> Vec<f64> {
     let mut rest = value.clone();
     let mut parts = vec![];
@@ -137,7 +137,7 @@ pub(super) fn parts(value: &Rational, bits: u32, count: usize) -> Vec<f64> {
         let part = if k + 1 == count {
             nearest
         } else {
-            // Cut, not rounded: every part has the sign of the number.
+            // Truncated, not rounded, so that every part has the sign of the number.
             f64::from_bits(nearest.to_bits() >> (53 - bits) << (53 - bits))
         };
         rest -= exact(part);
@@ -146,7 +146,7 @@ pub(super) fn parts(value: &Rational, bits: u32, count: usize) -> Vec<f64> {
     parts
 }
 
-/// (name, what it is, polynomial)
+/// (name, description, polynomial)
 pub(super) fn polynomials() -> Vec<(&'static str, &'static str, Derived)> {
     let sign = |i: u32| integer(if i.is_multiple_of(2) { 1 } else { -1 });
     let whole = |n: u32| integer(i64::from(n));
@@ -202,7 +202,7 @@ pub(super) fn polynomials() -> Vec<(&'static str, &'static str, Derived)> {
     ]
 }
 
-/// How far a polynomial is from its function at most, over the interval for which it was made.
+/// The bound of a polynomial's error over its interval.
 pub(super) fn polynomial_bound(name: &str) -> f64 {
     static BOUNDS: std::sync::OnceLock<Vec<(&str, f64)>> = std::sync::OnceLock::new();
     let bounds = BOUNDS.get_or_init(|| {

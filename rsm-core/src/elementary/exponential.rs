@@ -8,7 +8,7 @@
 //! cosh x = 2^(k-1) ((1 + m) cosh r + (1 - m) sinh r)
 //! ```
 //!
-//! which loses nothing to cancellation, and is sinh r and cosh r themselves at k = 0.
+//! These formulas lose nothing to cancellation; at k = 0 they are sinh r and cosh r themselves.
 
 use super::coefficients::{COSH, EXP, INVERSE_LOG_OF_TWO, LOG_OF_TWO, SINH};
 use super::pair::{Pair, constant, nearest_whole, polynomial, quick_sum, quotient, split};
@@ -31,7 +31,7 @@ fn reduced(tape: &mut TapeBuilder, x: Reg) -> (Reg, Pair) {
 }
 
 pub(super) fn exp(tape: &mut TapeBuilder, x: Reg) -> Reg {
-    // Beyond these the result is 0 or infinite.
+    // Beyond these limits the result is 0 or infinite.
     let (low, high) = (constant(tape, -746.0), constant(tape, 710.0));
     let x = tape.at_least(x, low);
     let x = tape.at_most(x, high);
@@ -45,7 +45,7 @@ pub(super) fn exp(tape: &mut TapeBuilder, x: Reg) -> Reg {
     let rest = tape.add(rest, of_low);
     let rest = tape.add(begin.low, rest);
     let y = tape.add(begin.high, rest);
-    // In two steps: one factor does not reach subnormal results, nor the largest.
+    // In two steps, because one factor cannot reach subnormal results or the largest ones.
     let half = constant(tape, 0.5);
     let half = tape.multiply(k, half);
     let first = nearest_whole(tape, half);
@@ -55,7 +55,7 @@ pub(super) fn exp(tape: &mut TapeBuilder, x: Reg) -> Reg {
     tape.multiply(scaled, second)
 }
 
-/// What sinh and cosh of |x| have in common.
+/// The common part of sinh and cosh of |x|.
 struct Hyperbolic {
     k: Reg,
     sinh: Pair,
@@ -79,7 +79,7 @@ fn hyperbolic(tape: &mut TapeBuilder, magnitude: Reg) -> Hyperbolic {
     let even = tape.add(half, even);
     let of_low = tape.multiply(r.high, r.low);
     let even = tape.add(even, of_low);
-    // 4^-k; below 2^-120 it moves nothing.
+    // 4^-k; below 2^-120 it has no effect.
     let most = constant(tape, 60.0);
     let bounded = tape.at_most(k, most);
     let minus_two = constant(tape, -2.0);

@@ -1,7 +1,7 @@
 //! asin, acos, atan, atan2.
 //!
-//! asin s is a polynomial for s up to 1/2; beyond, pi/2 - 2 asin sqrt((1 - s)/2). The angle of a quotient n/d in [0, 1] is that of
-//! c plus the angle of t = (n - c d)/(d + c n), with c = 0, 1/2 or 1, so that |t| <= 1/3; a quotient above 1 is turned around.
+//! asin s is a polynomial for s up to 1/2; beyond, it is pi/2 - 2 asin sqrt((1 - s)/2). The angle of a quotient n/d in [0, 1] is that of c plus the
+//! angle of t = (n - c d)/(d + c n), with c = 0, 1/2 or 1, so that |t| <= 1/3. For a quotient above 1, n and d are exchanged.
 
 use super::coefficients::{ASIN, ATAN, ATAN_OF_HALF, HALF_PI_PAIR, PI_PAIR, QUARTER_PI};
 use super::exponential::with_sign_of;
@@ -9,7 +9,7 @@ use super::logarithm::sqrt_pair;
 use super::pair::{Pair, constant, polynomial, quick_sum, quotient, sum};
 use crate::tape::{Reg, TapeBuilder};
 
-/// |x|, s, what s lacks, and asin s - s; s is |x| up to 1/2 and the root beyond.
+/// |x|, s, the rounding error of s, and asin s - s. s is |x| up to 1/2, and the root beyond.
 struct Arc {
     magnitude: Reg,
     s: Pair,
@@ -117,7 +117,7 @@ fn tail(tape: &mut TapeBuilder, t: Reg) -> Reg {
 pub(super) fn atan(tape: &mut TapeBuilder, x: Reg) -> Reg {
     let magnitude = tape.absolute(x);
     let (one, minus_one, zero) = (constant(tape, 1.0), constant(tape, -1.0), constant(tape, 0.0));
-    // The angle of 2^900 is pi/2 already.
+    // The angle of 2^900 is already pi/2.
     let largest = constant(tape, 2f64.powi(900));
     let magnitude = tape.at_most(magnitude, largest);
     let n = tape.select_less(one, magnitude, one, magnitude);
@@ -139,7 +139,7 @@ pub(super) fn atan2(tape: &mut TapeBuilder, y: Reg, x: Reg) -> Reg {
     let (one, minus_one, zero) = (constant(tape, 1.0), constant(tape, -1.0), constant(tape, 0.0));
     let n = tape.select_less(b, a, b, a);
     let d = tape.select_less(b, a, a, b);
-    // Into the middle of the exponents, so that no product of parts underflows or overflows. A quotient of two zeros is 0.
+    // Scaled to the middle of the exponent range, so that no product of parts underflows or overflows. A quotient of two zeros is 0.
     let border = constant(tape, 2f64.powi(300));
     let (up, down) = (constant(tape, 2f64.powi(600)), constant(tape, 2f64.powi(-200)));
     let factor = tape.select_less(d, border, up, down);
@@ -152,7 +152,7 @@ pub(super) fn atan2(tape: &mut TapeBuilder, y: Reg, x: Reg) -> Reg {
     let rest = tape.add(t.low, rest);
     let [half_turn, half_turn_low] = PI_PAIR.map(|part| constant(tape, part));
     let [quarter_turn, quarter_turn_low] = HALF_PI_PAIR.map(|part| constant(tape, part));
-    // Steep: pi/2 -+ the angle; to the left: pi - the angle.
+    // If steep: pi/2 -+ the angle; if to the left: pi - the angle.
     let mut choose = |steep_left: Reg, steep_right: Reg, flat_left: Reg, flat_right: Reg| {
         let flat = tape.select_less(x, zero, flat_left, flat_right);
         let steep = tape.select_less(x, zero, steep_left, steep_right);

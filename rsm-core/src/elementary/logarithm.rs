@@ -1,13 +1,13 @@
 //! log, log10, sqrt.
 //!
-//! x = 2^k m with m in [sqrt(1/2), sqrt 2), f = m - 1, s = f/(2 + f): log m = 2 atanh s, of which the leading part f is exact. The square root of
-//! m in [1, 4) begins with a cubic for 1/sqrt m, doubles its digits three times (Newton), and ends with the exact rest m - s^2.
+//! x = 2^k m with m in [sqrt(1/2), sqrt 2), f = m - 1, s = f/(2 + f): log m = 2 atanh s, whose leading part f is exact. The square root of m in
+//! [1, 4) begins with a cubic for 1/sqrt m, doubles the number of digits three times (Newton), and ends with the exact remainder m - s^2.
 
 use super::coefficients::{INVERSE_LOG_OF_TEN, LOG, LOG_OF_TWO, LOG10_OF_TWO};
 use super::pair::{Pair, constant, polynomial, product, quick_sum, split};
 use crate::tape::{Op, Reg, TapeBuilder};
 
-/// A number times 2^54 below 1, 2^-54 from 1 on: then it is normal and has room above. And the opposite exponent of that factor.
+/// A number times 2^54 if it is below 1, times 2^-54 otherwise, so that it is normal and cannot overflow. Also the opposite exponent of that factor.
 fn within_the_normal_numbers(tape: &mut TapeBuilder, x: Reg) -> (Reg, Reg) {
     let one = constant(tape, 1.0);
     let (up, down) = (constant(tape, 2f64.powi(54)), constant(tape, 2f64.powi(-54)));
@@ -42,7 +42,7 @@ fn reduced(tape: &mut TapeBuilder, x: Reg) -> (Reg, Reg, Reg) {
     (k, f, tape.subtract(inner, half_square))
 }
 
-/// The logarithm where there is one; -inf at 0, infinity at infinity, NaN below 0.
+/// The logarithm if it is defined; -inf at 0, infinity at infinity, NaN below 0.
 fn completed(tape: &mut TapeBuilder, x: Reg, result: Reg) -> Reg {
     let zero = constant(tape, 0.0);
     let minus_one = constant(tape, -1.0);
@@ -92,15 +92,15 @@ pub(super) fn log10(tape: &mut TapeBuilder, x: Reg) -> Reg {
     completed(tape, x, result)
 }
 
-/// The square root as a pair whose sum is to be rounded, of a number that is not negative, and the factor by which both are still to be
-/// multiplied: a power of two.
+/// The square root of a number that is not negative, as a pair whose sum must be rounded, and the factor by which both must still be multiplied: a
+/// power of two.
 fn root(tape: &mut TapeBuilder, x: Reg) -> (Pair, Reg) {
     let (scaled, offset) = within_the_normal_numbers(tape, x);
     let exponent = tape.push(Op::Exponent(scaled));
-    // Of zero alone it is less; its square root is zero whatever the factor is.
+    // It is less only for zero, whose square root is zero for any factor.
     let least = constant(tape, -1020.0);
     let exponent = tape.at_least(exponent, least);
-    // floor(exponent/2): a quarter less lies nearer to it than to any other whole number.
+    // floor(exponent/2): the exponent/2 - 1/4 is nearer to it than to any other integer.
     let (half, quarter) = (constant(tape, 0.5), constant(tape, 0.25));
     let halved = tape.multiply(exponent, half);
     let lowered = tape.subtract(halved, quarter);
@@ -109,7 +109,7 @@ fn root(tape: &mut TapeBuilder, x: Reg) -> (Pair, Reg) {
     let opposite = tape.multiply(h, minus_two);
     let factor = tape.push(Op::PowerOfTwo(opposite));
     let m = tape.multiply(scaled, factor);
-    // 1/sqrt m to 0.9 % on [1, 4]; the cubic goes through it at four points.
+    // 1/sqrt m to 0.9 % on [1, 4]; the cubic interpolates it at four points.
     let mut inverse = polynomial(tape, m, &[1.5372, -0.7116, 0.1832, -0.0176]);
     let one = constant(tape, 1.0);
     for _ in 0..3 {

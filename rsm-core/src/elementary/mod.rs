@@ -1,8 +1,9 @@
-//! Elementary functions as rows of operations of a tape: no call, no branch, the same bits everywhere.
+//! Elementary functions as sequences of operations of a tape: no call, no branch, the same bits on every machine.
 //!
-//! In: a builder and the registers of the arguments. Out: the register of the result, which differs from the true value by at most so many units
-//! in the last place over the stated range; [`Function::error_in_units`] has the same numbers, and `proof/` proves them. NaN in gives NaN out. Range reduction and polynomial are written with the operations of the tape; two of them,
-//! `Exponent` and `PowerOfTwo`, exist for this. Only tapes in f64 hold these functions: f32 would need its own reductions and proofs.
+//! In: a builder and the registers of the arguments. Out: the register of the result. Its error, in units in the last place over the stated range, is
+//! in the table below and in [`Function::error_in_units`], and `proof/` proves it. A NaN argument gives NaN. Range reduction and polynomials use only
+//! operations of the tape; two of them, `Exponent` and `PowerOfTwo`, exist for this purpose. Only f64 tapes can hold these functions: f32 would need
+//! separate reductions and proofs.
 //!
 //! | function | error, proved | range | beyond |
 //! |---|---|---|---|
@@ -17,13 +18,12 @@
 //! | `tanh` | 1.44 | all numbers | |
 //! | `floor` | 0 | all numbers | |
 //!
-//! The sign of a zero is not kept by odd functions: `atan(-0.0)` is +0.0. `sqrt` may be off by more than half a unit and is no IEEE square root.
+//! Odd functions do not keep the sign of a zero: `atan(-0.0)` is +0.0. The error of `sqrt` may exceed half a unit, so it is not the IEEE square root.
 //!
-//! Which rows belong to a function stays on the tape ([`Computed`]): the bound of rounding errors and the tangent take the function
-//! as a whole.
+//! The tape records which operations belong to a function ([`Computed`]). The bound of rounding errors and the tangent treat the function as a whole.
 
 mod circular;
-// A program writes it, and the parts of pi need the digits that they have.
+// The file is written by a program, and the parts of pi need all their digits.
 #[allow(clippy::approx_constant)]
 #[rustfmt::skip]
 mod coefficients;
@@ -46,8 +46,8 @@ pub use crate::tape::Computed;
 pub use whole::{maximum, minimum, modulo, power, sign};
 
 impl Function {
-    /// How far a result is from the true value at most over the [`range`](Self::range), in units in the last place of the true value. It is proved, not measured: a test
-    /// bounds every rounding, cell by cell over all arguments. What was measured at 10^7 points is less than 1 for every function.
+    /// The largest error of a result over the [`range`](Self::range), in units in the last place of the true value. It is proved: a test bounds every
+    /// rounding, cell by cell over all arguments. The measured error at 10^7 points is below 1 for every function.
     ///
     /// ```
     /// use rsm_core::elementary::Function;
@@ -73,7 +73,7 @@ impl Function {
         }
     }
 
-    /// The arguments for which the promised error holds and the result is a finite number; of `Atan2` the same for both.
+    /// The range of arguments for which the stated error holds and the result is finite; for `Atan2` the same for both arguments.
     #[must_use]
     pub fn range(self) -> [f64; 2] {
         match self {
@@ -88,7 +88,7 @@ impl Function {
     }
 }
 
-/// Whether tapes of a precision can hold elementary functions: f64 alone can.
+/// Whether tapes of a precision can hold elementary functions: only f64 can.
 #[must_use]
 pub fn holds(precision: Precision) -> bool {
     precision == Precision::F64
@@ -99,10 +99,10 @@ pub(crate) fn inverse_log_of_ten() -> Rational {
     coefficients::INVERSE_LOG_OF_TEN.into_iter().map(exact).sum()
 }
 
-/// Appends the rows of a function and gives the register of its result.
+/// Appends the operations of a function, and returns the register of its result.
 ///
 /// # Panics
-/// When the tape is not in f64 (ask [`holds`] first), or when there are not as many arguments as the function has.
+/// If the tape is not in f64 (ask [`holds`] first), or if the number of arguments is not that of the function.
 ///
 /// ```
 /// use rsm_core::elementary::{self, Function};

@@ -1,4 +1,4 @@
-//! Numbers as a sum of two: what a rounding loses is kept beside the result.
+//! Numbers as a sum of two: a result together with its rounding error.
 //!
 //! In: a builder and registers. Out: registers. Sums after Moller and Knuth (T. J. Dekker, "A floating-point technique for extending the available
 //! precision", 1971; D. Knuth, "The Art of Computer Programming", volume 2, 4.2.2), products after Dekker with Veltkamp's split: all exact
@@ -30,21 +30,21 @@ pub(super) fn polynomial(tape: &mut TapeBuilder, z: Reg, coefficients: &[f64]) -
     sum
 }
 
-/// The whole number nearest to a value below 2^51: added to 3 * 2^51, a number keeps no digits behind the point.
+/// The integer nearest to a value below 2^51: a number plus 3 * 2^51 has no fractional digits.
 pub(super) fn nearest_whole(tape: &mut TapeBuilder, value: Reg) -> Reg {
     let lift = constant(tape, 1.5 * 2f64.powi(52));
     let lifted = tape.add(value, lift);
     tape.subtract(lifted, lift)
 }
 
-/// a + b with what its rounding loses, for |a| >= |b| or a = 0.
+/// a + b with its rounding error, for |a| >= |b| or a = 0.
 pub(super) fn quick_sum(tape: &mut TapeBuilder, a: Reg, b: Reg) -> Pair {
     let high = tape.add(a, b);
     let taken = tape.subtract(high, a);
     Pair { high, low: tape.subtract(b, taken) }
 }
 
-/// a - b with what its rounding loses, whatever is larger.
+/// a - b with its rounding error, for any a and b.
 pub(super) fn difference(tape: &mut TapeBuilder, a: Reg, b: Reg) -> Pair {
     let high = tape.subtract(a, b);
     let part = tape.subtract(high, a);
@@ -54,7 +54,7 @@ pub(super) fn difference(tape: &mut TapeBuilder, a: Reg, b: Reg) -> Pair {
     Pair { high, low: tape.subtract(of_a, of_b) }
 }
 
-/// a + b with what its rounding loses, whatever is larger.
+/// a + b with its rounding error, for any a and b.
 pub(super) fn sum(tape: &mut TapeBuilder, a: Reg, b: Reg) -> Pair {
     let high = tape.add(a, b);
     let part = tape.subtract(high, a);
@@ -73,7 +73,7 @@ pub(super) fn split(tape: &mut TapeBuilder, a: Reg) -> Pair {
     Pair { high, low: tape.subtract(a, high) }
 }
 
-/// a b with what its rounding loses.
+/// a b with its rounding error.
 pub(super) fn product(tape: &mut TapeBuilder, a: Reg, b: Reg) -> Pair {
     let high = tape.multiply(a, b);
     let (of_a, of_b) = (split(tape, a), split(tape, b));
@@ -87,12 +87,12 @@ pub(super) fn product(tape: &mut TapeBuilder, a: Reg, b: Reg) -> Pair {
     Pair { high, low }
 }
 
-/// (n.high + n.low)/(d.high + d.low) with a relative error of some 2^-100 before it is rounded into a pair whose parts are to be added.
+/// (n.high + n.low)/(d.high + d.low) with a relative error of about 2^-100, before rounding to a pair whose parts are to be added.
 pub(super) fn quotient(tape: &mut TapeBuilder, numerator: Pair, denominator: Pair) -> Pair {
     let n = quick_sum(tape, numerator.high, numerator.low);
     let d = quick_sum(tape, denominator.high, denominator.low);
     let high = tape.divide(n.high, d.high);
-    // n - high d, of which the first difference is exact.
+    // n - high d; the first difference is exact.
     let taken = product(tape, high, d.high);
     let rest = tape.subtract(n.high, taken.high);
     let rest = tape.subtract(rest, taken.low);

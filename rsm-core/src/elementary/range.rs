@@ -1,7 +1,7 @@
 //! Ranges and slopes of the elementary functions over intervals, for the bounds of rounding errors.
 //!
-//! In: a function and intervals of its arguments. Out: an enclosure of the true function, and bounds of its partial derivatives. The ends are computed by
-//! the function's own rows, whose error is proved, and moved outward by more than that.
+//! In: a function and intervals of its arguments. Out: an enclosure of the true function, and bounds of its partial derivatives. The ends are
+//! computed by the function's own operations, whose error is proved, and moved outward by more than that.
 
 use std::f64::consts::PI;
 use std::sync::OnceLock;
@@ -12,10 +12,10 @@ use crate::number::Precision;
 use crate::run::Interpreter;
 use crate::tape::{Tape, TapeBuilder};
 
-/// Nothing is known.
+/// No information.
 const ANYTHING: Interval = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
 
-/// The function's own rows at a point.
+/// The value of the function's own operations at a point.
 pub(crate) fn value(function: Function, arguments: &[f64]) -> f64 {
     static TAPES: OnceLock<Vec<Tape>> = OnceLock::new();
     let tapes = TAPES.get_or_init(|| Function::ALL.into_iter().map(alone).collect());
@@ -23,7 +23,7 @@ pub(crate) fn value(function: Function, arguments: &[f64]) -> f64 {
     Interpreter::<f64>::new(&tapes[place]).eval(arguments)
 }
 
-/// A tape of the function alone.
+/// A tape with only this function.
 pub(super) fn alone(function: Function) -> Tape {
     let mut tape = TapeBuilder::sharing(Precision::F64);
     let names = ["x", "y"][..function.arity()].iter().map(|name| (*name).to_string()).collect();
@@ -32,7 +32,7 @@ pub(super) fn alone(function: Function) -> Tape {
     tape.finish(function.name(), names, result)
 }
 
-/// Moved outward by two numbers: the rows err by less than one and a half units in the last place.
+/// Moved outward by two numbers, because the error is below one and a half units in the last place.
 fn outward(low: f64, high: f64) -> Interval {
     if low.is_nan() || high.is_nan() {
         return ANYTHING;
@@ -40,7 +40,7 @@ fn outward(low: f64, high: f64) -> Interval {
     Interval { low: low.next_down().next_down(), high: high.next_up().next_up() }
 }
 
-/// Every value of the true function for arguments in the intervals; everything where one of them is outside of its range.
+/// Every value of the true function for arguments in the intervals; unbounded if an argument is outside the function's range.
 pub(crate) fn over(function: Function, arguments: &[Interval]) -> Interval {
     let [low, high] = function.range();
     // A NaN fails every comparison.
@@ -78,7 +78,7 @@ pub(crate) fn over(function: Function, arguments: &[Interval]) -> Interval {
             Interval { low: found.low.max(-1.0), high: found.high.min(1.0) }
         }
         Function::Tan => {
-            // A pole lies between two arguments where the count of half turns differs; near one nothing is said.
+            // There is a pole between two arguments if the number of half turns differs. Near a pole the result is unbounded.
             let turns = |x: f64| ((x / PI + 0.5) - 1e-9).floor();
             let (low, high) = (turns(x.low), turns(x.high));
             let near = |x: f64| (x / PI + 0.5 - (x / PI + 0.5).round()).abs() < 1e-8;
@@ -86,7 +86,7 @@ pub(crate) fn over(function: Function, arguments: &[Interval]) -> Interval {
         }
         Function::Atan2 => {
             let (y, x) = (arguments[0], arguments[1]);
-            // Off the cut and the origin the angle moves one way along each side: its extremes are at corners.
+            // Away from the cut and the origin the angle is monotone along each side, so its extremes are at corners.
             if x.low > 0.0 || y.low > 0.0 || y.high < 0.0 {
                 let corners = [(y.low, x.low), (y.low, x.high), (y.high, x.low), (y.high, x.high)];
                 let angles = corners.map(|(y, x)| value(function, &[y, x]));
@@ -102,12 +102,12 @@ pub(crate) fn over(function: Function, arguments: &[Interval]) -> Interval {
     }
 }
 
-/// Bounds of the magnitudes of the partial derivatives over the intervals; infinite where there is none.
+/// Bounds of the magnitudes of the partial derivatives over the intervals; infinite if there is none.
 pub(crate) fn slopes(function: Function, arguments: &[Interval]) -> Vec<f64> {
     let x = arguments[0];
     let nearest = if x.low <= 0.0 && x.high >= 0.0 { 0.0 } else { x.low.abs().min(x.high.abs()) };
     let values = over(function, arguments);
-    // Each formula rounds a few times: a share of 2^-48 is more than that.
+    // Each formula has a few roundings: a share of 2^-48 covers them.
     let up = |slope: f64| if slope.is_nan() || slope < 0.0 { f64::INFINITY } else { slope * (1.0 + 2f64.powi(-48)) };
     let slope = match function {
         Function::Sqrt => 0.5 / values.low,
@@ -123,7 +123,7 @@ pub(crate) fn slopes(function: Function, arguments: &[Interval]) -> Vec<f64> {
         Function::Atan => 1.0 / (1.0 + nearest * nearest),
         Function::Sinh | Function::Cosh => over(Function::Cosh, arguments).high,
         Function::Tanh => 1.0,
-        // A step inside, or at an end that an error may move across: no slope bounds it.
+        // A step inside, or at an end that an error may cross, so no slope bounds it.
         Function::Floor if values.low == values.high => 0.0,
         Function::Floor => f64::INFINITY,
         Function::Atan2 => {

@@ -1,12 +1,12 @@
-//! Functions that need no series: floor, the remainder of a division, the sign, minimum and maximum, whole powers.
+//! Functions without a series: floor, the remainder of a division, the sign, minimum and maximum, integer powers.
 
 use super::exponential::with_sign_of;
 use super::pair::constant;
 use crate::tape::{Reg, TapeBuilder};
 
-/// The largest whole number that is not above x, exactly.
+/// The largest integer that is not above x, exactly.
 pub(super) fn floor(tape: &mut TapeBuilder, x: Reg) -> Reg {
-    // From 2^52 on every number is whole; below, 2^52 added keeps no digits behind the point.
+    // From 2^52 on every number is an integer. Below, adding 2^52 removes the fractional digits.
     let border = constant(tape, 2f64.powi(52));
     let magnitude = tape.absolute(x);
     let lifted = tape.add(magnitude, border);
@@ -26,34 +26,34 @@ pub fn modulo(tape: &mut TapeBuilder, x: Reg, y: Reg) -> Reg {
     tape.subtract(x, taken)
 }
 
-/// -1, 0 or 1; NaN of NaN.
+/// -1, 0 or 1; NaN for NaN.
 pub fn sign(tape: &mut TapeBuilder, x: Reg) -> Reg {
     let (zero, one, minus_one) = (constant(tape, 0.0), constant(tape, 1.0), constant(tape, -1.0));
-    // Zero and NaN stay what they are.
+    // Zero and NaN are unchanged.
     let positive = tape.select_less(zero, x, one, x);
     tape.select_less(x, zero, minus_one, positive)
 }
 
-/// The smaller of two; NaN where either is NaN.
+/// The smaller of two; NaN if either is NaN.
 pub fn minimum(tape: &mut TapeBuilder, a: Reg, b: Reg) -> Reg {
     let smaller = tape.at_most(a, b);
     with_nan_of(tape, b, smaller)
 }
 
-/// The larger of two; NaN where either is NaN.
+/// The larger of two; NaN if either is NaN.
 pub fn maximum(tape: &mut TapeBuilder, a: Reg, b: Reg) -> Reg {
     let larger = tape.at_least(a, b);
     with_nan_of(tape, b, larger)
 }
 
-/// The result, or b where b is NaN: every other number is below the largest one or above the smallest one.
+/// The result, or b if b is NaN: every other number is below the largest one or above the smallest one.
 fn with_nan_of(tape: &mut TapeBuilder, b: Reg, result: Reg) -> Reg {
     let (largest, smallest) = (constant(tape, f64::MAX), constant(tape, f64::MIN));
     let from_above = tape.select_less(smallest, b, result, b);
     tape.select_less(b, largest, result, from_above)
 }
 
-/// x to a whole power, by squaring: some 2 log2 n products, each rounded. A negative power is 1 over the positive one.
+/// x to an integer power, by squaring: about 2 log2 n products, each rounded. A negative power is 1 over the positive one.
 pub fn power(tape: &mut TapeBuilder, x: Reg, exponent: i32) -> Reg {
     let mut rest = exponent.unsigned_abs();
     let mut square = x;

@@ -1,8 +1,8 @@
 //! The C99 printer.
 //!
-//! In: a unit. Out: a header that C++ can include too, and a source file that needs no library. Straight lines of single assignments,
-//! with the tape's register numbers. A comparison has no line of its own: the choice that reads it takes its operands, because on
-//! most machines the two are one idiom (`c_idioms.rs`). The self-test is compiled when `RSM_SELF_TEST` is defined.
+//! In: a unit. Out: a header that C++ can include too, and a source file that needs no library. The code is a sequence of single assignments with the
+//! tape's register numbers. A comparison has no line of its own: the selection that uses it takes its operands, because on most machines the two are
+//! one idiom (`c_idioms.rs`). The self-test is compiled if `RSM_SELF_TEST` is defined.
 
 use super::c_gradient;
 use super::c_idioms::{self, Needs, c_type, suffix};
@@ -21,7 +21,7 @@ pub struct CFiles {
     pub source: String,
 }
 
-/// What an evaluator's object code has none of, and when. docs/book/src/theory/bits.md and
+/// Conditions under which an evaluator's object code has no branch and no call. docs/book/src/theory/bits.md and
 /// docs/decisions/003-no-branch-and-no-call.md have the same words, and a test compares them.
 pub const NO_BRANCH: [&str; 4] = [
     "No branch and no call: from gcc and clang with optimisation (-O1 and higher, -Os too), for a machine that has",
@@ -49,7 +49,7 @@ pub fn emit(unit: &Unit) -> CFiles {
     CFiles { header: header(unit), source: source(unit) }
 }
 
-/// Around what needs a double of 64 bits: with AVR's double of 32 bits the functions in f32 remain.
+/// The guard of code that needs a double of 64 bits. With AVR's double of 32 bits only the f32 functions remain.
 const DOUBLE_BEGINS: &str = "\n#if DBL_MANT_DIG == 53 /* double has 64 bits */\n";
 const DOUBLE_ENDS: &str = "\n#endif /* double has 64 bits */\n";
 
@@ -142,7 +142,7 @@ fn of_precision(unit: &Unit, precision: Precision) -> impl Iterator<Item = &Func
     unit.functions.iter().filter(move |function| function.tape.precision == precision)
 }
 
-/// Appends what `print` gives for each function, those of f64 first and within their guard.
+/// Appends the output of `print` for each function, those of f64 first and within their guard.
 fn in_precisions(unit: &Unit, text: &mut String, print: impl Fn(&Function) -> String) {
     let of_f64: String = of_precision(unit, Precision::F64).map(&print).collect();
     text.push_str(&guarded(&of_f64));
@@ -170,13 +170,13 @@ fn state_type(unit: &Unit, function: &Function) -> String {
     names::c_state(&unit.model, &function.surface, function.tape.precision)
 }
 
-/// The prototype of the function that puts a state at rest.
+/// The prototype of the function that sets a state to rest.
 fn init_signature(unit: &Unit, function: &Function) -> String {
     let init = names::c_init(&unit.model, &function.surface, function.tape.precision);
     format!("void {init}({} *{})", state_type(unit, function), names::STATE)
 }
 
-/// The type of a compensator's state, and the function that puts it at rest, as they stand in the header.
+/// The type of a compensator's state, and the prototype of the function that sets it to rest, for the header.
 fn declare_state(unit: &Unit, function: &Function) -> String {
     let float = c_type(function.tape.precision);
     let fields: String = function.states().iter().map(|field| format!("    {float} {field};\n")).collect();
@@ -191,7 +191,7 @@ fn declare_state(unit: &Unit, function: &Function) -> String {
     )
 }
 
-/// The function that puts a compensator's state at rest.
+/// The function that sets a compensator's state to rest.
 fn define_init(unit: &Unit, function: &Function) -> String {
     let zero = c_literal(0.0, function.tape.precision);
     let fields = function.states().into_iter().map(|field| format!("    {}->{field} = {zero};\n", names::STATE));
@@ -245,7 +245,7 @@ fn define(unit: &Unit, function: &Function) -> String {
     text
 }
 
-/// The lines of a tape: a constant of its own for every register, up to where results and states are written. `fields` are the names of the states.
+/// The lines of a tape: one constant for every register, before results and states are written. `fields` are the names of the states.
 pub(super) fn body(model: &str, tape: &Tape, fields: &[String]) -> String {
     let (float, suffix) = (c_type(tape.precision), suffix(tape.precision));
     let helper = |name: &str| format!("{model}_rsm_{name}{suffix}");
@@ -269,15 +269,15 @@ pub(super) fn body(model: &str, tape: &Tape, fields: &[String]) -> String {
             Op::Absolute(a) => format!("{}({a})", helper("absolute")),
             Op::Exponent(a) => format!("{}({a})", helper("exponent")),
             Op::PowerOfTwo(a) => format!("{}({a})", helper("power_of_two")),
-            // gcc makes 2 a of it, a product that it would fuse.
+            // gcc changes it to 2 a, a product that it would fuse.
             Op::Add(a, b) if a == b => format!("{}({a} + {b})", helper("keep")),
             Op::Add(a, b) => format!("{a} + {b}"),
-            // Zero, but for a NaN or an infinity.
+            // Zero, except for a NaN or an infinity.
             Op::Subtract(a, b) if a == b => format!("{a} - {}({b})", helper("hide")),
             Op::Subtract(a, b) => format!("{a} - {b}"),
             Op::Multiply(a, b) if reads.is_kept(reg) => format!("{}({a} * {b})", helper("keep")),
             Op::Multiply(a, b) => format!("{a} * {b}"),
-            // A product to a compiler, whose rounding of a subnormal number a fused operation would leave out.
+            // The compiler may make it a product, and a fused operation would omit the rounding of a subnormal product.
             Op::Divide(a, b) if has_exact_reciprocal(tape, b) && reads.is_kept(reg) => format!("{}({a} / {b})", helper("keep")),
             Op::Divide(a, b) if has_exact_reciprocal(tape, b) => format!("{a} / {b}"),
             Op::Divide(a, b) => format!("{a} / {}({b})", helper("hide")),
@@ -304,9 +304,10 @@ fn c_literal(value: f64, precision: Precision) -> String {
     format!("{}{suffix}", literal(value, precision))
 }
 
-/// `m_self_test`: every function at points whose results the interpreter computed, twice. Called through a volatile pointer, so that neither the
-/// call nor its arguments are known to the compiler; and called by name in a loop over arrays, into which the compiler may inline it, and which it
-/// may vectorise. First, whether the machine keeps subnormal numbers: a program that is linked with -ffast-math may start in a mode that does not.
+/// `m_self_test`: every function at points with results of the interpreter, tested twice. First it is called through a volatile pointer, so that the
+/// compiler knows neither the call nor its arguments. Then it is called by name in a loop over arrays, into which the compiler may inline it and
+/// which it may vectorise. Before that, it tests whether the machine keeps subnormal numbers: a program linked with -ffast-math may start in a mode
+/// that does not.
 fn self_test(unit: &Unit) -> String {
     let mut text = String::from("\n#ifdef RSM_SELF_TEST\n\n#include <string.h>\n");
     for precision in Precision::ALL {
@@ -377,7 +378,7 @@ fn test_block(unit: &Unit, function: &Function) -> String {
     let mut by_name: Vec<String> = (0..arity).map(|k| format!("x{k}[k]")).collect();
     let (mut state, mut rest) = (String::new(), String::new());
     if function.kind == Kind::Step {
-        // The points are a sequence: one state goes through all of them.
+        // The points are a sequence with one state.
         let name = state_type(unit, function);
         types.insert(0, format!("{name} *"));
         by_pointer.insert(0, "&state".to_string());
@@ -390,7 +391,7 @@ fn test_block(unit: &Unit, function: &Function) -> String {
         Kind::Surface | Kind::Step | Kind::Gradient | Kind::Inside | Kind::Once => {
             format!("{}_rsm_differs{}({value}, points[k][{arity}])", unit.model, suffix(tape.precision))
         }
-        // The tape's 1 or 0 as bits against the function's int.
+        // Compares the tape's 1 or 0 with the function's int.
         Kind::Support => format!("{value} != (points[k][{arity}] != 0)"),
     };
     let count = points.len();

@@ -1,4 +1,4 @@
-//! What is different in C about a function with several results: an array as the last argument, and its block of the self-test.
+//! The differences in C for a function with several results: an array as the last argument, and its block of the self-test.
 
 use super::c_idioms::{c_type, suffix};
 use super::{Function, Unit, points};
@@ -18,7 +18,7 @@ pub(super) fn end(function: &Function) -> String {
     format!("{}}}\n", each.collect::<String>())
 }
 
-/// The function at points whose results the interpreter computed: through a volatile pointer, and by name in a loop over arrays, into which the
+/// Tests the function at points with results of the interpreter: through a volatile pointer, and by name in a loop over arrays, into which the
 /// compiler may inline it.
 pub(super) fn test_block(unit: &Unit, function: &Function) -> String {
     let tape = &function.tape;

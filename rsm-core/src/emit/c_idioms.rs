@@ -1,7 +1,7 @@
-//! What C needs so that a tape keeps its bits and has no branch: refusals of compilers and options that would change results, and one idiom per machine.
+//! C code that keeps the bits of a tape without a branch: errors for compilers and options that would change results, and one idiom for each machine.
 //!
-//! In: which operations a unit uses, in which precision. Out: text for the head of the source file. The counts below are of gcc 12 and
-//! clang 14 at -O2, read from object code; `tests/all/object_code.rs` reads it again.
+//! In: which operations a unit uses, in which precision. Out: text for the beginning of the source file. The counts below are for gcc 12 and clang 14
+//! at -O2, read from object code; `tests/all/object_code.rs` checks them.
 //!
 //! | idiom | x86-64 | x86-64 with AVX | AArch64 | Arm with VFP | RISC-V with D, masks |
 //! | --- | --- | --- | --- | --- | --- |
@@ -10,8 +10,8 @@
 //! | keep a product that a sum reads | 0 | 0 | 0 | 0 | 0 |
 //! | hide a divisor or what is negated, from clang | 0 | 0 | 0 | 0 | 0 |
 //!
-//! Why not the plain conditional: gcc sees that a clamped value is a constant on one side and makes a branch of it, on every machine;
-//! clang does so where a product of the clamped value follows, since a constant times a constant need not be computed.
+//! A plain conditional is not suitable. gcc sees that a clamped value is a constant on one side and makes a branch, on every machine. clang does so
+//! if a product of the clamped value follows, because a constant times a constant need not be computed.
 
 use crate::number::Precision;
 
@@ -23,7 +23,7 @@ pub(super) fn c_type(precision: Precision) -> &'static str {
     }
 }
 
-/// What the names of helpers end in.
+/// The suffix of the names of helpers.
 pub(super) fn suffix(precision: Precision) -> &'static str {
     match precision {
         Precision::F64 => "",
@@ -31,7 +31,7 @@ pub(super) fn suffix(precision: Precision) -> &'static str {
     }
 }
 
-/// Which helpers a precision needs.
+/// The helpers that a precision needs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Needs {
     pub keep: bool,
@@ -50,7 +50,7 @@ impl Needs {
     }
 }
 
-/// Refuses to compile where the results would have other bits. Where double is narrow, a file that has functions in f32 keeps those.
+/// Compiler errors for cases in which the results would have other bits. If double has less than 64 bits, the f32 functions of a file are kept.
 pub(super) fn refusals(model: &str, f64_functions: bool, f32_functions: bool) -> String {
     let mut text = REFUSE_FAST_MATH.to_string();
     if f64_functions {
@@ -66,7 +66,7 @@ pub(super) fn refusals(model: &str, f64_functions: bool, f32_functions: bool) ->
     text.replace("@m", model)
 }
 
-/// The macros that say which machine this is; every helper below asks them.
+/// The macros that identify the machine; every helper below uses them.
 pub(super) fn machine(needs: &[Needs]) -> String {
     let mut text = String::new();
     if needs.iter().any(|needs| needs.keep || needs.hide || needs.any_choice()) {
@@ -75,7 +75,7 @@ pub(super) fn machine(needs: &[Needs]) -> String {
     text
 }
 
-/// The helpers of one precision. Their names begin with the model's, so that the sources of several models may be compiled as one.
+/// The helpers of one precision. Their names begin with the model's name, so that the sources of several models can be compiled as one.
 pub(super) fn helpers(model: &str, needs: Needs, precision: Precision) -> String {
     let mut text = String::new();
     let mut put = |wanted: bool, template: &str| {
@@ -97,10 +97,10 @@ pub(super) fn helpers(model: &str, needs: Needs, precision: Precision) -> String
     text
 }
 
-/// Writes the type, the suffixes and the register classes of a precision into a template.
+/// Inserts the type, the suffixes and the register classes of a precision into a template.
 fn fill(template: &str, precision: Precision) -> String {
     let words: [(&str, &str, &str); 17] = [
-        // Before @s, with which it begins.
+        // Before @s, because it begins with it.
         ("@suffix", "", "_f32"),
         ("@type", "double", "float"),
         ("@name", "f64", "f32"),
@@ -127,9 +127,9 @@ fn fill(template: &str, precision: Precision) -> String {
     text
 }
 
-// Under -fno-honor-infinities clang 17 and later declare every argument and result finite (`nofpclass(inf)`), which no pragma takes back and no macro shows:
-// a caller that passes an infinity gives anything. The warning that clang 18 and later have is made an error here; -w alone silences that too. In clang 17 the
-// self-tests find no difference.
+// With -fno-honor-infinities clang 17 and later declare every argument and result finite (`nofpclass(inf)`). No pragma undoes this and no macro shows
+// it: the result of an infinite argument is then undefined. clang 18 and later have a warning, which is made an error here; only -w suppresses it.
+// With clang 17 the self-tests find no difference.
 const REFUSE_FAST_MATH: &str = r#"
 /* What cannot be survived does not compile. */
 #if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || defined(__ASSOCIATIVE_MATH__) \
@@ -152,8 +152,8 @@ const REFUSE_NARROW_DOUBLE: &str = r#"
 #endif
 "#;
 
-// 16 and 32 say that only _Float16 is, or is not, evaluated in a wider type: float and double are as with 0. gcc gives 16 in GNU mode on
-// x86-64 machines with AVX512-FP16. With 1, float is evaluated as double, which leaves double alone.
+// 16 and 32 concern only _Float16: float and double are evaluated as with 0. gcc gives 16 in GNU mode on x86-64 machines with AVX512-FP16. With 1,
+// float is evaluated as double, which does not affect double.
 const REFUSE_EXCESS_F64: &str = r#"
 #if defined(__FLT_EVAL_METHOD__)
 #if __FLT_EVAL_METHOD__ != 0 && __FLT_EVAL_METHOD__ != 1 && __FLT_EVAL_METHOD__ != 16 && __FLT_EVAL_METHOD__ != 32
@@ -184,10 +184,10 @@ const REFUSE_EXCESS_F32: &str = r#"
 #endif
 "#;
 
-// clang shows the preprocessor nothing of -funsafe-math-optimizations and the options that it is made of. Its pragma float_control undoes
-// them, from the first version that has it (11) to the last; clang 22 with -ffp-model=fast too. It is pushed and popped, for who includes the
-// file. Where a target has no strict floating point (32-bit Arm among them) clang ignores it: so each function also forbids that sums be taken in
-// another order, which every target heeds. Compilers without the barrier have the standard pragma.
+// clang shows -funsafe-math-optimizations and its parts to no preprocessor macro. Its pragma float_control disables them, from the first version that
+// has it (11) to the last, also in clang 22 with -ffp-model=fast. It is pushed and popped, in case a file is included in another. On targets without
+// strict floating point (such as 32-bit Arm) clang ignores it. So each function also forbids reordering of sums, which every target respects.
+// Compilers without the barrier get the standard pragma.
 const PRECISE: &str = r#"
 #if defined(__clang__)
 #pragma clang diagnostic push
@@ -207,7 +207,7 @@ const PRECISE: &str = r#"
 #endif
 "#;
 
-/// The last lines of the source: what [`refusals`] pushed is popped.
+/// The last lines of the source: they pop what [`refusals`] pushed.
 pub(super) const PRECISE_ENDS: &str = r#"
 #if defined(__clang__)
 #pragma clang diagnostic push
@@ -239,10 +239,10 @@ const MACHINE: &str = r"
 #endif
 ";
 
-// Why assembly: it is the one thing that no pass of a compiler looks through. gcc has __builtin_assoc_barrier, which its vectoriser takes for a
-// copy and drops, so that the loop into which a function was inlined had fused operations; its function attributes and pragmas of options
-// keep the bits, at the price of a call (callers with other options cannot inline) or of the options of a whole file that includes this one.
-// RSM_BARRIER is for the tests, which take the barrier away to see that it is needed.
+// Assembly is used because no compiler pass looks through it. gcc's __builtin_assoc_barrier is treated as a copy and dropped by its vectoriser, so a
+// loop with an inlined function had fused operations. gcc's function attributes and option pragmas keep the bits, but then callers with other options
+// cannot inline the function, or the options hold for a whole file that includes this one. RSM_BARRIER is for the tests, which remove the barrier to
+// see that it is needed.
 const KEEP: &str = r#"
 /* A product as IEEE 754 rounds it: no compiler may fuse it into a sum, whatever its options, nor when it vectorises a loop around it. */
 #if defined(RSM_BARRIER)
@@ -272,8 +272,8 @@ static inline @type @m_rsm_keep@suffix(@type product)
 #endif
 "#;
 
-// clang before 22 takes the options of the command line for a negation whatever the pragma says, and so -(a - b) + c for a sum that it may order
-// anew; where it ignores the pragma (32-bit Arm) it makes reciprocals of divisors and 0 of x - x, which asks whether x is finite.
+// clang before 22 uses the command-line options for a negation, whatever the pragma says, and so treats -(a - b) + c as a sum that it may reorder.
+// Where it ignores the pragma (32-bit Arm), it makes reciprocals of divisors, and 0 of x - x, which tests whether x is finite.
 const HIDE: &str = r#"
 /* The value; clang does not see where it comes from. */
 #if defined(__clang__)
@@ -309,8 +309,8 @@ const COPY: &str = r"
 #endif
 ";
 
-// 2^52 with the field of the exponent at its end is 2^52 + field: no conversion between whole and floating-point numbers, which a machine
-// without floating point of this width would call.
+// 2^52 with the exponent field in its low bits is 2^52 + field. This avoids a conversion between integers and floating-point numbers, which a machine
+// without floating point of this width would do by a call.
 const EXPONENT: &str = r"
 /* The exponent as a number: the field without its bias. */
 static inline @type @m_rsm_exponent@suffix(@type value)
@@ -336,7 +336,7 @@ static inline @type @m_rsm_power_of_two@suffix(@type value)
 }
 ";
 
-// The flag goes through empty assembly: LLVM would make a branch of the mask again on a Cortex-M0.
+// The flag passes through empty assembly; otherwise LLVM would make a branch of the mask on a Cortex-M0.
 const CHOOSE: &str = r#"
 /* then where the flag is 1, otherwise where it is 0, by masks: machines without an idiom below. */
 #if !defined(RSM_SSE) && !defined(RSM_AARCH64) && !(defined(__arm__) && defined(__ARM_FP) && (__ARM_FP & @fp))

@@ -149,15 +149,15 @@ fn source(plant: &Plant) -> String {
     text
 }
 
-/// `m_self_test`: some steps whose numbers the interpreter computed, twice: through a volatile pointer, and by name in a loop, into which the compiler
-/// may inline the step.
+/// `m_self_test`: some steps compared with the results of the interpreter, twice: through a volatile pointer, and by name in a loop, into which the
+/// compiler may inline the step.
 fn self_test(plant: &Plant) -> String {
     let model = &plant.model;
     let (steps, end) = plant.sequence();
     let count = steps.len();
     let (arity, results) = (plant.inputs.len(), plant.outputs.len());
     let row = |bits: &[u64]| bits.iter().map(|it| format!("0x{it:016x}ULL")).collect::<Vec<_>>().join(", ");
-    // A plant without signals has a place in its table all the same: C knows no array of nothing.
+    // A plant without signals still has one column in its table, because C has no arrays of length zero.
     let width = (arity + results).max(1);
     let rows: String =
         steps.iter().map(|it| format!("        {{ {} }},\n", if it.is_empty() { "0".to_string() } else { row(it) })).collect();

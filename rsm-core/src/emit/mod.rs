@@ -1,8 +1,8 @@
 //! Emitters: a tape becomes source text.
 //!
-//! In: a [`Unit`], the tapes of one model with what a reader wants to know about them. Out: text, the same for the same unit, ASCII,
-//! with a newline at the end. A printer never decides about arithmetic: form, order and constants stand on the tape, and registers carry
-//! the numbers of the tape's listing. The one thing it chooses is the idiom by which a machine clamps and selects without a branch.
+//! In: a [`Unit`], the tapes of one model with information for readers. Out: text, the same for the same unit, ASCII, with a newline at the end. A
+//! printer makes no decision about arithmetic: form, order and constants are on the tape, and registers have the numbers of the tape's listing. It
+//! only chooses the idiom with which a machine clamps and selects without a branch.
 
 pub mod c;
 mod c_gradient;
@@ -23,7 +23,7 @@ use crate::names;
 use crate::number::{self, Precision};
 use crate::tape::{Op, Reg, Tape};
 
-/// Everything of one model that the printers print: a header and a source file in C, one module in Rust.
+/// The parts of one model that the printers print: a header and a source file in C, one module in Rust.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unit {
     /// The name of the model: prefix of every C name, module name in Rust.
@@ -32,22 +32,22 @@ pub struct Unit {
     pub functions: Vec<Function>,
 }
 
-/// One evaluator: a surface, the test whether the data support it, or the step of a compensator, in one precision (that of the tape).
+/// One evaluator: a surface, its support test, or the step of a compensator, in the precision of the tape.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Function {
     /// The name of the surface or of the compensator.
     pub surface: String,
     /// The surface itself, its support test, or a step.
     pub kind: Kind,
-    /// The unit of the result, as text; of a step, when it is to be taken.
+    /// The unit of the result, as text; for a step, the sample time in words.
     pub unit: String,
-    /// The arguments, one or more, in order. Those of a step begin with the signal, whose range is only what a self-test uses.
+    /// The arguments, at least one, in order. Those of a step begin with the signal; its range is used only by a self-test.
     pub inputs: Vec<Input>,
-    /// What the result does at the bounds of `output_range`.
+    /// The bounds of the result at `output_range`.
     pub saturation: Option<Saturation>,
-    /// What is certain about the derivatives, one an input; empty for what is no gradient.
+    /// The certificates of the derivatives, one for each input; empty if it is not a gradient.
     pub derivatives: Vec<Derivative>,
-    /// What is computed. A support test ends in exactly 1 or 0.
+    /// The tape. A support test ends with exactly 1 or 0.
     pub tape: Tape,
 }
 
@@ -69,7 +69,7 @@ impl Function {
         (0..self.tape.states.len()).map(|k| format!("s{k}")).collect()
     }
 
-    /// What a caller must know, a line each: what it is, the arguments, the result, the cost.
+    /// Information for the caller, one line each: description, arguments, result, cost.
     fn about(&self) -> Vec<String> {
         let precision = self.tape.precision;
         let mut lines = vec![match self.kind {
@@ -139,12 +139,12 @@ impl Function {
     }
 }
 
-/// The least number of four digits that is not below a value: what is printed of a bound is a bound as well.
+/// The smallest number with four digits that is not below a value, so that a printed bound is valid.
 fn four_digits_above(value: f64) -> f64 {
     let number = |text: &str| text.parse::<f64>().expect("a printed number is a number");
     let text = format!("{value:.3e}");
     let (nearest, (_, exponent)) = (number(&text), text.split_once('e').expect("it is printed with an exponent"));
-    // The next one is a thousandth of the power of ten away.
+    // The next number is larger by a thousandth of the power of ten.
     if nearest >= value { nearest } else { number(&format!("{:.3e}", nearest + 7e-4 * number(&format!("1e{exponent}")))) }
 }
 
@@ -166,12 +166,12 @@ fn certified(derivative: &Derivative) -> String {
     format!("- derivative by `{input}`: {range}, {error}")
 }
 
-/// A unit as it may stand in a comment of C and in the documentation of Rust: in backticks.
+/// A unit in a comment of C and in the documentation of Rust, in backticks.
 fn unit(text: &str) -> String {
     if text.is_empty() { "no unit".to_string() } else { format!("`{}`", plain(text)) }
 }
 
-/// Text as it may stand in a comment of C and of Rust: ASCII, without the marks that end a comment.
+/// Text for a comment of C and of Rust: ASCII, without the characters that end a comment.
 fn plain(text: &str) -> String {
     let mut plain = String::new();
     for c in text.chars() {
@@ -185,10 +185,10 @@ fn plain(text: &str) -> String {
     plain.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
 }
 
-/// The terms of the model behind a constant, as a comment has them: `torque*speed: 3.75 deg`.
+/// The model terms of a constant, as in a comment: `torque*speed: 3.75 deg`.
 fn terms_behind(tape: &Tape, reg: Reg) -> Option<String> {
     let each = tape.notes.iter().filter(|(at, _)| *at == reg).map(|(_, note)| {
-        // Six digits: enough to find the line of the model file, which has all of them.
+        // Six digits are enough to find the line of the model file, which has all digits.
         let short: f64 = format!("{:.5e}", note.coefficient).parse().unwrap_or(note.coefficient);
         let unit = if note.unit.is_empty() || note.unit == "1" { String::new() } else { format!(" {}", plain(&note.unit)) };
         format!("{}: {}{unit}", plain(&note.term), number::decimal(short))
@@ -197,7 +197,7 @@ fn terms_behind(tape: &Tape, reg: Reg) -> Option<String> {
     (!all.is_empty()).then(|| all.join(", "))
 }
 
-/// Which registers the results depend on. The others are not printed: a local that nobody reads is a warning.
+/// The registers on which the results depend. Others are not printed, because an unused local gives a warning.
 fn live(tape: &Tape) -> Vec<bool> {
     let mut live = vec![false; tape.ops.len()];
     for reg in tape.results() {
@@ -223,7 +223,7 @@ fn unused_inputs<'t>(tape: &'t Tape, live: &[bool]) -> Vec<&'t str> {
 /// The operands of the comparison that a select reads.
 ///
 /// # Panics
-/// When a select reads something else: only `Less` writes a condition.
+/// If the condition of the select is not a `Less`.
 fn compared(tape: &Tape, condition: Reg) -> (Reg, Reg) {
     match *tape.op(condition) {
         Op::Less(left, right) => (left, right),

@@ -1,49 +1,49 @@
-//! A plant as code: one step of constant length, its state and the start.
+//! A plant as code: one step of constant length, its state and its start.
 //!
-//! In: a tape whose arguments are the inputs, whose results are the outputs, and whose states are all that the plant keeps. Out: a header and a source
-//! file in C, or one module in Rust, with a type of the state, a type of the outputs, `init` and `step`. Nothing about arithmetic is decided here.
+//! In: a tape whose arguments are the inputs, whose results are the outputs, and whose states are those of the plant. Out: a header and a source file
+//! in C, or one module in Rust, with a type for the state, a type for the outputs, `init` and `step`. No decision about arithmetic is made here.
 
 use super::plain;
 use crate::number::decimal;
 use crate::run::Interpreter;
 use crate::tape::Tape;
 
-/// A plant of which everything is known.
+/// The data of a plant to emit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plant {
-    /// Prefix of every C name, module name in Rust.
+    /// The prefix of every C name; the module name in Rust.
     pub model: String,
-    /// What the plant is, as its text says it, and where it was read from.
+    /// The description in its text, and the file it was read from.
     pub about: String,
     /// The length of the step in s.
     pub length: f64,
-    /// The step, in f64. Inputs, outputs and states have names that both languages take.
+    /// The step, in f64. The names of inputs, outputs and states are valid in both languages.
     pub tape: Tape,
-    /// What the inputs are, in order.
+    /// The inputs, in order.
     pub inputs: Vec<Signal>,
-    /// What the outputs are, in order.
+    /// The outputs, in order.
     pub outputs: Vec<Signal>,
-    /// What the states are, in order, and their start.
+    /// The states, in order, with their start values.
     pub states: Vec<(Signal, f64)>,
-    /// Numbers that are folded into the step: name, value and unit.
+    /// The numbers folded into the step: name, value and unit.
     pub parameters: Vec<(String, f64, String)>,
-    /// What the start was computed for, in words.
+    /// The conditions of the start, in words.
     pub start: String,
 }
 
-/// What a reader of emitted code wants to know about a number.
+/// Information about a number for readers of emitted code.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Signal {
-    /// Its unit as the text writes it; empty where there is none.
+    /// Its unit as written in the text; empty if it has none.
     pub unit: String,
-    /// What it is.
+    /// Its description.
     pub words: String,
-    /// Of an input: from where to where a self-test takes its values.
+    /// For an input: the range of its values in a self-test.
     pub range: [f64; 2],
 }
 
 impl Signal {
-    /// Unit and words, as a comment has them.
+    /// Unit and description, as in a comment.
     pub(super) fn comment(&self) -> String {
         let parts: Vec<String> =
             [&self.unit, &self.words].into_iter().filter(|it| !it.is_empty()).map(|it| plain(it)).collect();
@@ -64,7 +64,7 @@ impl Plant {
         self.tape.states.iter().map(|it| it.name.clone()).collect()
     }
 
-    /// What a caller must know of the step, a line each.
+    /// Rules for the caller of the step, one per line.
     pub(super) fn rules(&self) -> Vec<String> {
         let mut lines = vec![
             format!("One step of {} s.", decimal(self.length)),
@@ -84,7 +84,7 @@ impl Plant {
         lines
     }
 
-    /// The parameters, a line each.
+    /// The parameters, one per line.
     pub(super) fn numbers(&self) -> Vec<String> {
         let each = |(name, value, unit): &(String, f64, String)| {
             let unit = if unit.is_empty() || unit == "1" { String::new() } else { format!(" {}", plain(unit)) };
@@ -93,7 +93,7 @@ impl Plant {
         self.parameters.iter().map(each).collect()
     }
 
-    /// Steps from the start: of each the bits of inputs and outputs; then the bits of the states behind the last one.
+    /// Steps from the start: for each the bits of inputs and outputs; then the bits of the states after the last one.
     pub(super) fn sequence(&self) -> (Vec<Vec<u64>>, Vec<u64>) {
         let mut interpreter = Interpreter::<f64>::new(&self.tape);
         let start: Vec<f64> = self.states.iter().map(|it| it.1).collect();
@@ -109,7 +109,7 @@ impl Plant {
                         it.range[0] * (1.0 - share) + it.range[1] * share
                     })
                     .collect();
-                // A bad sample in between.
+                // An invalid sample in between.
                 if k == SELF_TEST_STEPS / 2
                     && let Some(first) = inputs.first_mut()
                 {
@@ -124,5 +124,5 @@ impl Plant {
     }
 }
 
-/// How many steps a self-test takes.
+/// The number of steps of a self-test.
 pub(super) const SELF_TEST_STEPS: usize = 24;

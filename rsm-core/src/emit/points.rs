@@ -1,19 +1,19 @@
 //! The points of a self-test.
 //!
-//! In: a function. Out: arguments and the result that the interpreter gives, as bits, and which points tell a fused multiply-add from a
-//! product and a sum. Every comparison goes both ways at some of them, where random points of the box show both. Of a compensator
-//! the points are one sequence, a step each from the state that the step before left. The same points for the same function: the random ones have a
-//! fixed seed. Never looks at emitted text.
+//! In: a function. Out: arguments and results of the interpreter as bits, and which points distinguish a fused multiply-add from a product and a sum.
+//! Every comparison is true at some points and false at others, if random points of the box give both. For a compensator the points are one sequence
+//! of steps, each from the state of the step before. The points are the same for the same function, because the random ones have a fixed seed. The
+//! emitted text is not used.
 
 use crate::model::Input;
 use crate::run::{Interpreter, Scalar};
 use crate::tape::{Op, Reg, Tape};
 
-/// How many points that a fused operation changes are looked for. Three: a compiler that fuses only some sums is likely to meet one.
+/// The number of points that a fused operation must change. With three, a compiler that fuses only some sums is probably detected.
 const SENSITIVE: usize = 3;
 
-/// How many random candidates are tried for them, and for comparisons that go as at no point before. Of a polynomial of second order one in three is sensitive in its last bit; where the
-/// constant term outweighs the others by a factor of a thousand, one in a thousand.
+/// The number of random candidates for these points, and for comparisons with a new outcome. For a second-order polynomial, fusing changes the last
+/// bit of one point in three; if the constant term is a thousand times larger than the others, of one in a thousand.
 const CANDIDATES: usize = 3000;
 
 /// One point: the bits of the arguments, then of the results.
@@ -21,11 +21,11 @@ const CANDIDATES: usize = 3000;
 pub(super) struct Point {
     pub arguments: Vec<u64>,
     pub results: Vec<u64>,
-    /// A result has other bits when every product that feeds a sum is fused into it.
+    /// Whether a result has other bits if every product that is an operand of a sum is fused into it.
     pub changes_under_fusing: bool,
 }
 
-/// A scalar with a fused multiply-add, to know what an evaluator would return that was compiled with one.
+/// A scalar with a fused multiply-add, to compute the result of an evaluator compiled with fusing.
 trait Fused: Scalar {
     fn multiply_add(self, factor: Self, addend: Self) -> Self;
     fn of_f64(value: f64) -> Self;
@@ -49,8 +49,8 @@ impl Fused for f32 {
     }
 }
 
-/// The points of a function: the middle, two corners, outside on either side, infinities, -0, a NaN in each argument; then random ones that fusing changes,
-/// or at which a comparison goes as at no point before.
+/// The points of a function: the middle, two corners, points outside on either side, infinities, -0, a NaN in each argument; then random points that
+/// fusing changes, or at which a comparison has a new outcome.
 pub(super) fn points(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
     match tape.precision {
         crate::number::Precision::F64 => chosen::<f64>(tape, inputs),
@@ -60,22 +60,22 @@ pub(super) fn points(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
 
 fn chosen<T: Fused>(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
     let mut interpreter = Interpreter::<T>::new(tape);
-    // Of each operation: whether a comparison that stands there was false at some point, whether it was true.
+    // For each comparison: whether it was false at some point, and whether it was true.
     let mut seen = vec![[false; 2]; tape.ops.len()];
-    // `is_wanted`: of whether a comparison goes as at no point before, and whether fusing changes the result.
+    // `is_wanted` takes whether a comparison has a new outcome, and whether fusing changes the result.
     let mut point = |natural: &[f64], is_wanted: &dyn Fn(bool, bool) -> bool| {
         let arguments: Vec<T> = natural.iter().map(|xi| T::of_f64(*xi)).collect();
         let states = interpreter.states().to_vec();
         interpreter.step(&arguments);
         let results: Vec<T> = interpreter.results().collect();
-        // A compiler that sees two products in a sum may fuse either one: both ways must differ.
+        // A compiler may fuse either of two products in a sum, so both results must differ.
         let changes = [false, true].iter().all(|left_first| {
             let fused = fused(tape, &states, &arguments, *left_first);
             fused.iter().zip(&results).any(|(fused, result)| !same(*fused, *result))
         });
         let is_new = interpreter.flags().iter().zip(&seen).any(|(flag, seen)| !seen[usize::from(*flag)]);
         if !is_wanted(is_new, changes) {
-            // Then no step was taken.
+            // The point is not used, so the step is undone.
             interpreter.set_states(&states);
             return None;
         }
@@ -104,7 +104,7 @@ fn between(input: &Input, share: f64) -> f64 {
     input.range[0] * (1.0 - share) + input.range[1] * share
 }
 
-/// What every function is asked.
+/// The special points of every function.
 fn special(inputs: &[Input]) -> Vec<Vec<f64>> {
     let at = |share: f64| -> Vec<f64> { inputs.iter().map(|input| between(input, share)).collect() };
     let mut points: Vec<Vec<f64>> = [0.5, 0.0, 1.0, 1.5, -0.5].into_iter().map(at).collect();
@@ -122,12 +122,12 @@ fn same<T: Scalar>(a: T, b: T) -> bool {
     a.bits() == b.bits() || (is_nan(a) && is_nan(b))
 }
 
-/// What the tape gives when every product (negated or not) that feeds a sum or a difference is fused into it.
+/// The results of a tape if every product (negated or not) that is an operand of a sum or a difference is fused into it.
 fn fused<T: Fused>(tape: &Tape, states: &[T], arguments: &[T], left_first: bool) -> Vec<T> {
     let mut values: Vec<T> = Vec::with_capacity(tape.ops.len());
     for op in &tape.ops {
         let r = |reg: Reg| values[reg.0 as usize];
-        // A product, and whether it is negated on its way into a sum.
+        // A product, and whether it is negated before a sum.
         let product = |reg: Reg| match *tape.op(reg) {
             Op::Multiply(a, b) => Some((r(a), r(b))),
             Op::Negate(p) => match *tape.op(p) {
@@ -158,7 +158,7 @@ fn fused<T: Fused>(tape: &Tape, states: &[T], arguments: &[T], left_first: bool)
             Op::Subtract(a, b) => sum(a, b, true),
             Op::Multiply(a, b) => r(a) * r(b),
             Op::Divide(a, b) => r(a) / r(b),
-            // Nobody reads it: a choice compares for itself.
+            // Unused: a selection makes the comparison itself.
             Op::Less(a, _) => r(a),
             Op::Select { condition, then, otherwise } => {
                 let (left, right) = super::compared(tape, condition);

@@ -1,24 +1,24 @@
 //! The Rust printer.
 //!
-//! In: a unit. Out: one file of functions, to be used as the module of the model: through `mod`, `include!` or the macro, so it has no
-//! inner attributes. It needs nothing outside `core`. A comparison has no line of its own: the choice that reads it takes its operands,
-//! because on x86-64 the two are one instruction.
+//! In: a unit. Out: one file of functions, used as the module of the model through `mod`, `include!` or the macro, so it has no inner attributes. It
+//! needs only `core`. A comparison has no line of its own: the selection that uses it takes its operands, because on x86-64 the two are one
+//! instruction.
 //!
-//! On x86-64 a plain `if` (also with the hint that it cannot be predicted) may become a branch: LLVM packs the comparisons of two hinges
-//! into one register, and has no instruction that chooses a number by one bit of it. The intrinsics of SSE2 stay what they are: 2
-//! instructions a bound, 4 a select. They are `unsafe` functions although every x86-64 with floating point has them, so a crate that forbids
-//! (rather than denies) `unsafe_code` takes the model through a crate that does not.
+//! On x86-64 a plain `if` (even with the hint that it is unpredictable) may become a branch: LLVM packs the comparisons of two hinges into one
+//! register, and no instruction selects a number by one bit of it. The SSE2 intrinsics are kept: 2 instructions for a bound, 4 for a select. They are
+//! `unsafe` functions, although every x86-64 with floating point has them. A crate that forbids (rather than denies) `unsafe_code` must use the model
+//! through another crate.
 
 use super::{Function, Kind, Unit, compared, literal, live, terms_behind, unused_inputs};
 use crate::names;
 use crate::number::Precision;
 use crate::tape::{Extremum, Op, Tape};
 
-/// Widest line of the emitted file, as rustfmt breaks it by default.
+/// The largest line width of the emitted file, the default of rustfmt.
 pub(super) const WIDTH: usize = 100;
 
-/// A user of the module may call some of the functions only, and names are the model's, not ours. Coefficients may look like well-known
-/// constants and stand in full length.
+/// A user may call only some of the functions, and the names are the model's. Coefficients may resemble well-known constants and are written in full
+/// length.
 pub(super) const ALLOW: &str = "#[allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]\n";
 
 /// The text of the module.
@@ -123,7 +123,7 @@ fn print(function: &Function) -> String {
     text
 }
 
-/// The lines of a tape, up to where results and states are written. `fields` are the names of the states.
+/// The lines of a tape, before results and states are written. `fields` are the names of the states.
 pub(super) fn body(tape: &Tape, fields: &[String]) -> String {
     let float = tape.precision.name();
     let mut text = String::new();

@@ -1,7 +1,7 @@
 //! Lowers a compensator to the tape of one step.
 //!
 //! In: a checked compensator. Out: a tape with two states; its arguments are the signal, `input`, then every input that its surfaces use.
-//! Its surfaces are lowered into the same tape, saturated as they are alone. Never branches and never fails.
+//! Its surfaces are lowered to the same tape, with the same saturation as alone. No branch; never fails.
 //!
 //! H(s) = (s^2 + 2 z w s + w^2)/(s^2 + 2 p w s + w^2), z the damping of the zeros, p that of the poles, w the natural frequency; s becomes
 //! (2/T)(q - 1)/(q + 1) at the sample time T (bilinear transform, no prewarping). H = 1 + 2 (z - p) B with the band-pass
@@ -15,22 +15,22 @@
 //! s2 := s2 + g u
 //! ```
 //!
-//! Poles with a natural frequency of their own, v: H(s) = (v/w)^2 (s^2 + 2 z w s + w^2)/(s^2 + 2 p v s + v^2). The integrators then run at
-//! g = v T/2, and with r = v/w and the high-pass h = s^2/(s^2 + 2 p v s + v^2) x, which is x - s2 - (p + g/2) u:
+//! If the poles have a separate natural frequency v: H(s) = (v/w)^2 (s^2 + 2 z w s + w^2)/(s^2 + 2 p v s + v^2). The integrators then use g = v T/2.
+//! With r = v/w and the high-pass h = s^2/(s^2 + 2 p v s + v^2) x, which is x - s2 - (p + g/2) u:
 //!
 //! ```text
 //! y   = x + (r z - p) u + (r^2 - 1) h
 //! ```
 //!
-//! Why these states and not those of the difference equation: at rest s1 = 0 and s2 = x, whatever z, p, w and v. Then u = h = 0 and y = x exactly,
-//! also while the coefficients move: the gain at frequency 0 is exactly 1, and a change of gear at rest moves nothing.
+//! These states are better than those of the difference equation: in steady state s1 = 0 and s2 = x for any z, p, w and v. Then u = h = 0 and y = x
+//! exactly, also while the coefficients change. The gain at frequency 0 is exactly 1, and a change of gear in steady state changes nothing.
 //!
-//! Reached from elsewhere, rest is where g u no longer moves s2: y may then be off by |z - p|/(2 g) units in the last place of x, some ten for
-//! a driveline at 1 kHz.
+//! From another state, the steady state is reached when g u no longer changes s2. Then y may differ by |z - p|/(2 g) units in the last place of x,
+//! about ten for a driveline at 1 kHz.
 //!
-//! A sample with a NaN or an infinity anywhere gives NaN and leaves the states as they were: a - a is 0 for a number and NaN for anything
-//! else, so the sum of these over all arguments is 0 or NaN. It is added to y, and next states are taken where it is less than 1. The
-//! differences of the next states with themselves are in the same sum, so that one that overflows is not taken either.
+//! A sample with a NaN or an infinity in any argument gives NaN and does not change the states. a - a is 0 for a number and NaN for anything else, so
+//! the sum of these differences over all arguments is 0 or NaN. It is added to y, and the next states are used only if it is less than 1. The
+//! differences of the next states are in the same sum, so a state that overflows is not used either.
 
 use crate::check::Checked;
 use crate::model::Scheduled;
@@ -81,7 +81,7 @@ pub fn compensator(checked: &Checked, index: usize, precision: Precision) -> Tap
     let driven = g.scaled(error, &mut tape);
     let numerator = tape.push(Op::Add(s1, driven));
     let u = match denominator {
-        // 2/denominator is a constant: rounded once, and a product is many times as fast as a quotient.
+        // 2/denominator is a constant: it is rounded once, and a product is much faster than a quotient.
         Number::Fixed(denominator) => tape.times(numerator, integer(2) / denominator),
         Number::Moving(denominator) => {
             let twice = tape.push(Op::Add(numerator, numerator));
@@ -121,7 +121,7 @@ fn surface(tape: &mut TapeBuilder, checked: &Checked, name: &str, schedule: &[cr
     super::value(tape, surface, &checked.inputs_of(surface), registers)
 }
 
-/// The sum of a - a over some registers, onto a sum that is there already: 0, or NaN when one of them is not a finite number.
+/// The sum of a - a over some registers, added to an existing sum: 0, or NaN if any of them is not finite.
 fn sum_of_nothings(tape: &mut TapeBuilder, sum: Option<Reg>, registers: &[Reg]) -> Reg {
     let sum = registers.iter().fold(sum, |sum, reg| {
         let nothing = tape.push(Op::Subtract(*reg, *reg));
@@ -130,7 +130,7 @@ fn sum_of_nothings(tape: &mut TapeBuilder, sum: Option<Reg>, registers: &[Reg]) 
     sum.expect("a step has an argument")
 }
 
-/// A coefficient of the filter: known while lowering, then exact until it is used, or computed in every step.
+/// A coefficient of the filter: a constant, kept exact until it is used, or computed in every step.
 #[derive(Debug, Clone)]
 enum Number {
     Fixed(Rational),

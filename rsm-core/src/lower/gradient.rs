@@ -1,8 +1,8 @@
-//! Lowers the gradient of a surface: its derivatives by its inputs, in the unit of the response a unit of the input.
+//! Lowers the gradient of a surface: its derivatives with respect to its inputs, in the unit of the response per unit of the input.
 //!
-//! In: `Checked`. Out: a tape with one result an input, by the tangent of the surface's own tape. Beyond the range of an input that clamps the
-//! derivative by it is 0, and all are 0 where the result saturates at `output_range`. NaN in gives NaN out: y - y, which is 0 of a number,
-//! is added to every derivative.
+//! In: `Checked`. Out: a tape with one result for each input, from the tangent of the surface's own tape. Outside the range of a clamped input the
+//! derivative with respect to it is 0, and all are 0 where the result saturates at `output_range`. A NaN argument gives NaN: y - y, which is 0 for a
+//! number, is added to every derivative.
 
 use crate::check::Checked;
 use crate::model::Surface;
@@ -33,7 +33,7 @@ pub fn gradient(checked: &Checked, index: usize, precision: Precision) -> Tape {
     of(&super::surface(checked, index, precision), &checked.model().surfaces[index])
 }
 
-/// The gradient before `output_range`: what holds where the result does not saturate.
+/// The gradient before `output_range`, valid where the result does not saturate.
 pub(crate) fn gradient_before_saturation(checked: &Checked, index: usize, precision: Precision) -> Tape {
     let surface = &checked.model().surfaces[index];
     let inputs = checked.inputs_of(surface);

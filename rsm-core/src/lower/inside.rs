@@ -1,16 +1,16 @@
-//! Lowers a surface without its clamps, for a caller that keeps every argument in its range and wants no `output_range`.
+//! Lowers a surface without its clamps, for a caller that keeps every argument in its range and needs no `output_range`.
 //!
-//! In: `Checked`, and the inputs that change seldom. Out: a tape of what these give, once, and a tape of the rest. For arguments in their
-//! ranges the two together have the bits of the surface before `output_range`: the clamps, which would hand each argument on as it is, are cut out of
-//! its tape, and all other operations stay in their order. Beyond the ranges the polynomial is extrapolated. NaN in gives NaN out.
+//! In: `Checked`, and the inputs that change rarely. Out: a tape for the part of these inputs, run once, and a tape for the rest. For arguments in
+//! their ranges both together give the bits of the surface before `output_range`: the clamps, which would not change the arguments, are removed from
+//! the tape, and all other operations stay in their order. Outside the ranges the polynomial is extrapolated. A NaN argument gives NaN.
 //!
 //! ```text
 //! current -> clamp -> its part of the polynomial = `..._once`      once, where the current is known
 //! torque, speed, `..._once` -> the rest of the polynomial          each step
 //! ```
 //!
-//! Only what depends on nothing but the seldom inputs moves to the first tape, and only where that is one number: else the step would have
-//! several numbers to keep for a sum that is soon made.
+//! Only the operations that depend on the rarely changed inputs alone move to the first tape, and only if they give a single number. Otherwise the
+//! step would have to keep several numbers only to add them.
 
 use std::collections::HashMap;
 
@@ -21,19 +21,19 @@ use crate::tape::{Extremum, Op, Port, Reg, Tape, TapeBuilder};
 
 use super::variables::Variables;
 
-/// A surface without clamps, in one part or in two.
+/// A surface without clamps, in one or two parts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inside {
-    /// What the seldom inputs give, which clamp as in the surface. `None`: the surface has none of them.
+    /// The part of the rarely changed inputs, which clamp as in the surface. `None` if the surface has none of them.
     pub once: Option<Tape>,
-    /// The surface from its other inputs, and last from what `once` gives.
+    /// The surface as a function of its other inputs and, last, of the result of `once`.
     pub rest: Tape,
 }
 
-/// The tapes of a surface without clamps. `once`: the names of the inputs that change seldom; those that the surface does not have are passed over.
+/// The tapes of a surface without clamps. `once`: the names of the rarely changed inputs; names that the surface does not have are ignored.
 ///
 /// # Errors
-/// How many numbers the seldom inputs hand to the rest, where it is not one; 0 where nothing is left to do each step.
+/// The number of values that the first tape would pass to the rest, if it is not one; 0 if nothing is left for the rest.
 ///
 /// # Panics
 /// When the precision cannot hold the model: ask [`Checked::refusal`] first.
@@ -87,7 +87,7 @@ pub fn inside(checked: &Checked, index: usize, precision: Precision, once: &[Str
     })
 }
 
-/// Lets everything that reads a clamped argument read what the clamp reads.
+/// Makes every operation that reads a clamped argument read the unclamped one.
 fn cut_clamp(tape: &mut Tape, clamped: Reg) {
     let mut bare = clamped;
     while let Some(Extremum::AtLeast { value, .. } | Extremum::AtMost { value, .. }) = tape.extremum(bare) {
@@ -98,7 +98,7 @@ fn cut_clamp(tape: &mut Tape, clamped: Reg) {
     tape.outputs.iter_mut().for_each(|output| output.reg = instead(output.reg));
 }
 
-/// Which registers depend on seldom inputs and on no other, and those of them that an operation of the rest reads.
+/// Which registers depend only on rarely changed inputs, and those of them that an operation of the rest reads.
 fn handed_over(whole: &Tape, seldom: &[bool]) -> (Vec<bool>, Vec<Reg>) {
     let (mut on_seldom, mut on_others) = (vec![], vec![]);
     for (_, op) in whole.iter() {
@@ -116,7 +116,7 @@ fn handed_over(whole: &Tape, seldom: &[bool]) -> (Vec<bool>, Vec<Reg>) {
     (only, read)
 }
 
-/// The operations between registers that are given, as arguments of these names, and a result.
+/// The operations between given registers, as arguments with these names, and a result.
 fn part(whole: &Tape, name: String, given: Vec<(Reg, String)>, result: Reg) -> Tape {
     let mut needed = vec![false; whole.ops.len()];
     needed[result.0 as usize] = true;

@@ -1,19 +1,20 @@
-//! The walk through the levels of a nest, each level in one of two forms.
+//! Writes or counts the levels of a nest, each in one of two forms.
 //!
-//! In: terms, and levels as `scheme.rs` chose them, the first outermost. Out: the sum of the terms on a sheet. The forms are in one file, since a level of one form holds levels of the other.
+//! In: terms, and levels from `scheme.rs`, the first outermost. Out: the sum of the terms on a sheet. Both forms are in one file, because a level of
+//! one form contains levels of the other.
 
 use super::nest::{Leaf, Nest, Part, Sheet, degree, with_power};
 
-/// How a level is written.
+/// The form of a level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Form {
-    /// (... (a_d v + a_{d-1}) v + ...) v + a_0. It has the fewest operations of the two forms, and every one of them waits for the one before.
+    /// (... (a_d v + a_{d-1}) v + ...) v + a_0. It has the fewest operations, but each of them depends on the one before.
     Horner,
-    /// A sum over shared powers: a_0 + a_1 v + a_2 v^2 + ..., each power of v written once. The products do not wait for each other, so the chain grows with
-    /// the logarithm of the degree where Horner's grows with twice the degree, for an operation a power beyond the first.
-    /// (Estrin, "Organization of computer systems: the fixed plus variable structure computer", 1960, splits a sum likewise.)
+    /// A sum over shared powers: a_0 + a_1 v + a_2 v^2 + ..., with each power of v written once. The products are independent, so the chain grows
+    /// with the logarithm of the degree; Horner's grows with twice the degree. It needs one more operation for each power above the first. (Estrin,
+    /// "Organization of computer systems: the fixed plus variable structure computer", 1960, splits a sum likewise.)
     ///
-    /// It may not stand where an infinity can come in: inf - inf is NaN where Horner gives an infinity. `scheme.rs` sees to it.
+    /// It is not allowed where an infinity can occur: inf - inf is NaN, where Horner's rule gives an infinity. `scheme.rs` ensures this.
     Powers,
 }
 
@@ -25,16 +26,16 @@ pub(super) struct Level {
 }
 
 impl<S: Sheet> Nest<'_, S> {
-    /// The sum of some terms as a value, nested as the levels say, the first outermost.
+    /// The sum of some terms as a value, nested as in `levels`, the first outermost.
     pub(super) fn value(&mut self, leaves: &[&Leaf<'_>], levels: &[Level]) -> S::Value {
         let part = self.part(leaves, levels);
         self.written(part)
     }
 
-    /// The same, its sign or its constant not yet written.
+    /// The same, with the sign or the constant not yet written.
     fn part<'l>(&mut self, leaves: &[&'l Leaf<'_>], levels: &[Level]) -> Part<'l, S::Value> {
         let Some((level, inner)) = levels.split_first() else {
-            // Check refuses two terms of the same powers, so one leaf is left.
+            // Two terms with the same powers are rejected by the check, so one leaf is left.
             return Part::Constant(&leaves[0].coefficient);
         };
         match level.form {
@@ -49,7 +50,7 @@ impl<S: Sheet> Nest<'_, S> {
         }
     }
 
-    /// The same, its last sum not yet taken: it may be taken together with others.
+    /// The same, with the last sum not yet written, so that it can be combined with others.
     fn addends<'l>(&mut self, leaves: &[&'l Leaf<'_>], levels: &[Level]) -> Vec<Part<'l, S::Value>> {
         match levels.split_first() {
             Some((Level { factor, form: Form::Horner }, inner)) => horner_addends(self, leaves, *factor, inner),
@@ -59,7 +60,7 @@ impl<S: Sheet> Nest<'_, S> {
     }
 }
 
-/// The product with v, then a_0, either of which may be absent.
+/// The product with v, then a_0; either may be absent.
 fn horner_addends<'l, S: Sheet>(
     nest: &mut Nest<'_, S>,
     leaves: &[&'l Leaf<'_>],
@@ -91,7 +92,7 @@ fn power_addends<'l, S: Sheet>(
 ) -> Vec<Part<'l, S::Value>> {
     let exponents = 1..=degree(leaves, factor);
     let groups: Vec<_> = exponents.map(|k| (k, with_power(leaves, factor, k))).filter(|(_, group)| !group.is_empty()).collect();
-    // Low powers first: the higher are made of them.
+    // Low powers first, because the higher ones are computed from them.
     let powers: Vec<S::Value> = groups.iter().map(|(k, _)| nest.power(factor, *k)).collect();
     let product = |((_, group), power): (&(u32, Vec<&'l Leaf<'_>>), S::Value)| {
         let coefficient = nest.part(group, inner);
@@ -105,7 +106,7 @@ fn power_addends<'l, S: Sheet>(
     addends
 }
 
-/// The sum of addends: again and again the two that are ready first, of equal ones those that came first. No other order is shallower.
+/// The sum of addends: repeatedly the two that are ready first, of equal ones those that came first. This order has the smallest depth.
 pub(super) fn shallowest_sum<'l, S: Sheet>(nest: &mut Nest<'_, S>, mut addends: Vec<Part<'l, S::Value>>) -> Part<'l, S::Value> {
     while addends.len() > 1 {
         // The sort is stable.

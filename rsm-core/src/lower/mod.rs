@@ -1,8 +1,8 @@
 //! Lowers a checked surface or compensator to a tape.
 //!
-//! In: `Checked`. Out: `Tape`. Never fails, and rounds each constant once. Every decision about arithmetic is taken here: which
-//! variable is outermost, how the coding is folded in, what a clamp means. The order of evaluation is part of the result: changing
-//! it changes bits, see CHANGELOG "Generated bits change".
+//! In: `Checked`. Out: `Tape`. Never fails, and rounds each constant once. All decisions about arithmetic are made here: the order of variables, the
+//! folding of the coding, the meaning of a clamp. The order of evaluation is part of the result: a change of it changes bits, see CHANGELOG
+//! "Generated bits change".
 //!
 //! ```text
 //! argument -> clamp -> variable v, with x = v * scale -> nested sums over powers of v, each level in one of
@@ -63,7 +63,7 @@ pub fn surface(checked: &Checked, index: usize, precision: Precision) -> Tape {
     tape.finish(&surface.name, surface.inputs.clone(), output)
 }
 
-/// The value of a surface, saturated, on any tape. `arguments`: the registers of its inputs, in its order.
+/// The saturated value of a surface on any tape. `arguments`: the registers of its inputs, in its order.
 fn value(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], arguments: Vec<Reg>) -> Reg {
     let value = unsaturated(tape, surface, inputs, arguments);
     let Some(saturation) = saturation_of(surface, inputs, tape.precision()) else { return value };
@@ -85,7 +85,7 @@ fn polynomial_of(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], va
     give_sign_of_odd_inputs(tape, variables, surface, inputs, guarded)
 }
 
-/// What the tape of a surface does at the bounds of its `output_range`. `None` for a surface without.
+/// The bounds of `output_range` on the tape of a surface; `None` for a surface without them.
 ///
 /// # Panics
 /// When the precision cannot hold the model: ask [`Checked::refusal`] first.
@@ -103,8 +103,7 @@ fn saturation_of(surface: &Surface, inputs: &[Input], precision: Precision) -> O
     Some(Saturation::of(surface, inputs, bounds, &tape.finish(&surface.name, surface.inputs.clone(), output)))
 }
 
-/// The tape of a surface's support test: 1 where every half-space holds, else 0. `None` for a surface without `support`.
-/// NaN in gives 0: what cannot be placed is not supported.
+/// The tape of a surface's support test: 1 if every half-space holds, otherwise 0. `None` for a surface without `support`. A NaN argument gives 0.
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
@@ -144,7 +143,7 @@ pub fn support(checked: &Checked, index: usize, precision: Precision) -> Option<
             sum = Some(sum.map_or(product, |sum| tape.push(Op::Add(sum, product))));
         }
         let sum = sum.expect("a checked normal is not zero");
-        // not (sum <= bound): with NaN the comparison below is false and 0 is chosen. `sum <= bound` is `sum < next above bound`.
+        // not (sum <= bound): with NaN the comparison below is false, and 0 is selected. `sum <= bound` is `sum < next number above bound`.
         let bound = exact(space.bound);
         let above = precision.next_up(precision.round_down(&bound));
         let limit = tape.rounded_constant(above, exact(above));
@@ -154,7 +153,7 @@ pub fn support(checked: &Checked, index: usize, precision: Precision) -> Option<
     Some(tape.finish(format!("{}_support", surface.name), surface.inputs.clone(), inside))
 }
 
-/// A bound is rounded into the range, so that the result never leaves it; NaN passes.
+/// A lower bound, rounded into the range, so that the result is never outside. NaN passes.
 fn at_least(tape: &mut TapeBuilder, value: Reg, low: f64) -> Reg {
     let low = exact(low);
     let bound = tape.rounded_constant(tape.precision().round_up(&low), low);
@@ -167,8 +166,8 @@ fn at_most(tape: &mut TapeBuilder, value: Reg, high: f64) -> Reg {
     tape.at_most(value, bound)
 }
 
-/// An input that no term contains still turns the result into NaN when it is NaN: v - v is 0 for a number and NaN for NaN.
-/// (An infinite value of an unused input that extrapolates gives NaN too; one that clamps is finite here.)
+/// A NaN in an input that no term contains also makes the result NaN: v - v is 0 for a number and NaN for NaN. (An infinite value of an unused input
+/// that extrapolates gives NaN too; one that clamps is finite here.)
 fn pass_nan_of_unused_inputs(tape: &mut TapeBuilder, variables: &mut Variables<'_>, inputs: &[Input], value: Reg) -> Reg {
     let mut guarded = value;
     for k in 0..inputs.len() {
@@ -200,7 +199,7 @@ fn give_sign_of_odd_inputs(
     signed
 }
 
-/// The arguments of a tape, one register each, written first so that ports and registers carry the same numbers.
+/// The arguments of a tape, one register each, written first so that ports and registers have the same numbers.
 fn arguments(tape: &mut TapeBuilder, count: usize) -> Vec<Reg> {
     (0..count).map(|k| tape.push(Op::Input(Port(k as u32)))).collect()
 }
@@ -210,7 +209,7 @@ fn is_clamped(input: &Input) -> bool {
     input.outside == Outside::Clamp
 }
 
-/// A variable of the polynomial on the tape: x = value * scale, exactly but for the rounding of `value`.
+/// A variable of the polynomial on the tape: x = value * scale, exactly except for the rounding of `value`.
 #[derive(Debug, Clone)]
 struct Lowered {
     value: Reg,

@@ -1,13 +1,13 @@
-//! The nest of sums that a polynomial of several variables is, and where it is written.
+//! The nested sums of a polynomial of several variables, and their output.
 //!
-//! In: parts of the nest. Out: their sums, products and powers on a tape, or their count and readiness alone: both come from the same
-//! walk (`levels.rs`), so a scheme is judged by what it would write. Never chooses a scheme; see `scheme.rs`.
+//! In: parts of the nest. Out: their sums, products and powers on a tape, or only their number and depth. Both come from the same code (`levels.rs`),
+//! so the cost of a scheme is exact. The scheme is chosen in `scheme.rs`.
 //!
-//! A product by 1 or by -1 is not written. A product by 1 is the factor itself. A product by -1 is its negative, and
-//! the sum that reads it becomes a difference. A product with a negative factor is the negative of the product. All of
-//! this is exact. (The negative of a sum is not the sum of the negatives: it is -0 where that is +0.)
+//! A product by 1 or by -1 is not written. A product by 1 is the factor itself. A product by -1 is its negative, and the sum that uses it becomes a
+//! difference. A product with a negative factor is the negative of the product. All of this is exact. (The negative of a sum is not the sum of the
+//! negatives: one may be -0 and the other +0.)
 //!
-//! A value is ready when the longest chain of operations behind it is done; constants and arguments are ready at 0, as `Tape::depth` counts.
+//! A value is ready when the longest chain of operations before it is done. Constants and arguments are ready at 0, as in `Tape::depth`.
 
 use std::collections::BTreeMap;
 
@@ -20,20 +20,20 @@ pub(super) struct Leaf<'a> {
     pub(super) coefficient: Rational,
 }
 
-/// Where values are written.
+/// The output of the nest.
 pub(super) trait Sheet {
-    /// A value on it.
+    /// A value in it.
     type Value: Copy;
     fn constant(&mut self, value: &Rational) -> Self::Value;
     fn add(&mut self, a: Self::Value, b: Self::Value) -> Self::Value;
     fn subtract(&mut self, a: Self::Value, b: Self::Value) -> Self::Value;
     fn negate(&mut self, a: Self::Value) -> Self::Value;
     fn multiply(&mut self, a: Self::Value, b: Self::Value) -> Self::Value;
-    /// How many operations stand between the arguments and a value, along the longest chain.
+    /// The length of the longest chain of operations from the arguments to a value.
     fn ready(&self, value: Self::Value) -> usize;
 }
 
-/// A tape. Its values know when they are ready.
+/// Output to a tape. Each value has its depth.
 pub(super) struct Written<'t>(pub(super) &'t mut TapeBuilder);
 
 impl Written<'_> {
@@ -70,7 +70,7 @@ impl Sheet for Written<'_> {
     }
 }
 
-/// Nothing is written: operations are counted, and a value is no more than when it is ready.
+/// No output: only operations are counted, and a value is its depth.
 #[derive(Default)]
 pub(super) struct Counted {
     pub(super) operations: usize,
@@ -105,7 +105,7 @@ impl Sheet for Counted {
     }
 }
 
-/// What a level or a part of it comes to, written no further than it must be.
+/// The result of a level or a part of it, with pending operations.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Part<'l, V> {
     /// A coefficient.
@@ -116,10 +116,10 @@ pub(super) enum Part<'l, V> {
     Opposite(V),
 }
 
-/// A polynomial being written, level by level.
+/// A polynomial that is written level by level.
 pub(super) struct Nest<'s, S: Sheet> {
     pub(super) sheet: &'s mut S,
-    /// The powers of each factor that are there already; its first power stands there from the beginning where a term has the factor.
+    /// The existing powers of each factor; the first power exists from the beginning if a term has the factor.
     powers: Vec<BTreeMap<u32, S::Value>>,
 }
 
@@ -139,7 +139,7 @@ impl<'s, S: Sheet> Nest<'s, S> {
         }
     }
 
-    /// When a part is ready for a sum: a sign costs it nothing there.
+    /// The depth at which a part is ready for a sum; a sign has no cost there.
     pub(super) fn ready(&self, part: &Part<'_, S::Value>) -> usize {
         match part {
             Part::Constant(_) => 0,
@@ -181,8 +181,8 @@ impl<'s, S: Sheet> Nest<'s, S> {
         self.powers[factor][&1]
     }
 
-    /// A power of a factor: the one that is there, or the product of two that are (of several such pairs the one that is ready first), or
-    /// of its two halves.
+    /// A power of a factor: the existing one, or the product of two existing ones (of several such pairs, the one that is ready first), or of its two
+    /// halves.
     pub(super) fn power(&mut self, factor: usize, exponent: u32) -> S::Value {
         let known = &self.powers[factor];
         if let Some(value) = known.get(&exponent) {

@@ -1,8 +1,7 @@
 //! Lowers a polynomial: variables, scales, and the sums that `levels.rs` writes by the scheme that `scheme.rs` chooses.
 //!
-//! In: terms with the powers of their factors. Out: a register.
-//! The scales of the variables are folded into the coefficients, exactly, before these are rounded: one operation a variable
-//! instead of two, and one rounding less. Where that would run out of the exponent range, variables are scaled one by one.
+//! In: terms with the powers of their factors. Out: a register. The scales of the variables are folded exactly into the coefficients before these are
+//! rounded. That saves one operation and one rounding for each variable. If that would exceed the exponent range, variables are scaled one by one.
 
 use crate::model::{Surface, Term};
 use crate::number::{Precision, Rational, exact, integer, power};
@@ -12,7 +11,7 @@ use super::nest::{Leaf, Nest, Written, degree};
 use super::scheme::{self, Candidate};
 use super::variables::Variables;
 
-/// The terms that count: a coefficient of zero contributes nothing.
+/// The terms with a nonzero coefficient.
 pub(super) fn terms(surface: &Surface) -> Vec<&Term> {
     surface.terms.iter().filter(|term| term.coefficient != 0.0).collect()
 }
@@ -24,7 +23,7 @@ pub(super) fn lower(tape: &mut TapeBuilder, variables: &mut Variables<'_>, surfa
     }
     let factors = surface.width();
     let used: Vec<usize> = (0..factors).filter(|k| terms.iter().any(|term| term.powers[*k] > 0)).collect();
-    // All variables first, in the order of the file: their subtractions do not depend on each other and can run side by side.
+    // All variables first, in the order of the file: their subtractions are independent and can run in parallel.
     let lowered: Vec<_> = used.iter().map(|k| variables.of(tape, *k)).collect();
     let scales: Vec<(usize, Rational)> =
         used.iter().copied().zip(lowered.iter().map(|variable| variable.scale.clone())).collect();
@@ -72,8 +71,7 @@ pub(super) fn lower(tape: &mut TapeBuilder, variables: &mut Variables<'_>, surfa
     value
 }
 
-/// Whether every partial product of coefficients, scales and variables stays well inside the exponent range: then folding
-/// costs no accuracy.
+/// Whether every partial product of coefficients, scales and variables stays well inside the exponent range, so that folding loses no accuracy.
 fn scales_fold(precision: Precision, terms: &[&Term], scales: &[(usize, Rational)]) -> bool {
     terms.iter().all(|term| {
         let scale_bits: i64 = scales.iter().map(|(k, scale)| i64::from(term.powers[*k]) * magnitude_bits(scale)).sum();
@@ -81,7 +79,8 @@ fn scales_fold(precision: Precision, terms: &[&Term], scales: &[(usize, Rational
     })
 }
 
-/// The largest |log2| of a partial product. f32 has 2^-126 .. 2^128; 2^+-90 leaves 24 bits of precision and a margin for sums of terms. f64 alike.
+/// The largest |log2| of a partial product. f32 has 2^-126 .. 2^128; 2^+-90 leaves 24 bits of precision and a margin for sums of terms. Likewise for
+/// f64.
 fn widest(precision: Precision) -> i64 {
     match precision {
         Precision::F32 => 90,

@@ -1,12 +1,11 @@
-//! Which bounds of `output_range` are written on a tape: those that some argument could reach.
+//! Finds which bounds of `output_range` are needed on a tape: those that some argument could reach.
 //!
-//! In: a surface and its inputs, its tape without the clamp. Out: an enclosure of every value of that tape, and what
-//! follows for each bound. A bound that no value passes is left out. This changes no bit, because such a clamp returns
-//! every value unchanged, a NaN too.
+//! In: a surface and its inputs, its tape without the clamp. Out: an enclosure of every value of that tape, and the result for each bound. A bound
+//! that no value exceeds is left out. This changes no bit, because such a clamp returns every value unchanged, including a NaN.
 //!
-//! The enclosure is that of the true polynomial (`range.rs`), widened by the bound of the tape's rounding error (`rounding.rs`). Both hold
-//! for arguments in the box. An input that clamps brings every argument into it, an infinity too, and what an odd input adds is a sign, which
-//! the enclosure knows. An input that extrapolates does not: a surface that has one keeps its clamp.
+//! The enclosure is that of the true polynomial (`range.rs`), widened by the bound of the tape's rounding error (`rounding.rs`). Both are valid for
+//! arguments in the box. An input that clamps moves every argument into it, including an infinity. An odd input only changes the sign, which the
+//! enclosure includes. An input that extrapolates does not, so a surface with such an input keeps its clamp.
 
 use crate::interval::Interval;
 use crate::model::{Input, Surface};
@@ -17,22 +16,22 @@ use crate::tape::Tape;
 
 use super::is_clamped;
 
-/// What a tape does at the bounds of `output_range`.
+/// The bounds of `output_range` on a tape.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Saturation {
-    /// The bounds as they stand in the model.
+    /// The bounds in the model.
     pub bounds: [f64; 2],
     /// Whether the lower bound is on the tape.
     pub below: bool,
     /// Whether the upper bound is on the tape.
     pub above: bool,
-    /// Holds every value of the tape before its clamp, for every argument of the type but NaN. `None`: not asked, since an input extrapolates,
-    /// or since the true polynomial reaches both bounds already.
+    /// Contains every value of the tape before its clamp, for every argument of the type except NaN. `None` if it was not computed, because an input
+    /// extrapolates or because the true polynomial reaches both bounds.
     pub values: Option<Interval>,
 }
 
 impl Saturation {
-    /// `tape`: the surface's, without a clamp.
+    /// `tape`: that of the surface, without a clamp.
     pub(super) fn of(surface: &Surface, inputs: &[Input], bounds: [f64; 2], tape: &Tape) -> Self {
         let both = Saturation { bounds, below: true, above: true, values: None };
         let precision = tape.precision;
@@ -49,12 +48,12 @@ impl Saturation {
         if !error.is_finite() {
             return both;
         }
-        // mutant `+ to -`: the interval of the errors is its own opposite.
+        // mutant `+ to -`: the interval of the errors is symmetric.
         let values = truth + Interval::new(-error, error);
         Saturation { bounds, below: values.low < low, above: values.high > high, values: Some(values) }
     }
 
-    /// In words: what the result does at its bounds.
+    /// The bounds of the result, in words.
     #[must_use]
     pub fn words(&self) -> String {
         let [low, high] = self.bounds.map(decimal);
@@ -67,7 +66,7 @@ impl Saturation {
     }
 }
 
-/// Bounds rounded into their range: a result that is clamped never leaves it.
+/// Bounds rounded inward, so that a clamped result is never outside the range.
 pub(super) fn inward([low, high]: [f64; 2], precision: Precision) -> [f64; 2] {
     [precision.round_up(&exact(low)), precision.round_down(&exact(high))]
 }

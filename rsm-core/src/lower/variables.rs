@@ -30,7 +30,7 @@ use crate::tape::{Op, Reg, TapeBuilder};
 
 use super::{Lowered, at_least, at_most, is_clamped};
 
-/// The variables of one surface, each written to the tape when first asked for.
+/// The variables of one surface, each written to the tape when it is first needed.
 pub(super) struct Variables<'a> {
     factors: Vec<Factor>,
     inputs: &'a [Input],
@@ -38,18 +38,18 @@ pub(super) struct Variables<'a> {
     clamps: bool,
     seen: Vec<Option<Reg>>,
     lowered: Vec<Option<Lowered>>,
-    /// What waves share: see [`Wavelet`].
+    /// Intermediate values that waves share: see [`Wavelet`].
     waves: HashMap<(usize, u64, Wavelet), Reg>,
 }
 
-/// A step on the way to a wave of an input and a period.
+/// An intermediate value for the waves of an input and a period.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Wavelet {
     /// The argument in turns.
     Turns,
-    /// Of this order.
+    /// The cosine of this order.
     Cosine(u32),
-    /// Likewise.
+    /// The sine of this order.
     Sine(u32),
     /// Cosine times sine.
     Both(u32),
@@ -63,7 +63,7 @@ impl<'a> Variables<'a> {
         Variables { factors, inputs, arguments, clamps: true, seen: vec![None; inputs.len()], lowered, waves: HashMap::new() }
     }
 
-    /// Variables of the arguments as they come: a support test must see a value outside the range as it is.
+    /// Variables without clamps: a support test must see a value outside the range unchanged.
     pub(super) fn unclamped(surface: &Surface, inputs: &'a [Input], arguments: Vec<Reg>) -> Self {
         Variables { clamps: false, ..Variables::new(surface, inputs, arguments) }
     }
@@ -78,7 +78,7 @@ impl<'a> Variables<'a> {
         self.factors.iter().zip(&self.lowered).any(|(factor, lowered)| factor.input == input && lowered.is_some())
     }
 
-    /// The argument as the polynomial sees it: its magnitude where it is symmetric, clamped where it clamps.
+    /// The argument in the polynomial: its magnitude if it is symmetric, clamped if it clamps.
     pub(super) fn seen(&mut self, tape: &mut TapeBuilder, input: usize) -> Reg {
         if let Some(known) = self.seen[input] {
             return known;
@@ -87,7 +87,7 @@ impl<'a> Variables<'a> {
         let clamps = self.clamps && is_clamped(&self.inputs[input]);
         let argument = self.arguments[input];
         let seen = match self.factors[input].variable {
-            // The range is symmetric about 0, so one bound on the magnitude does the work of two.
+            // The range is symmetric about 0, so one bound on the magnitude replaces two bounds.
             Variable::Magnitude | Variable::ScaledMagnitude { .. } => {
                 let magnitude = tape.push(Op::Absolute(argument));
                 if clamps { at_most(tape, magnitude, high) } else { magnitude }
@@ -102,7 +102,7 @@ impl<'a> Variables<'a> {
         seen
     }
 
-    /// The variable of a factor, by its place in a term's powers.
+    /// The variable of a factor, by its index in a term's powers.
     pub(super) fn of(&mut self, tape: &mut TapeBuilder, factor: usize) -> Lowered {
         if let Some(known) = &self.lowered[factor] {
             return known.clone();
@@ -155,21 +155,21 @@ impl<'a> Variables<'a> {
         let value = match hinge {
             None => value,
             Some(_) => {
-                // The scale of a hinge may be negative (reciprocal of a negative input): then it opens where v is negative.
+                // The scale of a hinge may be negative (reciprocal of a negative input): then the hinge is active where v is negative.
                 let zero = tape.constant(integer(0));
-                // mutant `< to <=`: a scale is not 0.
+                // mutant `< to <=`: a scale is never 0.
                 if scale < integer(0) { tape.at_most(value, zero) } else { tape.at_least(value, zero) }
             }
         };
         Lowered { value, scale }
     }
 
-    /// Whether a factor is finite whatever its argument is, NaN apart.
+    /// Whether a factor is finite for every argument except NaN.
     pub(super) fn is_bounded(&self, factor: usize) -> bool {
         self.clamps && is_clamped(&self.inputs[self.factors[factor].input])
     }
 
-    /// The largest |x| of a factor in its range: every x is monotone on it, or, a magnitude, largest at its ends.
+    /// The largest |x| of a factor in its range: every x is monotone there or, for a magnitude, largest at the ends.
     pub(super) fn magnitude(&self, factor: usize) -> Rational {
         let factor = &self.factors[factor];
         if let Shape::Wave { .. } = factor.shape {
@@ -179,7 +179,7 @@ impl<'a> Variables<'a> {
         low.max(high)
     }
 
-    /// z (w + |z|)/(w^2 + |z| (w + |z|)) with z = xi - at: the smooth step without a division by the width.
+    /// z (w + |z|)/(w^2 + |z| (w + |z|)) with z = xi - at: the sigmoid without a division by the width.
     fn sigmoid(&self, tape: &mut TapeBuilder, input: usize, xi: Reg, at: f64, width: f64, is_symmetric: bool) -> Reg {
         let z = difference(tape, xi, &exact(at), &self.half(input).min(exact(width)));
         let magnitude = tape.push(Op::Absolute(z));
@@ -197,7 +197,7 @@ impl<'a> Variables<'a> {
         tape.push(Op::Subtract(step, at_zero))
     }
 
-    /// A step of the formulas of [`crate::basis::Turn`], each written once, whichever waves need it.
+    /// An intermediate value in the formulas of [`crate::basis::Turn`], written once for all waves.
     fn wave(&mut self, tape: &mut TapeBuilder, of: &Waves, step: Wavelet) -> Reg {
         let key = (of.input, of.period.to_bits(), step);
         if let Some(known) = self.waves.get(&key) {
@@ -267,7 +267,7 @@ impl<'a> Variables<'a> {
     }
 }
 
-/// The waves of an input with a period.
+/// The waves of a periodic input.
 struct Waves {
     input: usize,
     xi: Reg,
@@ -288,7 +288,7 @@ fn quarter_turn(tape: &mut TapeBuilder, b: Reg) -> Reg {
     tape.push(Op::Multiply(b, sum))
 }
 
-/// x = v * scale, see the table at the head of this file.
+/// The scale in x = v * scale; see the table at the top of this file.
 fn scale(variable: Variable, hinge: Option<f64>) -> Rational {
     let one = integer(1);
     match variable {
@@ -307,8 +307,8 @@ fn scale(variable: Variable, hinge: Option<f64>) -> Rational {
     }
 }
 
-/// xi - centre. The rounding of `centre` to the tape's precision is mended by a second subtraction where it would cost more than two units
-/// of roundoff of the coded variable; below that it is no larger than what the first subtraction may lose anyway.
+/// xi - centre. The rounding error of `centre` in the tape's precision is corrected by a second subtraction if it would exceed two units of roundoff
+/// of the coded variable. Below that it is not larger than the rounding error of the first subtraction.
 fn difference(tape: &mut TapeBuilder, xi: Reg, centre: &Rational, half: &Rational) -> Reg {
     let precision = tape.precision();
     let rounded = exact(precision.round(centre));

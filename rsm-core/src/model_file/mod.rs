@@ -1,4 +1,4 @@
-//! The model file: TOML text to a model and back, no number changed by a bit on the way.
+//! The model file: TOML text to a model and back, bit for bit.
 
 mod read;
 mod write;

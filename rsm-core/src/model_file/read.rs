@@ -1,7 +1,6 @@
-//! Reads the model file: TOML text to a [`Model`] with places.
+//! Reads the model file: TOML text to a [`Model`] with positions.
 //!
-//! In: a source. Out: everything of it that has the right shape, where each part stands, and a fault for everything else. Whether the
-//! parts fit together is the business of [`crate::check`].
+//! In: a source. Out: every part with the right shape, its position, and all faults. [`crate::check`] checks whether the parts fit together.
 
 use toml::de::DeValue;
 
@@ -13,22 +12,22 @@ use crate::places::Places;
 use crate::source::{Collector, Source};
 use crate::toml_reader::{self, TableReader, Value};
 
-/// The highest power of one variable. Horner's rule is a chain as long as this, and f32 has no use for x^20 with |x| below 0.5.
+/// The highest power of one variable. Horner's rule makes a chain of this length, and in f32 x^20 is negligible for |x| below 0.5.
 pub const HIGHEST_POWER: u32 = 20;
 
-/// The highest order of a wave that a file may hold: beyond it what a wave is by its formulas leaves the cosine by more than 10^-12.
+/// The highest order of a wave in a file. Above it, the formulas of a wave deviate from the cosine by more than 10^-12.
 pub const HIGHEST_ORDER: u32 = 1000;
 
-/// A model as its file has it.
+/// A model with the positions in its file.
 #[derive(Debug, Default)]
 pub struct Located {
-    /// All parts of the right shape.
+    /// All parts with the right shape.
     pub model: Model,
-    /// The place of each part under a dotted path such as `inputs.torque.range`.
+    /// The position of each part by dotted path, such as `inputs.torque.range`.
     pub places: Places,
 }
 
-/// Reads a model file. `None` when it is not even TOML or of another format; faults go to the collector.
+/// Reads a model file. `None` if it is not TOML or has another format; faults go to the collector.
 pub fn read(source: &Source, faults: &mut Collector) -> Option<Located> {
     let document = toml_reader::parse(source, faults)?;
     let mut top = TableReader::document(source, &document);
@@ -66,7 +65,7 @@ pub fn read(source: &Source, faults: &mut Collector) -> Option<Located> {
     Some(Located { model, places })
 }
 
-/// The format number comes first: nothing else is judged in a file of a format that this version does not know.
+/// Checks the format number first. If this version does not know it, nothing else is checked.
 pub fn read_format(top: &mut TableReader<'_>, faults: &mut Collector) -> bool {
     let Some(value) = top.required("format", faults) else { return false };
     match value.get_ref() {
@@ -93,7 +92,7 @@ fn read_input(
     Some(Input { name: name.into(), unit: unit?, range: range?, outside: outside.unwrap_or_default() })
 }
 
-/// What of a surface has the right shape; the rest is marked as broken part by part, so that the rules can still judge what is there.
+/// The parts of a surface with the right shape. The others are marked as broken one by one, so that the rules can still check the rest.
 fn read_surface(name: &str, path: &str, reader: &mut TableReader<'_>, places: &mut Places, faults: &mut Collector) -> Surface {
     let mut surface = Surface { name: name.into(), ..Surface::default() };
     surface.unit = reader.text("unit", faults).unwrap_or_default();
@@ -146,16 +145,16 @@ fn read_surface(name: &str, path: &str, reader: &mut TableReader<'_>, places: &m
     surface
 }
 
-/// The keys that say what the powers of a surface are powers of; the fit specification has the same.
+/// The keys that define the variables of a surface's powers; the fit specification has the same.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Basis {
-    /// What the powers are powers of.
+    /// The coding of the variables.
     pub coding: Coding,
     /// Inputs that enter by their magnitude.
     pub symmetry: Vec<(String, Symmetry)>,
     /// Hinges, in the order of the powers.
     pub knots: Vec<Knot>,
-    /// Smooth steps, in the order of the powers.
+    /// Sigmoids, in the order of the powers.
     pub sigmoids: Vec<Sigmoid>,
     /// Waves, in the order of the powers.
     pub waves: Vec<Wave>,
@@ -163,7 +162,7 @@ pub struct Basis {
     pub reciprocal: Vec<String>,
 }
 
-/// Reads `coding`, `symmetry`, `knots`, `sigmoids`, `waves` and `reciprocal`. `None` when one of them is of the wrong shape.
+/// Reads `coding`, `symmetry`, `knots`, `sigmoids`, `waves` and `reciprocal`. `None` if any has a wrong shape.
 pub fn read_basis(path: &str, reader: &mut TableReader<'_>, places: &mut Places, faults: &mut Collector) -> Option<Basis> {
     let mut basis = Basis::default();
     let mut sound = true;
@@ -242,7 +241,7 @@ pub fn read_basis(path: &str, reader: &mut TableReader<'_>, places: &mut Places,
     sound.then_some(basis)
 }
 
-/// An array of tables, each read by `read`; `None` when any of them is of the wrong shape.
+/// An array of tables, each read by `read`; `None` if any has a wrong shape.
 fn read_list<'a, T>(
     what: &str,
     kind: &str,
@@ -265,7 +264,7 @@ fn read_list<'a, T>(
     made.into_iter().collect()
 }
 
-/// A term is read in whole or not at all.
+/// Reads a term completely or not at all.
 fn read_term(reader: &mut TableReader<'_>, faults: &mut Collector) -> Option<Term> {
     let powers = reader.required("powers", faults).and_then(|value| {
         let items = reader.array("`powers`", value, faults)?;

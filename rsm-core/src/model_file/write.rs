@@ -1,6 +1,6 @@
 //! Writes the model file: a [`Model`] to TOML text.
 //!
-//! In: a model. Out: text that reads back to the same model, every number to the bit, small in a diff. Never fails.
+//! In: a model. Out: text that reads back to the same model bit for bit, with small differences between versions.
 
 use std::fmt::Write as _;
 
@@ -10,7 +10,7 @@ use crate::model::{
 };
 use crate::number::decimal;
 
-/// The text of a model file. Reading it gives the same model, every number to the bit.
+/// The text of a model file. Reading it gives the same model bit for bit.
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\

@@ -1,7 +1,7 @@
-//! Emitted names: built here, refused here, nowhere else.
+//! Emitted names: all of them are built and rejected here.
 //!
-//! In: the names of a model file. Out: the names of functions in C and in Rust, or the reason why a name cannot be emitted, as a clause
-//! that follows the quoted name ("`while` is a keyword of ..."). The checker adds the place. Never changes a name to make it fit.
+//! In: the names of a model file. Out: the names of functions in C and in Rust, or the reason why a name cannot be emitted, as a clause that follows
+//! the quoted name ("`while` is a keyword of ..."). The checker adds the place. Names are never changed.
 
 pub mod plant;
 mod reserved;
@@ -9,7 +9,7 @@ mod reserved;
 use crate::number::Precision;
 use reserved::{FAMILIES, FLOAT_FAMILIES, INTEGER_ENDINGS, INTEGER_FAMILIES, KEYWORDS, LIBRARY, MACRO_FAMILIES, MACROS};
 
-/// What is appended to the name of a surface or a compensator, now or by a later emitter: two names may not meet through them.
+/// Suffixes that emitters, now or later, append to the name of a surface or a compensator. Two names must not become equal through them.
 const SUFFIXES: &[&str] = &[
     "",
     "_f32",
@@ -29,20 +29,20 @@ const SUFFIXES: &[&str] = &[
     "_self_test",
 ];
 
-/// Which of the functions of a surface or a compensator a name is for.
+/// The kind of function for which a name is built.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Kind {
     /// The surface itself.
     Surface,
-    /// Whether the data support the surface at a point.
+    /// The test whether the data support the surface at a point.
     Support,
     /// One step of a compensator.
     Step,
-    /// The derivatives of the surface by its inputs.
+    /// The derivatives of the surface with respect to its inputs.
     Gradient,
     /// The surface without its clamps.
     Inside,
-    /// What the inputs that change seldom give to the surface without its clamps.
+    /// The part of the surface without clamps that depends only on the rarely changed inputs.
     Once,
 }
 
@@ -67,13 +67,13 @@ fn suffix(precision: Precision) -> &'static str {
     }
 }
 
-/// The name of the function that makes a compensator's state, in Rust.
+/// The name of the Rust function that creates a compensator's state.
 #[must_use]
 pub fn rust_init(compensator: &str, precision: Precision) -> String {
     format!("{compensator}_init{}", suffix(precision))
 }
 
-/// The name of the type of a compensator's state, in Rust: `tip_in` has `TipInState`, and `TipInStateF32`.
+/// The name of the Rust type of a compensator's state: `tip_in` has `TipInState`, and `TipInStateF32`.
 #[must_use]
 pub fn rust_state(compensator: &str, precision: Precision) -> String {
     let precision = match precision {
@@ -88,13 +88,13 @@ fn camel_case(name: &str) -> String {
     name.split('_').filter(|word| !word.is_empty()).map(capital).collect()
 }
 
-/// The name of the function that makes a compensator's state, in C.
+/// The name of the C function that creates a compensator's state.
 #[must_use]
 pub fn c_init(model: &str, compensator: &str, precision: Precision) -> String {
     format!("{model}_{}", rust_init(compensator, precision))
 }
 
-/// The name of the type of a compensator's state, in C.
+/// The name of the C type of a compensator's state.
 #[must_use]
 pub fn c_state(model: &str, compensator: &str, precision: Precision) -> String {
     format!("{model}_{compensator}_state{}", suffix(precision))
@@ -112,7 +112,7 @@ pub(crate) fn c_self_test(model: &str) -> String {
     format!("{model}_self_test")
 }
 
-/// Why any name (of a model, an input, a surface, a compensator) cannot be emitted. `None`: it can.
+/// The reason why a name (of a model, an input, a surface, a compensator) cannot be emitted; `None` if it can.
 ///
 /// ```
 /// use rsm_core::names;
@@ -129,7 +129,7 @@ pub fn refuse(name: &str) -> Option<String> {
         .or_else(|| register(name))
 }
 
-/// Why a model cannot have this name. `None`: it can.
+/// The reason why a model cannot have this name; `None` if it can.
 #[must_use]
 pub fn refuse_model(name: &str) -> Option<String> {
     let family = || {
@@ -140,7 +140,7 @@ pub fn refuse_model(name: &str) -> Option<String> {
     refuse(name).or_else(family)
 }
 
-/// Why a surface or a compensator of this model cannot have this name. `None`: it can.
+/// The reason why a surface or a compensator of this model cannot have this name; `None` if it can.
 #[must_use]
 pub fn refuse_function(model: &str, name: &str) -> Option<String> {
     refuse(name)
@@ -148,7 +148,7 @@ pub fn refuse_function(model: &str, name: &str) -> Option<String> {
         .or_else(|| SUFFIXES.iter().find_map(|suffix| library(&format!("{model}_{name}{suffix}"))))
 }
 
-/// Why two surfaces or compensators of one model, or two inputs, cannot have these names together. `None`: they can.
+/// The reason why two surfaces or compensators of one model, or two inputs, cannot have these names; `None` if they can.
 #[must_use]
 pub fn clash(earlier: &str, later: &str) -> Option<String> {
     if earlier == later {
@@ -160,8 +160,8 @@ pub fn clash(earlier: &str, later: &str) -> Option<String> {
     None
 }
 
-/// Why two surfaces or compensators of one model cannot have these names together: [`clash`], and the suffixes of their functions.
-/// `None`: they can.
+/// The reason why two surfaces or compensators of one model cannot have these names: [`clash`], and the suffixes of their functions. `None` if they
+/// can.
 #[must_use]
 pub fn clash_of_functions(earlier: &str, later: &str) -> Option<String> {
     clash(earlier, later).or_else(|| {
@@ -173,7 +173,7 @@ pub fn clash_of_functions(earlier: &str, later: &str) -> Option<String> {
     })
 }
 
-/// Why two compensators of one model cannot have these names together: the types of their states in Rust. `None`: they can.
+/// The reason why two compensators of one model cannot have these names: the Rust types of their states. `None` if they can.
 #[must_use]
 pub(crate) fn clash_of_states(earlier: &str, later: &str) -> Option<String> {
     let (of_earlier, of_later) = (camel_case(earlier), camel_case(later));
@@ -182,25 +182,25 @@ pub(crate) fn clash_of_states(earlier: &str, later: &str) -> Option<String> {
         .then(|| format!("and `{earlier}` would both have a type `{}` in Rust", rust_state(later, Precision::F64)))
 }
 
-/// Why an input that a compensator uses cannot have this name: an argument of the step has it. `None`: it can.
+/// The reason why an input of a compensator cannot have this name: the step has an argument with it. `None` if it can.
 #[must_use]
 pub(crate) fn refuse_scheduled(name: &str) -> Option<String> {
     [SIGNAL, STATE].contains(&name).then(|| "is the name of another argument of its step; choose another name".to_string())
 }
 
-/// What the array of derivatives is called among the arguments of a gradient in C: `gradient`, unless an input has that name.
+/// The name of the array of derivatives among the arguments of a gradient in C: `gradient`, unless an input has that name.
 #[must_use]
 pub(crate) fn gradient_argument(inputs: &[String]) -> &'static str {
     if inputs.iter().any(|input| input == "gradient") { "gradient_out" } else { "gradient" }
 }
 
-/// Why the gradients of the surfaces of one model cannot be emitted: a function would have the name of another one. `None`: they can.
+/// The reason why the gradients of a model's surfaces cannot be emitted: two functions would have the same name. `None` if they can.
 #[must_use]
 pub(crate) fn clash_of_gradients<'n>(surfaces: &[&'n str], functions: &[&'n str]) -> Option<(&'n str, String)> {
     clash_of_kind(surfaces, functions, Kind::Gradient, "gradient")
 }
 
-/// Why the parts without clamps of the surfaces of one model cannot be emitted, as [`clash_of_gradients`]. `None`: they can.
+/// The same for the parts without clamps; see [`clash_of_gradients`].
 #[must_use]
 pub(crate) fn clash_of_parts<'n>(surfaces: &[&'n str], functions: &[&'n str]) -> Option<(&'n str, String)> {
     [Kind::Inside, Kind::Once].into_iter().find_map(|kind| clash_of_kind(surfaces, functions, kind, "part without clamps"))
@@ -218,13 +218,13 @@ fn clash_of_kind<'n>(surfaces: &[&'n str], functions: &[&'n str], kind: Kind, wh
     None
 }
 
-/// What the signal is called among the arguments; the checker keeps it free.
+/// The name of the signal among the arguments; the checker keeps it free.
 pub const SIGNAL: &str = "input";
 
-/// What the state is called among the arguments of a step.
+/// The name of the state among the arguments of a step.
 pub(crate) const STATE: &str = "state";
 
-/// What the outputs are called among the arguments of a plant's step in C.
+/// The name of the outputs among the arguments of a plant's step in C.
 pub const OUTPUTS: &str = "outputs";
 
 fn not_an_identifier(name: &str) -> Option<String> {
@@ -255,7 +255,7 @@ fn reserved_form(name: &str) -> Option<String> {
         .then(|| "begins with `rsm`, which emitted code keeps for its own helpers".to_string())
 }
 
-/// Whether a header that emitted C includes, or a compiler by itself, may define a macro of this name. `tests/all/names.rs` asks the compilers.
+/// Whether a compiler, or a header that emitted C includes, may define a macro with this name. `tests/all/names.rs` tests this with compilers.
 fn is_macro(name: &str) -> bool {
     let without_width = |stem: &str| stem.trim_end_matches(|c: char| c.is_ascii_digit()).to_string();
     let of_floats = name.split_once('_').is_some_and(|(stem, _)| FLOAT_FAMILIES.contains(&without_width(stem).as_str()));
@@ -282,7 +282,7 @@ fn self_test(name: &str) -> Option<String> {
     (lower == "self_test").then(|| "is the name of the self-test in emitted C; choose another name".to_string())
 }
 
-/// Whether a whole C name belongs to the library.
+/// A message if a complete C name belongs to the library.
 fn library(name: &str) -> Option<String> {
     let fixed_width = name.ends_with("_t") && {
         let stem = name.trim_end_matches("_t").trim_start_matches('u');

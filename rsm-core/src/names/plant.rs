@@ -1,7 +1,7 @@
 //! Names of a plant's signals and states in emitted code.
 //!
-//! A flattened text has names such as `shaft.flange_a.w` and `'motor (1)'`. Here, other than in a model file, a name is changed to fit: every character that
-//! C does not take becomes an underscore, and a number is put behind a name that stands there already.
+//! A flattened text has names such as `shaft.flange_a.w` and `'motor (1)'`. Unlike in a model file, such names are changed: every character that C
+//! does not allow becomes an underscore, and a number is appended to a name that already exists.
 
 use super::{OUTPUTS, STATE, clash, refuse};
 
@@ -27,7 +27,7 @@ pub fn model(name: &str) -> String {
     fitting(&text, "plant")
 }
 
-/// Names of signals that stand together, each other than those before it.
+/// The names of signals in one scope, all different.
 ///
 /// ```
 /// use rsm_core::names::plant;
@@ -50,7 +50,7 @@ pub fn signals<'n>(names: impl IntoIterator<Item = &'n str>) -> Vec<String> {
     all
 }
 
-/// A name of letters, digits and single underscores between them; `instead` where nothing is left.
+/// A name of letters, digits and single underscores between them; `instead` if nothing is left.
 fn fitting(name: &str, instead: &str) -> String {
     let parts: Vec<&str> = name.split(|sign: char| !sign.is_ascii_alphanumeric()).filter(|part| !part.is_empty()).collect();
     let text = parts.join("_");

@@ -1,8 +1,8 @@
-//! Names that the languages and their libraries keep for themselves: lists, nothing else.
+//! Lists of names that are reserved by the languages and their libraries.
 //!
-//! Out: words, for [`super`] to compare with. Never decides what a name may be.
+//! Out: words for [`super`] to compare with.
 
-/// Words that Rust (2024, reserved ones included), C (C99 to C23) or C++ (to C++20) keep for themselves.
+/// Words reserved by Rust (2024), C (C99 to C23) or C++ (to C++20).
 pub(super) const KEYWORDS: &[(&str, &[&str])] = &[
     (
         "Rust",
@@ -119,7 +119,7 @@ pub(super) const KEYWORDS: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// Words that a C compiler or a C header may replace by something else before the name is seen: a parameter may not have them.
+/// Words that a C compiler or a C header may define as macros. A parameter must not have them.
 pub(super) const MACROS: &[&str] = &[
     "AVR",
     "EOF",
@@ -155,10 +155,10 @@ pub(super) const MACROS: &[&str] = &[
     "vax",
 ];
 
-/// What macros of `<float.h>` begin with, each followed by a width or none, and an underscore.
+/// Prefixes of macros of `<float.h>`, each followed by a width or none, and an underscore.
 pub(super) const FLOAT_FAMILIES: &[&str] = &["DBL", "DEC", "DECIMAL", "FLT", "LDBL"];
 
-/// What macros of `<stdint.h>` begin with, each followed by a width or none.
+/// Prefixes of macros of `<stdint.h>`, each followed by a width or none.
 pub(super) const INTEGER_FAMILIES: &[&str] = &[
     "INT",
     "INTMAX",
@@ -177,10 +177,10 @@ pub(super) const INTEGER_FAMILIES: &[&str] = &[
     "WINT",
 ];
 
-/// What they end in, after an underscore.
+/// Their endings, after an underscore.
 pub(super) const INTEGER_ENDINGS: &[&str] = &["C", "MAX", "MIN", "WIDTH"];
 
-/// Functions and types of the C library (and of POSIX) whose names a model and a surface could make together.
+/// Functions and types of the C library (and of POSIX) whose names the names of a model and a surface could form together.
 pub(super) const LIBRARY: &[&str] = &[
     "aligned_alloc",
     "at_quick_exit",
@@ -214,11 +214,11 @@ pub(super) const LIBRARY: &[&str] = &[
     "wint_t",
 ];
 
-/// Names of models that make the prefix of a family that C11 or POSIX reserves (`atomic_load`, `mtx_lock`, `pthread_join`).
+/// Model names that are the prefix of a family that C11 or POSIX reserves (`atomic_load`, `mtx_lock`, `pthread_join`).
 pub(super) const FAMILIES: &[&str] =
     &["aio", "atomic", "cnd", "memory", "mq", "mtx", "posix", "pthread", "sched", "sem", "thrd", "tss"];
 
-/// Names of models that make the prefix of macros of the C library when the surface is in capitals too (`FLT_MAX`, `M_PI`).
+/// Model names that are the prefix of macros of the C library if the surface name is in capitals too (`FLT_MAX`, `M_PI`).
 pub(super) const MACRO_FAMILIES: &[&str] = &[
     "ATOMIC", "CHAR", "DBL", "EXIT", "FE", "FLT", "FP", "INT", "INTMAX", "INTPTR", "LC", "LDBL", "LLONG", "LONG", "M", "MATH",
     "MB", "PTRDIFF", "RAND", "SCHAR", "SEEK", "SHRT", "SIG", "SIZE", "TIME", "TMP", "UCHAR", "UINT", "UINTMAX", "UINTPTR",

@@ -1,10 +1,11 @@
-//! The range of a surface with sigmoids: no piece of its box makes it a polynomial, so the box is cut until straight lines are good enough.
+//! The range of a surface with sigmoids. It is not a polynomial on any piece of its box, so the box is divided until linear enclosures are accurate
+//! enough.
 //!
-//! In: a surface, its factors, a piece between knots. Out: an enclosure of the values there, and where the extremes were seen. In a cell every
-//! factor is c + b t + d: t runs over [-1, 1] with its input, the line is the chord, and d is what the factor may be away from it: nothing for a main
-//! variable or a hinge, at most h^2/8 times the greatest second derivative for a sigmoid over a cell of width h, on one side of its centre with
-//! one sign. The product is a polynomial in the t with intervals as coefficients, enclosed by its Bernstein coefficients (convex hull
-//! property). The cell with the worst bound is halved until the bound meets a value that was seen. The excess falls with the square of the cell.
+//! In: a surface, its factors, a piece between knots. Out: an enclosure of the values there, and the points of the extremes. In a cell every factor
+//! is c + b t + d: t runs over [-1, 1] with its input, the line is the chord, and d is the deviation from it. d is zero for a main variable or a
+//! hinge. For a sigmoid over a cell of width h it is at most h^2/8 times the largest second derivative, with one sign on each side of its centre. The
+//! product is a polynomial in the t with intervals as coefficients, enclosed by its Bernstein coefficients (convex hull property). The cell with the
+//! worst bound is halved until the bound is near a computed value. The excess falls with the square of the cell width.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BinaryHeap, HashMap};
@@ -20,19 +21,21 @@ use crate::pieces::Piece;
 
 use super::Extent;
 
-/// Cells that are looked at for each bound, at most: of 40 terms of three inputs some 0.1 s.
+/// The largest number of cells for each bound: about 0.1 s for 40 terms of three inputs.
 const CELLS: usize = 6000;
 
-/// Interval operations for each bound, at most, about, of the order of those for a polynomial (`bernstein.rs`): a surface whose cells cost much gets fewer of [`CELLS`].
+/// The approximate limit of interval operations for each bound, as for polynomials (`bernstein.rs`). A surface with expensive cells gets fewer than
+/// [`CELLS`].
 const OPERATIONS: usize = 30_000_000;
 
-/// Bernstein coefficients for each monomial, at most: beyond it, with many inputs, most of them belong to no monomial, and more cells tell more than better bounds of each.
+/// The largest number of Bernstein coefficients for each monomial. With more, in many inputs, most coefficients belong to no monomial, and more cells
+/// are better than better bounds in each.
 const COEFFICIENTS_EACH: usize = 8;
 
-/// Tight enough: a bound whose excess is below this share of the spread of values.
+/// A bound is accurate enough if its excess is below this share of the spread of values.
 const TIGHT_ENOUGH: f64 = 1e-5;
 
-/// c + b t + d with the rounding of the numbers and d in `c`.
+/// The line c + b t + d. `c` includes d and all rounding errors.
 #[derive(Clone, Copy)]
 struct Line {
     c: Interval,
@@ -55,12 +58,12 @@ struct Values<'a> {
     factors: &'a [Factor],
     piece: &'a Piece,
     places: Places,
-    /// Enclosures of factors at ends of cells: neighbours share them.
+    /// Enclosures of factors at ends of cells, shared by neighbouring cells.
     known: RefCell<HashMap<(usize, u64), Interval>>,
 }
 
 impl Values<'_> {
-    /// A bound that no value times `sign` is below, and where the least was seen. Branch and bound.
+    /// A lower bound of the value times `sign`, and the point of the smallest computed value. Branch and bound.
     fn least(&self, sign: f64, tolerance: f64) -> (f64, Vec<f64>) {
         let signed = |values: Interval| if sign < 0.0 { -values } else { values };
         let start = self.piece.cell.clone();
@@ -75,7 +78,7 @@ impl Values<'_> {
             }
             let Queued { bound, cell } = queue.pop().expect("it was looked at");
             let Some(halves) = self.halved(&cell) else {
-                // No number lies between its ends: it is as good as it gets.
+                // No number is between its ends, so it cannot be improved.
                 return (bound, at);
             };
             for half in halves {
@@ -89,7 +92,7 @@ impl Values<'_> {
                 }
                 let (values, taken) = self.over(&half);
                 operations += taken;
-                // A half lies in the whole: its bound is never worse.
+                // A half is a part of the whole, so its bound is not worse.
                 let bound = signed(values).low.max(bound);
                 queue.push(Queued { bound, cell: half });
             }
@@ -97,13 +100,13 @@ impl Values<'_> {
         (queue.peek().map_or(seen, |worst| worst.bound), at)
     }
 
-    /// The two halves across the side along which the surface is farthest from what its chords and corners tell.
+    /// The two halves of a cell, divided across the side along which the surface deviates most from its chords.
     fn halved(&self, cell: &[[f64; 2]]) -> Option<[Vec<[f64; 2]>; 2]> {
         let share = |k: usize| {
             let [low, high] = self.piece.cell[k];
             (cell[k][1] - cell[k][0]) / (high - low)
         };
-        // Of a sigmoid the cell is wide in its width, too.
+        // For a sigmoid, relative to its width.
         let weight = |k: usize| {
             let of_sigmoid = |factor: &Factor| match factor.shape {
                 Shape::Sigmoid { width, .. } if factor.input == k => (self.piece.cell[k][1] - self.piece.cell[k][0]) / width,
@@ -128,7 +131,7 @@ impl Values<'_> {
         Some([with([low, half]), with([half, high])])
     }
 
-    /// About the value at a point; only who is looked at next depends on it.
+    /// The approximate value at a point. Only the order of the search depends on it.
     fn at(&self, point: &[f64]) -> f64 {
         let values: Vec<f64> = self.factors.iter().map(|factor| factor.value(point[factor.input])).collect();
         let product =
@@ -136,14 +139,14 @@ impl Values<'_> {
         self.surface.terms.iter().map(|term| term.coefficient * product(&term.powers)).sum()
     }
 
-    /// An enclosure of the values in a cell, and about how many interval operations it took.
+    /// An enclosure of the values in a cell, and the approximate number of interval operations.
     fn over(&self, cell: &[[f64; 2]]) -> (Interval, usize) {
         let lines: Vec<Option<Line>> = (0..self.factors.len()).map(|k| self.line(k, cell[self.factors[k].input])).collect();
         let places = &self.places;
         let mut sums: BTreeMap<usize, Interval> = BTreeMap::new();
         let mut operations = 0;
         'terms: for term in self.surface.terms.iter().filter(|term| term.coefficient != 0.0) {
-            // Places in the tensor of coefficients and what the term adds there.
+            // Indices in the tensor of coefficients, with the contributions of the term.
             let mut own = vec![(0, Interval::point(term.coefficient))];
             for (k, stride) in places.strides.iter().enumerate() {
                 let mut along = vec![Interval::point(1.0)];
@@ -151,7 +154,7 @@ impl Values<'_> {
                     if factor.input != k || *power == 0 {
                         continue;
                     }
-                    // A hinge that is closed here.
+                    // A hinge that is 0 here.
                     let Some(line) = line else { continue 'terms };
                     (0..*power).for_each(|_| times(&mut along, *line));
                 }
@@ -183,16 +186,16 @@ impl Values<'_> {
         let monomial =
             |(place, coefficient): (usize, Interval)| Monomial { powers: places.powers(place).collect(), coefficient };
         let monomials: Vec<Monomial> = sums.into_iter().map(monomial).collect();
-        // Each axis in turn: half the square of its coefficients for each line of them.
+        // Each axis in turn: for each line of coefficients, half the square of their number.
         let of_hull = places.size * places.degrees.iter().map(|degree| degree + 1).sum::<usize>();
         (bernstein::hull(&monomials, &vec![whole; cell.len()]), 2 * operations + of_hull)
     }
 
-    /// A factor over a side; none where it is a hinge that is closed.
+    /// A factor over a side; `None` if it is a hinge that is 0 there.
     fn line(&self, which: usize, [low, high]: [f64; 2]) -> Option<Line> {
         let factor = &self.factors[which];
         if let Shape::Hinge { .. } = factor.shape {
-            // A piece lies between knots: open in the middle is open everywhere.
+            // A piece is between knots: a hinge that is positive in the middle is positive everywhere.
             let [low, high] = self.piece.cell[factor.input];
             if factor.value(low / 2.0 + high / 2.0) <= 0.0 {
                 return None;
@@ -207,19 +210,19 @@ impl Values<'_> {
         });
         let chord = Line { c: (start + end).halved(), b: (end - start).halved() };
         let Shape::Sigmoid { at, width, .. } = factor.shape else { return Some(chord) };
-        // Outward by more than these few operations round: a part of 10^12.
+        // Rounded outward by 10^-12, more than the rounding error of these few operations.
         let [from, to] = [(low - at) / width, (high - at) / width];
         let span = (high - low) / width * (1.0 + 1e-12);
         let away = (span * span / 8.0 * steepest_bend(from, to)).min((end - start).magnitude()) * (1.0 + 1e-12);
-        // Above its centre it is concave and lies above the chord, below its centre under it.
+        // Above its centre it is concave and lies above the chord; below its centre it lies below the chord.
         let below = if low >= at { 0.0 } else { away };
         let above = if high <= at { 0.0 } else { away };
         Some(Line { c: chord.c + Interval::new(-below, above), ..chord })
     }
 }
 
-/// Cosine or sine over a side: the chord of the function itself, whose second derivative is known. What a wave is by its formulas is off by less than
-/// 10^-15 (order + 1); the argument, of at most pi order, and the function round less than that too.
+/// Cosine or sine over a side: the chord of the function, whose second derivative is known. The formulas of a wave deviate from it by less than
+/// 10^-15 (order + 1); the rounding errors of the argument, at most pi order, and of the function are smaller.
 fn wave(factor: &Factor, [low, high]: [f64; 2]) -> Line {
     let Shape::Wave { low: bottom, high: top, period, order, is_sine } = factor.shape else { panic!("it is a wave") };
     let order = f64::from(order);
@@ -238,8 +241,8 @@ fn wave(factor: &Factor, [low, high]: [f64; 2]) -> Line {
     Line { c: (start + end).halved() + Interval::new(-away, away), b: (end - start).halved() }
 }
 
-/// The greatest |second derivative| of s (1 + |s|)/(1 + |s| + s^2) between two s: 6 p/(1 + p)^3 with p = |s| (1 + |s|), greatest at p = 1/2. With
-/// p computed a little outward.
+/// The largest |second derivative| of s (1 + |s|)/(1 + |s| + s^2) between two s: 6 p/(1 + p)^3 with p = |s| (1 + |s|), largest at p = 1/2. p is
+/// rounded outward.
 fn steepest_bend(from: f64, to: f64) -> f64 {
     let p = |s: f64| s.abs() * (1.0 + s.abs());
     let (near, far) =
@@ -249,13 +252,13 @@ fn steepest_bend(from: f64, to: f64) -> f64 {
     6.0 * p / ((1.0 + p) * (1.0 + p) * (1.0 + p)) * (1.0 + 1e-12)
 }
 
-/// Where the coefficients of a polynomial in the t stand, one axis for each input; the first input changes slowest.
+/// The layout of the coefficients of a polynomial in the t, with one axis for each input; the first input changes slowest.
 struct Places {
     /// The highest power of each t.
     degrees: Vec<usize>,
-    /// From one power of a t to the next.
+    /// The distance from one power of a t to the next.
     strides: Vec<usize>,
-    /// All coefficients.
+    /// The number of coefficients.
     size: usize,
 }
 
@@ -272,7 +275,7 @@ impl Places {
         Places { degrees, strides, size }
     }
 
-    /// The power of each t at a place.
+    /// The power of each t at an index.
     fn powers(&self, place: usize) -> impl Iterator<Item = u32> + '_ {
         self.degrees.iter().zip(&self.strides).map(move |(degree, stride)| (place / stride % (degree + 1)) as u32)
     }

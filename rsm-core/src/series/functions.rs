@@ -1,7 +1,8 @@
 //! Recurrences of elementary functions.
 //!
-//! In: the coefficients of the arguments up to an order, those of the function below it. Out: that of the function. Each follows from the differential equation of the function (A. Griewank, A. Walther,
-//! "Evaluating Derivatives", 2008, table 13.2): of w = exp u, say, w' = w u' gives k w_k = sum over j from 1 of j u_j w_(k-j).
+//! In: the coefficients of the arguments up to an order, and those of the function below it. Out: that of the function. Each recurrence follows from
+//! the differential equation of the function (A. Griewank, A. Walther, "Evaluating Derivatives", 2008, table 13.2). For w = exp u, for example, w' =
+//! w u' gives k w_k = sum over j from 1 of j u_j w_(k-j).
 
 use crate::elementary::{self, Computed, Function};
 use crate::number::{Precision, integer};
@@ -10,7 +11,7 @@ use crate::tape::Reg;
 use super::{Value, Writing};
 
 impl Writing<'_> {
-    /// Order 0 of what the recurrence of a function keeps beside it.
+    /// Order 0 of the helpers of a function's recurrence.
     pub(super) fn first_helpers(&mut self, row: &Computed) {
         let Some(x) = self.get(row.arguments[0].0, 0) else { return };
         let Some(w) = self.get(row.result.0, 0) else { return };
@@ -51,7 +52,7 @@ impl Writing<'_> {
         }
     }
 
-    /// The coefficient k of a function, k from 1 on.
+    /// The coefficient k of a function, for k of at least 1.
     pub(super) fn function(&mut self, row: &Computed, k: usize) -> Option<Reg> {
         let (u, w) = (row.arguments[0].0, row.result.0);
         if row.function == Function::Floor {
@@ -91,7 +92,7 @@ impl Writing<'_> {
                 let beside = self.series.helper(row.result, "beside");
                 let sum = self.weighted(u, beside, k, k);
                 let own = self.times(sum, 1.0 / k as f64);
-                // The square needs this order of the function.
+                // The square needs this order of the function itself.
                 self.set(w, k, own);
                 let square = self.product(w, w, k);
                 let square = if row.function == Function::Tan { square } else { self.difference(None, square) };

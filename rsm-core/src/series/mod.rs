@@ -1,12 +1,14 @@
 //! Taylor series of the solution of differential equations, from the tape of their rates.
 //!
-//! In: the tape of the rates, and what each of its inputs is. Out: tapes that compute the terms of the series order by order: the term of order k of a state x is x^(k)(t) h^k/k!, so the state a share s of the
-//! step later is the sum of s^k times the terms. Each operation has its recurrence, exactly (R. E. Moore, "Interval Analysis", 1966, chapter 11; A. Griewank, A. Walther, "Evaluating Derivatives", 2008, table 13.1
-//! and 13.2), so nothing is differentiated symbolically and no step is tried in vain: the terms say how long it may be.
+//! In: the tape of the rates, and the meaning of each of its inputs. Out: tapes that compute the terms of the series order by order. The term of
+//! order k of a state x is x^(k)(t) h^k/k!, so the state at a share s of the step is the sum of s^k times the terms. Each operation has an exact
+//! recurrence (R. E. Moore, "Interval Analysis", 1966, chapter 11; A. Griewank, A. Walther, "Evaluating Derivatives", 2008, tables 13.1 and 13.2), so
+//! nothing is differentiated symbolically, and no step is rejected: the terms give the possible step length.
 //!
-//! A selection keeps its condition as it is at the start of the step. `Exponent` and `PowerOfTwo` outside of the rows of functions move in steps: they are constant.
+//! A selection keeps its condition from the start of the step. `Exponent` and `PowerOfTwo` outside of elementary functions are piecewise constant and
+//! count as constant.
 //!
-//! Numbers pass from one tape to the next in slots of an array; the caller says where its own stand.
+//! Numbers are passed from one tape to the next in slots of an array. The caller assigns the slots of its own numbers.
 
 mod functions;
 #[cfg(test)]
@@ -18,41 +20,41 @@ use crate::elementary::Computed;
 use crate::number::{exact, integer};
 use crate::tape::{Op, Reg, Tape, TapeBuilder};
 
-/// Where a number stands in the array.
+/// The index of a number in the array.
 pub type Slot = u32;
 
-/// What an input of the rates is, and where it stands.
+/// The meaning of an input of the rates, with its slot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Argument {
-    /// It does not change in a step.
+    /// It is constant in a step.
     Held(Slot),
     /// The time.
     Time(Slot),
-    /// A state: its rate is this result of the tape.
+    /// A state; the index of the result that is its rate.
     State(Slot, usize),
 }
 
 /// Some orders of the series.
 #[derive(Debug, Clone)]
 pub struct Part {
-    /// What computes them.
+    /// The tape that computes them.
     pub tape: Tape,
     /// The slot of each argument of the tape.
     pub arguments: Vec<Slot>,
     /// The slot of each result of the tape.
     pub results: Vec<Slot>,
-    /// By order, the slot of the first state's term; the others follow, in the order of the rates. The last order is the last.
+    /// For each order, the slot of the first state's term; those of the other states follow, in the order of the rates. The highest order is last.
     pub terms: Vec<Slot>,
     /// The highest order.
     pub order: usize,
 }
 
-/// The coefficient of a value in one order, as far as it is not zero by its form.
+/// The coefficient of a value in one order; absent if it is structurally zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Coefficient {
-    /// It stands on the tape of this part.
+    /// A register on the tape of this part.
     Here(Reg),
-    /// An earlier part left it.
+    /// A slot written by an earlier part.
     Before(Slot),
 }
 
@@ -66,11 +68,11 @@ pub struct Series {
     arguments: Vec<Argument>,
     step: Slot,
     states: Vec<usize>,
-    /// Values whose every order is needed later.
+    /// Values of which every order is needed later.
     is_kept: Vec<bool>,
-    /// By value and order.
+    /// The coefficient of each value and order.
     coefficients: HashMap<(Value, usize), Coefficient>,
-    /// Helpers of functions: by the row's result and a name.
+    /// Helpers of functions, by the result of the function and a name.
     helpers: HashMap<(Reg, &'static str), Value>,
     values: Value,
     next: Slot,
@@ -79,11 +81,11 @@ pub struct Series {
     /// The sum of all terms so far, without order 0.
     carried: Option<Slot>,
     terms: Vec<Slot>,
-    /// The registers of rates that anything needs, outside of rows of functions from order 1 on.
+    /// The needed registers of the rates; from order 1 on without those inside functions.
     needed: Vec<bool>,
 }
 
-/// What is being written.
+/// The state of writing one part.
 struct Writing<'s> {
     series: &'s mut Series,
     builder: TapeBuilder,
@@ -92,10 +94,11 @@ struct Writing<'s> {
 }
 
 impl Series {
-    /// A series of the rates. The length of the step stands in `step`; slots from `free` on may be used. The first results of the series are the states behind the whole step: see [`Series::end`].
+    /// A series of the rates. The step length is in slot `step`; slots from `free` on may be used. The first results of the series are the states
+    /// after the whole step: see [`Series::end`].
     ///
     /// # Panics
-    /// When the tape keeps states, or when there is not one answer an input.
+    /// If the tape has states, or if the number of arguments is not the number of inputs.
     #[must_use]
     pub fn new(rates: &Tape, arguments: &[Argument], step: Slot, free: Slot) -> Series {
         assert!(rates.states.is_empty(), "rates are a function of their inputs");
@@ -128,13 +131,13 @@ impl Series {
         series
     }
 
-    /// The slot of the first state behind the whole step, by the orders that were computed last; the others follow.
+    /// The slot of the first state after the whole step, from the orders computed last; the other states follow.
     #[must_use]
     pub fn end(&self) -> Slot {
         self.sum
     }
 
-    /// The first slot that is free behind all parts written so far.
+    /// The first free slot after all parts written so far.
     #[must_use]
     pub fn free(&self) -> Slot {
         self.next
@@ -195,7 +198,7 @@ impl Series {
         self.rates.ops.iter().position(|op| matches!(op, Op::Input(found) if found.0 == port)).map(|place| place as Value)
     }
 
-    /// What the results need, where a function counts as one operation.
+    /// The registers that the results need; a function counts as one operation.
     fn needed(&self) -> Vec<bool> {
         let mut needed = vec![false; self.rates.ops.len()];
         self.rates.outputs.iter().for_each(|output| needed[output.reg.0 as usize] = true);
@@ -214,7 +217,7 @@ impl Series {
         self.rates.computed.get(place).cloned()
     }
 
-    /// Marks what products, quotients, functions and comparisons need again in every later order.
+    /// Marks the values that products, quotients, functions and comparisons need again in every later order.
     fn keep(&mut self) {
         for k in (0..self.rates.ops.len()).filter(|k| self.needed[*k]) {
             let reg = Reg(k as u32);
@@ -253,7 +256,7 @@ impl Writing<'_> {
         reg
     }
 
-    /// A coefficient; `None` is zero by its form.
+    /// A coefficient; `None` if it is structurally zero.
     fn get(&mut self, value: Value, order: usize) -> Option<Reg> {
         if order == 0
             && let Some(Op::Constant(constant)) = self.series.rates.ops.get(value as usize)
@@ -273,7 +276,7 @@ impl Writing<'_> {
         }
     }
 
-    /// Everything in one order.
+    /// Writes one order of all values.
     fn order(&mut self, order: usize) {
         for k in 0..self.series.rates.ops.len() {
             let reg = Reg(k as u32);
@@ -295,7 +298,7 @@ impl Writing<'_> {
         }
     }
 
-    /// Says which operations are a function: a tangent of this part differentiates the function, not its rows.
+    /// Records which operations are a function, so that a tangent of this part differentiates the function as a whole.
     fn mark(&mut self, row: &Computed) {
         let arguments: Option<Vec<Reg>> = row.arguments.iter().map(|reg| self.get(reg.0, 0)).collect();
         if let (Some(arguments), Some(result)) = (arguments, self.get(row.result.0, 0)) {
@@ -330,7 +333,7 @@ impl Writing<'_> {
             Op::Constant(_) | Op::State(_) | Op::Less(..) | Op::Exponent(_) | Op::PowerOfTwo(_) => None,
             Op::Input(port) => match self.series.arguments[port.0 as usize] {
                 Argument::Time(_) if k == 1 => Some(self.slot(self.series.step)),
-                // Of a state it was written with its rate.
+                // For a state it was written with its rate.
                 Argument::State(..) => self.get(reg.0, k),
                 _ => None,
             },
@@ -411,7 +414,7 @@ impl Writing<'_> {
         Some(self.builder.multiply(a, b))
     }
 
-    /// The sum over j of a_j b_(k-j); the terms with the newest coefficients last, so that the others are ready before.
+    /// The sum over j of a_j b_(k-j). The terms with the newest coefficients come last, so that the others are ready before.
     fn products(&mut self, a: Value, b: Value, from: usize, to: usize, k: usize) -> Option<Reg> {
         let mut sum = None;
         let inner = (from..=to).filter(|j| *j > 0 && *j < k);
@@ -423,7 +426,7 @@ impl Writing<'_> {
         sum
     }
 
-    /// The terms of the states that the rates of an order give: h F_k/(k + 1).
+    /// The next terms of the states from one order of the rates: h F_k/(k + 1).
     fn terms(&mut self, order: usize) -> Vec<Option<Reg>> {
         let step = self.slot(self.series.step);
         let share = if order == 0 { step } else { self.builder.times(step, exact(1.0 / (order + 1) as f64)) };
@@ -442,7 +445,7 @@ impl Writing<'_> {
             .collect()
     }
 
-    /// States behind the whole step: the terms in the order in which they are ready, then the state.
+    /// The states after the whole step: the sum of the terms in the order in which they are ready, then plus the state.
     fn sums(&mut self, terms: &[Vec<Option<Reg>>], results: &mut Vec<(Reg, Slot)>) {
         let count = self.series.states.len();
         let before = self.series.carried;
@@ -463,7 +466,7 @@ impl Writing<'_> {
         self.series.carried = Some(carry);
     }
 
-    /// Leaves what later orders need in slots.
+    /// Writes the values that later orders need to slots.
     fn leave(&mut self, results: &mut Vec<(Reg, Slot)>) {
         let mut here: Vec<((Value, usize), Reg)> = Vec::new();
         for (key, coefficient) in &self.series.coefficients {
@@ -476,7 +479,7 @@ impl Writing<'_> {
             let is_kept =
                 self.series.is_kept[key.0 as usize] && !matches!(self.builder.op(reg), Op::Constant(_) | Op::Less(..));
             let own = match self.builder.op(reg) {
-                // It stands in a slot already.
+                // It is already in a slot.
                 Op::Input(port) => Some(self.arguments[port.0 as usize]),
                 _ => None,
             };

@@ -1,8 +1,7 @@
 //! Writes a tape operation by operation.
 //!
-//! In: operations, in order. Out: a [`Tape`]. Nothing is simplified, except a factor of 1 or -1 in
-//! [`TapeBuilder::times`]: the tape computes what is pushed. A builder that shares reuses an operation that is on the
-//! tape already.
+//! In: operations, in order. Out: a [`Tape`]. The tape computes what is pushed. Nothing is simplified, except a factor of 1 or -1 in
+//! [`TapeBuilder::times`]. A sharing builder reuses an operation that is already on the tape.
 
 use std::collections::HashMap;
 
@@ -10,7 +9,7 @@ use crate::number::{Precision, Rational, integer};
 
 use super::{Computed, Constant, Named, Note, Op, Port, Reg, State, Tape};
 
-/// Writes a tape operation by operation: of a surface, or of anything else that a crate wants to compute with the same bits everywhere.
+/// Writes a tape operation by operation: of a surface, or of any computation that needs the same bits on every machine.
 ///
 /// ```
 /// use rsm_core::number::{Precision, exact};
@@ -37,25 +36,25 @@ pub struct TapeBuilder {
     precision: Precision,
     ops: Vec<Op>,
     shares: bool,
-    /// Where operations stand: constants, and on a tape that shares all the others too.
+    /// The registers of constants and, on a sharing tape, of all other operations.
     places: HashMap<Key, Reg>,
     notes: Vec<(Reg, Note)>,
     computed: Vec<Computed>,
 }
 
-/// What makes two operations the same one.
+/// The identity of an operation.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 enum Key {
     /// The bits of the value, and the number before rounding.
     Constant(u64, Rational),
-    /// The name of the operation, then its operands, port or state.
+    /// The kind of the operation, and its operands, port or state.
     Other(std::mem::Discriminant<Op>, Vec<u32>),
 }
 
 impl Key {
     fn of(op: &Op) -> Key {
         let numbers = match op {
-            // -0 and +0 of the same rational are one constant.
+            // -0 and +0 with the same rational are one constant.
             Op::Constant(constant) => return Key::Constant((constant.value + 0.0).to_bits(), constant.exact.clone()),
             Op::Input(port) => vec![port.0],
             Op::State(state) => vec![state.0],
@@ -79,8 +78,7 @@ impl TapeBuilder {
         }
     }
 
-    /// An empty tape on which an operation that stands there already is not written again: several surfaces of the same inputs, and a
-    /// surface that is used twice.
+    /// An empty tape that reuses existing operations, for several surfaces of the same inputs or a surface that is used twice.
     #[must_use]
     pub fn sharing(precision: Precision) -> Self {
         TapeBuilder { shares: true, ..TapeBuilder::new(precision) }
@@ -101,25 +99,25 @@ impl TapeBuilder {
     /// The operation that writes a register.
     ///
     /// # Panics
-    /// When the tape has no such register yet.
+    /// If the tape has no such register yet.
     #[must_use]
     pub fn op(&self, reg: Reg) -> &Op {
         &self.ops[reg.0 as usize]
     }
 
-    /// How many operations stand on the tape, constants and inputs included.
+    /// The number of operations on the tape, constants and inputs included.
     #[must_use]
     pub fn len(&self) -> usize {
         self.ops.len()
     }
 
-    /// Whether nothing stands on the tape yet.
+    /// Whether the tape is still empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.ops.is_empty()
     }
 
-    /// Appends an operation, or finds it where the tape shares. Operands are registers of this builder.
+    /// Appends an operation, or finds it on a sharing tape. Operands are registers of this builder.
     pub fn push(&mut self, op: Op) -> Reg {
         debug_assert!(op.operands().iter().all(|operand| (operand.0 as usize) < self.ops.len()), "operands come first");
         let next = Reg(self.ops.len() as u32);
@@ -133,7 +131,7 @@ impl TapeBuilder {
         next
     }
 
-    /// The register of a constant that stands on the tape already.
+    /// The register of a constant that is already on the tape.
     fn known(&self, constant: &Op) -> Option<Reg> {
         self.places.get(&Key::of(constant)).copied()
     }
@@ -150,7 +148,7 @@ impl TapeBuilder {
         self.known(&constant).unwrap_or_else(|| self.push(constant))
     }
 
-    /// Says of a constant from which term of the model it is made. Nothing is said where it was not written (a factor of 1).
+    /// Records the model term of a constant. Has no effect if the constant was not written (a factor of 1).
     pub fn note(&mut self, exact: &Rational, note: Note) {
         let constant = Op::Constant(Constant { value: self.precision.round(exact), exact: exact.clone() });
         if let Some(place) = self.known(&constant) {
@@ -158,7 +156,7 @@ impl TapeBuilder {
         }
     }
 
-    /// A surface may stand on a tape more than once.
+    /// The same term may be recorded more than once, because a surface may be used more than once.
     pub(super) fn add_note(&mut self, place: Reg, note: Note) {
         let entry = (place, note);
         if !self.notes.contains(&entry) {
@@ -166,7 +164,7 @@ impl TapeBuilder {
         }
     }
 
-    /// Says that a row of operations computes an elementary function.
+    /// Records that a sequence of operations computes an elementary function.
     pub(crate) fn mark(&mut self, computed: Computed) {
         if !self.computed.contains(&computed) {
             self.computed.push(computed);
@@ -178,7 +176,7 @@ impl TapeBuilder {
         self.push(Op::Input(Port(port)))
     }
 
-    /// A state as the step before left it, counted from 0 in the order in which [`TapeBuilder::finish_with_results`] names them.
+    /// A state, with its value after the last step, counted from 0 in the order in which [`TapeBuilder::finish_with_results`] names them.
     pub fn state(&mut self, state: u32) -> Reg {
         self.push(Op::State(State(state)))
     }
@@ -219,7 +217,7 @@ impl TapeBuilder {
         self.push(Op::Select { condition, then, otherwise })
     }
 
-    /// A register times a constant. Nothing is written for 1, and for -1 a change of the sign: both are exact.
+    /// A register times a constant. The factor 1 writes nothing, and -1 writes a negation: both are exact.
     pub fn times(&mut self, value: Reg, factor: Rational) -> Reg {
         if factor == integer(1) {
             return value;
@@ -241,11 +239,11 @@ impl TapeBuilder {
         self.select_less(bound, value, bound, value)
     }
 
-    /// Writes the operations of a finished tape here, its inputs replaced by registers of this one, and gives the registers of its results:
-    /// a surface inside the equations of a plant.
+    /// Writes the operations of a finished tape to this one, with its inputs replaced by registers of this one. Returns the registers of its results.
+    /// Use: a surface inside the equations of a plant.
     ///
     /// # Panics
-    /// When the precision differs, when there are not as many arguments as inputs, or when the tape keeps states.
+    /// If the precision differs, if the number of arguments is not the number of inputs, or if the tape has states.
     ///
     /// ```
     /// # use rsm_core::{number::Precision, run::Interpreter, tape::TapeBuilder};
@@ -267,7 +265,8 @@ impl TapeBuilder {
         tape.outputs.iter().map(|output| places[output.reg.0 as usize]).collect()
     }
 
-    /// Writes the operations of a finished tape here, its inputs and states replaced by registers of this one, and gives the place of each register.
+    /// Writes the operations of a finished tape to this one, with its inputs and states replaced by registers of this one. Returns the new register
+    /// of each of its registers.
     pub(crate) fn transcribe(&mut self, tape: &Tape, arguments: &[Reg], states: &[Reg]) -> Vec<Reg> {
         assert_eq!(tape.precision, self.precision, "a tape has one precision");
         assert_eq!(arguments.len(), tape.inputs.len(), "one argument an input");
@@ -299,7 +298,7 @@ impl TapeBuilder {
         self.finish_with_results(name.clone(), inputs, [(name, output)], [] as [(String, Reg); 0])
     }
 
-    /// The finished tape of something that keeps states and has one result. The states are called s0, s1, ...
+    /// The finished tape with states and one result. The states are named s0, s1, ...
     #[must_use]
     pub(crate) fn finish_with_states(
         self,
@@ -313,10 +312,10 @@ impl TapeBuilder {
         self.finish_with_results(name.clone(), inputs, [(name, output)], states)
     }
 
-    /// The finished tape with its results and states by name, both in order. A state comes with the register of its next value.
+    /// The finished tape with its results and states by name, both in order. Each state has the register of its next value.
     ///
     /// # Panics
-    /// When there is no result, or when an operation reads an input or a state that has no name here.
+    /// If there is no result, or if an operation reads an input or a state that is not named here.
     #[must_use]
     pub fn finish_with_results(
         self,

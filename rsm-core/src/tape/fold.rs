@@ -1,8 +1,8 @@
-//! Simplifies a tape: constants are computed, and operations that nothing reads are left out.
+//! Simplifies a tape: computes constants, and removes operations whose result is not used.
 //!
-//! In: a tape. Out: a tape with the same results for the same arguments, bit for bit (all NaNs count as equal). Only what is exact is done: an operation of
-//! constants whose result is a number, a product with 1, a quotient by 1, a difference from 0, two changes of sign, a choice that is made, a choice by a
-//! choice between constants.
+//! In: a tape. Out: a tape with the same results for the same arguments, bit for bit (all NaNs count as equal). Only exact simplifications are made:
+//! an operation on constants whose result is a number, a product with 1, a quotient by 1, a difference from 0, a double negation, a selection with a
+//! known condition, and a comparison of a selection between constants.
 
 use crate::number::{Precision, exact};
 use crate::scalar::Scalar;
@@ -23,7 +23,7 @@ impl Folding {
         }
     }
 
-    /// The register of a computed number, if a constant can be it: -0 is no constant of its own on a tape.
+    /// The register of a computed number, if it can be a constant. -0 has no constant of its own on a tape.
     fn number(&mut self, value: f64) -> Option<Reg> {
         let is_plain = value.is_finite() && !(value == 0.0 && value.is_sign_negative());
         is_plain.then(|| self.tape.rounded_constant(value, exact(value)))
@@ -65,7 +65,7 @@ impl Folding {
         if let (Some(left), Some(right)) = (self.value(left), self.value(right)) {
             return if left < right { then } else { otherwise };
         }
-        // A truth that was made a number is compared with one: the first comparison decides.
+        // A condition that was converted to a number is compared with a number: the first comparison decides.
         let between = |folding: &Self, reg: Reg| match *folding.tape.op(reg) {
             Op::Select { condition, then, otherwise } => Some((condition, folding.value(then)?, folding.value(otherwise)?)),
             _ => None,
@@ -85,7 +85,7 @@ impl Folding {
     }
 }
 
-/// What an operation gives of numbers, in the precision of the tape.
+/// The result of an operation on numbers, in the precision of the tape.
 fn computed(op: &Op, values: &[f64], precision: Precision) -> Option<f64> {
     match precision {
         Precision::F64 => of_numbers::<f64>(op, values).map(|it| f64::from_bits(it.bits())),
@@ -108,7 +108,7 @@ fn of_numbers<T: Scalar>(op: &Op, values: &[f64]) -> Option<T> {
     })
 }
 
-/// Which registers the results depend on.
+/// The registers on which the results depend.
 fn live(tape: &Tape) -> Vec<bool> {
     let mut live = vec![false; tape.ops.len()];
     tape.results().for_each(|reg| live[reg.0 as usize] = true);
@@ -120,7 +120,7 @@ fn live(tape: &Tape) -> Vec<bool> {
     live
 }
 
-/// Writes the live operations of a tape on a new one, as `write` has them.
+/// Writes the live operations of a tape to a new one, with `write`.
 fn rewritten(tape: &Tape, folding: &mut Folding, write: impl Fn(&mut Folding, &Op) -> Reg) -> Vec<Option<Reg>> {
     let mut places: Vec<Option<Reg>> = Vec::with_capacity(tape.ops.len());
     for (op, is_live) in tape.ops.iter().zip(live(tape)) {
@@ -134,7 +134,7 @@ fn rewritten(tape: &Tape, folding: &mut Folding, write: impl Fn(&mut Folding, &O
 }
 
 impl Tape {
-    /// The same tape with everything computed that is known, and without what nobody reads. The same bits for the same arguments.
+    /// The same tape with constants computed and unused operations removed. It gives the same bits for the same arguments.
     ///
     /// ```
     /// use rsm_core::{number::{Precision, exact}, run::Interpreter, tape::TapeBuilder};
@@ -154,7 +154,7 @@ impl Tape {
     pub fn folded(&self) -> Tape {
         let copied = |folding: &mut Folding, op: &Op| folding.tape.push(op.clone());
         let first = self.passed(Folding::write);
-        // What folding made superfluous is left out.
+        // Removes operations that folding made unused.
         first.passed(copied)
     }
 

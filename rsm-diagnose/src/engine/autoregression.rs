@@ -1,22 +1,22 @@
 //! Autocorrelated noise: a first-order autoregressive process.
 //!
-//! In: values of rows with their places, and the correlation of neighbours. Out: what is new in each row. Rows may be missing: over n rows the correlation is its n-th power. Never
-//! estimates a correlation.
+//! In: the values of rows, each with its row number, and the correlation of neighbouring rows. Out: the innovation of each row. Rows may be missing:
+//! the correlation of two rows n apart is the n-th power. The correlation itself is given, not estimated here.
 
-/// What is new in a row against the row before.
+/// The innovation of a row, given the row before it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Innovation {
-    /// The place of the row.
+    /// The row number.
     pub row: usize,
     /// The innovation: the value minus its prediction from the row before.
     pub value: f64,
-    /// The variance of that, over the variance of the noise.
+    /// The variance of the innovation, divided by the variance of the noise.
     pub variance: f64,
-    /// The root of it.
+    /// The square root of `variance`.
     pub sd: f64,
 }
 
-/// The innovations of rows in ascending places. The first row is all new.
+/// The innovations of rows in ascending order. The first row has no row before it: its innovation is its value.
 pub(crate) fn innovations(correlation: f64, rows: impl IntoIterator<Item = (usize, f64)>) -> impl Iterator<Item = Innovation> {
     let follows = |after: f64| {
         let variance = 1.0 - after * after;

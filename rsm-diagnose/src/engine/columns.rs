@@ -2,13 +2,15 @@
 //!
 //! In: columns of one length, in a space where the noise is white. Out: bases, coefficients, projections of a residual. Independent of the meaning of a column.
 
-/// A part of a column below this share of it is what rounding leaves of nothing: columns of powers up to seven on [-1, 1] keep some ten digits of 16.
+/// A column is dependent when less than this share of its length is independent of the columns before it. Such a rest is rounding error: columns of
+/// powers up to seven on [-1, 1] keep about ten of 16 digits.
 const DEPENDENT: f64 = 1e-6;
 
-/// Inner product in eight partial sums: the order is fixed, and the machine may keep them side by side. Of lists of different length the beginnings count.
+/// Inner product, as eight partial sums. Their order is fixed, and the compiler may vectorise them. If the lengths differ, the longer list is cut to
+/// the shorter length.
 #[must_use]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    // Eights and rests would else be of different places: of 8 and 7 numbers nothing would meet.
+    // Cut first: otherwise the chunks and remainders of the two lists would not have the same positions.
     let common = a.len().min(b.len());
     let (a, b) = (&a[..common], &b[..common]);
     let mut sums = [0.0; 8];
@@ -29,19 +31,20 @@ pub(crate) fn subtract(a: &mut [f64], b: &[f64], factor: f64) {
     }
 }
 
-/// An orthonormal basis of what columns span (Gram and Schmidt, twice: Kahan and Parlett's "twice is enough"). Columns that those before them make up add nothing.
+/// An orthonormal basis of the span of some columns. Gram-Schmidt is done twice (Kahan and Parlett: "twice is enough"). A column that depends on
+/// those before it adds no direction.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Basis {
     /// Orthogonal, each of length one.
     pub directions: Vec<Vec<f64>>,
     /// The column that each direction came from.
     from: Vec<usize>,
-    /// For each direction its column in terms of the directions up to it: a column of the upper triangular factor R.
+    /// For each direction, its column as a combination of the directions up to it: one column of the upper triangular factor R.
     triangle: Vec<Vec<f64>>,
 }
 
 impl Basis {
-    /// Of columns, in their order.
+    /// The basis of these columns, taken in their order.
     #[must_use]
     pub(crate) fn of<'c>(columns: impl IntoIterator<Item = &'c Vec<f64>>) -> Self {
         let mut basis = Basis::default();
@@ -68,19 +71,19 @@ impl Basis {
         basis
     }
 
-    /// How many columns count.
+    /// The number of independent columns.
     #[must_use]
     pub(crate) fn rank(&self) -> usize {
         self.directions.len()
     }
 
-    /// The square that the columns take of a target.
+    /// The squared length of the projection of a target on the columns.
     #[must_use]
     pub(crate) fn takes(&self, target: &[f64]) -> f64 {
         self.directions.iter().map(|direction| dot(direction, target).powi(2)).sum()
     }
 
-    /// Takes the columns out of a target; the target's part along each direction.
+    /// Subtracts from a target its projection on the columns. Returns the target's component along each direction.
     pub(crate) fn project_out(&self, target: &mut [f64]) -> Vec<f64> {
         let part = |direction: &Vec<f64>| {
             let part = dot(direction, target);
@@ -90,7 +93,7 @@ impl Basis {
         self.directions.iter().map(part).collect()
     }
 
-    /// ln of the determinant of A'A.
+    /// The logarithm of det(A'A).
     #[must_use]
     pub(crate) fn ln_gram(&self) -> f64 {
         self.triangle.iter().filter_map(|parts| parts.last()).map(|own| 2.0 * own.ln()).sum()
@@ -109,20 +112,20 @@ impl Basis {
     }
 }
 
-/// Least squares of a target on columns. Columns that others make up get 0.
+/// A least squares solution. A column that depends on columns before it gets the coefficient 0.
 #[derive(Debug, Clone)]
 pub(crate) struct Solved {
-    /// A coefficient a column.
+    /// One coefficient for each column.
     pub coefficients: Vec<f64>,
-    /// (A'A)^-1, zero for columns that others make up.
+    /// (A'A)^-1. Rows and columns of dependent columns are zero.
     pub covariance: Vec<Vec<f64>>,
-    /// What is left of the target.
+    /// The residual: the target minus its projection.
     pub residual: Vec<f64>,
-    /// Columns that count.
+    /// The number of independent columns.
     pub rank: usize,
 }
 
-/// Solves. Columns are taken in their order.
+/// Solves the least squares problem. Columns are taken in their order.
 #[must_use]
 pub(crate) fn solve(columns: &[Vec<f64>], target: &[f64]) -> Solved {
     let width = columns.len();

@@ -2,7 +2,7 @@
 //!
 //! In: names of causes, and the outputs of a model with some of them. Out: [`Combinations`]. Never chooses a cause.
 
-/// Causes that can be combined: four have sixteen combinations, and a fifth that is weaker than these changes little of what is seen.
+/// The largest number of causes to combine. Four causes have 16 combinations; a fifth, weaker cause changes little.
 pub(crate) const MOST: usize = 4;
 
 /// The outputs of a model for each combination of some causes. All other causes stay in the model.
@@ -10,7 +10,7 @@ pub(crate) const MOST: usize = 4;
 pub struct Combinations<T> {
     /// The causes, the strongest first: at most four.
     pub causes: Vec<String>,
-    /// By the set of causes in the model, a bit each, the first cause the lowest bit. `None` where the model cannot be simulated with them.
+    /// One entry for each set of causes. The index is the set as bits; the first cause is the lowest bit. `None` where the model cannot be simulated.
     pub of: Vec<Option<T>>,
 }
 
@@ -21,7 +21,7 @@ impl<T> Default for Combinations<T> {
 }
 
 impl<T> Combinations<T> {
-    /// Evaluates each combination; empty without causes. `with` has for each cause whether it is in the model.
+    /// Evaluates each combination. The result is empty if there are no causes. The argument of `with` says for each cause whether it is in the model.
     pub(crate) fn of(causes: Vec<String>, mut with: impl FnMut(&[bool]) -> Option<T>) -> Self {
         if causes.is_empty() {
             return Self::default();

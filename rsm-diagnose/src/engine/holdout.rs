@@ -2,17 +2,17 @@
 //!
 //! In: mean squared errors over the variance of the noise. Out: the gain, as a share of the error above the noise.
 
-/// Less than this above the noise is nothing to gain: a thousandth of its energy is its scatter over 10^6 rows.
+/// An error above the noise that is smaller than this counts as no error. A thousandth of the noise energy is its random scatter over 10^6 rows.
 const LEAST_ERROR: f64 = 1e-3;
 
-/// The energy above the noise of a mean square over that of the noise. What is below the noise counts as noise.
+/// The excess of a mean square over the noise. `ratio` is the mean square divided by the variance of the noise. Below the noise the excess is 0.
 pub(crate) fn above(ratio: f64) -> f64 {
     (ratio - 1.0).max(0.0)
 }
 
-/// The share of the energy above the noise that is gone, of sums over outputs or responses. No less than -1: worse by far is worse by all.
+/// The share of the excess that an extension removes. Both arguments are sums over outputs or responses. The result is at least -1.
 pub(crate) fn gone(before: f64, after: f64) -> f64 {
-    // mutant `< to <=`: a number of at least 1, less 1, is a multiple of 2^-52, and so is a sum of them; 1e-3 is none.
+    // mutant `< to <=`: equality cannot occur. A ratio of at least 1, minus 1, is a multiple of 2^-52, as is a sum of such numbers; 1e-3 is not.
     if before < LEAST_ERROR { 0.0 } else { (1.0 - after / before).max(-1.0) }
 }
 

@@ -1,57 +1,58 @@
 //! Levenberg-Marquardt: damped steps of least squares (K. Levenberg, 1944; D. W. Marquardt, 1963).
 //!
-//! In: a [`Problem`], which knows its unknowns and their bounds, and [`Rules`]. Out: the best point that was found. Independent of the meaning of unknowns and residuals.
+//! In: a [`Problem`] with its unknowns and their bounds, and [`Rules`]. Out: the best point found. Independent of the meaning of unknowns and
+//! residuals.
 
-/// The first damping, as a share of each unknown's own curvature.
+/// The first damping, relative to each unknown's own curvature.
 const FIRST_DAMPING: f64 = 1e-3;
 
-/// The least: nine digits are what differences hold.
+/// The smallest damping. Finite differences are accurate to nine digits.
 pub(crate) const LEAST_DAMPING: f64 = 1e-9;
 
-/// A damping that follows the least one where a step was none.
+/// The damping after a failed step with a smaller damping.
 const LEAST_MORE: f64 = 1e-6;
 
-/// What is fitted.
+/// A least squares problem.
 pub(crate) trait Problem {
-    /// Values of the unknowns with what a simulation there leaves.
+    /// Values of the unknowns, with the simulation at these values.
     type Place;
-    /// Derivatives at a place.
+    /// Derivatives of the residual at a place.
     type Derivatives;
-    /// The normal equations of derivatives at a place.
+    /// The normal equations at a place.
     type Equations;
 
-    /// Squared residual, with priors where there are any.
+    /// The squared residual, plus the priors if there are any.
     fn cost(&self, at: &Self::Place) -> f64;
 
-    /// Derivatives. `None`: the problem cannot be evaluated there.
+    /// The derivatives at a place. `None` if the problem cannot be evaluated there.
     fn derivatives(&self, at: &Self::Place) -> Option<Self::Derivatives>;
 
     /// The normal equations.
     fn equations(&self, at: &Self::Place, derivatives: &Self::Derivatives) -> Self::Equations;
 
-    /// The damped step within the bounds, and by how much it lowers the cost in first order.
+    /// The damped step within the bounds, and the first-order prediction of how much it lowers the cost.
     fn step(&self, at: &Self::Place, equations: &Self::Equations, damping: f64) -> (Vec<f64>, f64);
 
-    /// Where a step leads. `None`: the problem cannot be evaluated there.
+    /// The place after a step. `None` if the problem cannot be evaluated there.
     fn moved(&self, at: &Self::Place, equations: &Self::Equations, step: &[f64]) -> Option<Self::Place>;
 
-    /// Derivatives corrected by what a step showed. `None`: they are taken anew after each step.
+    /// Derivatives updated with the result of a step. `None`: compute them again after each step.
     fn corrected(&self, _: Self::Derivatives, _from: &Self::Place, _to: &Self::Place) -> Option<Self::Derivatives> {
         None
     }
 
-    /// Whether a further step may be begun.
+    /// Whether another step may begin.
     fn goes_on(&self) -> bool {
         true
     }
 }
 
-/// An amount of the cost: the larger of an absolute value and a share of the cost.
+/// An amount of cost: the larger of an absolute value and a share of the current cost.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Amount {
-    /// So much.
+    /// The absolute value.
     pub least: f64,
-    /// Of the cost.
+    /// The share of the cost.
     pub share: f64,
 }
 
@@ -61,39 +62,41 @@ impl Amount {
     }
 }
 
-/// When a search tries and when it ends.
+/// The rules for trying steps and for ending the search.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rules {
-    /// Steps at most.
+    /// The largest number of steps.
     pub steps: usize,
-    /// Dampings that are tried a step, each ten times the one before: with derivatives of the place, and with corrected ones.
+    /// How many dampings to try at each step, each ten times the one before: first with exact derivatives, second with corrected derivatives.
     pub tries: [usize; 2],
-    /// A step that promises less is not tried; `None`: every step is.
+    /// A step with a smaller predicted gain is not tried. `None`: every step is tried.
     pub worth: Option<Amount>,
-    /// Whether a step that promises too little is asked for once more with the least damping: an open direction is curved by its prior alone, a millionth as much as records curve each unknown
-    /// by itself, and damping would hold it where it happens to be.
+    /// Whether a step with too small a predicted gain is computed once more with the smallest damping. In a direction that the records do not
+    /// determine, only the prior has curvature, about a millionth of the curvature that records give a single unknown. Normal damping would stop all
+    /// motion in that direction.
     pub undamps: bool,
-    /// A step that gains less is the last with these derivatives.
+    /// After a step with a smaller gain, these derivatives are not used again.
     pub enough: Amount,
-    /// The same of a step that gains less than this share of what it promised: the derivatives point elsewhere.
+    /// The same, if the gain is less than this share of its prediction: then the derivatives are not accurate.
     pub kept_promise: f64,
-    /// Whether the search ends only with derivatives of the place where it ends.
+    /// Whether the search may end only with exact derivatives at the final place.
     pub ends_exact: bool,
 }
 
-/// The damping after a step that lowered the cost.
+/// The damping after a successful step.
 fn less(damping: f64) -> f64 {
     (damping / 10.0).max(LEAST_DAMPING)
 }
 
-/// The damping after a step that did not.
+/// The damping after a failed step.
 fn more(damping: f64) -> f64 {
     (damping * 10.0).max(LEAST_MORE)
 }
 
-/// Steps from a place until they gain little. `derivatives` are those that are known there, and whether they are exact.
+/// Takes steps until they gain little. `derivatives` are known derivatives at the start, and whether they are exact.
 ///
-/// Out: the place, and the equations there if `ends_exact`, else those of the last step. `None` where the problem cannot be evaluated.
+/// Returns the final place and the normal equations: those at the final place if `ends_exact`, otherwise those of the last step. `None` if the
+/// problem cannot be evaluated.
 pub(crate) fn descend<P: Problem>(
     problem: &P,
     start: P::Place,

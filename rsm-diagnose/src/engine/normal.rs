@@ -1,15 +1,15 @@
 //! Small systems of normal equations.
 //!
-//! In: inner products of a few columns. Out: solutions and the diagonal of the inverse. Columns are scaled to length one first; a column without
-//! length gets the solution 0. For some tens of columns at most.
+//! In: inner products of a few columns, some tens at most. Out: solutions, and columns of the inverse. Columns are first scaled to length one. A
+//! column of length zero gets the solution 0.
 
-/// Added to the unit diagonal. Columns that are equal to nine digits are one column: finite differences hold no more.
+/// Added to the unit diagonal. Finite differences hold nine digits, so columns that agree to nine digits count as one column.
 const RIDGE: f64 = 1e-9;
 
-/// The same where columns are known better than that, and priors distinguish equal ones: what rounding of sums over a million rows leaves.
+/// The same for columns that are accurate to rounding, where priors separate equal columns: the rounding error of sums over a million rows.
 const FINE_RIDGE: f64 = 1e-13;
 
-/// A symmetric matrix, row by row, from its lower triangle: row, then column.
+/// A symmetric matrix, stored row by row, from its lower triangle. `entry` takes the row, then the column.
 pub(crate) fn symmetric(size: usize, entry: impl Fn(usize, usize) -> f64) -> Vec<f64> {
     let mut matrix = vec![0.0; size * size];
     for i in 0..size {
@@ -31,13 +31,13 @@ pub(crate) struct Normal {
 }
 
 impl Normal {
-    /// Factorises a symmetric positive semidefinite matrix, row by row, with `damping` times its diagonal added.
+    /// Factorises a symmetric positive semidefinite matrix, stored row by row, after adding `damping` times its diagonal.
     #[must_use]
     pub(crate) fn new(matrix: &[f64], size: usize, damping: f64) -> Self {
         Self::with_ridge(matrix, size, damping, RIDGE)
     }
 
-    /// Factorises a matrix whose directions are known down to rounding, undamped.
+    /// Factorises without damping a matrix that is accurate to rounding.
     #[must_use]
     pub(crate) fn fine(matrix: &[f64], size: usize) -> Self {
         Self::with_ridge(matrix, size, 0.0, FINE_RIDGE)
@@ -55,7 +55,7 @@ impl Normal {
             for j in 0..=i {
                 let mut sum = matrix[i * size + j] / (scale[i] * scale[j]);
                 if i == j {
-                    // A column without length: its row is that of the unit matrix.
+                    // A column of length zero gets a row of the unit matrix.
                     sum = if sum > 0.0 { sum + damping + ridge } else { 1.0 };
                 }
                 for k in 0..j {
@@ -87,14 +87,14 @@ impl Normal {
         x.iter().zip(&self.scale).map(|(value, scale)| value / scale).collect()
     }
 
-    /// The solution, and the square that it takes of what the right-hand side asks.
+    /// The solution, and its inner product with the right-hand side: the reduction of the squared residual.
     pub(crate) fn gain(&self, right: &[f64]) -> (Vec<f64>, f64) {
         let solved = self.solve(right);
         let gain = solved.iter().zip(right).map(|(solved, right)| solved * right).sum();
         (solved, gain)
     }
 
-    /// The i-th column of the inverse: covariances of an unknown with all of them.
+    /// The i-th column of the inverse: the covariances of unknown i with all unknowns.
     #[must_use]
     pub(crate) fn covariances(&self, i: usize) -> Vec<f64> {
         let mut right = vec![0.0; self.size];

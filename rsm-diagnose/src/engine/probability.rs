@@ -1,20 +1,21 @@
 //! The probability that a cause is right: Bayes' rule over a cause, chance and its rivals. Both diagnoses use it.
 //!
-//! In: the evidence of each rival, relative to that of the cause, and whether the data distinguish the two. Out: the probability of the cause by itself, and that of the
-//! cause or a rival that the data do not distinguish from it. Each diagnosis gives the rate at which the true cause is not in the catalogue.
+//! In: the evidence of each rival relative to the cause, and whether the data distinguish the two. Out: the probability of the cause alone, and the
+//! probability that the cause or an indistinguishable rival is right. Each diagnosis supplies the rate at which the true cause is not in the
+//! catalogue.
 
 /// How probable a cause is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Probability {
-    /// That it is right itself. Of causes that leave the same trace each has its share.
+    /// That the cause itself is right. Causes with the same trace share the probability.
     pub(crate) own: f64,
-    /// That it, or one of those which the data do not distinguish from it, is right.
+    /// That the cause, or a rival that the data do not distinguish from it, is right.
     pub(crate) of_any: f64,
 }
 
 impl Probability {
-    /// Of a cause that chance does not make with probability `not_chance`. Each rival has its evidence, 1 where it explains the data as well as the cause does, and is the same or not
-    /// as far as the data go.
+    /// The probabilities of a cause. `not_chance` is the probability that the cause is not due to chance. Each rival has its evidence (1 if it
+    /// explains the data as well as the cause) and a flag: true if the data do not distinguish it from the cause.
     #[must_use]
     pub(crate) fn among(not_chance: f64, rivals: impl IntoIterator<Item = (f64, bool)>) -> Self {
         let (mut same, mut others) = (1.0, 0.0);
@@ -25,25 +26,25 @@ impl Probability {
         Probability { own: not_chance / all, of_any: not_chance * same / all }
     }
 
-    /// The same for a cause and for its equals.
+    /// The same probability for both.
     #[cfg(test)]
     pub(crate) fn plain(probability: f64) -> Self {
         Probability { own: probability, of_any: probability }
     }
 
-    /// Where none of all these is right with the rest of this probability.
+    /// Multiplied by the probability `known` that the true cause is in the catalogue.
     #[must_use]
     pub(crate) fn times(self, known: f64) -> Self {
         Probability { own: known * self.own, of_any: known * self.of_any }
     }
 
-    /// No more than this.
+    /// Limited to at most this.
     #[must_use]
     pub(crate) fn at_most(self, most: f64) -> Self {
         Probability { own: self.own.min(most), of_any: self.of_any.min(most) }
     }
 
-    /// No less than this.
+    /// Limited to at least this.
     #[must_use]
     pub(crate) fn at_least(self, least: f64) -> Self {
         Probability { own: self.own.max(least), of_any: self.of_any.max(least) }

@@ -1,19 +1,21 @@
 //! Significance: tail probabilities of test statistics, and their quantiles.
 //!
-//! In: a statistic with its degrees of freedom, or a probability; counts of trials. Out: the logarithm of the probability of as much or more by chance, or the statistic. Logarithms are used
-//! because the probability may be smaller than the smallest f64. Never NaN for finite arguments and positive degrees of freedom.
+//! In: a statistic with its degrees of freedom, or a probability; numbers of trials. Out: the logarithm of the probability that chance gives at least
+//! this value, or the statistic. The probability may be smaller than the smallest f64, so its logarithm is used. Never NaN for finite arguments and
+//! positive degrees of freedom.
 
 use statrs::function::beta::{beta_reg, ln_beta};
 use statrs::function::erf::{erfc, erfc_inv};
 use statrs::function::gamma::{gamma_lr, gamma_ur, ln_gamma};
 
-/// How rarely noise alone may pass for a cause of a plant. With as much for whiteness, and what models of noise miss, false alarms stay below 5 %.
+/// The probability that noise alone is taken for a cause of a plant. The tests of whiteness add as much. With the errors of noise models, false
+/// alarms stay below 5 %.
 pub(crate) const ALARM: f64 = 0.01;
 
-/// Below this an incomplete beta or gamma function is near the smallest f64, and its leading term takes over.
+/// Below this, an incomplete beta or gamma function is near the smallest f64, and its leading term is used.
 const SMALL: f64 = 1e-280;
 
-/// P(a, x), for every argument: 0 below 0, 1 at infinity and where nothing is free to differ. The library panics there.
+/// P(a, x) for every argument: 0 for x below 0, 1 at infinity and for a of at most 0. The library function panics there.
 pub(crate) fn lower_gamma(a: f64, x: f64) -> f64 {
     if x <= 0.0 {
         0.0
@@ -39,8 +41,8 @@ fn upper_gamma(a: f64, x: f64) -> f64 {
     }
 }
 
-/// ln I_x(a, b). Below [`SMALL`] the leading term x^a (1 - x)^b / (a B(a, b)) with the first step of its continued fraction (NIST DLMF 8.17.22): its relative error
-/// there is nothing beside a logarithm of hundreds.
+/// ln I_x(a, b). Below [`SMALL`]: the leading term x^a (1 - x)^b / (a B(a, b)) and the first step of its continued fraction (NIST DLMF 8.17.22). The
+/// relative error of that is negligible beside a logarithm of some hundreds.
 fn ln_beta_reg(a: f64, b: f64, x: f64) -> f64 {
     if x <= 0.0 {
         return f64::NEG_INFINITY;
@@ -61,7 +63,8 @@ pub(crate) fn ln_upper_f(f: f64, d1: f64, d2: f64) -> f64 {
     if f <= 0.0 { 0.0 } else { ln_beta_reg(d2 / 2.0, d1 / 2.0, d2 / (d2 + d1 * f)) }
 }
 
-/// ln of the probability that `width` arbitrary columns take as much of noise: the F test of the squares that they take against those that are left, with their degrees of freedom.
+/// The logarithm of the probability that `width` arbitrary columns explain at least this much of noise: an F test of the explained squares against
+/// the remaining squares, each with its degrees of freedom.
 pub(crate) fn ln_p_of_squares(taken: f64, width: f64, left: f64, freedom: f64) -> f64 {
     ln_upper_f(taken.max(0.0) / width / (left / freedom).max(f64::MIN_POSITIVE), width, freedom)
 }
@@ -71,7 +74,8 @@ pub(crate) fn ln_two_sided_t(t: f64, freedom: f64) -> f64 {
     ln_upper_f(t * t, 1.0, freedom)
 }
 
-/// ln P(chi squared >= value). The degrees of freedom need not be whole. Below [`SMALL`] the first steps of its continued fraction (NIST DLMF 8.9.2).
+/// ln P(chi squared >= value). The degrees of freedom need not be an integer. Below [`SMALL`]: the first steps of the continued fraction (NIST DLMF
+/// 8.9.2).
 pub(crate) fn ln_upper_chi_squared(value: f64, freedom: f64) -> f64 {
     let (a, x) = (freedom / 2.0, value / 2.0);
     if x <= 0.0 {
@@ -87,11 +91,11 @@ pub(crate) fn ln_upper_chi_squared(value: f64, freedom: f64) -> f64 {
     a * x.ln() - x - ln_gamma(a) - (x + 1.0 - a - (1.0 - a) / (x + 3.0 - a)).ln()
 }
 
-/// The value of a positive statistic whose upper tail is `exp(ln_p)`: by bisection of its logarithm, which the tail falls along.
+/// The value of a positive statistic whose upper tail is `exp(ln_p)`, by bisection on the logarithm of the value.
 fn of_tail(ln_p: f64, ln_upper: impl Fn(f64) -> f64) -> f64 {
-    // e^-60 to e^60 hold every statistic that a test can ask for.
+    // All statistics of these tests are between e^-60 and e^60.
     let (mut low, mut high) = (-60.0_f64, 60.0_f64);
-    // 2^-60 of the interval: below the rounding of the statistic.
+    // The interval shrinks by 2^-60, below the rounding of the statistic.
     for _ in 0..60 {
         let middle = (low + high) / 2.0;
         if ln_upper(middle.exp()) > ln_p { low = middle } else { high = middle }
@@ -114,16 +118,17 @@ pub(crate) fn normal(x: f64) -> f64 {
     0.5 * erfc(-x * std::f64::consts::FRAC_1_SQRT_2)
 }
 
-/// What a normal variable passes with this probability.
+/// The value that a normal variable exceeds with this probability.
 pub(crate) fn quantile(probability: f64) -> f64 {
     std::f64::consts::SQRT_2 * erfc_inv(2.0 * probability)
 }
 
-/// The normal deviate that chance passes as rarely as chi squared passes `value`. Where that probability underflows, from the leading term of the normal tail, exp(-z^2/2)/(z sqrt(2 pi)).
+/// The normal deviate with the same upper tail probability as chi squared at `value`. If that probability underflows, it follows from the leading
+/// term of the normal tail, exp(-z^2/2)/(z sqrt(2 pi)).
 pub(crate) fn deviate_of_chi_squared(value: f64, freedom: f64) -> f64 {
     let ln_p = ln_upper_chi_squared(value, freedom);
     if ln_p > -0.5 {
-        // Near 1 the other tail has the digits.
+        // Near 1 the lower tail is more accurate.
         return -quantile(lower_gamma(freedom / 2.0, value / 2.0).max(SMALL));
     }
     if ln_p > SMALL.ln() {
@@ -136,7 +141,7 @@ pub(crate) fn deviate_of_chi_squared(value: f64, freedom: f64) -> f64 {
     (-2.0 * ln_p - (std::f64::consts::TAU * z * z).ln()).sqrt()
 }
 
-/// The median; reorders its values.
+/// The median. Sorts the values in place.
 pub(crate) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return 0.0;
@@ -146,31 +151,33 @@ pub(crate) fn median(values: &mut [f64]) -> f64 {
     if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) }
 }
 
-/// ln of the probability that the best of this many trials shows as much by chance, from that of one trial (C. E. Bonferroni, 1936).
+/// ln of the probability that the best of `trials` trials is at least this good by chance; `ln_p` is for one trial (C. E. Bonferroni, 1936).
 pub(crate) fn among(ln_p: f64, trials: f64) -> f64 {
     (ln_p + trials.max(1.0).ln()).min(0.0)
 }
 
-/// The trial with the smallest probability by chance (the first of equal ones), with ln of the probability of such a value in any trial, in this many series of trials.
+/// The trial with the smallest probability by chance (the first of equal ones), and ln of its probability corrected for the number of trials in
+/// `looks` series of trials.
 pub(crate) fn rarest<T>(tried: impl IntoIterator<Item = (f64, T)>, looks: f64) -> Option<(f64, T)> {
     let mut count = 0_u32;
     let best = tried.into_iter().inspect(|_| count += 1).min_by(|a, b| a.0.total_cmp(&b.0));
     best.map(|(ln_p, what)| (among(ln_p, looks * f64::from(count)), what))
 }
 
-/// The gain that the best of `trials` on noise exceeds with the probability [`ALARM`], if each fits `numbers` parameters: chi squared with Bonferroni's bound (C. E. Bonferroni, 1936).
-/// It sees what first-order draws do not: numbers that bend a trace, and trials that were chosen by looking at the residual.
+/// The gain that the best of `trials` on noise exceeds with the probability [`ALARM`], if each fits `numbers` parameters: chi squared with
+/// Bonferroni's bound (C. E. Bonferroni, 1936). This bound also covers what first-order draws miss: nonlinear parameters, and trials chosen after
+/// looking at the residual.
 pub(crate) fn best_of(trials: usize, numbers: usize) -> f64 {
     chi_squared_of((ALARM / trials.max(1) as f64).ln(), numbers.max(1) as f64)
 }
 
-/// What the largest of many gains passes with the probability [`ALARM`], from some draws of it: the tail of a maximum is Gumbel's (E. J. Gumbel, 1958), whose mean
-/// and standard deviation settle long before a percentile does.
+/// The value that the largest of many gains exceeds with the probability [`ALARM`], estimated from some draws of the largest gain. A maximum has a
+/// Gumbel distribution (E. J. Gumbel, 1958). Few draws give its mean and standard deviation; a percentile would need many more.
 pub(crate) fn point_of_largest(largest: &[f64]) -> f64 {
     let n = largest.len().max(1) as f64;
     let mean = largest.iter().sum::<f64>() / n;
     let sd = (largest.iter().map(|gain| (gain - mean) * (gain - mean)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
-    // Scale sd sqrt(6)/pi; Euler's constant stands between mean and mode.
+    // The scale is sd sqrt(6)/pi. Mean minus mode is Euler's constant times the scale.
     let scale = sd * 6.0_f64.sqrt() / std::f64::consts::PI;
     mean + scale * (-(-(1.0 - ALARM).ln()).ln() - statrs::consts::EULER_MASCHERONI)
 }
@@ -180,22 +187,22 @@ pub(crate) fn t_of(p: f64, freedom: f64) -> f64 {
     f_of(p.ln(), 1.0, freedom).sqrt()
 }
 
-/// ln of the upper tail of a distribution of which mean, variance and third central moment are known, as a shifted gamma distribution (Pearson's type III, which keeps all
-/// three); a normal one where there is no skew to the right.
+/// ln of the upper tail of a distribution with known mean, variance and third central moment. It is approximated by a shifted gamma distribution with
+/// the same three moments (Pearson type III), or by a normal distribution if it is not skewed to the right.
 pub(crate) fn ln_upper_of_moments(value: f64, mean: f64, variance: f64, third: f64) -> f64 {
     if variance <= 0.0 {
         return 0.0;
     }
     let sd = variance.sqrt();
     let skew = third / (variance * sd);
-    // Below this skew the gamma distribution is normal to three digits of its tail.
+    // Below this skew, the gamma and the normal tail agree to three digits.
     const NORMAL: f64 = 0.02;
     let z = (value - mean) / sd;
     let tail = if skew < NORMAL {
         0.5 * erfc(z / std::f64::consts::SQRT_2)
     } else {
         let shape = 4.0 / (skew * skew);
-        // Mean `shape`, variance `shape`: the standardised gamma variable.
+        // The standardised gamma variable: its mean and its variance are both `shape`.
         let x = shape + z * shape.sqrt();
         upper_gamma(shape, x)
     };

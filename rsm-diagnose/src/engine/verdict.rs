@@ -1,13 +1,13 @@
 //! The possible verdicts of both diagnoses.
 
-/// How a diagnosis ends, of a surface as of a plant (docs/book/src/reference/formats.md 4.3).
+/// The verdict of a diagnosis of a surface or of a plant (docs/book/src/reference/formats.md 4.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// The data agree with the file, within its tolerances and the noise.
     NoDiscrepancy,
-    /// The causes leave noise and nothing else.
+    /// The causes explain the error; the residual is noise.
     Explained,
-    /// Structure is left that no known cause explains, or the search met its limit of work.
+    /// Structure is left that no known cause explains, or the search reached its work limit.
     Unexplained,
 }
 

@@ -1,12 +1,12 @@
 //! The work limit of a diagnosis. It counts operations, not seconds, so the same data give the same answer on every machine.
 //!
-//! In: the work done so far, multiplications or steps. Out: whether to go on. Independent of the kind of work.
+//! In: the work done so far, in multiplications or steps. Out: whether to continue. Independent of the kind of work.
 
 use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Work so far and where it ends, also of jobs side by side: copies count together.
+/// The work so far and its limit. Clones share the counter, so parallel jobs count together.
 #[derive(Debug, Clone)]
 pub(crate) struct Count {
     taken: Arc<AtomicU64>,
@@ -14,12 +14,12 @@ pub(crate) struct Count {
 }
 
 impl Count {
-    /// So much work.
+    /// A counter with this limit.
     pub(crate) fn within(end: u64) -> Self {
         Count { taken: Arc::default(), end: Arc::new(AtomicU64::new(end)) }
     }
 
-    /// Counts.
+    /// Adds work.
     pub(crate) fn takes(&self, work: u64) {
         self.taken.fetch_add(work, Ordering::Relaxed);
     }
@@ -29,7 +29,7 @@ impl Count {
         self.taken.load(Ordering::Relaxed)
     }
 
-    /// Says how much work, from the beginning on, may be done.
+    /// Sets the limit, counted from the beginning.
     pub(crate) fn ends_at(&self, end: u64) {
         self.end.store(end, Ordering::Relaxed);
     }
@@ -39,7 +39,7 @@ impl Count {
         self.taken() >= self.end.load(Ordering::Relaxed)
     }
 
-    /// The share of it that is used up, at most one.
+    /// The used share of the limit, at most one.
     fn share(&self) -> f64 {
         (self.taken() as f64 / self.end.load(Ordering::Relaxed) as f64).min(1.0)
     }
@@ -53,7 +53,7 @@ pub(crate) struct Work<'a> {
 }
 
 impl<'a> Work<'a> {
-    /// This many multiplications, and no more begun.
+    /// A limit of this many multiplications.
     pub(crate) fn within(limit: usize) -> Self {
         Work { count: Count::within(limit as u64), refused: Cell::new(false), told: None }
     }
@@ -69,7 +69,7 @@ impl<'a> Work<'a> {
         Work::within(usize::MAX)
     }
 
-    /// Counts.
+    /// Adds work.
     pub(crate) fn takes(&self, multiplications: usize) {
         let before = self.percent();
         self.count.takes(multiplications as u64);
@@ -87,12 +87,12 @@ impl<'a> Work<'a> {
         goes_on
     }
 
-    /// Whether anything was left undone.
+    /// Whether the limit stopped any work.
     pub(crate) fn ran_out(&self) -> bool {
         self.refused.get()
     }
 
-    /// How much of the limit is spent, at most 100.
+    /// The used part of the limit in per cent, at most 100.
     fn percent(&self) -> usize {
         (100.0 * self.count.share()) as usize
     }

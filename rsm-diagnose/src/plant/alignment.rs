@@ -1,22 +1,23 @@
 //! A second check of the data, made with the calibrated simulation: it finds what the readings alone do not show.
 //!
-//! In: prepared records and their simulation. Out: findings. Jumps that the simulation shows as motion are accepted again. A channel that is late or early in one record only is reported and
-//! left out of that record. A delay that all records share belongs to the plant or to a sensor, so the search deals with it. Never corrects a sample.
+//! In: prepared records and their simulation. Out: findings. A jump that the simulation also has is motion, so its rows count again. A channel that
+//! is late or early in one record only is reported and left out of that record. A delay that all records share belongs to the plant or a sensor, so
+//! the search handles it. Never corrects a sample.
 
 use super::checks::{Finding, jumps};
 use super::whitened_residuals::{Prepared, Simulated};
 use rsm_sim::kind::{OUTPUTS, PlantKind};
 
-/// Shifts up to this many rows are looked for, either way.
+/// Shifts of up to this many rows, late or early, are tested.
 const FARTHEST: usize = 50;
 
-/// One row either way is the phase of sampling: a shift is more.
+/// The smallest shift. One row may be due to the phase of sampling.
 const LEAST_SHIFT: usize = 2;
 
-/// A shifted channel fits the simulation better by this factor, in squares, where it should have stood: its own slope explains what it misses.
+/// A channel is shifted if the shift reduces its mean square error by this factor. Below that, its own slope could explain the error.
 const BETTER: f64 = 4.0;
 
-/// Drops jumps that the simulation has, too: its rows count again.
+/// Removes the findings of jumps that the simulation has too; these rows count again.
 pub fn take_back_motion(records: &mut [Prepared], simulated: &[Simulated], kind: PlantKind, findings: &mut Vec<Finding>) {
     for (prepared, simulated) in records.iter_mut().zip(simulated) {
         for (k, values) in simulated.iter().enumerate() {
@@ -35,31 +36,32 @@ pub fn take_back_motion(records: &mut [Prepared], simulated: &[Simulated], kind:
     }
 }
 
-/// The row of the k-th output of a record that a finding calls a jump.
+/// The row of a jump in the k-th output of a record, if the finding is such a jump.
 fn jump(prepared: &Prepared, k: usize, kind: PlantKind, finding: &Finding) -> Option<usize> {
     let name = kind.outputs()[prepared.outputs[k]].name;
     let here = finding.what == "jump" && finding.channel == name && finding.record == prepared.record.file;
     prepared.row_of(finding.rows.0).filter(|_| here)
 }
 
-/// The rows of the k-th output of a record that were left out as jumps.
+/// The rows left out as jumps in the k-th output of a record.
 #[must_use]
 pub fn jumps_of(prepared: &Prepared, k: usize, kind: PlantKind, findings: &[Finding]) -> Vec<usize> {
     findings.iter().filter_map(|it| jump(prepared, k, kind, it)).collect()
 }
 
-/// A channel of a record and how many rows it is late.
+/// A channel of a record with its delay in rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shift {
     /// The record.
     pub record: usize,
     /// The output, by its place in the record.
     pub output: usize,
-    /// Rows; negative where it is early.
+    /// Rows; negative if the channel is early.
     pub late: isize,
 }
 
-/// Channels with a time shift against the same channel of the other records. At least two other records must agree, because with only two records the shifted one is unknown.
+/// Channels that are shifted in time against the same channel of other records. At least two other records must agree: with two records in all, it is
+/// unknown which one is shifted.
 #[must_use]
 pub fn shifts(records: &[(&Prepared, &Simulated)]) -> Vec<Shift> {
     let mut found = Vec::new();
@@ -98,7 +100,7 @@ pub fn shifts(records: &[(&Prepared, &Simulated)]) -> Vec<Shift> {
     found
 }
 
-/// Mean squares of what readings miss of a simulation that is late by -`FARTHEST` to `FARTHEST` rows, without the mean.
+/// The mean square difference between the readings and a simulation delayed by -`FARTHEST` to `FARTHEST` rows, after subtracting the mean.
 fn misses(measured: &[f64], simulated: &[f64], used: &[bool]) -> Vec<f64> {
     let rows = measured.len();
     if rows < 8 * FARTHEST {

@@ -1,6 +1,6 @@
 //! A test case: an axis in open loop, driven by steps of its command, with an effect that the nominal plant lacks.
 //!
-//! In: tolerances, an effect, noise. Out: whitened records, the nominal and the true plant, and a search with the inputs that a test gives it. Used by tests alone.
+//! In: tolerances, an effect, noise. Out: whitened records, the nominal and the true plant, and a search with its inputs. Used only by tests.
 
 use rsm_core::source::Source;
 use rsm_sim::kind::OUTPUTS;
@@ -19,7 +19,7 @@ use rsm_sim::simulate::Simulator;
 /// Standard deviation of the noise of the position, in m.
 const NOISE: f64 = 1e-5;
 
-/// The axis as its file has it: tolerances and effects as TOML.
+/// The plant file of the axis. `tolerances` and `effects` are TOML.
 pub(super) fn file(tolerances: &str, effects: &str) -> PlantFile {
     let text = format!(
         "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2\nforce_gain = 4\nviscous_friction = 3\ncommand_limit = 10\n\
@@ -28,12 +28,12 @@ pub(super) fn file(tolerances: &str, effects: &str) -> PlantFile {
     PlantFile::read(&Source::new("axis.toml", text)).unwrap()
 }
 
-/// Dry friction of this many newtons.
+/// An effect entry: dry friction of this many newtons.
 pub(super) fn friction(force: f64) -> String {
     format!("[[effects]]\nkind = \"coulomb-friction\"\nparameters = {{ force = {force} }}\n")
 }
 
-/// 0.6 s of a true axis along steps of 2 V and -1.5 V, with or without noise; its nominal plant.
+/// A record of 0.6 s of the true axis with command steps of 2 V and -1.5 V, with or without noise, and the nominal plant.
 pub(super) fn whitened(nominal: &PlantFile, truth: &PlantFile, noisy: bool) -> (WhitenedResiduals, Model) {
     let mut csv = "time[s],command[V],position[m]\n".to_string();
     for k in 0..600 {
@@ -48,7 +48,7 @@ pub(super) fn whitened(nominal: &PlantFile, truth: &PlantFile, noisy: bool) -> (
     (WhitenedResiduals::new(vec![Prepared::new(record, 2)], [Floor::white(NOISE); OUTPUTS], 1), model)
 }
 
-/// A search with work without end, that tells nobody.
+/// A search without a work limit and without progress messages.
 pub(super) fn search<'a>(
     whitened: &'a WhitenedResiduals,
     unseen: &'a WhitenedResiduals,

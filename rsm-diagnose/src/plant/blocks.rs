@@ -1,20 +1,21 @@
 //! Blocks of rows that occur twice in a record, because a recorder wrote its buffer again.
 //!
-//! In: the noisy channels of a record. Out: the rows of each second block. The test includes the probability of equal rows by chance. It uses neither time nor a plant.
+//! In: the noisy channels of a record. Out: the rows of each repeated block. The test includes the probability that rows are equal by chance. It uses
+//! neither time nor a plant.
 
 use std::collections::HashMap;
 
-/// In a noisy channel two equal readings one after the other are chance; this many are a channel that hangs.
+/// In a noisy channel two equal readings may be chance. This many equal readings mean that the channel is stuck.
 pub(super) const STUCK: usize = 8;
 
-/// Blocks of rows that stand twice by chance are rarer than this in a record.
+/// A block is reported if the probability of its repetition by chance, anywhere in a record, is below this.
 const TWICE: f64 = 1e-6;
 
-/// Blocks of rows whose noisy readings all stood in the record before: first row and the row after the last.
+/// Blocks of rows whose noisy readings all occurred earlier in the record: the first row and the row after the last.
 pub fn twice(channels: &[&[f64]]) -> Vec<(usize, usize)> {
     let Some(first) = channels.first() else { return Vec::new() };
     let rows = first.len();
-    // How probable it is that two rows are equal by chance: the share of equal pairs in each channel, one at least.
+    // The probability that two rows are equal by chance: the share of equal pairs in each channel, counting at least one pair.
     let chance = |values: &&[f64]| {
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -23,10 +24,11 @@ pub fn twice(channels: &[&[f64]]) -> Vec<(usize, usize)> {
     };
     let of_a_row: f64 = channels.iter().map(chance).sum();
     let same = |a: usize, b: usize| channels.iter().all(|values| values[a] == values[b]);
-    // Where nothing moves from the row before, a plant rests or a recorder hangs: no block begins there, and a long rest is not compared with all of itself.
+    // If nothing changes from the row before, the plant is at rest or a channel is stuck. No block begins there, and a long rest is not compared with
+    // itself.
     let moves = |row: usize| row == 0 || !same(row - 1, row);
     let mut places: HashMap<u64, Vec<usize>> = HashMap::new();
-    // For each row the longest block from it on that stood before; a block that began a row earlier is not counted again.
+    // For each row, the longest block from it that occurred before. A block that began one row earlier is not counted again.
     let longest: Vec<(usize, bool)> = (0..rows)
         .map(|row| {
             if !moves(row) {
@@ -39,9 +41,10 @@ pub fn twice(channels: &[&[f64]]) -> Vec<(usize, usize)> {
             (best.0, best.0 > 0 && (best.1 == 0 || !same(best.1 - 1, row - 1)))
         })
         .collect();
-    // A block so long stands twice among all pairs of rows less often than `TWICE`, if rows were independent.
+    // If rows were independent, a block of this length would occur twice with a probability below `TWICE`.
     let independent = (TWICE.ln() - 2.0 * (rows as f64).ln()) / of_a_row.min(-f64::MIN_POSITIVE);
-    // They are not where a plant rests or repeats its motion: after one row that stood before, how often did the next one too? Short blocks tell.
+    // Rows are not independent if a plant rests or repeats its motion. Short blocks show how often a repeated row is followed by another repeated
+    // row.
     let short = |least: usize| longest.iter().filter(|it| it.1 && (least..STUCK).contains(&it.0)).count() as f64;
     let (one, two) = (short(1), short(2));
     let following = if two > 0.0 { 1.0 + (TWICE / one).ln() / (two / one).min(1.0 - 1.0 / (one + 1.0)).ln() } else { 0.0 };

@@ -1,20 +1,20 @@
-//! The interval of a gain: a moving-block bootstrap over the rows on which the gain is judged (H. R. Künsch, 1989).
+//! The interval of a gain: a moving-block bootstrap over the rows on which the gain is evaluated (H. R. Künsch, 1989).
 //!
-//! In: errors of two models on the same records. Out: a 95 % interval of the gain. Never simulates.
+//! In: errors of two models on the same records. Out: a 95 % interval of the gain. Runs no simulation.
 
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_fit::random::Random;
 
-/// Draws: the ends of a 95 % interval are the 25th values from either end.
+/// The number of draws. The ends of a 95 % interval are the 25th values from either end.
 const DRAWS: usize = 1000;
 
-/// Fewer blocks than this in all are no sample of anything; blocks are cut shorter then.
+/// The smallest number of blocks for a bootstrap. If there would be fewer, blocks are shorter.
 const LEAST_BLOCKS: usize = 16;
 
-/// Squared errors of a block over the noise: before, after, and how many, by output.
+/// Sums over a block, by output: the squared error over the noise before, the same after, and the number of rows.
 type Sums = [[f64; 3]; 3];
 
-/// The interval of the share of squared error above the noise that is gone.
+/// The interval of the removed share of the squared error above the noise.
 #[must_use]
 pub fn gain_interval(
     whitened: &WhitenedResiduals,
@@ -58,8 +58,8 @@ pub fn gain_interval(
     (gains[DRAWS / 40], gains[DRAWS - 1 - DRAWS / 40])
 }
 
-/// Rows after which errors are uncorrelated: twice the first lag at which the correlation of what the extension changes is below a tenth, over all
-/// records and outputs.
+/// The number of rows after which errors are uncorrelated: twice the first lag at which the autocorrelation of the change by the extension is below a
+/// tenth, over all records and outputs.
 fn block(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simulated]) -> usize {
     let mut longest = 1;
     for (record, prepared) in whitened.records.iter().enumerate() {
@@ -75,7 +75,7 @@ fn block(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simulated]
             let off: Vec<f64> = change.iter().map(|value| value - mean).collect();
             let squares: f64 = off.iter().map(|value| value * value).sum();
             let mut lag = 1;
-            // Lags in steps of an eighth: a block need not be known better.
+            // Lags grow in steps of an eighth. The length of a block need not be more exact.
             while lag < off.len() / LEAST_BLOCKS {
                 let products: f64 = off.iter().zip(&off[lag..]).map(|(a, b)| a * b).sum();
                 if products < 0.1 * squares {

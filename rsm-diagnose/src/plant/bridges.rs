@@ -1,8 +1,9 @@
 //! Gaps of a few rows, for example from a logger that loses single rows.
 //!
-//! In: a prepared record with gaps. Out: the same record with rows in the gaps, so that a simulation can run through. Outputs in these rows do not count. Inputs are interpolated
-//! linearly from the row before the gap to the row after it. Where the readings after a gap show that an input was higher or lower inside it, the line is moved by that amount. Three
-//! kinds of gap are not bridged: a long gap, a gap that is not a whole number of rows, and a step back in time. Never changes a recorded row.
+//! In: a prepared record with gaps. Out: the same record with rows in the gaps, so that a simulation can run through. Outputs in these rows do not
+//! count. Inputs are interpolated linearly across the gap. If the readings after a gap show that an input was higher or lower inside it, the line is
+//! moved by that amount. Three kinds of gap are not bridged: a long gap, a gap that is not a whole number of rows, and a step back in time. Never
+//! changes a recorded row.
 
 use super::levenberg::{self, Fit};
 use super::model::Model;
@@ -14,53 +15,57 @@ use crate::engine::columns::dot;
 use crate::engine::normal::{Normal, symmetric};
 use rsm_sim::kind::OUTPUTS;
 
-/// The longest gap that is bridged, in rows. An instant may be off by 1 % of a period, so over ten rows their number is still known to a tenth; and of an input that
-/// changes once in the gap its mean says when, of one that changes twice it does not.
+/// The longest gap that is bridged, in rows. A time stamp may be wrong by 1 % of a period, so the length of ten rows is known to a tenth of a row. If
+/// an input changes once in the gap, its mean shows when it changed; if it changes twice, the mean does not.
 pub const LONGEST: usize = 10;
 
-/// A gap is a whole number of periods to this share of one: ten times the jitter of a row.
+/// A gap must be a whole number of periods within this share of a period: ten times the jitter of a row.
 const OFF_GRID: f64 = 0.1;
 
-/// What an input in a gap moves, in squared standard deviations of the noise, below which it does not matter how it went: a hundredth of what a cause has to gain.
+/// The effect of an input in a gap, in squared standard deviations of the noise, below which its course does not matter: a hundredth of the gain that
+/// a cause needs.
 const MATTERS: f64 = 0.3;
 
-/// Inputs in gaps of a record that are asked for: those that matter most. Three inputs in each of the 82 gaps of a record of 8000 rows that lost one row in 97 are 246. Each takes a simulation of
-/// its record, so all of them cost as much as a quarter to a half of one cause (500 to 1000 runs).
+/// The largest number of gap inputs that are estimated, those with the largest effect. A record of 8000 rows that lost one row in 97 has 82 gaps;
+/// with three inputs these are 246. Each needs a simulation of its record. Together they cost a quarter to a half of the search of one cause (500 to
+/// 1000 runs).
 const MOST_ASKED: usize = 250;
 
-/// The squared residual a row, in squared standard deviations, below which noise is what is left. The level of the noise is known to 2 to 4 % from the upper band, 4 to 8 % in squares: a smaller
-/// limit refuses noise. An effect of a third of the noise, the smallest that can be told at all, adds 10 %: a larger one lets gaps answer for it.
+/// The squared residual per row, in squared standard deviations, below which the residual counts as noise. The upper band gives the noise level to 2
+/// to 4 %, which is 4 to 8 % in squares: a smaller limit would reject noise. The smallest detectable effect, a third of the noise, adds 10 %: with a
+/// larger limit, the gaps would compensate for such an effect.
 const NOISE_IS_LEFT: f64 = 1.1;
 
-/// How often inputs in gaps are asked for, a calibration after each: what gaps get wrong moves what is calibrated, and the other way round.
+/// How often the gap inputs are estimated, each time followed by a calibration. The gap inputs and the calibration depend on each other.
 const CORRECTIONS: usize = 4;
 
-/// Steps of a calibration between them.
+/// The number of steps of each calibration.
 const STEPS: usize = 8;
 
-/// Times that offsets are solved for with the same traces: what the gaps get wrong counts as noise at first, and falls.
+/// How often the offsets are solved with the same traces. The remaining error of the gaps counts as noise, and it falls each time.
 const TURNS: usize = 6;
 
-/// The variance of an input that changes once in a gap, at an unknown instant, about the middle between its two values, over the square of the change.
+/// The variance of the mean of an input that changes once in a gap at an unknown instant, about the middle of its two values, divided by the square
+/// of the change.
 const OF_A_CHANGE: f64 = 1.0 / 12.0;
 
-/// Offsets that gain less together, in squared standard deviations of the noise, are not worth another calibration.
+/// If all offsets together gain less, in squared standard deviations of the noise, no further calibration is done.
 const LEAST_GAIN: f64 = 1.0;
 
-/// What was bridged in a record.
+/// The bridged gaps of a record.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Bridged {
     /// The name of the record in messages.
     pub record: String,
-    /// Gaps.
+    /// The number of gaps.
     pub gaps: usize,
-    /// Rows in them.
+    /// The number of rows in them.
     pub rows: usize,
-    /// Rows of the longest.
+    /// The number of rows in the longest gap.
     pub longest: usize,
 }
 
-/// What was bridged in records, those without a gap left out.
+/// The bridged gaps of records; records without gaps are left out.
 #[must_use]
 pub fn bridged<'a>(records: impl IntoIterator<Item = &'a Prepared>) -> Vec<Bridged> {
     let of = |it: &Prepared| Bridged {
@@ -72,7 +77,7 @@ pub fn bridged<'a>(records: impl IntoIterator<Item = &'a Prepared>) -> Vec<Bridg
     records.into_iter().filter(|it| !it.bridges.is_empty()).map(of).collect()
 }
 
-/// Fills the short gaps of a record; breaks that stay are those that were not filled.
+/// Fills the short gaps of a record. The breaks that remain were not filled.
 pub fn fill(prepared: &mut Prepared) {
     let record = &prepared.record;
     let missing = |row: &usize| {
@@ -123,7 +128,7 @@ fn between(before: f64, after: f64, share: f64) -> f64 {
     before + share * (after - before)
 }
 
-/// Writes an input in a gap: the line between the rows beside it, moved by an offset.
+/// Writes an input in a gap: the line between the rows beside it, plus an offset.
 fn write(prepared: &mut Prepared, place: Place, offset: f64) {
     let bridge = &mut prepared.bridges[place.bridge];
     bridge.offsets[place.input] = offset;
@@ -142,11 +147,12 @@ struct Place {
     input: usize,
     /// Rows of the gap.
     rows: f64,
-    /// How far the input may be off the line: a standard deviation.
+    /// The standard deviation of the input's difference from the line.
     sd: f64,
 }
 
-/// The inputs in gaps of a record. What a line gets wrong in other places of the record says how far it may be off here; a change across the gap may lie anywhere in it.
+/// The inputs in gaps of a record. The error of linear interpolation elsewhere in the record gives the expected error here. A change across the gap
+/// may lie anywhere in it.
 fn open(prepared: &Prepared) -> Vec<Place> {
     let mut list = Vec::new();
     for (input, values) in prepared.record.inputs.iter().enumerate().filter(|(_, values)| !values.is_empty()) {
@@ -164,7 +170,7 @@ fn open(prepared: &Prepared) -> Vec<Place> {
     list
 }
 
-/// The mean square by which the mean of this many values is off the line between those beside them.
+/// The mean square difference between the mean of this many values and the line between the values beside them.
 fn off_a_line(values: &[f64], rows: usize) -> f64 {
     let off = values.windows(rows + 2).map(|w| {
         let mean = w[1..=rows].iter().sum::<f64>() / rows as f64;
@@ -173,13 +179,13 @@ fn off_a_line(values: &[f64], rows: usize) -> f64 {
     off.sum::<f64>() / values.len().saturating_sub(rows + 1).max(1) as f64
 }
 
-/// Those of them that matter: what one of an input moves says what the others do, in proportion.
+/// The gap inputs that matter. The effect of one gap is simulated; the effects of the others follow in proportion.
 fn that_matter(whitened: &WhitenedResiduals, fit: &Fit, record: usize) -> Vec<Place> {
     let all = open(&whitened.records[record]);
     let mut list: Vec<(f64, Place)> = Vec::new();
     for input in 0..whitened.records[record].record.inputs.len() {
         let its: Vec<Place> = all.iter().filter(|it| it.input == input).copied().collect();
-        // The first one has the longest time to move what it moves.
+        // The first gap is simulated, because its effect has the longest time.
         let Some(first) = its.first() else { continue };
         let Some(Some(trace)) = traces(whitened, fit, record, &[*first]).pop() else { continue };
         let energy = trace.and(&trace);
@@ -191,8 +197,8 @@ fn that_matter(whitened: &WhitenedResiduals, fit: &Fit, record: usize) -> Vec<Pl
     list.into_iter().map(|it| it.1).collect()
 }
 
-/// Records whose inputs in gaps are moved to what the readings ask for, and the fit to them. `None` where that gains nothing, and where more than noise is left then: a plant that
-/// gets something else wrong would have its gaps answer for it.
+/// Records with estimated gap inputs, and the fit to them. `None` if that gains nothing, or if more than noise is left afterwards: then the gap
+/// inputs would compensate for another error of the plant.
 #[must_use]
 pub fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(Vec<Prepared>, Fit)> {
     if whitened.records.iter().all(|it| it.bridges.is_empty()) {
@@ -211,7 +217,8 @@ pub fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(Vec<Prepare
     Some((other.records, best))
 }
 
-/// Moves inputs in gaps once, in first order, all gaps of a record together, beside everything that is free anyway; whether that gained something.
+/// Moves the inputs in gaps once, to first order. All gaps of a record are solved together with the nuisance parameters. Returns whether that gained
+/// something.
 fn correct(whitened: &mut WhitenedResiduals, fit: &Fit) -> bool {
     let nuisance = Nuisance::new(fit);
     let mut residual = fit.residual.clone();
@@ -222,7 +229,7 @@ fn correct(whitened: &mut WhitenedResiduals, fit: &Fit) -> bool {
     before - nuisance.left(&residual).0 > LEAST_GAIN
 }
 
-/// The same for one record; the residual of all follows.
+/// The same for one record. The residual of all records is updated.
 fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<'_>, record: usize, residual: &mut Vec<f64>) {
     let places = that_matter(whitened, fit, record);
     let traces = traces(whitened, fit, record, &places).into_iter().zip(places);
@@ -236,7 +243,7 @@ fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<
     let first = whitened.first(record);
     let mut cost = nuisance.left(residual).0;
     for _ in 0..TURNS {
-        // What all gaps of the record still get wrong counts as noise.
+        // The remaining error of all gaps in the record counts as noise.
         let its = &residual[first..first + WhitenedResiduals::length(&whitened.records[record])];
         let noise = (dot(its, its) / its.len().max(1) as f64).max(1.0);
         let mut matrix: Vec<f64> = own.iter().map(|product| product / noise).collect();
@@ -272,11 +279,11 @@ fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<
     }
 }
 
-/// What each offset does to the outputs of its record, a unit of it; `None` where that cannot be simulated.
+/// The change of the record's outputs for a unit of each offset; `None` if that cannot be simulated.
 fn traces(whitened: &WhitenedResiduals, fit: &Fit, record: usize, places: &[Place]) -> Vec<Option<Column>> {
     let first = whitened.first(record);
     let mut list = Vec::new();
-    // Some at a time: each has a record of its own.
+    // A few at a time: each needs a copy of the record.
     for some in places.chunks(4 * whitened.threads.max(1)) {
         let now = |it: &Place| whitened.records[record].bridges[it.bridge].offsets[it.input];
         let moved = |it: &Place| {

@@ -1,7 +1,8 @@
 //! Bursts of noise: some rows in which a channel is far noisier than in all others, for example from a switching relay or a loose contact.
 //!
-//! In: the residuals of an output, in each record. Out: the rows of its bursts. Those rows are left out and reported, because they contain little information and would dominate a least squares fit.
-//! A real motion can look like a burst, too: a contact vibrates, or the simulation misses a fast transient. Such residuals are autocorrelated from row to row, and noise is not. Autocorrelated bursts are structure and are kept.
+//! In: the residuals of an output, in each record. Out: the rows of its bursts. Those rows are left out and reported: they contain little information
+//! and would dominate a least squares fit. A real motion can look like a burst too, for example if a contact vibrates or the simulation misses a fast
+//! transient. Such residuals are autocorrelated from row to row; noise is not. Autocorrelated bursts are structure and are kept.
 
 use std::ops::Range;
 
@@ -14,40 +15,42 @@ use super::validation;
 use super::whitened_residuals::WhitenedResiduals;
 use crate::engine::significance::median;
 
-/// What a finding says.
+/// The text of a finding.
 pub const BURST: &str = "burst of noise";
 
-/// Deviations from the neighbours beyond which a reading is large: one of 80 of normal noise.
+/// A reading is large if it deviates from its neighbours by more than this many standard deviations. Of normal noise, one reading in 80 is large.
 const LARGE_READING: f64 = 2.5;
 
-/// Rows of a window.
+/// The number of rows in a window.
 const WINDOW: usize = 8;
 
-/// This many large readings in a window show that a channel has bursts: of normal noise one window in 10^8 has as many, of noise six times as large four of five.
+/// With this many large readings in a window, a channel has bursts. Of normal noise one window in 10^8 has as many; of noise six times as large, four
+/// in five have.
 const SHOWS: usize = 5;
 
-/// This many are enough in a channel that has bursts: of normal noise one window in 10,000.
+/// In a channel with bursts, a window with this many large readings belongs to a burst. Of normal noise one window in 10,000 has as many.
 const BELONGS: usize = 3;
 
-/// The first and the last readings of a burst may be small by chance: a reading of noise six times as large is in one of three cases.
+/// Rows added at each end of a burst, because its first and last readings may be small by chance: with noise six times as large, one reading in three
+/// is small.
 const MARGIN: usize = 2;
 
-/// Bursts are a small part of a record: with more, noise simply changes.
+/// The largest share of rows in bursts. With more, the noise level changes, and these are no bursts.
 const MOST_IN_BURSTS: f64 = 0.2;
 
-/// Fewer rows in all bursts do not show whether they follow themselves.
+/// With fewer rows in all bursts, their autocorrelation is not tested.
 const LEAST_ROWS: usize = 20;
 
-/// Rows later that are asked whether they follow.
+/// The largest lag in rows of the autocorrelation test.
 const LATER: usize = 4;
 
-/// A sum of products of independent readings passes this many of its standard deviations once in a thousand cases.
+/// For independent readings, a sum of products exceeds this many of its standard deviations once in a thousand cases.
 const CORRELATED: f64 = 3.3;
 
-/// What is left of an output of a record, and the rows that count.
+/// The residual of an output in one record, and which rows count.
 pub(super) type LeftOf<'a> = (&'a [f64], &'a [bool]);
 
-/// The bursts of an output, one list a record; empty where nothing is a burst, or what is loud follows itself.
+/// The bursts of an output, one list for each record. Empty if there are none, or if the bursts are autocorrelated.
 #[must_use]
 pub(super) fn of_output(lists: &[LeftOf<'_>]) -> Vec<Vec<Range<usize>>> {
     let none = vec![Vec::new(); lists.len()];
@@ -66,7 +69,7 @@ pub(super) fn of_output(lists: &[LeftOf<'_>]) -> Vec<Vec<Range<usize>>> {
     bursts
 }
 
-/// Rows of a record in which this many readings of a window are far off their neighbours.
+/// Rows of a record in windows with at least this many large readings.
 fn loud(left: &[f64], used: &[bool], least: usize) -> Vec<Range<usize>> {
     let off = off_neighbours(left, used);
     let Some(size) = deviation(&off).filter(|size| *size > 0.0) else { return Vec::new() };
@@ -88,17 +91,18 @@ fn loud(left: &[f64], used: &[bool], least: usize) -> Vec<Range<usize>> {
     bursts
 }
 
-/// Whether readings in bursts follow themselves: by their mean, or by products of readings some rows apart, each sum over the root of the sum of its squares.
+/// Whether readings in bursts are autocorrelated. The test uses their mean and the products of readings some rows apart; each sum is divided by the
+/// root of its sum of squares.
 fn follows(lists: &[LeftOf<'_>], bursts: &[Vec<Range<usize>>]) -> bool {
     let mut sums = [(0.0, 0.0); LATER + 1];
     for ((left, used), bursts) in lists.iter().zip(bursts) {
         for burst in bursts {
-            // What lasts longer than a burst is none of its own: the middle of the rows beside it.
+            // A slow deviation is not part of a burst: the median of the rows beside it is subtracted.
             let near = burst.start.saturating_sub(burst.len())..(burst.end + burst.len()).min(left.len());
             let mut beside: Vec<f64> = near.filter(|row| !burst.contains(row) && used[*row]).map(|row| left[row]).collect();
             let level = if beside.is_empty() { 0.0 } else { median(&mut beside) };
             let mut off: Vec<f64> = burst.clone().map(|row| if used[row] { left[row] - level } else { 0.0 }).collect();
-            // Every burst counts alike, however loud.
+            // Each burst is scaled to the same size, so that all count equally.
             let size = (off.iter().map(|off| off * off).sum::<f64>() / off.len() as f64).sqrt();
             off.iter_mut().for_each(|off| *off /= size.max(f64::MIN_POSITIVE));
             for (later, sum) in sums.iter_mut().enumerate() {
@@ -112,7 +116,7 @@ fn follows(lists: &[LeftOf<'_>], bursts: &[Vec<Range<usize>>]) -> bool {
     sums.iter().any(|(sum, squares)| sum.abs() > CORRELATED * squares.sqrt())
 }
 
-/// Leaves the rows of bursts out, in both sets of records; whether there were any.
+/// Leaves out the rows of bursts in both sets of records. Returns whether there were any.
 pub(super) fn leave_out(
     whitened: &mut WhitenedResiduals,
     unseen: &mut WhitenedResiduals,
@@ -138,7 +142,7 @@ pub(super) fn leave_out(
         let bursts = of_output(&lists);
         for ((prepared, k, _), bursts) in holding.into_iter().zip(bursts) {
             let (record, channel) = (prepared.record.file.clone(), signal.name.to_string());
-            // A jump in a burst is a part of it.
+            // A jump inside a burst is part of the burst.
             let in_burst =
                 |it: &Finding| prepared.row_of(it.rows.0).is_some_and(|row| bursts.iter().any(|burst| burst.contains(&row)));
             findings.retain(|it| it.what != "jump" || it.record != record || it.channel != channel || !in_burst(it));

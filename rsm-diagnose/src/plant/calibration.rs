@@ -1,7 +1,8 @@
 //! The calibrated plant, and the noise of each output.
 //!
-//! In: records, a plant file. Out: the parameters (within their tolerances) and starts that fit the records best, from several starts; and the noise floors. A floor comes from what
-//! this fit leaves or, for a sensor that rounds, from the scatter about the mean reading. Never adds a cause.
+//! In: records and a plant file. Out: the parameters (within their tolerances) and initial states that fit the records best, from several starting
+//! points, and the noise floors. A floor comes from the residual of this fit or, for a sensor that rounds, from the scatter about the mean reading.
+//! Never adds a cause.
 
 use super::levenberg::{self, Fit};
 use super::model::{self, AtStart, Model};
@@ -12,7 +13,7 @@ use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
-/// Noise floor and calibrated plant, in turns: the floor is what the calibrated plant leaves at high frequencies.
+/// Estimates the noise floor and the calibrated plant in turn: the floor is the residual of the calibrated plant at high frequencies.
 pub fn calibrate(whitened: &mut WhitenedResiduals, file: &PlantFile, at_start: AtStart) -> Option<(Model, Fit)> {
     let records: Vec<Record> = whitened.records.iter().map(|it| it.record.clone()).collect();
     let records: Vec<&Record> = records.iter().collect();
@@ -28,7 +29,7 @@ pub fn calibrate(whitened: &mut WhitenedResiduals, file: &PlantFile, at_start: A
     if is_near_noise(&fit) {
         return Some((nominal, fit));
     }
-    // Another valley may be the right one: from the beginnings of the records, and from the other side of what was found.
+    // There may be a better local minimum: try the beginnings of the records, and the opposite side of the calibrated values.
     let mut best = fit;
     let from_beginnings = from_beginnings(whitened, &nominal);
     for start in from_beginnings.into_iter().chain([mirrored(&nominal, &best.model)]) {
@@ -46,12 +47,12 @@ pub fn calibrate(whitened: &mut WhitenedResiduals, file: &PlantFile, at_start: A
     Some((nominal, fit))
 }
 
-/// Twice the noise and less: no other start would find much.
+/// Whether the residual is at most twice the noise. Then no other starting point would help much.
 fn is_near_noise(fit: &Fit) -> bool {
     fit.cost < 4.0 * fit.residual.len() as f64
 }
 
-/// A fit that goes on while it gains a thousandth of its cost, four times at most: eight steps are enough near a best, and none from far away.
+/// Continues a fit while it gains a thousandth of its cost, at most four times. Eight steps are enough near a minimum, but not far from it.
 fn converged(whitened: &WhitenedResiduals, mut fit: Fit) -> Option<Fit> {
     for _ in 0..4 {
         let further = levenberg::onward(whitened, fit.model.clone(), 8, Some(&fit))?;
@@ -66,7 +67,8 @@ fn converged(whitened: &WhitenedResiduals, mut fit: Fit) -> Option<Fit> {
     Some(fit)
 }
 
-/// A calibration to the first eighth of each record, then to twice as much, and so on: what turns or swings is in step there.
+/// A calibration to the first eighth of each record, then to twice as much, and so on. A rotation or an oscillation is still in phase at the
+/// beginning.
 fn from_beginnings(whitened: &WhitenedResiduals, nominal: &Model) -> Option<Model> {
     let mut model = nominal.clone();
     for share in [8, 4, 2] {
@@ -76,7 +78,7 @@ fn from_beginnings(whitened: &WhitenedResiduals, nominal: &Model) -> Option<Mode
     Some(model)
 }
 
-/// Calibrated parameters on the other side of their nominal values, each start as it was found.
+/// Calibrated parameters mirrored at their nominal values; the initial states stay as found.
 fn mirrored(nominal: &Model, found: &Model) -> Model {
     let mut model = found.clone();
     for k in 0..model.unknowns.len() {
@@ -88,12 +90,13 @@ fn mirrored(nominal: &Model, found: &Model) -> Model {
     model
 }
 
-/// The noise of each output from what a fit leaves.
+/// The noise of each output from the residual of a fit.
 pub fn floors(whitened: &WhitenedResiduals, fit: &Fit, file: &PlantFile) -> [Floor; OUTPUTS] {
     estimate(whitened, &fit.simulated, file)
 }
 
-/// Floors where outputs (place, step) are rounded: what rounding leaves about the mean reading, where that can be told; else its whole error as white noise, at least.
+/// Noise floors if some outputs (place, step) are rounded. The floor is the scatter that rounding leaves about the mean reading, if that can be
+/// estimated. Otherwise it is at least the rounding error as white noise.
 pub fn with_rounding(
     whitened: &WhitenedResiduals,
     fit: &Fit,
@@ -122,7 +125,7 @@ pub fn with_rounding(
             let simulated: Vec<&[f64]> = lists.iter().map(|it| it.1).collect();
             Floor::of_rounding(rounding, &simulated, &left)
         });
-        // The error of rounding is uniform over a step: its standard deviation is step/sqrt(12).
+        // A rounding error is uniform over a step, so its standard deviation is step/sqrt(12).
         let uniform = step / 12.0_f64.sqrt();
         floors[output] = match found {
             Some(floor) => floor,
@@ -133,7 +136,8 @@ pub fn with_rounding(
     floors
 }
 
-/// The noise of each output from what a simulation leaves; where records are too short for a spectrum, what the file says, or a thousandth of the largest reading.
+/// The noise of each output from the residual of a simulation. If the records are too short for a spectrum: the value in the file, or a thousandth of
+/// the largest reading.
 fn estimate(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simulated], file: &PlantFile) -> [Floor; OUTPUTS] {
     let mut floors = whitened.floors;
     for ((output, floor), shown) in floors.iter_mut().enumerate().zip(shown(whitened, simulated)) {
@@ -145,23 +149,23 @@ fn estimate(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simul
     floors
 }
 
-/// What records show of the noise of an output.
+/// The noise of an output as estimated from the records.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Shown {
-    /// The floor, where they are long enough for a spectrum.
+    /// The floor, if the records are long enough for a spectrum.
     pub floor: Option<Floor>,
     /// The largest reading.
     pub largest: f64,
 }
 
 impl Shown {
-    /// Below the digits of a simulation there is no noise to be told from it.
+    /// The smallest noise that can be separated from the error of a simulation.
     fn least(&self) -> f64 {
         1e-9 * self.largest.max(1e-291)
     }
 }
 
-/// The noise of each output as records show it when a simulation is taken from them.
+/// The noise of each output after a simulation is subtracted from the records.
 pub fn shown(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simulated]) -> [Shown; OUTPUTS] {
     let mut all = [Shown::default(); OUTPUTS];
     for (output, shown) in all.iter_mut().enumerate() {

@@ -1,6 +1,6 @@
 //! A cause, with the data that a report shows.
 //!
-//! In: the accepted causes of a diagnosis. Out: [`Cause`], with its parameters and its evidence. No decision is taken here.
+//! In: the accepted causes of a diagnosis. Out: [`Cause`], with its parameters and its evidence. Makes no decision.
 
 use super::hypotheses::label;
 use super::regions::Region;
@@ -26,42 +26,43 @@ pub struct Interval {
 pub struct Cause {
     /// The kind of the catalogue.
     pub kind: &'static str,
-    /// The named parameter or output.
+    /// The parameter or output that it refers to, if any.
     pub subject: Option<String>,
-    /// Which of the two it is.
+    /// What `subject` is.
     pub of: Subject,
-    /// Its numbers.
+    /// Its parameters.
     pub parameters: Vec<Interval>,
     /// The probability that it is right.
     pub confidence: f64,
-    /// The probability that it, or one of those that leave the same trace, is right.
+    /// The probability that it, or a cause with the same trace, is right.
     pub confidence_of_any: f64,
-    /// Causes that leave the same trace in these records.
+    /// Causes with the same trace in these records.
     pub indistinguishable_from: Vec<String>,
-    /// How much worse the fit is without it, in squared standard deviations of the noise.
+    /// How much the squared residual grows without it, in squared standard deviations of the noise.
     pub gain: f64,
-    /// Its rivals and how much worse they do, in the same unit.
+    /// Its rivals, and how much worse they fit, in the same unit.
     pub rivals: Vec<(String, f64)>,
-    /// Whether rivals were looked for; false where the limit of work came first.
+    /// Whether rivals were tested; false if the work limit was reached first.
     pub asked: bool,
-    /// A sentence of plain words.
+    /// A sentence that describes it.
     pub sentence: String,
-    /// What to measure or look at to be sure.
+    /// What to measure or inspect to confirm it.
     pub check: &'static str,
-    /// What it does on the evaluation records; of the strongest causes.
+    /// Its effect on the evaluation records; only for the strongest causes.
     pub witness: Option<Witness>,
-    /// The only record in which it acts, by its file; absent where it acts in all.
+    /// The file of the only record in which it acts; `None` if it acts in all.
     pub only_in: Option<String>,
 }
 
 impl Cause {
-    /// Its name in lists: the kind, and what it is of.
+    /// Its name in lists: the kind and the subject.
     #[must_use]
     pub fn label(&self) -> String {
         label(self.kind, self.subject.as_deref())
     }
 
-    /// Half of the interval of a number as a share of its value; `None` where there is none to speak of: of a phase, of 0, of a number that was not estimated.
+    /// Half of a number's interval as a share of its value. `None` if that means nothing: for a phase, for 0, and for a number that was not
+    /// estimated.
     #[must_use]
     pub fn relative_error(number: &Interval) -> Option<f64> {
         let half = 0.5 * (number.high - number.low);
@@ -70,25 +71,25 @@ impl Cause {
     }
 }
 
-/// What a cause does on the evaluation records, against the plant without it.
+/// The effect of a cause on the evaluation records, compared with the plant without it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Witness {
-    /// Root mean square error over the noise of each output: its place, without the cause, with it.
+    /// For each output: its place, and the root mean square error over the noise without and with the cause.
     pub outputs: Vec<(usize, f64, f64)>,
-    /// Of each record: its name, squared residual without and with the cause, in squared standard deviations of the noise.
+    /// For each record: its name, and its squared residual without and with the cause, in squared standard deviations of the noise.
     pub records: Vec<(String, f64, f64)>,
-    /// Where the plant without it is wrong.
+    /// Regions in which the plant without it is wrong.
     pub places: Vec<Region>,
 }
 
-/// What a cause changes of the error of an output, in multiples of the noise, is worth a word from here on.
+/// The smallest reported change of an output's error, in multiples of the noise.
 const LEAST_CHANGE: f64 = 0.01;
 
 /// Outputs with their error without and with a cause, in multiples of the noise.
 pub type Changes = Vec<(usize, f64, f64)>;
 
 impl Witness {
-    /// Outputs whose error the cause lowers, and those whose error it raises; those that it lowers most, or raises least, first.
+    /// Outputs whose error the cause lowers, and outputs whose error it raises. The largest decrease, or the smallest increase, comes first.
     #[must_use]
     pub fn changes(&self) -> [Changes; 2] {
         let mut outputs = self.outputs.clone();
@@ -97,7 +98,7 @@ impl Witness {
         [by(1.0), by(-1.0)]
     }
 
-    /// Names of the records that gain nothing by the cause.
+    /// Names of the records in which the cause gains nothing.
     #[must_use]
     pub fn without_gain(&self) -> Vec<&str> {
         self.records.iter().filter(|(_, without, with)| with >= without).map(|it| it.0.as_str()).collect()

@@ -1,7 +1,7 @@
 //! Checks of the data before the first simulation: samples that an intact sensor cannot produce.
 //!
-//! In: a prepared record. Out: findings. Their rows are left out of all later figures. Where time is missing, or a block of rows occurs twice, the inputs are missing too, and
-//! the state of the plant afterwards is unknown: one part without such a break is kept. Never corrects a sample.
+//! In: a prepared record. Out: findings. The rows of findings are left out of all later figures. After a gap in time or a repeated block of rows, the
+//! state of the plant is unknown, because the inputs are missing. Only one part of the record without such a break is kept. Never corrects a sample.
 
 use super::blocks::{STUCK, twice};
 use super::bridges;
@@ -12,28 +12,30 @@ use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 use rsm_sim::simulate::Simulator;
 
-/// A channel counts as noisy when fewer than this share of its readings equal the one before: rounding to coarse steps repeats far more.
+/// A channel is noisy if fewer than this share of its readings equal the reading before. A coarsely rounded channel repeats far more often.
 const REPEATS: f64 = 0.02;
 
-/// A sample this many robust standard deviations of second differences off its neighbours' line is a jump: normal noise passes 12 once in 10^32.
+/// A sample is a jump if its second difference exceeds this many robust standard deviations. Normal noise exceeds 12 standard deviations once in
+/// 10^32 samples.
 const JUMP: f64 = 12.0;
 
-/// The part of a record from its beginning is kept where it has at least this share of the rows: its first state is known best.
+/// The first part of a record is kept if it has at least this share of the rows, because its initial state is known best.
 const FIRST_PART: f64 = 0.25;
 
-/// What a wrong first state moves counts as gone when this share of it is left.
+/// The effect of a wrong initial state counts as gone when this share of it is left.
 const GONE: f64 = 1e-3;
 
-/// A channel that has one value from a row to the end hangs there, whatever the value, where that is this part of the record.
+/// A channel is stuck if it has one value from some row to the end, and this part is at least one in this many of the record's rows.
 const STAYS: usize = 4;
 
-/// Readings below a limit for fewer rows than this stand between two that were clipped by noise, not by another motion: noise of a signal at the limit passes it in half of the rows, and 2^-20 of such times are longer.
+/// Two clipped readings belong to one clipped interval if they are at most this many rows apart. Noise takes a signal at the limit below it in half
+/// of the rows; an interval longer than this has a probability of 2^-20.
 const BETWEEN_CLIPPED: usize = 20;
 
-/// A channel is judged noisy beside its longest run of equal readings where this many others are left.
+/// The longest run of equal readings is ignored in the test for noise if at least this many other readings are left.
 const ENOUGH_BESIDE: usize = 50;
 
-/// The text of a finding for columns with exchanged headers.
+/// The text of a finding for exchanged column headers.
 pub const SWAPPED: &str = "swapped with another column";
 
 /// What was found in a record.
@@ -43,19 +45,21 @@ pub struct Finding {
     pub record: String,
     /// The channel, "row" or "time".
     pub channel: String,
-    /// What it is: "constant", "stuck", "clipped", "jump", "duplicated row", "duplicated block", "gap", "after a gap or a block", "shifted", "swapped with another column".
+    /// The kind of the finding: "constant", "stuck", "clipped", "jump", "duplicated row", "duplicated block", "gap",
+    /// "beyond a gap or a block", "settling after a gap or a block", "shifted in time, late", "shifted in time, early",
+    /// "swapped with another column".
     pub what: &'static str,
     /// First and last row, from 0.
     pub rows: (usize, usize),
 }
 
-/// Records as a diagnosis takes them, and what is wrong with them.
+/// The prepared records and what is wrong with them.
 pub fn prepared(pieces: impl IntoIterator<Item = Piece>, file: &PlantFile) -> (Vec<Prepared>, Vec<Finding>) {
     let mut findings = Vec::new();
     let one = |piece: Piece| {
         let mut one = Prepared { from: piece.from, ..Prepared::new(piece.record, file.kind.outputs().len()) };
         findings.extend(check(&mut one, file));
-        // Rows of the file, of which a check may have left out some.
+        // Row numbers of the file. A check may have left out some rows.
         let settling = (0..one.record.rows()).take_while(|row| one.file_row(*row) < piece.from + piece.settling).count();
         one.used.iter_mut().for_each(|used| used[..settling].fill(false));
         one
@@ -64,7 +68,7 @@ pub fn prepared(pieces: impl IntoIterator<Item = Piece>, file: &PlantFile) -> (V
     (prepared, findings)
 }
 
-/// Finds what is wrong with a record and takes those rows out.
+/// Finds what is wrong with a record, and leaves those rows out.
 pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     bridges::fill(prepared);
     let mut findings = without_constant(prepared, file);
@@ -84,20 +88,20 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
         findings.push(finding("time", "gap", (row - 1, *row)));
     }
     let mut blocks = twice(&(0..count).filter(|k| noisy[*k]).map(|k| prepared.measured(k)).collect::<Vec<_>>());
-    // A plant at rest repeats itself; a recorder that repeats a block repeats its noise.
+    // A plant at rest gives equal readings without noise. A recorder that repeats a block repeats its noise as well.
     let resting: Vec<Resting> = (0..count).map(|k| Resting::new(prepared.measured(k), nominal[k].as_deref())).collect();
     blocks.retain(|(from, to)| (0..count).any(|k| noisy[k] && !resting[k].is_still(*from..*to)));
     for block in &blocks {
         findings.push(finding("row", "duplicated block", (block.0, block.1 - 1)));
     }
 
-    // A row whose noisy channels all repeat the row before was written twice.
+    // A row is duplicated if all its noisy channels equal the row before.
     if count > 1 && noisy.iter().all(|noisy| *noisy) {
         for row in 1..rows {
             let same = |k: usize| prepared.measured(k)[row] == prepared.measured(k)[row - 1];
             if (0..count).all(same)
                 && !(row > 1 && (0..count).all(|k| prepared.measured(k)[row - 1] == prepared.measured(k)[row - 2]))
-                // A drive that is switched off at rest reads 0 everywhere.
+                // A drive that is switched off at rest reads 0 in all channels.
                 && !(0..count).all(|k| resting[k].rests(run_at(prepared.measured(k), row)))
             {
                 findings.push(finding("row", "duplicated row", (row, row)));
@@ -122,9 +126,9 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
                 first = row;
                 continue;
             }
-            // At the end of the range a few equal readings are enough: noise does not repeat its extreme.
+            // At the end of the range, fewer equal readings are enough, because noise does not repeat an extreme value.
             if row - first >= STUCK || (extreme && row - first >= STUCK / 2) {
-                // A limit is left again; what stays to the end of the record, for a good part of it, hangs.
+                // A channel leaves a limit again. If it stays there to the end of the record for a large part of it, it is stuck.
                 let stays = row == rows && row - first >= rows / STAYS;
                 if extreme && !stays {
                     limits.push(values[first]);
@@ -144,7 +148,7 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     leave_out(prepared, file, &findings);
     let unbroken = longest_part(prepared, &blocks);
     if unbroken != (0..rows) {
-        // The state after a break is unknown where sensors do not show all of it.
+        // The state after a break is unknown, because sensors do not show all of it.
         let settled = if unbroken.start == 0 { 0 } else { memory(prepared, file, unbroken.clone()).unwrap_or(0) };
         let first = (unbroken.start + settled).min(unbroken.end);
         for lost in [0..unbroken.start, unbroken.end..rows] {
@@ -166,7 +170,8 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     findings
 }
 
-/// First and last rows of the times in which a channel is at a limit. Noise decides beside it which readings pass the limit: those that do not are no sample of the truth, so short times between two such readings belong to it.
+/// The first and last row of each interval in which a channel is at a limit. Beside the limit, noise decides which readings pass it. Readings below
+/// the limit are therefore a biased sample, so a short interval between two clipped readings also counts as clipped.
 fn clipped(values: &[f64], limit: f64) -> Vec<(usize, usize)> {
     let mut times: Vec<(usize, usize)> = Vec::new();
     for row in (0..values.len()).filter(|row| values[*row] == limit) {
@@ -178,21 +183,22 @@ fn clipped(values: &[f64], limit: f64) -> Vec<(usize, usize)> {
     times
 }
 
-/// Rows of findings as the file counts them: rows that were filled in are not in it.
+/// Converts the rows of findings to row numbers of the file. The file does not have the rows that were filled in.
 fn in_file(prepared: &Prepared, findings: &mut [Finding]) {
     for finding in findings {
         finding.rows = (prepared.file_row(finding.rows.0), prepared.file_row(finding.rows.1));
     }
 }
 
-/// The nominal plant along a record, output by output; nothing where it cannot be simulated. It decides no size: only whether a channel should move at all.
+/// The nominal plant along a record, one entry for each output; `None` if it cannot be simulated. Used only to decide whether a channel should move
+/// at all.
 fn along(prepared: &Prepared, file: &PlantFile) -> Vec<Option<Vec<f64>>> {
     let run = Simulator::new(file, &prepared.record).ok().and_then(|mut it| it.run(&prepared.record).ok());
     let of = |output: &usize| run.as_ref()?.of(file.kind.outputs()[*output].name).map(<[f64]>::to_vec);
     prepared.outputs.iter().map(of).collect()
 }
 
-/// Takes channels out that read one value in all rows, though the nominal plant moves there: such a sensor hangs, or the column was never filled in.
+/// Removes channels that have one value in all rows while the nominal plant moves: the sensor is stuck, or the column was never filled in.
 fn without_constant(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     let mut findings = Vec::new();
     let nominal = along(prepared, file);
@@ -214,12 +220,12 @@ fn without_constant(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     findings
 }
 
-/// Whether all values are one.
+/// Whether all values are equal.
 fn is_constant(values: &[f64]) -> bool {
     values.windows(2).all(|pair| pair[0] == pair[1])
 }
 
-/// Takes the rows of findings out.
+/// Leaves out the rows of findings.
 fn leave_out(prepared: &mut Prepared, file: &PlantFile, findings: &[Finding]) {
     let names = file.kind.outputs();
     for finding in findings.iter().filter(|it| it.channel != "time") {
@@ -231,7 +237,7 @@ fn leave_out(prepared: &mut Prepared, file: &PlantFile, findings: &[Finding]) {
     }
 }
 
-/// The part of a record without breaks that is kept.
+/// The part of a record without breaks that is kept: the first part if it is long enough, otherwise the longest.
 fn longest_part(prepared: &Prepared, blocks: &[(usize, usize)]) -> std::ops::Range<usize> {
     let rows = prepared.record.rows();
     let mut cuts: Vec<(usize, usize)> =
@@ -251,12 +257,12 @@ fn longest_part(prepared: &Prepared, blocks: &[(usize, usize)]) -> std::ops::Ran
     parts.into_iter().max_by_key(ExactSizeIterator::len).unwrap_or(first)
 }
 
-/// How many rows the plant remembers a first state: its simulation from the middle of a part, against the one that came from the part's beginning. A constant
-/// difference is another start, which is free anyway. `None` where it cannot be simulated.
+/// The number of rows for which the initial state matters: a simulation that starts in the middle of a part is compared with one from the start of
+/// the part. A constant difference is only another start value, which is unknown anyway. `None` if the plant cannot be simulated.
 pub(super) fn memory(prepared: &Prepared, file: &PlantFile, part: std::ops::Range<usize>) -> Option<usize> {
     let whole = prepared.record.piece(part.clone());
     let middle = part.len() / 2;
-    // Two runs that begin apart take other steps: finer ones than the digits that count below.
+    // Runs with different starts take different steps, so the tolerance is below the accuracy that is compared.
     let run = |record: &Record| Simulator::new(file, record).ok()?.tolerance(1e-12).run(record).ok();
     let long = run(&whole)?;
     let mut later = whole.piece(middle..part.len());
@@ -271,7 +277,7 @@ pub(super) fn memory(prepared: &Prepared, file: &PlantFile, part: std::ops::Rang
         let off: Vec<f64> = long[middle..].iter().zip(short).map(|(long, short)| long - short).collect();
         let end = *off.last()?;
         let most = off.iter().fold(0.0_f64, |most, off| most.max((off - end).abs()));
-        // What is as small as the digits of a simulation is nothing.
+        // A difference within the accuracy of a simulation counts as zero.
         let size = long.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
         if most <= 1e-9 * size {
             Some(0)
@@ -282,13 +288,13 @@ pub(super) fn memory(prepared: &Prepared, file: &PlantFile, part: std::ops::Rang
     prepared.outputs.iter().filter_map(|output| of_output(file.kind.outputs()[*output].name)).max()
 }
 
-/// The rows around one that all read what it reads.
+/// The run of equal readings that contains a row.
 fn run_at(values: &[f64], row: usize) -> std::ops::Range<usize> {
     let same = |it: &&f64| **it == values[row];
     row - values[..row].iter().rev().take_while(same).count()..row + values[row..].iter().take_while(same).count()
 }
 
-/// Few readings that repeat the one before, beside the longest time for which the channel hangs.
+/// Whether few readings repeat the one before, outside the longest run of equal readings.
 fn is_noisy(values: &[f64]) -> bool {
     let mut hangs = 0..0;
     let mut first = 0;
@@ -304,14 +310,14 @@ fn is_noisy(values: &[f64]) -> bool {
     if hangs.len() < STUCK || beside.len() < ENOUGH_BESIDE {
         beside = values.to_vec();
     }
-    // A limit and a dead band repeat one reading, whatever the noise; readings between them say whether there is any.
+    // At a limit and in a dead band, readings repeat whatever the noise. Only readings between them show noise.
     let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
     let between: Vec<f64> = beside.iter().copied().filter(|value| ![low, high, 0.0].contains(value)).collect();
     repeats_little(if between.len() < ENOUGH_BESIDE { &beside } else { &between })
 }
 
 fn repeats_little(values: &[f64]) -> bool {
-    // A channel that hangs for a while repeats for that long: what moves between other rows decides.
+    // A stuck channel repeats for a long run. The other rows show whether the channel is noisy.
     let mut repeats = 0;
     let mut runs = 0;
     for k in 1..values.len() {
@@ -325,17 +331,17 @@ fn repeats_little(values: &[f64]) -> bool {
     repeats < values.len() / 2 && (runs as f64) < REPEATS * values.len() as f64
 }
 
-/// Single samples far off their neighbours.
+/// Single samples far from the line through their neighbours.
 #[must_use]
 pub fn jumps(values: &[f64]) -> Vec<usize> {
     let second: Vec<f64> = values.windows(3).map(|w| w[1] - 0.5 * (w[0] + w[2])).collect();
-    // Where a channel repeats itself it is at rest, and says nothing about noise.
+    // A channel that repeats its value is at rest and shows no noise.
     let moves = rest::moving(values);
     let sizes = second.iter().enumerate().filter(|(k, _)| moves[k + 1]).map(|(_, value)| value.abs());
     let mut sizes: Vec<f64> = sizes.collect();
-    // The median of |x| is 0.6745 standard deviations of a normal x.
+    // For a normal x, the median of |x| is 0.6745 standard deviations.
     let sd = median(&mut sizes) / 0.6745;
-    // Steps of a sensor on a straight line: what is left of second differences are the last digits of four readings, each of them off by half a digit.
+    // A rounded sensor on a straight line: four readings, each up to half a step off, give the second difference.
     let largest = values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
     if sd <= 4.0 * f64::EPSILON * largest {
         return Vec::new();
@@ -343,7 +349,7 @@ pub fn jumps(values: &[f64]) -> Vec<usize> {
     let off = |k: usize| k.checked_sub(1).and_then(|k| second.get(k)).copied().unwrap_or(0.0);
     (1..values.len().saturating_sub(1))
         .filter(|&row| {
-            // A spike bends the line at its row one way and at both neighbours half as much the other way; a step or a corner does not.
+            // A spike bends the line at its row one way, and at both neighbours half as much the other way. A step or a corner does not.
             let here = off(row);
             let (before, after) = (off(row - 1), off(row + 1));
             here.abs() > JUMP * sd && before * here < -0.16 * here * here && after * here < -0.16 * here * here

@@ -1,8 +1,9 @@
 //! A plant file that already has effects (claims): the records confirm or contradict them.
 //!
-//! In: a plant file with `[[effects]]`, written by an earlier diagnosis or by an engineer. Out: a diagnosis that starts from them. Further causes explain what the claims do not. A claim that the
-//! records contradict becomes a cause itself, with the value from the records beside the value of the file. The effects are part of the plant during the search, so two searches
-//! decide: one keeps the claims, and the other, run where different numbers fit clearly better, uses those. The simpler explanation is accepted.
+//! In: a plant file with `[[effects]]`, written by an earlier diagnosis or by an engineer. Out: a diagnosis that starts from them. Further causes
+//! explain what the claims do not. If the records contradict a claim, it becomes a cause, with the value from the records and the value of the file.
+//! Two searches may be needed: one with the parameters of the file, and one with free parameters if these fit clearly better. The simpler explanation
+//! is accepted.
 
 use super::cause::{Cause, Interval};
 use super::confidence::{self, Case};
@@ -20,13 +21,14 @@ use rsm_sim::effect::Subject;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
 
-/// Steps of the fit in which the numbers of the claims are free: a search of one cause takes as many.
+/// The number of steps of the fit with the parameters of the claims free: the same as in the search for one cause.
 const STEPS: usize = 40;
 
-/// What chance gains with one free number, in squared standard deviations of the noise, with a wide margin: one in 10^6 is beyond 24.
+/// The gain that chance may give with one free parameter, in squared standard deviations of the noise, with a wide margin: it exceeds 24 once in 10^6
+/// cases.
 const BY_CHANCE: f64 = 24.0;
 
-/// The plant as the search takes it: errors of parameters are the parameters, all other effects are given.
+/// The plant for the search: parameter errors are written into the parameters; all other effects are fixed.
 fn as_given(file: &PlantFile) -> PlantFile {
     let mut given = file.clone();
     given.effects.clear();
@@ -49,7 +51,7 @@ pub(super) fn diagnose(
 ) -> Result<Diagnosis, Refused> {
     let filed = as_given(file);
     let mut found = of_nominal(&filed, training, validation, test, options)?;
-    // Tails and bursts that the answer has no use for were structure.
+    // If the accepted answer needs no heavy tails or bursts, they were structure.
     let tails = if found.has_uneven_noise() { HeavyTails::LookedFor } else { HeavyTails::LeftAlone };
     if let Some(judged) = judged(&filed, training, validation, tails, options) {
         let moved: Vec<usize> = (0..judged.claims.len()).filter(|k| !judged.claims[*k].stands).collect();
@@ -75,18 +77,18 @@ pub(super) fn diagnose(
 
 struct Judged {
     claims: Vec<Claim>,
-    /// The plant with the claims' numbers free.
+    /// The fit with free parameters of the claims.
     fit: Fit,
-    /// The plant with the file's numbers.
+    /// The fit with the parameters of the file.
     filed: Fit,
-    /// Whether free numbers gain what decides between two explanations.
+    /// Whether the free parameters gain as much as decides between two explanations.
     contradict: bool,
     decides: f64,
-    /// Noise as the training records have it, without them.
+    /// The training records with their noise, without the claims.
     noise: WhitenedResiduals,
 }
 
-/// Fits the numbers of the claims to the training records; `None` where there are none, or nothing can be simulated.
+/// Fits the parameters of the claims to the training records. `None` if there are no claims, or if nothing can be simulated.
 fn judged(
     filed: &PlantFile,
     training: &[Record],
@@ -97,7 +99,7 @@ fn judged(
     if filed.given.is_empty() {
         return None;
     }
-    // From the rows, the noise and the starts with which the search began.
+    // Uses the same rows, noise and initial states as the search.
     let Ready { whitened, nominal, calibrated, .. } = Ready::of(filed, training, validation, tails, options).ok()?;
     let without = |model: &Model| {
         let mut model = model.clone();
@@ -120,14 +122,15 @@ fn claim(fit: &Fit, place: usize, entry: &Entry) -> Claim {
     Claim { kind: entry.description.kind, subject: entry.arguments.subject.clone(), records, file, stands }
 }
 
-/// Whether an explanation that contradicts some claims is the one to believe.
+/// Whether the explanation that contradicts some claims is the better one.
 fn is_better(anew: &Diagnosis, contradicted: usize, found: &Diagnosis) -> bool {
     let is_explained = |it: &Diagnosis| it.verdict != Verdict::Unexplained;
     let left = |it: &Diagnosis| it.extended.iter().map(|error| error.noise_ratio.powi(2)).sum::<f64>();
     match (is_explained(anew), is_explained(found)) {
         (true, false) => true,
         (false, true) => false,
-        // Both explain: the fewest things that are wrong. Neither: what leaves less, by what a cause must be worth.
+        // If both explain the error, the one with fewer corrections and causes wins. If neither does, the new one must leave less, by the gain that a
+        // cause needs.
         (true, true) => anew.entries().count() + contradicted <= found.entries().count(),
         (false, false) => effect_size::least(left(found), found.extended.len()) < left(found) - left(anew),
     }
@@ -140,7 +143,7 @@ struct Setting<'a> {
     test: &'a [Record],
 }
 
-/// The diagnosis of the plant with other numbers, told from the plant of the file: what was contradicted is a cause.
+/// The diagnosis of the plant with changed parameters, reported relative to the plant of the file: each contradicted claim is a cause.
 fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved: &[usize], setting: &Setting<'_>) -> Diagnosis {
     let explained = anew.verdict != Verdict::Unexplained;
     let rows = judged.fit.residual.len() as f64;
@@ -155,7 +158,7 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
             unit: judged.decides,
             left: anew.left.excess.max(0.0) * rows,
             explained,
-            // The search in which the claims stand asked everything else, and did worse.
+            // The search with the claims unchanged tested all alternatives, and they fitted worse.
             asked: true,
         };
         let believed = Believed {
@@ -179,7 +182,7 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
         anew.verdict = Verdict::Explained;
     }
     anew.claims = judged.claims.clone();
-    // Errors before are those of the file, with its own numbers.
+    // The errors before are those of the file with its own parameters.
     anew.nominal = before.nominal.clone();
     anew.gain = validation::gain(&anew.nominal, &anew.extended);
     let judges = if setting.validation.is_empty() { setting.training } else { setting.validation };
@@ -195,7 +198,7 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
     anew
 }
 
-/// What the file says of it, behind what the records say.
+/// The sentence about the file, added to the sentence about the records.
 fn told(sentence: &str, claim: &Claim) -> String {
     let numbers: Vec<String> = claim
         .records

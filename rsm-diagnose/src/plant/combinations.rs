@@ -1,6 +1,7 @@
 //! The extended plant with some of its causes: the simulated outputs of each combination of the strongest ones, along the evaluation records.
 //!
-//! In: the compared plants, the accepted causes. Out: [`Combinations`]. Without some causes everything else is fitted again to the training records. No verdict depends on it.
+//! In: the compared plants, the accepted causes. Out: [`Combinations`]. When causes are left out, all other numbers are fitted again to the training
+//! records. No verdict depends on it.
 
 use super::compared::Compared;
 use super::hypotheses::label;
@@ -11,19 +12,19 @@ use super::whitened_residuals::WhitenedResiduals;
 pub use crate::engine::combinations::Combinations;
 use crate::engine::combinations::MOST;
 
-/// Steps of a fit without some causes, as many as a search takes for one without a single cause.
+/// The largest number of steps of a fit without some causes: the same as in the search without one cause.
 const STEPS: usize = 8;
 
-/// What a plant does along the evaluation records.
+/// The output of a plant along the evaluation records.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Combined {
-    /// Errors of its outputs.
+    /// The errors of its outputs.
     pub errors: Vec<Error>,
-    /// What it simulates: a list of values for each of [`super::error_breakdown::ErrorBreakdown::traces`], in their order and unit.
+    /// The simulated values: one list for each of [`super::error_breakdown::ErrorBreakdown::traces`], in the same order and unit.
     pub simulated: Vec<Vec<f64>>,
 }
 
-/// Places of the strongest causes among the accepted causes, the strongest first.
+/// The indices of the strongest causes among the accepted causes, the strongest first.
 pub(super) fn strongest(believed: &[Believed]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..believed.len()).collect();
     order.sort_by(|a, b| believed[*b].gain.total_cmp(&believed[*a].gain));
@@ -31,11 +32,11 @@ pub(super) fn strongest(believed: &[Believed]) -> Vec<usize> {
     order
 }
 
-/// The combinations. `without` has for each of the strongest causes the plant without it alone, along the evaluation records.
+/// The combinations. `without` holds, for each of the strongest causes, the plant without this one cause along the evaluation records.
 pub(super) fn combinations(it: &Compared<'_>, believed: &[Believed], without: &[Option<Fit>]) -> Combinations<Combined> {
     let order = strongest(believed);
     let judged = it.judged();
-    // The search is over: its limit of work is not asked, and its count stays as it is.
+    // The search has ended. This work does not count against its limit.
     let mut training = it.whitened.clone();
     training.pace = it.whitened.pace.anew();
     let effects = &it.fit.model.file.effects;
@@ -48,7 +49,7 @@ pub(super) fn combinations(it: &Compared<'_>, believed: &[Believed], without: &[
             [alone] => return without[alone].as_ref().map(|fit| combined(judged, fit)),
             _ => {}
         }
-        // From the last place on, so that those before it keep theirs.
+        // Remove the highest index first, so that the other indices stay valid.
         out.sort_by_key(|k| std::cmp::Reverse(order[*k]));
         let model = out.iter().fold(it.fit.model.clone(), |model, k| model.minus(it.nominal, order[*k]));
         let fit = levenberg::onward(&training, model, STEPS, Some(it.fit))?;
@@ -56,7 +57,7 @@ pub(super) fn combinations(it: &Compared<'_>, believed: &[Believed], without: &[
     })
 }
 
-/// In the order in which the traces are made: record by record, output by output.
+/// In the order of the traces: by record, then by output.
 fn combined(judged: &WhitenedResiduals, fit: &Fit) -> Combined {
     Combined { errors: validation::errors(judged, fit), simulated: fit.simulated.iter().flatten().cloned().collect() }
 }

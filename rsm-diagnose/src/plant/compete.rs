@@ -1,7 +1,7 @@
 //! The choice of one more cause: guesses are refined, the best hypotheses are fitted in full, and at most one of them is accepted.
 //!
-//! In: a fit, and what the screen found about it. Out: candidates, the best first, and the one to believe, if any. A candidate is judged on training and
-//! validation records together; numbers are fitted to training records only. Independent of how the fit was found.
+//! In: a fit and the results of its screen. Out: candidates, the best first, and the one to accept, if any. A candidate is evaluated on training and
+//! validation records together. Parameters are fitted to training records only. Independent of how the fit was found.
 
 use super::hypotheses::{Hypothesis, label};
 use super::levenberg::{self, Fit};
@@ -14,30 +14,32 @@ use super::{effect_size, multistart, validation, waves, whiteness};
 use crate::engine::significance::best_of;
 use rsm_sim::plant_file::Entry;
 
-/// Ties: a simpler cause wins when it reaches this share of the gain, if the better one does not leave noise either. Smoothings and integrators of the same
-/// formula differ by a tenth of the noise, which is a share of this size where the cause moves the outputs by ten times the noise.
+/// A simpler cause wins if it reaches this share of the gain, unless the better cause leaves only noise. Different smoothings and integrators of one
+/// formula differ by a tenth of the noise; that is a share of this size if the cause changes the outputs by ten times the noise.
 const AS_GOOD: f64 = 0.995;
 
-/// Guesses of a hypothesis that are refined at most. Those of a resonance stand an octave or more apart: the next best ones are its neighbours.
+/// The largest number of guesses that are refined for a hypothesis. Guesses of a resonance are at least an octave apart; further guesses would be
+/// their neighbours.
 const STARTS: usize = 6;
 
-/// Steps of the rounds in which guesses are refined, before the rest of the steps: after each the better half goes on, as in successive halving
+/// Steps of the rounds in which guesses are refined, before the remaining steps. After each round the better half continues, as in successive halving
 /// (Z. Karnin, T. Koren, O. Somekh, 2013).
 const ROUNDS: [usize; 2] = [1, 2];
 
-/// Once more this many times the steps for the best: a law with kinks converges by a factor of three a step, not by a hundred.
+/// The best candidate gets this many times the steps. A law with kinks converges by only a factor of three in each step.
 const SETTLE: usize = 3;
 
-/// What promises a third of what is needed may hold more: the screen sees the first order only.
+/// A hypothesis is refined if the screen predicts at least this share of the needed gain. The screen is first order and may predict too little.
 const PROMISING: f64 = 0.3;
 
-/// Forms of one trace that compete, those that promise most: more would keep another trace out, and none of them is told from these.
+/// The largest number of forms with the same trace that compete: those with the largest predicted gain. More would displace other traces, and the
+/// data do not distinguish them.
 const MOST_ALIKE: usize = 4;
 
-/// Steps of a fit of a wave in free run: where the axis creeps over crests, neighbours part, and a step goes only as far as they are together.
+/// Steps of a free-run fit of a wave. Where the axis creeps over crests, nearby solutions separate, so each step is short.
 const LED_STEPS: usize = 16;
 
-/// A wave that leaves no more than as much again as the noise is worth the work that its free run asks for.
+/// A free-run fit is done if a wave leaves at most this many times the noise energy.
 const NEAR_NOISE: f64 = 2.0;
 
 /// A hypothesis after its full fit.
@@ -47,25 +49,25 @@ pub struct Candidate {
     pub label: String,
     /// The fit with it.
     pub fit: Fit,
-    /// How many numbers it adds.
+    /// The number of parameters that it adds.
     pub numbers: usize,
     /// Squared residual of training and validation records together.
     pub score: f64,
-    /// Squared residual on validation records.
+    /// The squared residual on validation records.
     pub unseen: f64,
-    /// Hypotheses that promise as much by the same trace, and were not fitted for that.
+    /// Hypotheses with the same trace and the same predicted gain, which were therefore not fitted.
     pub alike: Vec<String>,
 }
 
-/// Forms that share a trace with others that promise more: they are not fitted. By group, with what the best of it promises.
+/// Forms with the same trace as others of larger predicted gain. They are not fitted. By group, with the predicted gain of the best of it.
 struct Crowd {
-    /// Guesses that compete.
+    /// The guesses that compete.
     kept: Vec<Screened>,
-    /// Group and hypothesis of those that do not.
+    /// The group and the hypothesis of each guess that does not compete.
     aside: Vec<(usize, usize)>,
 }
 
-/// Divides guesses into those that compete and those that only say the same again. `least` is by how much two promises must differ to be two.
+/// Separates the guesses that compete from duplicates of the same trace. Predicted gains that differ by less than `least` count as equal.
 fn crowd(screened: &[Screened], least: f64) -> Crowd {
     let mut forms: Vec<(usize, (usize, usize), f64)> = Vec::new();
     for it in best_guesses(screened, 1) {
@@ -87,10 +89,10 @@ fn crowd(screened: &[Screened], least: f64) -> Crowd {
     Crowd { kept: screened.iter().filter(|it| !out.contains(&form_of(it))).cloned().collect(), aside }
 }
 
-/// A group of forms of one trace, or a form with a trace of its own.
+/// A group of forms with the same trace, or a form with its own trace.
 type Trace = Result<usize, (usize, usize)>;
 
-/// The place of each among those that are fitted: forms of one trace have one place.
+/// The index of each among the fitted ones; forms with the same trace have the same index.
 fn places(traces: &[Trace]) -> Vec<usize> {
     let mut known: Vec<Trace> = Vec::new();
     let mut place = |its: &Trace| {
@@ -102,7 +104,7 @@ fn places(traces: &[Trace]) -> Vec<usize> {
     traces.iter().map(&mut place).collect()
 }
 
-/// A hypothesis with and without its optional numbers is two: each is fitted, and the simpler one wins a tie.
+/// The identity of a form. A hypothesis with and without its optional parameters gives two forms. Each is fitted; in a tie the simpler one wins.
 #[must_use]
 pub fn form_of(it: &Screened) -> (usize, usize) {
     (it.hypothesis, it.values.iter().filter(|value| value.is_finite()).count())
@@ -122,7 +124,7 @@ pub fn best_guesses(screened: &[Screened], each: usize) -> Vec<&Screened> {
     order
 }
 
-/// The first `forms` forms of a list in its order, each with its first `each`.
+/// The first `forms` forms of a list in its order, each with its first `each` guesses.
 #[must_use]
 pub fn leading<T>(list: Vec<T>, forms: usize, each: usize, form: impl Fn(&T) -> (usize, usize)) -> Vec<T> {
     let mut taken: Vec<((usize, usize), usize)> = Vec::new();
@@ -145,7 +147,7 @@ pub fn leading<T>(list: Vec<T>, forms: usize, each: usize, form: impl Fn(&T) -> 
 }
 
 impl Search<'_> {
-    /// Refines the best of the screen, fits the best of those in full, and judges them: the best first.
+    /// Refines the best guesses of the screen, fits the best of them in full, and evaluates them. The best comes first.
     pub(super) fn compete(&self, fit: &Fit, screened: &[Screened], threshold: f64) -> Vec<Candidate> {
         let mut candidates = Vec::new();
         let crowd = crowd(screened, self.decides(fit, threshold));
@@ -159,7 +161,7 @@ impl Search<'_> {
             candidates.extend(found);
         }
         candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
-        // The best one is fitted to its end: what its steps left to do would look like one more cause.
+        // The best candidate is fitted until it converges. Otherwise the rest of its error would look like one more cause.
         if let Some(best) = candidates.first_mut()
             && let Some(settled) = self.settled(fit, best, threshold)
         {
@@ -169,7 +171,7 @@ impl Search<'_> {
         candidates
     }
 
-    /// A candidate with more steps, and out of its valley where no number scales it; `None` where that changes nothing.
+    /// A candidate with more steps. If no parameter scales the cause, the fit also tries other local minima. `None` if that changes nothing.
     fn settled(&self, fit: &Fit, found: &Candidate, threshold: f64) -> Option<Candidate> {
         let enough = 0.1 * threshold;
         let steps = self.effort.fit_steps;
@@ -188,7 +190,7 @@ impl Search<'_> {
         if found.fit.cost - further.cost > enough { self.judged(fit, further) } else { None }
     }
 
-    /// The best forms with their numbers near their best, everything else in first order.
+    /// The best forms with refined parameters; everything else is to first order.
     fn refined(&self, fit: &Fit, screened: &[Screened], threshold: f64) -> Vec<Projected> {
         let nuisance = Nuisance::new(fit);
         let kind = fit.model.file.kind;
@@ -210,7 +212,7 @@ impl Search<'_> {
             let mut next = Vec::new();
             for it in pool {
                 if waves::is_wave(it.entry.description, kind) {
-                    // Read off the record, it is at its best in first order.
+                    // A guess taken from the record is already the first-order optimum.
                     let led =
                         it.cost.is_infinite().then(|| waves::led(self.whitened, fit, self.nominal, &it.entry, &[])).flatten();
                     let entry = led.and_then(|(model, cost)| Some((model.file.effects.last()?.clone(), cost)));
@@ -226,17 +228,17 @@ impl Search<'_> {
             next.sort_by(|a, b| a.cost.total_cmp(&b.cost));
             starts = starts.div_ceil(2);
             pool = leading(next, forms, starts, |it| it.form());
-            // Full fits see more than the first order: twice as many forms as are fitted go into the last round.
+            // A full fit finds more than the first order, so twice as many forms as will be fitted enter the last round.
             forms = (2 * self.effort.fitted).min(forms);
         }
-        // Those that promise as much as the best are fitted whatever their place: they leave the same trace, and the answer has to name them.
+        // Forms with the same predicted gain as the best are always fitted: they have the same trace, and the answer must name them.
         let mut chosen = leading(pool, 2 * self.effort.fitted, 1, |it| it.form());
         let best = chosen.first().map_or(0.0, |it| it.cost);
         let alike = best + (1.0 - AS_GOOD) * (fit.cost - best);
         let traces: Vec<Trace> = chosen.iter().map(|it| group_of(screened, it.form()).ok_or(it.form())).collect();
         let mut places = places(&traces).into_iter();
         chosen.retain(|it| places.next().is_some_and(|place| place < self.effort.fitted) || it.cost <= alike);
-        // The best of each trace, and all of the best one's.
+        // The best form of each trace, and all forms of the best trace.
         let mut fitted: Vec<Trace> = Vec::new();
         chosen.retain(|it| {
             let its = group_of(screened, it.form()).ok_or(it.form());
@@ -247,15 +249,15 @@ impl Search<'_> {
         chosen
     }
 
-    /// A full fit with this entry. `None` where it cannot be simulated, or where it says what calibration may do.
+    /// A full fit with this entry. `None` if it cannot be simulated, or if it is a parameter error within the tolerance of calibration.
     pub(super) fn fitted(&self, fit: &Fit, entry: &Entry) -> Option<Candidate> {
         let led = waves::is_wave(entry.description, entry.arguments.plant)
             .then(|| waves::led(self.whitened, fit, self.nominal, entry, &waves::REACHES))
             .flatten();
         let found = match led {
-            // Derivatives of a plant without the wave are of no use to one with it.
+            // The derivatives of a plant without the wave are of no use for a plant with it.
             Some((model, promised)) if promised < NEAR_NOISE * self.whitened.rows() as f64 => {
-                // Where it creeps over a crest a free run parts, late and by much: most of the record comes before that.
+                // Where the axis creeps over a crest, a free run may diverge late and strongly. Most of the record is before that.
                 let surely = multistart::by_most_parts(self.whitened, model.clone()).unwrap_or(model);
                 self.led_to_its_end(levenberg::fit(self.whitened, surely, LED_STEPS)?)
             }
@@ -268,7 +270,8 @@ impl Search<'_> {
         self.judged(fit, found)
     }
 
-    /// A fit with one cause more than another, judged. `None` where that cause says what calibration may do, or where any cause is beyond what is plausible or a wave that no longer comes again.
+    /// Evaluates a fit with one more cause. `None` if that cause is a parameter error within the tolerance of calibration, if any cause has
+    /// implausible parameters, or if a wave does not repeat.
     pub(super) fn judged(&self, without: &Fit, fit: Fit) -> Option<Candidate> {
         let entry = fit.model.file.effects.last()?;
         let may_all_be = fit.model.file.effects.iter().all(|it| self.may_be(it) && waves::comes_again(self.whitened, it));
@@ -278,17 +281,17 @@ impl Search<'_> {
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;
         let label = label(entry.description.kind, entry.arguments.subject.as_deref());
         (self.progress)(&format!("{label} gains {:.0}", without.cost - fit.cost));
-        // Whole numbers and steps count, although no fit moves them: each was chosen among many.
+        // Integers and rounding steps count as parameters although no fit changes them: each was chosen among many.
         let numbers = entry.arguments.numbers.len();
         Some(Candidate { label, score: fit.cost + unseen, unseen, numbers, fit, alike: Vec::new() })
     }
 
-    /// Whether numbers stand to one another as physics has it, and each within what is plausible.
+    /// Whether the parameters are consistent with physics, and each is plausible.
     pub(super) fn may_be(&self, entry: &Entry) -> bool {
         is_physical(entry) && super::plausible::why_not(entry, self.survey, &self.nominal.file).is_none()
     }
 
-    /// A fit with a wave that ended beside the record: led along what it lacks, it may find on.
+    /// A fit with a wave that reached a poor local minimum. Starting again from a wave fit along the readings may improve it.
     fn led_to_its_end(&self, mut fit: Fit) -> Fit {
         for reach in waves::AGAIN {
             if whiteness::look(self.whitened, &fit).excess <= 0.0 {
@@ -302,7 +305,7 @@ impl Search<'_> {
         fit
     }
 
-    /// Which of two explanations to prefer: the better one, or the one with fewer numbers where it is as good.
+    /// Which of two explanations to prefer: the better one, or the one with fewer parameters if it is as good.
     pub(super) fn prefers(&self, one: &Fit, other: &Fit, calibrated: &Fit, threshold: f64) -> bool {
         let score =
             |fit: &Fit| validation::squared_residual(self.unseen, &fit.model).map_or(f64::INFINITY, |unseen| fit.cost + unseen);
@@ -313,8 +316,8 @@ impl Search<'_> {
         if (a - b).abs() <= tie && few != many { few < many } else { a < b }
     }
 
-    /// The candidate to believe, if any gains enough on training records and does no harm on unseen ones. Between equals, whose difference one number could make of noise, an
-    /// effect goes before an error of the plant file.
+    /// The candidate to accept: it must gain enough on training records and must not be worse on unseen ones. If several are equal (noise alone can
+    /// make the difference of one parameter), an effect is preferred to an error of the plant file.
     pub(super) fn winner<'c>(&self, fit: &Fit, candidates: &'c [Candidate], threshold: f64) -> Option<&'c Candidate> {
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;
         let before = fit.cost + unseen;
@@ -333,8 +336,9 @@ impl Search<'_> {
         equal.min_by(|a, b| a.is_of_the_file().cmp(&b.is_of_the_file()).then(a.score.total_cmp(&b.score)))
     }
 
-    /// By how much a simpler explanation may be worse than the best one and still be preferred: by what chance gives; and where the best one leaves structure
-    /// itself, by as much as that, within a small share of the gain. Who removes more than half of what the simpler one leaves is right to be less simple.
+    /// How much worse a simpler explanation may be than the best one and still be preferred: the gain by chance or, if the best one leaves structure,
+    /// as much as that structure, limited to a small share of the gain. A better explanation that removes more than half of the simpler one's
+    /// residual is always preferred.
     pub(super) fn tie(&self, best: &Fit, gain: f64, score: f64, threshold: f64) -> f64 {
         let rows = self.whitened.rows() + self.unseen.rows();
         let left = whiteness::look(self.whitened, best).excess * rows as f64;
@@ -343,8 +347,8 @@ impl Search<'_> {
 }
 
 impl Candidate {
-    /// Whether it says that a number of the plant file is wrong. Such a number was known, within its tolerance, to whoever wrote the file; what the file is silent about
-    /// (wind, a slope, a brake that drags) nobody has measured.
+    /// Whether it says that a parameter of the plant file is wrong. The author of the file knew such a parameter within its tolerance. Effects that
+    /// the file does not contain (wind, a slope, a dragging brake) were never measured.
     fn is_of_the_file(&self) -> bool {
         let last = self.fit.model.file.effects.last();
         last.is_some_and(|entry| entry.description.subject == rsm_sim::effect::Subject::Parameter)
@@ -352,7 +356,7 @@ impl Candidate {
 }
 
 impl Projected {
-    /// Its hypothesis, with how many numbers.
+    /// Its hypothesis and its number of parameters.
     fn form(&self) -> (usize, usize) {
         (self.hypothesis, self.entry.arguments.numbers.len())
     }
@@ -364,20 +368,20 @@ fn group_of(screened: &[Screened], form: (usize, usize)) -> Option<usize> {
     its.max_by(|a, b| a.gain.total_cmp(&b.gain))?.group
 }
 
-/// How many numbers the causes of a model have.
+/// The number of parameters of all causes of a model.
 #[must_use]
 pub fn count(model: &Model) -> usize {
     model.file.effects.iter().map(|entry| entry.arguments.numbers.len()).sum()
 }
 
-/// Whether numbers stand to one another as physics has it: friction rises towards rest.
+/// Whether the parameters are consistent with physics: friction rises towards rest.
 #[must_use]
 pub fn is_physical(entry: &Entry) -> bool {
     let of = |name| entry.arguments.optional(name);
     !matches!((of("coulomb"), of("static")), (Some(coulomb), Some(rest)) if rest < coulomb)
 }
 
-/// Whether a parameter error is what calibration may do: within two standard deviations of its tolerance.
+/// Whether a parameter error is within the range of calibration: two standard deviations of its tolerance.
 #[must_use]
 pub fn within_tolerance(nominal: &Model, entry: &Entry) -> bool {
     let Some(subject) = entry.arguments.subject.as_deref() else { return false };

@@ -1,7 +1,8 @@
-//! A record of another configuration, for example on a steep road or with a heavier load. An effect that only one record shows is not a fault of the plant, and it would bias every cause that is fitted to all records.
+//! Finds a record of another configuration, for example on a steep road or with a heavier load. An effect in only one record is not a fault of the
+//! plant, and it would bias every cause that is fitted to all records.
 //!
-//! In: records, the nominal plant. Out: the one record without which the calibrated plant leaves only noise in all others, prepared for a search of its own. Where two records differ from the
-//! rest, the usual configuration is unknown, and no record is separated. This module does not search for causes.
+//! In: records and the nominal plant. Out: the one record without which the calibrated plant leaves only noise in all others, prepared for a separate
+//! search. If two records differ from the rest, the usual configuration is unknown, and no record is separated. Searches for no cause.
 
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
@@ -15,30 +16,30 @@ use rsm_sim::record::Record;
 /// Steps of a calibration.
 const STEPS: usize = 8;
 
-/// Structure in the others that is none, in shares of the noise's energy: what a cause must be worth before it is named.
+/// Structure in the other records that counts as none, as a share of the noise energy: the gain that a cause needs before it is named.
 const SLIGHT: f64 = 0.0015;
 
-/// Structure of the one record, at least: a twentieth of the noise's energy.
+/// The smallest structure of the one record: a twentieth of the noise energy.
 const CLEAR: f64 = 0.05;
 
-/// The others are at least this many: with two records the usual configuration is unknown.
+/// The smallest number of other records: with two records the usual configuration is unknown.
 const LEAST_OTHERS: usize = 2;
 
-/// One record apart from all others.
+/// One record separated from all others.
 pub struct Apart {
     /// Training records without it.
     pub whitened: WhitenedResiduals,
     /// Unseen records without it.
     pub unseen: WhitenedResiduals,
-    /// The plant as the others have it.
+    /// The plant fitted to the other records.
     pub fit: Fit,
     /// That record alone.
     pub alone: WhitenedResiduals,
-    /// Its nominal plant: numbers may move as far as the others leave them unsure.
+    /// The nominal plant for that record: parameters may move within their uncertainty from the other records.
     pub nominal: Model,
 }
 
-/// The record that is unlike all others, if there is exactly one. `floors` makes the noise from what a fit leaves.
+/// The record that differs from all others, if there is exactly one. `floors` estimates the noise from the residual of a fit.
 #[must_use]
 pub fn apart(
     whitened: &WhitenedResiduals,
@@ -73,7 +74,7 @@ fn without(records: &[Prepared], which: usize) -> Option<Vec<Prepared>> {
     (which < records.len()).then(|| records.iter().enumerate().filter(|(k, _)| *k != which).map(|(_, it)| it.clone()).collect())
 }
 
-/// Whether a calibration to the others leaves noise there, and structure in the one.
+/// Whether a calibration to the others leaves only noise there, and structure in this record.
 fn is_apart(
     (mut whitened, mut unseen): (WhitenedResiduals, WhitenedResiduals),
     record: &Prepared,
@@ -104,7 +105,7 @@ fn is_apart(
     Some(Apart { whitened, unseen, fit, alone, nominal: its })
 }
 
-/// A model with the starts of these records.
+/// A model with the initial states of these records.
 fn on_records(model: &Model, whitened: &WhitenedResiduals) -> Model {
     let mut model = model.clone();
     let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
@@ -112,7 +113,7 @@ fn on_records(model: &Model, whitened: &WhitenedResiduals) -> Model {
     model
 }
 
-/// What a fit to other records leaves on these, its numbers moving as far as they are unsure.
+/// The structure that a fit to other records leaves on these. Its parameters may move within their uncertainty.
 fn structure(whitened: &WhitenedResiduals, fit: &Fit, sds: &[Option<f64>]) -> Option<f64> {
     if whitened.records.is_empty() {
         return Some(0.0);

@@ -1,10 +1,12 @@
-//! A black-box correction: a response surface of the error that an extended simulation still has, over its outputs and inputs.
+//! A black-box correction: a response surface for the remaining error of an extended simulation, as a function of its outputs and inputs.
 //!
-//! In: the extended plant along training and holdout records. Out: a model file with a surface for each output whose error it reduces on holdout rows, or how much
-//! the best surface would have gained. The file means `measured = simulated + surface`. It names no cause, and it is valid only in the range of the records.
+//! In: the extended plant along training and holdout records. Out: a model file with a surface for each output whose error it reduces on holdout
+//! rows, or the gain of the best surface if nothing helps. The file means `measured = simulated + surface`. It names no cause, and it is valid only
+//! in the range of the records.
 //!
-//! The surface is static, so it cannot represent what depends on the past alone, such as a resonance or a lag. The ladder of the fitter chooses the terms on every second
-//! training record and judges them on the records between (a single record is divided into eighths). The coefficients are then fitted to all training records. Never uses a holdout row before it is judged.
+//! The surface is static, so it cannot represent a dependence on the past, such as a resonance or a lag. The ladder of the fitter chooses terms on
+//! every second training record and tests them on the records between (a single record is divided into eight parts). The coefficients are then fitted
+//! to all training records. Holdout rows are used only for the final evaluation.
 
 use rsm_core::check::Checked;
 use rsm_core::lower;
@@ -24,28 +26,29 @@ use rsm_sim::effect::{sign_width, smooth_sign};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::record::Drive;
 
-/// Rows that are fitted, at most: runs of rows are averaged to this many. Double-double least squares of fifty terms over 4000 rows takes half a second.
+/// The largest number of rows in a fit. Runs of rows are averaged to this many. Double-double least squares with fifty terms and 4000 rows takes half
+/// a second.
 const MOST_ROWS: usize = 4000;
 
-/// Candidate terms at most: the order is as high as they allow.
+/// The largest number of candidate terms. The polynomial order is as high as this allows.
 const MOST_TERMS: usize = 60;
 
-/// The highest order: beyond, a polynomial bends between rows.
+/// The highest order. A polynomial of higher order oscillates between rows.
 const HIGHEST_ORDER: u32 = 5;
 
-/// Parts of a single record that take turns in choosing terms.
+/// A single record is divided into this many parts to choose terms.
 const PARTS: usize = 8;
 
-/// The fewest terms are wanted that explain this share of what the best choice explains: the rest is the path of one record.
+/// The smallest set of terms is chosen that explains this share of what the best set explains. The rest is specific to one record.
 const SHARE_OF_BEST: f64 = 0.99;
 
-/// Blocks of a record over which the scatter of the gain is taken: long against the memory of a residual, enough for a standard deviation.
+/// The number of blocks of a record for the scatter of the gain. A block is long against the memory of a residual, and ten give a standard deviation.
 const BLOCKS: usize = 10;
 
-/// One side of a normal distribution beyond which lie 5 % shared by three outputs.
+/// The one-sided normal point for a tail of 5 %, shared by three outputs.
 const ONE_SIDED_POINT: f64 = 2.13;
 
-/// What a surface removes of its output's error beyond noise, at least: less is not worth a file.
+/// The smallest useful gain: the share of an output's error above the noise that a surface must remove.
 const LEAST_GAIN: f64 = 0.02;
 
 /// An output with its surface.
@@ -55,7 +58,7 @@ pub struct Corrected {
     pub output: usize,
     /// The surface's name.
     pub surface: String,
-    /// What it hangs on.
+    /// The variables it depends on.
     pub inputs: Vec<String>,
     /// Its terms, in words.
     pub terms: Vec<String>,
@@ -65,34 +68,34 @@ pub struct Corrected {
     pub after: f64,
 }
 
-/// A correction.
+/// A correction: a model file with its gain.
 #[derive(Debug, Clone)]
 pub struct Correction {
     /// The model file.
     pub model: Model,
     /// The outputs that have a surface.
     pub outputs: Vec<Corrected>,
-    /// Share of the error beyond noise of the extended plant that it removes on the evaluation rows, pooled over outputs in units of their noise.
+    /// The share of the extended plant's error above the noise that it removes on the evaluation rows, over all outputs in units of their noise.
     pub gain: f64,
-    /// The same, less its scatter: the lower end of a one-sided 95 % interval.
+    /// The same minus its scatter: the lower end of a one-sided 95 % interval.
     pub low: f64,
-    /// Whether holdout records judged; otherwise the last third of every training record, which was held back.
+    /// Whether the gain is of holdout records. Otherwise it is of the last third of every training record, which no fit used.
     pub unseen: bool,
 }
 
-/// What came of it.
+/// The result of a fit of corrections.
 #[derive(Debug, Clone)]
 pub enum Offer {
     /// It gains on holdout rows.
     Gains(Box<Correction>),
     /// Nothing gains on holdout rows.
     Nothing {
-        /// The share of the error beyond noise that the surfaces would have removed; negative where they do harm.
+        /// The share of the error above the noise that the surfaces would remove; negative if they increase it.
         gain: f64,
     },
 }
 
-/// Records with the extended plant's simulation, from a row to a row.
+/// Records with the extended plant's simulation, limited to a range of rows.
 struct Rows<'a> {
     prepared: &'a Prepared,
     simulated: &'a Simulated,
@@ -101,7 +104,7 @@ struct Rows<'a> {
     to: usize,
 }
 
-/// Fits the correction and computes its errors. `unseen` may be without records.
+/// Fits the correction and computes its errors. `unseen` may have no records.
 #[must_use]
 pub fn correction(
     kind: PlantKind,
@@ -168,14 +171,14 @@ pub fn correction(
     if outputs.is_empty() || all <= 0.0 {
         return Offer::Nothing { gain: if all > 0.0 { lost / all } else { 0.0 } };
     }
-    // 5 % of a normal distribution lie beyond 1.645 standard deviations.
+    // A normal variable exceeds 1.645 standard deviations with a probability of 5 %.
     let low = (won - 1.645 * variance.sqrt()) / all;
-    // Where what is left comes below the noise that was estimated, all that is beyond it is gone, not more.
+    // The remaining error may be below the estimated noise. The gain is at most 1.
     let gain = (won / all).min(1.0);
     Offer::Gains(Box::new(Correction { model, outputs, gain, low: low.min(1.0), unseen: has_unseen }))
 }
 
-/// What is to be added to the simulated output, a value a row; `None` where the output has no surface.
+/// The correction to add to the simulated output, one value for each row; `None` if the output has no surface.
 #[must_use]
 pub fn added(
     kind: PlantKind,
@@ -218,7 +221,7 @@ fn parts<'a>(
     .collect()
 }
 
-/// Names and units of the variables of a correction, for one kind of record.
+/// The names and units of the variables of a correction, for one kind of record.
 fn names(kind: PlantKind, prepared: &Prepared) -> Vec<(&'static str, &'static str)> {
     let signals = kind.outputs();
     let mut list: Vec<(&str, &str)> = Vec::new();
@@ -249,7 +252,7 @@ fn names(kind: PlantKind, prepared: &Prepared) -> Vec<(&'static str, &'static st
     list
 }
 
-/// Their values, simulated by the extended plant or given by the record.
+/// The values of these variables, from the simulation of the extended plant or from the record.
 fn variables(kind: PlantKind, prepared: &Prepared, simulated: &Simulated) -> Vec<Vec<f64>> {
     let record = &prepared.record;
     let zero = || vec![0.0; record.rows()];
@@ -286,7 +289,7 @@ fn variables(kind: PlantKind, prepared: &Prepared, simulated: &Simulated) -> Vec
     }
 }
 
-/// A surface that was fitted.
+/// A fitted surface.
 struct Fitted {
     surface: Surface,
     inputs: Vec<Input>,
@@ -296,7 +299,7 @@ struct Fitted {
     tape: Tape,
 }
 
-/// A row that is fitted: the mean over a run of rows, and in which part of the data it lies.
+/// A row of the fit: the mean over a run of rows, and the part of the data that holds it.
 struct Averaged {
     point: Vec<f64>,
     error: f64,
@@ -326,7 +329,7 @@ fn averaged(output: usize, training: &[Rows<'_>]) -> Vec<Averaged> {
     list
 }
 
-/// The surface of an output over the variables that move, if the parts of the training records agree on one.
+/// The surface of an output over the variables that vary, if one is found that holds on all parts of the training records.
 fn fit(
     kind: PlantKind,
     output: usize,
@@ -340,7 +343,7 @@ fn fit(
     for (column, (name, unit)) in names.iter().enumerate() {
         let values = rows.iter().map(|row| row.point[column]);
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
-        // A variable that stands still, up to the digits of a simulation, carries nothing.
+        // A variable that is constant, within the accuracy of a simulation, is left out.
         if high - low > 1e-6 * high.abs().max(low.abs()) && (high - low).is_finite() {
             let input =
                 Input { name: (*name).to_string(), unit: (*unit).to_string(), range: [low, high], outside: Outside::Clamp };
@@ -372,8 +375,8 @@ fn fit(
     };
     let (even, odd) = (triangle(&|part| part % 2 == 0), triangle(&|part| part % 2 == 1));
     let judge = Judge::new(odd);
-    // Nothing is good enough at first: the ladder goes on while the other parts gain. C is the share of the square that is explained; below 0 they do better
-    // with no surface at all.
+    // No set of terms is good enough at first, so the ladder continues while the gain on the other parts grows. C is the explained share of the
+    // squares. If it is below 0, no surface is better.
     let climb = |wanted: f64| {
         let ladder = Ladder { fit: &even, judge: &judge, terms: &terms, max_order, wanted };
         ladder.climb(&mut |_, _, _| {}).ok().filter(|climb| climb.confidence > 0.0)
@@ -381,7 +384,7 @@ fn fit(
     let climb = climb(SHARE_OF_BEST * climb(100.0)?.confidence)?;
     let whole = triangle(&|_| true);
     let coefficients = Growing::of(&whole, &climb.chosen).ok()?.coefficients();
-    // Inputs that no chosen term contains are none.
+    // An input that no chosen term contains is removed.
     let kept: Vec<usize> = (0..inputs.len()).filter(|k| climb.chosen.iter().any(|term| terms[*term][*k] > 0)).collect();
     if kept.is_empty() {
         return None;
@@ -407,12 +410,12 @@ fn fit(
     Some(Fitted { surface, inputs, columns, terms, rows: rows.len(), tape })
 }
 
-/// A surface on rows that it has not seen, in squared standard deviations of the noise.
+/// The result of a surface on rows that its fit did not use, in squared standard deviations of the noise.
 struct Judged {
     rows: usize,
     before: f64,
     gain: f64,
-    /// Of the gain, from its scatter over blocks.
+    /// The variance of the gain, from its scatter over blocks.
     variance: f64,
 }
 
@@ -440,8 +443,8 @@ fn judge(output: usize, sd: f64, fitted: Option<&Fitted>, judging: &[Rows<'_>]) 
         return None;
     }
     let gain = blocks.iter().map(|it| it.1).sum::<f64>();
-    // A ratio of sums over blocks (W. G. Cochran, Sampling Techniques, 1977, 6.4): blocks differ in how much error they have, and that says nothing of the share
-    // that goes.
+    // A ratio of sums over blocks (W. G. Cochran, Sampling Techniques, 1977, 6.4). Blocks differ in their amount of error; that does not change the
+    // removed share.
     let share = if before > 0.0 { gain / before } else { 0.0 };
     let count = blocks.len() as f64;
     let variance = blocks.iter().map(|(error, gain)| (gain - share * error).powi(2)).sum::<f64>() * count / (count - 1.0);

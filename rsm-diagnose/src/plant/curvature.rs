@@ -1,22 +1,23 @@
 //! The curvature of the simulation with respect to the calibrated parameters.
 //!
-//! In: records and a fit. Out: whitened second derivatives, one for each parameter and each pair. Never moves the fit.
+//! In: records and a fit. Out: whitened second derivatives, one for each parameter and each pair. Does not change the fit.
 
 use super::levenberg::Fit;
 use super::model::{Model, Place};
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
 
-/// How the simulation bends with two unknowns, or with one.
+/// A second derivative of the simulation with respect to one unknown, or to a pair of unknowns.
 #[derive(Debug, Clone)]
 pub struct Curvature {
-    /// Which.
+    /// The two unknowns; equal for a pure second derivative.
     pub unknowns: (usize, usize),
-    /// Half of its second derivative, or the whole mixed one, whitened; on the scales of the unknowns.
+    /// Half of the pure second derivative, or the mixed one, whitened, in the scales of the unknowns.
     pub trace: Vec<f64>,
 }
 
-/// How the simulation bends with the parameters of the plant that are calibrated. Calibration beside a wave may be two standard deviations of a tolerance off, and then the
-/// bend of a move is more than the wave. What cannot be simulated is left out.
+/// The second derivatives of the simulation with respect to the calibrated parameters of the plant. If a wave is missing, calibration may be wrong by
+/// two standard deviations of a tolerance; the second-order effect of that is then larger than the wave. Derivatives that cannot be simulated are
+/// left out.
 #[must_use]
 pub fn curvatures(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Curvature> {
     let calibrated = |k: &usize| matches!(fit.model.unknowns[*k].place, Place::Nominal(_));
@@ -26,7 +27,7 @@ pub fn curvatures(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Curvature> {
     let moved = |(a, b): (usize, usize), sign: f64| {
         let mut model = fit.model.clone();
         for k in [a, b].into_iter().take(if a == b { 1 } else { 2 }) {
-            // Bounds end a search, not a difference.
+            // Bounds limit a search, not a finite difference.
             (model.unknowns[k].low, model.unknowns[k].high) = (f64::NEG_INFINITY, f64::INFINITY);
             model.set(k, model.value(k) + sign * model.unknowns[k].scale);
         }
@@ -46,7 +47,7 @@ pub fn curvatures(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Curvature> {
     let bend = |&(a, b): &(usize, usize)| {
         let mut trace = half((a, b))?.clone();
         if a != b {
-            // Half of it along both at once is the two halves and the mixed one.
+            // Half the second derivative along both unknowns is the sum of the two halves and the mixed one.
             for own in [half((a, a))?, half((b, b))?] {
                 trace.iter_mut().zip(own).for_each(|(value, own)| *value -= own);
             }

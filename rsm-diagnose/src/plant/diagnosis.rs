@@ -1,6 +1,6 @@
 //! The diagnosis of a plant as a value: all data for reports, files and programs.
 //!
-//! In: figures of a verdict. Out: [`Diagnosis`]. Never computes one.
+//! In: figures of a verdict. Out: [`Diagnosis`]. Computes no result of its own.
 
 use super::bridges::Bridged;
 use super::bursts::BURST;
@@ -24,27 +24,27 @@ use super::whiteness::Left;
 pub use crate::engine::verdict::Verdict;
 use rsm_sim::plant_file::PlantFile;
 
-/// What causes do, where they leave too little to matter for practice, though more than chance.
+/// The figures for causes that leave a residual above chance, but too small to matter in practice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Practical {
-    /// Share of the error beyond the noise that is gone, in squares.
+    /// The removed share of the squared error above the noise.
     pub gone: f64,
-    /// Energy of what is left over that of the noise.
+    /// The energy of the residual divided by the energy of the noise.
     pub left: f64,
 }
 
-/// An effect of the plant file, judged.
+/// An effect of the plant file, tested by the records.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Claim {
     /// The kind of the catalogue.
     pub kind: &'static str,
-    /// The named output, where it has one.
+    /// The output that it refers to, if any.
     pub subject: Option<String>,
-    /// Its numbers as the records have them, in the order of the file.
+    /// Its parameters estimated from the records, in the order of the file.
     pub records: Vec<Interval>,
-    /// Its numbers as the file has them.
+    /// Its parameters in the file.
     pub file: Vec<f64>,
-    /// Whether the records let it stand.
+    /// Whether the records confirm it.
     pub stands: bool,
 }
 
@@ -57,25 +57,25 @@ pub struct Diagnosis {
     pub causes: Vec<Cause>,
     /// Entries of the extended plant that reduce an unexplained error, but are not accepted as its causes; the strongest first.
     pub helpers: Vec<Cause>,
-    /// The record that alone is of another configuration, by its file: the causes are its own.
+    /// The file of the only record with another configuration. The causes then belong to this record.
     pub own_record: Option<String>,
-    /// What was accepted temporarily, and why it was rejected.
+    /// Hypotheses that were accepted for a time, and why they were rejected.
     pub refused: Vec<Refusal>,
-    /// Where causes explain for practical purposes only.
+    /// The practical figures, if the causes explain the error for practical purposes only.
     pub practical: Option<Practical>,
-    /// Errors of the nominal plant on validation records (on training records where there are none).
+    /// Errors of the nominal plant on validation records (on training records if there are none).
     pub nominal: Vec<Error>,
-    /// Errors of the extended plant there.
+    /// Errors of the extended plant on the same records.
     pub extended: Vec<Error>,
     /// Share of the validation error above the noise floor that the extension removes.
     pub gain: f64,
-    /// Its 95 % interval over blocks of the rows.
+    /// The 95 % interval of the gain, over blocks of the rows.
     pub gain_interval: (f64, f64),
-    /// The plant file with the causes filled in.
+    /// The plant file with the causes added.
     pub plant: PlantFile,
     /// What is wrong with the data.
     pub findings: Vec<Finding>,
-    /// Rows that were not looked at, where records are longer than a diagnosis may take.
+    /// Rows that were left out, because the records are longer than the work limit allows.
     pub not_seen: Option<NotSeen>,
     /// The check of the result on all rows, if the search did not use all of them.
     pub everywhere: Option<Everywhere>,
@@ -83,43 +83,43 @@ pub struct Diagnosis {
     pub units: Vec<InUnit>,
     /// Gaps of a few rows that were bridged.
     pub bridged: Vec<Bridged>,
-    /// Noise of each output that the records hold: place, standard deviation, correlation from row to row.
+    /// The noise of each recorded output: its place, standard deviation, and correlation from row to row.
     pub noise: Vec<(usize, f64, f64)>,
     /// Outputs whose noise grows with the reading: its standard deviation at a reading of 0 and at the largest one.
     pub growing: Vec<(usize, f64, f64)>,
-    /// Outputs whose readings are multiples of a step as coarse as their noise, with the step.
+    /// Outputs that are rounded to a step as coarse as their noise, with the step.
     pub rounded: Vec<(usize, f64)>,
-    /// Outputs whose noise has heavy tails, with the law by which their readings were made tame.
+    /// Outputs whose noise has heavy tails, with the law by which the weight of their readings was reduced.
     pub tails: Vec<(usize, Tails)>,
-    /// What a cause had to gain.
+    /// The gain that a cause needs.
     pub threshold: f64,
-    /// What the screen of the calibrated plant predicted.
+    /// The gains that the screen of the calibrated plant predicted.
     pub ranking: Vec<(String, f64)>,
-    /// What the last screen predicted, with the causes in the plant.
+    /// The gains that the last screen predicted, with the causes in the plant.
     pub remaining: Vec<(String, f64)>,
-    /// How the error falls on the evaluation records, cause by cause.
+    /// The error on the evaluation records after each added cause.
     pub steps: Vec<Step>,
-    /// The limit of work at which the search stopped, if it did.
+    /// The work limit that stopped the search, if any.
     pub stopped: Option<Limit>,
-    /// What is left at the end on training records.
+    /// What is left on the training records.
     pub left: Left,
-    /// And on validation records, where there are any.
+    /// What is left on the validation records, if there are any.
     pub left_unseen: Option<Left>,
     /// The check of the sensors by the known law of the control loop.
     pub known_loop: Option<KnownLoop>,
     /// The equation errors with the recorded signals, without a free run.
     pub equations: Option<Said>,
-    /// What predicts a part of what is left, on the records where it predicts more.
+    /// A signal that predicts a part of the residual, on the records where it predicts more.
     pub predicted: Option<Predicted>,
-    /// Rivals that leave the same trace, the strongest of the strongest cause first.
+    /// Rivals with the same trace. Those of the strongest cause come first, the strongest first.
     pub aliases: Vec<Alias>,
-    /// The record that would distinguish them, or that covers the region of an unexplained error.
+    /// The next record: it would distinguish the rivals, or cover the region of an unexplained error.
     pub next: Option<NextExperiment>,
-    /// What a report shows beside all this.
+    /// Further data for a report.
     pub error_breakdown: ErrorBreakdown,
-    /// Figures of test records, where there are any.
+    /// Figures on the test records, if there are any.
     pub tested: Option<Tested>,
-    /// The effects that the plant file came with, judged.
+    /// The effects that the plant file already had, tested.
     pub claims: Vec<Claim>,
 }
 
@@ -129,14 +129,14 @@ impl Diagnosis {
         self.causes.iter().chain(&self.helpers)
     }
 
-    /// Errors of the calibrated plant, which has no cause yet, on the evaluation records; of the nominal plant where it was not asked.
+    /// Errors of the calibrated plant without causes on the evaluation records; those of the nominal plant if it was not calibrated.
     #[must_use]
     pub fn calibrated(&self) -> &[Error] {
         let first = self.steps.first().filter(|step| step.causes.is_empty());
         first.map_or(self.nominal.as_slice(), |step| step.errors.as_slice())
     }
 
-    /// The output of which the calibrated plant is worst, of those that have curves.
+    /// The output with the largest error of the calibrated plant, among those with curves.
     #[must_use]
     pub fn worst_output(&self) -> Option<usize> {
         let has_curves = |output: usize| self.error_breakdown.traces.iter().any(|it| it.output == output);
@@ -145,7 +145,7 @@ impl Diagnosis {
         worst.filter(|output| has_curves(*output)).or_else(first)
     }
 
-    /// What is left over the noise, as root mean squares: on the records where more is left or predicted.
+    /// The root mean square of the residual over the noise, on the records where more is left or predicted.
     #[must_use]
     pub fn times_noise(&self) -> f64 {
         let unseen = self.left_unseen.as_ref().map_or(0.0, |it| it.excess);
@@ -153,13 +153,13 @@ impl Diagnosis {
         (1.0 + self.left.excess.max(unseen).max(predicted).max(0.0)).sqrt()
     }
 
-    /// The parameter that calibration moved furthest within its tolerance.
+    /// The parameter that calibration moved most, relative to its tolerance.
     #[must_use]
     pub fn moved_most(&self) -> Option<&Moved> {
         self.error_breakdown.calibration.iter().max_by(|a, b| a.sds.abs().total_cmp(&b.sds.abs()))
     }
 
-    /// Whether noise was made even: readings of heavy tails count less, and rows of bursts not at all.
+    /// Whether the noise was made uniform: readings with heavy tails have a smaller weight, and rows of bursts are left out.
     #[must_use]
     pub fn has_uneven_noise(&self) -> bool {
         !self.tails.is_empty() || self.findings.iter().any(|it| it.what == BURST)

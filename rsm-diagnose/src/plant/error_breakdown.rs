@@ -19,13 +19,13 @@ use super::validation;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_sim::schema;
 
-/// Causes whose evidence is looked at closely.
+/// The number of causes whose evidence is examined in detail.
 const CLOSELY: usize = 3;
 
-/// Regions that are named as places where a cause acts.
+/// The number of regions that are named as places where a cause acts.
 const PLACES: usize = 3;
 
-/// A look closer at a curve: this share of a record's rows.
+/// The zoomed view of a curve shows one part in this many of a record's rows.
 const CLOSER: usize = 25;
 
 /// Simulated outputs along one record.
@@ -47,11 +47,11 @@ pub struct Trace {
     pub before: Vec<f64>,
     /// By the extended plant.
     pub after: Vec<f64>,
-    /// By the extended plant and the correction, where there is one of this output.
+    /// By the extended plant plus the correction, if this output has one.
     pub corrected: Option<Vec<f64>>,
-    /// The rows in which the calibrated plant is wrong most.
+    /// The rows with the largest error of the calibrated plant.
     pub worst: std::ops::Range<usize>,
-    /// Squared error of the calibrated plant over the noise's, summed over all rows.
+    /// The squared error of the calibrated plant divided by the variance of the noise, summed over all rows.
     pub error: f64,
 }
 
@@ -64,28 +64,28 @@ pub struct Moved {
     pub unit: &'static str,
     /// The value in the plant file.
     pub nominal: f64,
-    /// What it came out as.
+    /// The calibrated value.
     pub value: f64,
     /// The lower end of its 95 % interval.
     pub low: f64,
     /// The upper end.
     pub high: f64,
-    /// By how many standard deviations of its tolerance.
+    /// The change, in standard deviations of its tolerance.
     pub sds: f64,
 }
 
-/// Everything that a report shows.
+/// All data that a report shows.
 #[derive(Debug, Clone, Default)]
 pub struct ErrorBreakdown {
-    /// Whether the evaluation records are unseen ones; otherwise they are those of the fit.
+    /// Whether no fit used the evaluation records. Otherwise they are the training records.
     pub unseen: bool,
     /// Files and rows of training and of evaluation records.
     pub records: [Vec<(String, usize)>; 2],
     /// Errors by output and region.
     pub slices: Vec<Slice>,
-    /// Where the calibrated plant is wrong.
+    /// Regions in which the calibrated plant is wrong.
     pub before: Vec<Region>,
-    /// Where the extended plant is wrong.
+    /// Regions in which the extended plant is wrong.
     pub after: Vec<Region>,
     /// Errors by frequency.
     pub spectra: Vec<Spectrum>,
@@ -97,11 +97,11 @@ pub struct ErrorBreakdown {
     pub calibration: Vec<Moved>,
     /// The black-box correction, where structure is left.
     pub correction: Option<Offer>,
-    /// What each combination of the strongest causes does.
+    /// The result of each combination of the strongest causes.
     pub combinations: Combinations<Combined>,
 }
 
-/// An order that is told has a spectrum of more orders than this.
+/// Orders are reported only if the spectrum has more orders than this.
 const LEAST_ORDERS: usize = 5;
 
 impl ErrorBreakdown {
@@ -111,14 +111,14 @@ impl ErrorBreakdown {
         &self.records[usize::from(self.unseen)]
     }
 
-    /// The curves of an output in the record where the calibrated plant is worst, with their place among all.
+    /// The curves of an output in the record where the calibrated plant is worst, and their index among all curves.
     #[must_use]
     pub fn worst(&self, output: usize) -> Option<(usize, &Trace)> {
         let traces = self.traces.iter().enumerate().filter(|(_, it)| it.output == output);
         traces.max_by(|a, b| a.1.error.total_cmp(&b.1.error))
     }
 
-    /// Spectra over orders of the outputs in which an order is a place of the error, before or after.
+    /// Spectra over orders of the outputs whose error stands out at an order, before or after.
     pub fn telling_orders(&self) -> impl Iterator<Item = &Orders> {
         let has_place = |it: &&Orders| {
             let is_place = |region: &Region| region.output == it.output && region.quantity == "order";
@@ -128,8 +128,8 @@ impl ErrorBreakdown {
     }
 }
 
-/// The breakdown, and what the strongest causes do on the evaluation records, by their place among the accepted causes. `before` and `after` of all that it holds are the calibrated
-/// and the extended plant.
+/// The breakdown, and what the strongest causes do on the evaluation records, in the order of the accepted causes. In all its parts, `before` is the
+/// calibrated plant and `after` is the extended plant.
 #[must_use]
 pub fn error_breakdown(it: &Compared<'_>, believed: &[Believed]) -> (ErrorBreakdown, Vec<Option<Witness>>) {
     let strongest = combinations::strongest(believed);
@@ -142,7 +142,7 @@ pub fn error_breakdown(it: &Compared<'_>, believed: &[Believed]) -> (ErrorBreakd
     (ErrorBreakdown { combinations: combinations::combinations(it, believed, &without), ..of_plants(it) }, witnesses)
 }
 
-/// The breakdown without any figure of a single cause.
+/// The breakdown without the figures of single causes.
 fn of_plants(it: &Compared<'_>) -> ErrorBreakdown {
     let judged = it.judged();
     let (before, after) = (&it.before.simulated, &it.after.simulated);
@@ -204,7 +204,7 @@ fn trace(
     let measured = prepared.measured(k);
     let used = &prepared.used[k];
     let rows = measured.len();
-    // Running sums: the worst stretch is the one whose sum grows most.
+    // Cumulative sums: the worst stretch is the one with the largest increase.
     let mut sums = vec![0.0];
     for row in 0..rows {
         let error = if used[row] { (measured[row] - before[row]) / sd } else { 0.0 };
@@ -228,7 +228,7 @@ fn trace(
     }
 }
 
-/// What calibration did with the parameters that have a tolerance and are no cause.
+/// The changes that calibration made to the parameters that have a tolerance and are not causes.
 fn calibration(nominal: &Model, fit: &Fit) -> Vec<Moved> {
     let (extended, posterior) = (&fit.model, Posterior::of(fit));
     let kind = nominal.file.kind;
@@ -243,7 +243,7 @@ fn calibration(nominal: &Model, fit: &Fit) -> Vec<Moved> {
     moved.collect()
 }
 
-/// What a cause does on the evaluation records, from the plant without it there.
+/// What a cause does on the evaluation records, compared with the plant without it.
 fn witness(it: &Compared<'_>, without: &Fit) -> Witness {
     let judged = it.judged();
     let quantities = quantities::quantities(judged, &it.fit.model, &it.after.simulated);

@@ -1,7 +1,8 @@
 //! Checks the result of a search on all rows of records that are too long for the search.
 //!
-//! In: whole records, the plant at the end of a search. Out: the error in each window of rows. Each window has a start of its own, so the memory needed is that of one window. A window is judged as a
-//! holdout record is: against its own noise, with the numbers of the plant free within their uncertainty. This module does not change or name causes.
+//! In: whole records and the plant at the end of a search. Out: the error in each window of rows. Each window has its own initial state, so only one
+//! window is in memory. A window is evaluated like a holdout record: against its own noise, with the parameters of the plant free within their
+//! uncertainty. Does not change or name causes.
 
 use rsm_sim::kind::OUTPUTS;
 use std::fmt;
@@ -17,39 +18,40 @@ use super::{own_noise, regions, taming, validation, whiteness};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
-/// Rows of a window that count: as long as records that a search takes whole.
+/// The number of rows of a window that count: as many as a search takes of a record without cutting it.
 const WINDOW_ROWS: usize = 8000;
 
-/// Sub-steps that all windows may take together: a quarter of a minute of one core, at 150 ns each. What is beyond is not asked, and is said.
+/// The limit of integration sub-steps for all windows together: 15 s of one core at 150 ns each. Windows beyond the limit are not tested, and the
+/// report says so.
 const MOST_STEPS: u64 = 100_000_000;
 
-/// A window in which more is left than noise.
+/// A window with more error than noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Window {
-    /// The record with its rows, as messages speak of it.
+    /// The record and its rows, as named in messages.
     pub record: String,
-    /// Energy beyond that of noise over the noise's.
+    /// The energy above the noise divided by the noise energy.
     pub excess: f64,
 }
 
-/// What all rows say of an answer.
+/// The result of the check on all rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Everywhere {
-    /// Rows that were asked.
+    /// The number of tested rows.
     pub rows: usize,
-    /// Rows of all records.
+    /// The number of rows of all records.
     pub of: usize,
-    /// Windows that they were asked in.
+    /// The number of tested windows.
     pub windows: usize,
-    /// Windows in which more than noise is left, the worst first.
+    /// Windows with more error than noise, the worst first.
     pub beyond: Vec<Window>,
     /// Windows that could not be simulated.
     pub lost: Vec<String>,
-    /// Energy beyond that of noise over the noise's: of the worst window, or of all together, whichever is more.
+    /// The energy above the noise divided by the noise energy: of the worst window or of all windows together, whichever is larger.
     pub excess: f64,
 }
 
-/// Windows that a sentence names.
+/// The number of windows that a sentence names.
 const NAMED_WINDOWS: usize = 3;
 
 impl fmt::Display for Everywhere {
@@ -73,17 +75,17 @@ impl fmt::Display for Everywhere {
     }
 }
 
-/// Windows of a record, made as they are asked for, in an order in which the first ones are spread over it.
+/// The windows of a record, created one at a time, in an order that spreads the first ones over the record.
 fn windows<'a>(record: &'a Record, file: &PlantFile) -> Box<dyn ExactSizeIterator<Item = Piece> + 'a> {
     let rows = record.rows();
     let beginning = record.piece(0..WINDOW_ROWS.min(rows));
     let Some(settling) = share::settling(&beginning, file).filter(|settling| 2 * settling <= WINDOW_ROWS) else {
-        // A plant that does not forget its start goes on from the first one.
+        // A plant that does not forget its initial state needs the whole record in one window.
         return Box::new(std::iter::once_with(|| Piece::whole(record.clone())));
     };
     let count = rows.div_ceil(WINDOW_ROWS);
     let mut order: Vec<usize> = (0..count).collect();
-    // Bits reversed: halves, quarters, eighths.
+    // The order of reversed bits: halves, quarters, eighths.
     order.sort_by_key(|k| k.reverse_bits());
     let kind = file.kind;
     let one = move |k: usize| {
@@ -98,7 +100,7 @@ fn windows<'a>(record: &'a Record, file: &PlantFile) -> Box<dyn ExactSizeIterato
     Box::new(order.into_iter().map(one))
 }
 
-/// Asks all rows. `whitened` has the noise and the pace of the search.
+/// Tests all rows. `whitened` has the noise and the pace of the search.
 #[must_use]
 pub fn look(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals, fit: &Fit) -> Everywhere {
     let mut by_record: Vec<_> = records.iter().map(|it| windows(it, file)).collect();
@@ -114,7 +116,7 @@ pub fn look(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals,
     };
     let mut sums = [[Octave::default(); OCTAVES]; OUTPUTS];
     let begun = whitened.pace.taken();
-    // One of each record in turn.
+    // One window of each record in turn.
     while by_record.iter().any(|it| it.len() > 0) && whitened.pace.taken() - begun < MOST_STEPS {
         for piece in by_record.iter_mut().filter_map(Iterator::next) {
             let counted = piece.record.rows() - piece.settling;
@@ -124,7 +126,7 @@ pub fn look(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals,
                 continue;
             }
             let there = taming::tamed(whitened.on(prepared), &fit.model);
-            // From first readings straight on; where that leaves something, as carefully as a holdout record.
+            // First a quick start from the first readings. If that leaves an error, the start is fitted as for a holdout record.
             let quick = validation::at_once(&there, &fit.model).map(|started| own_noise::left_there(&there, started, looks));
             let left = quick.filter(|it| it.excess <= 0.0).or_else(|| {
                 let started = validation::on(&there, &fit.model)?;
@@ -156,7 +158,7 @@ pub fn look(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals,
     found
 }
 
-/// What is beyond noise in the octaves of all windows together, over the noise's energy.
+/// The energy above the noise in the octaves of all windows together, divided by the noise energy.
 fn together(whitened: &WhitenedResiduals, sums: &[[Octave; OCTAVES]; OUTPUTS]) -> f64 {
     let all = sums.iter().enumerate().flat_map(|(output, list)| list.iter().enumerate().map(move |(k, it)| (output, k, it)));
     let bands: Vec<_> = all.filter(|(_, _, octave)| octave.lines > 0.0).collect();

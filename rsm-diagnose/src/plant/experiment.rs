@@ -1,8 +1,9 @@
 //! The next experiment: the record that separates causes which the present records cannot separate, or that covers the region of an unexplained error.
 //!
-//! In: the fitted plant, its rivals, the library of excitations. Out: a [`NextExperiment`]. Two plants that agree on the present records are simulated along each
-//! excitation. What counts is the difference that remains after the wrong plant has moved everything that it may move: its parameters as far as the present
-//! records allow (their information matrix), and the start of the new record freely. All this is to first order about the fits, in units of the noise. The true plant is not used.
+//! In: the fitted plant, its rivals, the library of excitations. Out: a [`NextExperiment`]. Two plants that agree on the present records are
+//! simulated along each excitation. What counts is the difference that remains after the wrong plant has adapted: its parameters as far as the
+//! present records allow (their information matrix), and the initial state of the new record freely. All this is to first order about the fits, in
+//! units of the noise. The true plant is not used.
 
 use super::excitations::{self, Excitation, Limits};
 use super::levenberg::{self, Fit};
@@ -15,14 +16,14 @@ use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
-/// Rivals that are looked at; the others are told by the diagnosis that comes after.
+/// The largest number of rivals that are examined. The next diagnosis handles the others.
 const MOST_PAIRS: usize = 4;
 
-/// The difference D of two fits scatters as a normal number of variance 4 D, D being the expected one: two standard deviations are asked for, so that in 97 of 100 records
-/// the wrong cause is refused.
+/// The squared difference D of two fits has variance 4 D, if D is the expected value. Two standard deviations are required, so that the wrong cause
+/// is rejected in 97 of 100 records.
 const SIGMAS: f64 = 2.0;
 
-/// Cells of each operating quantity in which an error without a cause is looked for: quarters hold enough rows for a mean.
+/// Each operating quantity is divided into this many cells for an unexplained error. Quarters hold enough rows for a mean.
 const CELLS: usize = 4;
 
 /// A rival that the records do not distinguish from a cause.
@@ -34,54 +35,54 @@ pub struct Alias {
     pub rival: String,
     /// The plant with the rival in place of the cause, fitted to the same records.
     pub model: Model,
-    /// By how much one of them has to do worse before it is refused, in squared standard deviations of the noise.
+    /// The difference of the fits, in squared standard deviations of the noise, above which the worse one is rejected.
     pub limit: f64,
 }
 
-/// Two plants along a record.
+/// The difference of two plants along a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Apart {
     /// The accepted cause.
     pub cause: String,
     /// Its rival.
     pub rival: String,
-    /// The squared difference that remains, in units of the noise: by so much the wrong one fits worse.
+    /// The squared difference that remains, in units of the noise: how much worse the wrong plant fits.
     pub squared: f64,
-    /// Root of its mean over the readings: how many times the noise they differ.
+    /// The root mean square of the difference over the readings, in multiples of the noise.
     pub times_noise: f64,
-    /// Whether that is enough to refuse the wrong one.
+    /// Whether that is enough to reject the wrong plant.
     pub enough: bool,
 }
 
-/// What a next experiment is for.
+/// The purpose of a next experiment.
 #[derive(Debug, Clone)]
 pub enum NextExperiment {
-    /// This record tells causes apart.
+    /// This record distinguishes causes.
     Separates {
         /// The record.
         excitation: Excitation,
-        /// What it does for each pair, the strongest rival of the strongest cause first.
+        /// The result for each pair; the strongest rival of the strongest cause comes first.
         apart: Vec<Apart>,
     },
-    /// No record of the library tells these apart: what the best one does for each pair.
+    /// No record of the library distinguishes these causes. Holds the best record's result for each pair.
     Alike {
         /// The pairs with their largest differences.
         apart: Vec<Apart>,
-        /// How many records were tried.
+        /// The number of records that were tried.
         tried: usize,
     },
-    /// This record spends most of its rows where the error without a cause is.
+    /// Most rows of this record are where the unexplained error is.
     Looks {
         /// The record.
         excitation: Excitation,
-        /// Mean squared error beyond the noise that is expected in it, in units of the noise's.
+        /// The expected mean squared error above the noise in it, in units of the noise variance.
         expected: f64,
         /// The same in the present records.
         present: f64,
     },
 }
 
-/// Chooses the next experiment; `None` where there is nothing to tell apart and nothing unexplained, or nothing that the library can do about it.
+/// Chooses the next experiment. `None` if there are no rivals and no unexplained error, or if no record of the library helps.
 #[must_use]
 pub fn next(
     whitened: &WhitenedResiduals,
@@ -114,7 +115,7 @@ fn separates(whitened: &WhitenedResiduals, fit: &Fit, aliases: &[Alias], limits:
         order.sort_by(|a, b| b.1.total_cmp(&a.1));
         let mut most: Option<(usize, Apart)> = None;
         for (place, bound) in order {
-            // Adapting only makes a difference smaller: behind this one nothing is larger than what was found.
+            // Adapting only reduces a difference, so the remaining records cannot exceed the difference already found.
             if most.as_ref().is_some_and(|(_, apart)| apart.enough && apart.times_noise * apart.times_noise >= bound) {
                 break;
             }
@@ -138,7 +139,7 @@ fn separates(whitened: &WhitenedResiduals, fit: &Fit, aliases: &[Alias], limits:
     Some(NextExperiment::Separates { excitation: rows[place].excitation.clone(), apart: by_name(apart) })
 }
 
-/// One line a pair of names: a rival with and without its optional numbers is two plants, of which the nearer counts.
+/// One line for each pair of names. A rival with and without its optional parameters is two plants; the one with the smaller difference counts.
 fn by_name(apart: Vec<Apart>) -> Vec<Apart> {
     let mut list: Vec<Apart> = Vec::new();
     for it in apart {
@@ -151,7 +152,7 @@ fn by_name(apart: Vec<Apart>) -> Vec<Apart> {
     list
 }
 
-/// An excitation with the believed plant's outputs along it.
+/// An excitation with the accepted plant's outputs along it.
 struct Trial<'a> {
     excitation: &'a Excitation,
     whitened: WhitenedResiduals,
@@ -160,7 +161,7 @@ struct Trial<'a> {
 impl<'a> Trial<'a> {
     fn new(present: &WhitenedResiduals, fit: &Fit, excitation: &'a Excitation) -> Option<Self> {
         let mut prepared = Prepared::new(excitation.record.clone(), fit.model.file.kind.outputs().len());
-        // A new record holds what the present ones hold.
+        // The new record has the same columns as the present records.
         let held: Vec<bool> =
             prepared.outputs.iter().map(|output| present.records.iter().any(|it| it.outputs.contains(output))).collect();
         let mut k = 0;
@@ -184,7 +185,7 @@ impl<'a> Trial<'a> {
         self.whitened.rows().max(1) as f64
     }
 
-    /// A plant along the record, its start as the record's first row says.
+    /// A plant along the record, with the initial state from the first row.
     fn model(&self, of: &Fit) -> Model {
         let mut model = of.model.clone();
         model.file.initial.clear();
@@ -192,14 +193,14 @@ impl<'a> Trial<'a> {
         model
     }
 
-    /// The squared difference of a plant to the believed one, nothing adapted.
+    /// The squared difference between a plant and the accepted one, without adaptation.
     fn plain(&self, rival: &Fit) -> Option<f64> {
         let simulated = self.whitened.run(&self.model(rival))?;
         let difference = self.whitened.residual(&simulated);
         Some(dot(&difference, &difference))
     }
 
-    /// What remains of the difference, whichever of the two is wrong and adapts: the smaller of both.
+    /// The remaining difference. Either of the two may be wrong and adapt; the smaller result counts.
     fn apart(&self, fit: &Fit, rival: &Fit, alias: &Alias) -> Option<Apart> {
         let [of_fit, of_rival] = [fit, rival].map(|it| self.whitened.run(&self.model(it)));
         let (of_fit, of_rival) = (of_fit?, of_rival?);
@@ -213,13 +214,13 @@ impl<'a> Trial<'a> {
         })
     }
 
-    /// The squared difference of `truth` to a plant that adapts: d.d - p.(F + J^T J)^-1 p with p = J^T d, where J is its derivative along this record and F its
-    /// information from the present ones, priors included.
+    /// The squared difference between `truth` and a plant that adapts: d.d - p.(F + J^T J)^-1 p with p = J^T d. J is the plant's derivative along
+    /// this record, F its information matrix from the present records, priors included.
     fn remains(&self, adapts: &Fit, its: &[Simulated], truth: &[Simulated]) -> Option<f64> {
         let model = self.model(adapts);
         let starts: Vec<usize> =
             (0..model.unknowns.len()).filter(|k| matches!(model.unknowns[*k].place, Place::Start { .. })).collect();
-        // The new record's model has the same unknowns of the plant, in the same order, and starts of its own behind them.
+        // The model of the new record has the same unknowns of the plant in the same order, followed by its own initial states.
         let here = |k: usize| adapts.model.unknowns[..k].iter().filter(|it| !matches!(it.place, Place::Start { .. })).count();
         let of_plant: Vec<Option<usize>> = adapts
             .free
@@ -244,7 +245,7 @@ impl<'a> Trial<'a> {
     }
 }
 
-/// The record with the largest expected error, by what the present residual is at each operating point.
+/// The record with the largest expected error, from the present residual at each operating point.
 fn looks(whitened: &WhitenedResiduals, fit: &Fit, limits: &Limits) -> Option<NextExperiment> {
     let kind = fit.model.file.kind;
     let points: Vec<Vec<[f64; 2]>> =
@@ -260,7 +261,7 @@ fn looks(whitened: &WhitenedResiduals, fit: &Fit, limits: &Limits) -> Option<Nex
         let place = |axis: usize| edges[axis].iter().filter(|edge| point[axis] > **edge).count();
         CELLS * place(0) + place(1)
     };
-    // Mean squared residual beyond the noise in each cell.
+    // The mean squared residual above the noise in each cell.
     let mut sums = [(0.0, 0.0); CELLS * CELLS];
     for ((prepared, simulated), points) in whitened.records.iter().zip(&fit.simulated).zip(&points) {
         for (k, values) in simulated.iter().enumerate() {
@@ -273,7 +274,7 @@ fn looks(whitened: &WhitenedResiduals, fit: &Fit, limits: &Limits) -> Option<Nex
             }
         }
     }
-    // Where no row was yet, a cell has the mean of what its row and its column of cells have.
+    // A cell without rows gets the mean of the cells in its row and its column.
     let of = |cells: &mut dyn Iterator<Item = usize>| {
         let (sum, count) = cells.fold((0.0, 0.0), |sum, k| (sum.0 + sums[k].0, sum.1 + sums[k].1));
         if count > 0.0 { Some((sum / count - 1.0).max(0.0)) } else { None }
@@ -311,7 +312,7 @@ fn fit_of<'f>(fit: &'f Fit, whitened: &WhitenedResiduals, prepared: &Prepared) -
     &fit.simulated[place]
 }
 
-/// Two quantities that say where a plant is at work: speed and current; engine speed and throttle; position and speed.
+/// Two quantities that give the operating point of a plant: speed and current; engine speed and throttle; position and speed.
 fn operating(kind: PlantKind, record: &Record, outputs: &[usize], simulated: &Simulated) -> Vec<[f64; 2]> {
     let of = |output: usize| outputs.iter().position(|it| *it == output).map(|k| simulated[k].as_slice());
     let at = |values: Option<&[f64]>, row: usize| values.and_then(|values| values.get(row)).copied().unwrap_or(0.0);

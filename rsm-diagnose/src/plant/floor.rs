@@ -17,9 +17,9 @@ pub struct Floor {
     pub correlation: f64,
     /// Standard error of the correlation; 0 where it is not an estimate.
     pub error: f64,
-    /// How the sensor rounds, where it does so coarsely; the noise is then what that leaves about the mean reading.
+    /// How the sensor rounds, if its step is coarse. The noise is then the scatter that rounding leaves about the mean reading.
     pub rounding: Option<Rounding>,
-    /// How the noise grows with the reading, where it does; `sd` is then the root mean square of all rows.
+    /// How the noise grows with the reading, if it does. `sd` is then the root mean square over all rows.
     pub growth: Option<Growth>,
 }
 
@@ -30,19 +30,19 @@ impl Floor {
         Floor { sd, correlation: 0.0, error: 0.0, rounding: None, growth: None }
     }
 
-    /// The mean reading of a value.
+    /// The mean reading for a true value.
     #[must_use]
     pub fn reads(&self, value: f64) -> f64 {
         self.rounding.map_or(value, |rounding| rounding.expected(value))
     }
 
-    /// Standard deviation of what is new in a row.
+    /// The standard deviation of the innovation of a row.
     #[must_use]
     pub fn innovation(&self) -> f64 {
         self.sd * (1.0 - self.correlation * self.correlation).sqrt()
     }
 
-    /// Values of rows as they would be if the noise did not grow with the reading.
+    /// Scales the values of rows to uniform noise, if the noise grows with the reading.
     pub fn even(&self, measured: &[f64], values: &mut [f64]) {
         if let Some(growth) = self.growth {
             growth.even(measured, values);
@@ -55,8 +55,8 @@ impl Floor {
         self.sd * self.growth.map_or(1.0, |growth| growth.at(reading.abs()))
     }
 
-    /// Whitened values of length one where the noise is as estimated. Rows that are not `used` give 0. What the last used row says of the next one falls with the rows between:
-    /// after n of them the correlation is its n-th power.
+    /// Whitened values: their standard deviation is one if the noise is as estimated. Rows that are not `used` give 0. The correlation with the last
+    /// used row falls with the gap: over n rows it is the n-th power.
     pub fn whiten(&self, values: &[f64], used: &[bool], into: &mut Vec<f64>) {
         let first = into.len();
         into.resize(first + values.len(), 0.0);
@@ -66,7 +66,7 @@ impl Floor {
         }
     }
 
-    /// How much the logarithm of the power at a frequency moves with the correlation; `share` of the sample rate.
+    /// The derivative of the logarithm of the power with respect to the correlation, at a frequency; `share` is the frequency over the sample rate.
     #[must_use]
     pub fn slope(&self, share: f64) -> f64 {
         let cos = (TAU * share).cos();
@@ -74,7 +74,7 @@ impl Floor {
     }
 }
 
-/// The power of a first-order process falls with this; the cosine is that of the frequency.
+/// The power of a first-order process is inversely proportional to this. `cos` is the cosine of the frequency in radians per row.
 pub(super) fn shape(correlation: f64, cos: f64) -> f64 {
     1.0 - 2.0 * correlation * cos + correlation * correlation
 }

@@ -1,6 +1,6 @@
-//! The error of a plant of known structure in a free run: the metric by which the literature compares models of measured machines.
+//! The free-run error of a plant of known structure: the usual measure in publications that compare models of measured machines.
 //!
-//! In: a plant file with its effects, records. Out: its numbers, fitted to the error of the simulation, and root mean square errors. Names no cause.
+//! In: a plant file with its effects, and records. Out: its parameters, fitted to the simulation error, and root mean square errors. Names no cause.
 
 use super::levenberg::{self, Fit};
 use super::model::{AtStart, Model, Place};
@@ -10,11 +10,11 @@ use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
-/// Steps of a fit from numbers of the right size.
+/// Steps of a fit that starts from values of the right size.
 const STEPS: usize = 40;
 
-/// A plant along records, all numbers of its effects, all parameters with a tolerance and all starts being unknown. `noise` is that of each output, in its unit: it weighs one against
-/// the other. `None` where it cannot be simulated.
+/// Fits a plant to records. All parameters of its effects, all parameters with a tolerance and all initial states are unknown. `noise` is the noise
+/// of each output in its unit; it weights the outputs against one another. `None` if the plant cannot be simulated.
 #[must_use]
 pub fn fitted(file: &PlantFile, records: &[&Record], noise: [f64; OUTPUTS], threads: usize) -> Option<Fit> {
     let whitened = whitened(file, records, noise, threads);
@@ -23,8 +23,8 @@ pub fn fitted(file: &PlantFile, records: &[&Record], noise: [f64; OUTPUTS], thre
     levenberg::fit(&whitened, model, STEPS)
 }
 
-/// The same plant along one other record: only its start and the named numbers of effects are unknown, and only the first rows decide them. What a machine is like today (warm oil, a belt
-/// that has slackened) shows there; the rows behind them judge.
+/// The same plant along another record. Only the initial state and the named parameters of effects are fitted, to the first `rows` rows. These show
+/// the present condition of the machine (warm oil, a slack belt). The rows after them evaluate the fit.
 #[must_use]
 pub fn adapted(found: &Fit, record: &Record, rows: usize, numbers: &[&str], noise: [f64; OUTPUTS]) -> Option<Model> {
     let whole = [record];
@@ -53,22 +53,23 @@ pub fn errors(model: &Model, record: &Record, rows: std::ops::Range<usize>) -> O
     Some(each.collect())
 }
 
-/// The measured axis in open loop, step by step.
+/// The results of the measured axis in open loop.
 #[derive(Debug, Clone)]
 pub struct Followed {
-    /// What was simulated, and the root mean square error of the position, in m.
+    /// Each simulation with the root mean square error of the position, in m.
     pub errors: Vec<(&'static str, f64)>,
-    /// The plant as the training record left it.
+    /// The plant as fitted to the training record.
     pub trained: Model,
-    /// The same without its drift, with the viscous friction of the test record's first quarter.
+    /// The same without its drift, with the viscous friction of the first quarter of the test record.
     pub today: Model,
 }
 
-/// A free run of the training record, then of the test record as the training left the axis, without the drift (what a load does while one record is made is that record's own), and with the
-/// viscous friction of the test record's first quarter, over all of it and over the three quarters that nothing has seen. `None` where the axis cannot be simulated.
+/// Free runs of the training record and of the test record. The test record is simulated as trained; then without the drift, because the drift of a
+/// load belongs to one record; then with the viscous friction fitted to the first quarter of the test record, over all of it and over the other three
+/// quarters. `None` if the axis cannot be simulated.
 #[must_use]
 pub fn follow_axis(file: &PlantFile, training: &Record, test: &Record) -> Option<Followed> {
-    /// The smallest step of its encoder, in m; with one output only the priors feel it.
+    /// The smallest step of its encoder, in m. With only one output, this affects only the weight of the priors.
     const ENCODER: f64 = 5e-8;
     let (noise, rows) = ([ENCODER; OUTPUTS], test.rows());
     let position = |model: &Model, record: &Record, rows| errors(model, record, rows).map(|errors| errors[0]);

@@ -1,6 +1,6 @@
 //! Simpler forms of friction that describe the same records.
 //!
-//! In: the fit of a search. Out: a fit with simpler causes, where it is as good. The forms are those that the effects declare. Never looks for a cause.
+//! In: the fit of a search. Out: a fit with simpler causes, if it is as good. The effects declare the simpler forms. Adds no other cause.
 
 use super::compete::{count, within_tolerance};
 use super::hypotheses::{generalises, levels};
@@ -11,14 +11,15 @@ use crate::engine::significance::best_of;
 use rsm_sim::effect::declared::{Forms, Part};
 use rsm_sim::plant_file::Entry;
 
-/// The plainer forms of an entry.
+/// The simpler forms of an entry.
 fn forms(entry: &Entry) -> Forms {
     (entry.description.declared.forms)(&entry.arguments)
 }
 
 impl Search<'_> {
-    /// Two levels of friction are their mean and a constant load of half their difference. Where the records cannot tell, it is said as two plain things: a load
-    /// acts at rest, too, and the sum can be more than friction. Both have two numbers, and nothing was searched: chance does little.
+    /// Replaces two levels of friction by their mean and a constant load of half their difference, if the records do not distinguish them. The load
+    /// also acts at rest, where the sum can exceed the friction. Both descriptions have two parameters and nothing was searched, so chance gains
+    /// little.
     pub(super) fn split(&self, fit: Fit) -> Fit {
         let entries = &fit.model.file.effects;
         let found = entries.iter().enumerate().find_map(|(place, it)| Some((place, forms(it).alike?)));
@@ -33,8 +34,8 @@ impl Search<'_> {
         self.or_plainer(fit, model, best_of(1, 1))
     }
 
-    /// Friction that is the same both ways is no asymmetry: it is one level, or a part of that of a curve beside it that holds such a level too, and one viscous friction. The fit with
-    /// those, where what it has fewer numbers for is no more than chance.
+    /// Replaces asymmetric friction by one level and one viscous friction, if both directions agree. If a curve beside it already has a level, the
+    /// level becomes part of that one. The simpler fit is used if its loss is no more than chance gives for the extra parameters.
     pub(super) fn levelled(&self, fit: Fit) -> Fit {
         let entries = &fit.model.file.effects;
         let found = entries.iter().enumerate().find_map(|(place, it)| Some((place, forms(it).level?)));
@@ -67,7 +68,7 @@ impl Search<'_> {
         self.or_plainer(fit, model, best_of(1, fewer))
     }
 
-    /// A law with more numbers gives way to the one that it holds as a special case, where the records do not distinguish them: a Stribeck curve, or two levels, to one level.
+    /// Replaces a law by its special case with fewer parameters, if the records do not distinguish them: a Stribeck curve or two levels by one level.
     pub(super) fn narrowed(&self, fit: Fit, threshold: f64) -> Fit {
         let entries = &fit.model.file.effects;
         let special =
@@ -81,7 +82,7 @@ impl Search<'_> {
         let levels = levels(&entries[place]);
         let sum: f64 = levels.iter().map(|number| entries[place].arguments.numbers[*number].1).sum();
         let level = sum / levels.len().max(1) as f64;
-        // Where nothing says which of its numbers are levels, the special case begins at its own guess.
+        // If no parameter of the law is a level, the special case starts from its own guess.
         let guess = special.guesses.first().and_then(|it| it.values.first()).copied().unwrap_or(0.0);
         let level = if levels.is_empty() { guess } else { level };
         let model = fit.model.minus(self.nominal, place).plus(self.nominal, special.entry(self.nominal.file.kind, &[level]));
@@ -89,13 +90,13 @@ impl Search<'_> {
         self.or_plainer(fit, model, worse)
     }
 
-    /// The entry of a part of a form, where it is a hypothesis on this plant.
+    /// The entry of a part of a simpler form, if it is a hypothesis on this plant.
     fn entry(&self, part: &Part) -> Option<Entry> {
         let found = self.hypotheses.iter().find(|it| it.description.kind == part.kind && it.subject == part.subject);
         found.map(|it| it.entry(self.nominal.file.kind, &[part.value]))
     }
 
-    /// A plainer model fitted, where it is worse by less than so much; else the fit.
+    /// The fit of a simpler model, if it is worse by less than `worse`; otherwise the given fit.
     fn or_plainer(&self, fit: Fit, model: Model, worse: f64) -> Fit {
         match levenberg::onward(self.whitened, model, self.effort.fit_steps, Some(&fit)) {
             Some(other) if other.cost < fit.cost + worse => other,

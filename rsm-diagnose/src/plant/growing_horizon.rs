@@ -1,8 +1,9 @@
 //! A search over a growing horizon: a cause is fitted to the beginning of each record, then followed to its end.
 //!
-//! In: a fit that leaves structure, and hypotheses that no number scales. Out: fits with one of them, along the whole of all records. Some effects accumulate along a record: a clutch that
-//! has slipped swings at its limit, and every swing depends on all before. The cost then has many narrow local minima, and no first-order step leads anywhere. Near the beginning little has
-//! accumulated, the minima are wide, and the calibration is not yet biased. Never judges what it finds.
+//! In: a fit that leaves structure, and hypotheses without a parameter that scales their effect. Out: fits with one of them, along the whole of all
+//! records. Some effects accumulate along a record: after a clutch has slipped, every oscillation depends on all before. The cost then has many
+//! narrow local minima, and a first-order step finds none of them. Near the beginning little has accumulated, the minima are wide, and the
+//! calibration is not yet biased. Accepts no cause.
 
 use super::compete::Candidate;
 use super::hypotheses::Hypothesis;
@@ -14,37 +15,38 @@ use super::search::Search;
 use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::effect::{Guess, Role};
 
-/// A beginning ends where the squared residual, from the first row on, passes this many times that of noise. What is wrong then has three parts in four of it: enough to
-/// fit a number to, and of the size of the noise, where first order holds.
+/// A beginning ends where the squared residual, summed from the first row, exceeds this many times the noise. Then three quarters of it are error.
+/// That is enough to fit a parameter, and small enough for a first-order step.
 const TIMES: f64 = 4.0;
 
-/// Rows with fewer of which a beginning is too short to say so: with one output, noise makes 1.6 in place of 4 in one of ten thousand.
+/// The smallest number of rows for this test. With one output and fewer rows, noise alone may reach a large ratio; with these, it exceeds 1.6 once in
+/// ten thousand cases.
 const LEAST_ROWS: usize = 50;
 
-/// A record is made no longer than this many times at once.
+/// A horizon grows at most by this factor in one stage.
 const LONGER: usize = 2;
 
-/// A plant that cannot follow any record by this share further has lost it.
+/// A plant that cannot follow any record further by this share has failed.
 const STEP: f64 = 0.05;
 
-/// Stages at most: from fifty rows, seven doublings pass 6000, and records need not do theirs at the same time.
+/// The largest number of stages. From fifty rows, seven doublings exceed 6000, and records need not grow in the same stage.
 const STAGES: usize = 24;
 
-/// Hypotheses that are followed.
+/// The number of hypotheses that are followed.
 const FOLLOWED: usize = 2;
 
-/// Beginnings that hold this share of all rows show no more than the whole does.
+/// If the beginnings hold this share of all rows, they show no more than the whole records.
 const NEARLY_ALL: f64 = 0.8;
 
-/// Steps of a scan from the lowest to the highest guess of a number. A limit that is passed in a few rows of a beginning makes a valley as wide as what passes it is
-/// high: some per cent, where guesses reach from half of what can be to all of it.
+/// The number of steps of a scan from the lowest to the highest guess of a parameter. A limit that is exceeded in a few rows of a beginning has a
+/// minimum a few per cent wide, and the guesses cover half to all of the possible range.
 const SCAN: usize = 24;
 
-/// Records up to where a plant follows them, and the plant.
+/// The first rows of the records, as far as a plant follows them, with the plant.
 struct Beginning {
     /// Rows of each record.
     ends: Vec<usize>,
-    /// Fitted to them.
+    /// The fit to these rows.
     fit: Fit,
 }
 
@@ -54,7 +56,7 @@ fn cut(whitened: &WhitenedResiduals, ends: &[usize]) -> WhitenedResiduals {
     whitened.on(records)
 }
 
-/// How far a plant follows each record; `None` where it cannot be simulated.
+/// How many rows of each record a plant follows; `None` if it cannot be simulated.
 fn reach(whitened: &WhitenedResiduals, model: &Model) -> Option<Vec<usize>> {
     let residual = whitened.residual(&whitened.run(model)?);
     let mut first = 0;
@@ -75,7 +77,8 @@ fn reach(whitened: &WhitenedResiduals, model: &Model) -> Option<Vec<usize>> {
     Some(each.collect())
 }
 
-/// The same, but no record becomes longer than `LONGER` times what it was, and none shorter. Where the plant cannot be simulated so far, half as much further.
+/// The same, but each record grows at most by the factor `LONGER` and never shrinks. If the plant cannot be simulated so far, half the growth is
+/// tried.
 fn further(whitened: &WhitenedResiduals, model: &Model, ends: &[usize]) -> Option<Vec<usize>> {
     let mut more = (LONGER - 1) as f64;
     while more > STEP {
@@ -89,7 +92,7 @@ fn further(whitened: &WhitenedResiduals, model: &Model, ends: &[usize]) -> Optio
     None
 }
 
-/// Whether any record is longer by enough, or whole.
+/// Whether any record has grown enough, or is complete.
 fn leads_on(whitened: &WhitenedResiduals, before: &[usize], after: &[usize]) -> bool {
     let mut each = before.iter().zip(after).zip(&whitened.records);
     each.any(|((before, after), it)| {
@@ -101,7 +104,7 @@ fn is_whole(whitened: &WhitenedResiduals, ends: &[usize]) -> bool {
     ends.iter().zip(&whitened.records).all(|(end, it)| *end == it.record.rows())
 }
 
-/// How far the plant follows the records when it is calibrated to no more than that.
+/// How far the plant follows the records when it is calibrated to these rows only.
 fn beginning(whitened: &WhitenedResiduals, model: Model, steps: usize) -> Option<Beginning> {
     let mut ends = reach(whitened, &model)?;
     let mut model = model;
@@ -117,7 +120,7 @@ fn beginning(whitened: &WhitenedResiduals, model: Model, steps: usize) -> Option
     None
 }
 
-/// A cause followed along longer and longer beginnings to the end of all records; `None` where it loses them.
+/// A cause fitted along longer and longer beginnings to the end of all records; `None` if the plant fails to follow them.
 fn followed(whitened: &WhitenedResiduals, model: Model, mut ends: Vec<usize>, steps: usize, threshold: f64) -> Option<Fit> {
     let mut model = model;
     for _ in 0..STAGES {
@@ -135,9 +138,9 @@ fn followed(whitened: &WhitenedResiduals, model: Model, mut ends: Vec<usize>, st
     None
 }
 
-/// The hypotheses that no number scales, those with one number with guesses close to one another.
+/// The hypotheses without a scaling parameter. Those with one parameter get closely spaced guesses.
 fn scanned(hypotheses: &[Hypothesis]) -> Vec<Hypothesis> {
-    // Steps of rounding have no derivative, and nothing of them adds up.
+    // Rounding steps have no derivative, and rounding does not accumulate.
     let follows = |it: &&Hypothesis| {
         it.description.declared.role != Role::Rounding && it.guesses.iter().all(|guess| guess.neutral.is_none())
     };
@@ -155,7 +158,7 @@ fn scanned(hypotheses: &[Hypothesis]) -> Vec<Hypothesis> {
 }
 
 impl Search<'_> {
-    /// Adds to the candidates of a competition what the beginnings of the records say. Of two fits of the same hypothesis the better one stays.
+    /// Adds the results from the beginnings of the records to the candidates of a competition. Of two fits of one hypothesis, the better one is kept.
     pub(super) fn add_from_beginnings(&self, fit: &Fit, candidates: &mut Vec<Candidate>, threshold: f64) {
         for it in self.at_beginnings(fit, threshold) {
             let same = candidates.iter().position(|other| other.label == it.label && other.numbers == it.numbers);
@@ -168,11 +171,11 @@ impl Search<'_> {
         candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
     }
 
-    /// What a competition at the beginning of the records finds for the place of one more cause, followed to their end. Empty where the plant follows the
-    /// records nearly from end to end: whoever looks at the whole then sees as much.
+    /// The best additional causes at the beginning of the records, each followed to their end. Empty if the plant already follows nearly the whole of
+    /// the records: then the usual search sees the same.
     fn at_beginnings(&self, fit: &Fit, threshold: f64) -> Vec<Candidate> {
         let effort = self.effort;
-        // Calibrated anew: to the whole, parameters were bent by what they cannot explain.
+        // Calibrated again: a calibration to the whole records is biased by the missing cause.
         let plain = self.nominal.with_effects(self.nominal, fit.model.file.effects.clone());
         let Some(base) = beginning(self.whitened, plain, effort.fit_steps) else { return Vec::new() };
         let rows: usize = self.whitened.records.iter().map(|it| it.record.rows()).sum();

@@ -1,50 +1,54 @@
 //! Noise that grows with the reading.
 //!
-//! In: the residual of an output, with its readings. Out: the standard deviation of the noise as a function of the size of the reading, where this can be told from chance.
-//! Only differences between neighbouring rows are used, so slow structure does not count. Medians of parts of equal size make it robust against a few outliers.
+//! In: the residual of an output, with its readings. Out: the standard deviation of the noise as a function of the size of the reading, if it differs
+//! significantly from a constant. Only differences between neighbouring rows are used, so slow structure does not count. Medians over parts of equal
+//! size make it robust against a few outliers.
 
 use super::rounding::step_of;
 use crate::engine::significance::median;
 
-/// Parts of the range of readings, of equally many rows each.
+/// The range of readings is divided into this many parts with equal numbers of rows.
 const PARTS: usize = 12;
 
-/// Rows of a part, at least: the error of the deviation that its median gives is then a sixth.
+/// The smallest number of rows in a part. The standard deviation from its median then has an error of a sixth.
 const LEAST_ROWS: usize = 50;
 
-/// Rows to either side that say where a row is: its own reading is not among them, else noise would choose its own weight.
+/// Rows on either side that give the size of the reading at a row. Its own reading is excluded; otherwise noise would choose its own weight.
 const BESIDE: usize = 4;
 
-/// The variance of the logarithm of a deviation that comes from a median is this over the independent rows (P. J. Huber, "Robust statistics", 1981, section 5.1).
+/// The variance of the logarithm of a standard deviation that comes from a median, multiplied by the number of independent rows (P. J. Huber, "Robust
+/// statistics", 1981, section 5.1).
 const OF_DEVIATION: f64 = 1.36;
 
-/// Of second differences of white noise this many stand for an independent row: their correlations are -2/3 and 1/6, so that squares are correlated by 4/9 and 1/36, to both sides.
+/// The number of second differences of white noise that count as one independent row. Their correlations are -2/3 and 1/6, so squares have
+/// correlations 4/9 and 1/36, on both sides.
 const ROWS_A_DIFFERENCE: f64 = 1.94;
 
-/// The median of the size of a reading less the mean of its neighbours over the standard deviation of white noise: 0.6745 sqrt(1.5).
+/// For white noise: the median of |reading - mean of both neighbours| divided by the standard deviation, 0.6745 sqrt(1.5).
 const OF_SECOND_DIFFERENCE: f64 = 0.826;
 
-/// The likelihood ratio that growth must reach. Chi squared with one degree of freedom passes 20 once in 130,000 cases. Two laws are tried at every rate, of three outputs, some ten times in a
-/// diagnosis: with four independent trials a look, a false alarm comes once in a thousand diagnoses, a tenth of what structure may have (`whiteness`).
+/// The log likelihood ratio that growth must reach. Chi squared with one degree of freedom exceeds 20 once in 130,000 cases. Two laws are tried at
+/// every rate, for three outputs, about ten times in a diagnosis. With four independent trials in each, a false alarm occurs once in a thousand
+/// diagnoses: a tenth of the limit for structure (`whiteness`).
 const LEAST_RATIO_OF_GROWTH: f64 = 20.0;
 
-/// Growth of less than this from the smallest to the largest reading changes no figure.
+/// Growth by less than this factor, from the smallest to the largest reading, is ignored.
 const LEAST_GROWTH: f64 = 1.25;
 
-/// Student's t with ten degrees of freedom passes this once in 1000, two-sided: twelve parts with a line through them.
+/// Student's t with ten degrees of freedom exceeds this once in 1000 cases, two-sided: twelve parts with a line through them.
 const OTHER_SHAPE: f64 = 4.59;
 
-/// A record has fewer rows of a part than this: its correlations are not asked.
+/// With fewer rows of a record in a part, its correlations are not tested.
 const LEAST_OF_SHAPE: usize = 30;
 
-/// How a deviation goes with the size of a reading.
+/// How the standard deviation depends on the size of a reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Growth {
-    /// At a reading of 0 it is a unit; it grows by so much a unit of the reading.
+    /// At a reading of 0 the law is 1. The rate is the growth for each unit of the reading.
     pub rate: f64,
-    /// As the sum of the two, else as the root of the sum of their squares: an error of the scale beside one of the offset.
+    /// Whether the two parts are added; otherwise their squares are, as for independent errors of scale and offset.
     pub sum: bool,
-    /// Root mean square over the rows from which it came: by this it is divided, so that a floor's own deviation is the usual one.
+    /// The root mean square of the law over the rows from which it came. The law is divided by it, so that the mean noise is unchanged.
     pub norm: f64,
     /// The mean size of the largest twelfth of the readings.
     pub largest: f64,
@@ -56,20 +60,21 @@ impl Growth {
         if self.sum { 1.0 + grown } else { (1.0 + grown * grown).sqrt() }
     }
 
-    /// The deviation at a size of reading, over the usual one.
+    /// The standard deviation at a size of reading, relative to the mean one.
     #[must_use]
     pub fn at(&self, size: f64) -> f64 {
         self.plain(size) / self.norm
     }
 
-    /// Divides values of rows by the deviation that noise has there.
+    /// Divides the values of rows by the relative standard deviation of the noise there.
     pub fn even(&self, measured: &[f64], values: &mut [f64]) {
         for (value, size) in values.iter_mut().zip(sizes(measured)) {
             *value /= self.at(size);
         }
     }
 
-    /// From what is left of an output, one list a record: readings, what is left, rows that count. `None` where noise is even, as far as can be told.
+    /// The growth law from the residual of an output, one list for each record: readings, residuals, rows that count. `None` if the noise does not
+    /// grow significantly.
     #[must_use]
     pub fn found(lists: &[(&[f64], &[f64], &[bool])]) -> Option<Growth> {
         let mut rows: Vec<(f64, f64)> = Vec::new();
@@ -97,7 +102,7 @@ impl Growth {
             parts.push((size, deviation.ln()));
         }
         let variance = OF_DEVIATION * ROWS_A_DIFFERENCE / count as f64;
-        // Squared misfit of the logarithms about their own level, in units of their error.
+        // The squared deviation of the logarithms from a law with a free level, in units of their error.
         let misfit = |law: &dyn Fn(f64) -> f64| {
             let off: Vec<f64> = parts.iter().map(|(size, log)| log - law(*size).ln()).collect();
             let mean = off.iter().sum::<f64>() / off.len() as f64;
@@ -107,7 +112,7 @@ impl Growth {
         let largest = parts.last()?.0;
         let (mut best, mut least) = (None, even - LEAST_RATIO_OF_GROWTH);
         for sum in [true, false] {
-            // From a tenth of its own to a hundred times as much at the largest readings, in steps of 5 %.
+            // The growth at the largest readings: from a tenth to a hundred times the noise at 0, in steps of 5 %.
             for step in 0..=142 {
                 let rate = 0.1 * 1.05_f64.powi(step) / largest.max(f64::MIN_POSITIVE);
                 let growth = Growth { rate, sum, norm: 1.0, largest };
@@ -126,15 +131,15 @@ impl Growth {
     }
 }
 
-/// What rounding alone adds to second differences, in the middle of their sizes, where readings are multiples of a step; else 0. A coarse sensor reads one number at rest and scatters by the uniform error of its steps where it
-/// moves: that is no growth.
+/// The median contribution of rounding alone to second differences, if readings are multiples of a step; otherwise 0. A coarse sensor repeats its
+/// reading at rest, and has a uniform rounding error when it moves. That is not growth.
 fn of_rounding(lists: &[(&[f64], &[f64], &[bool])], rows: &[(f64, f64)]) -> f64 {
     let middle = median(&mut rows.iter().map(|it| it.1).collect::<Vec<_>>());
     let step = step_of(lists.iter().map(|(measured, _, used)| (*measured, *used)), middle / OF_SECOND_DIFFERENCE);
     step.map_or(0.0, |step| OF_SECOND_DIFFERENCE * step / 12.0_f64.sqrt())
 }
 
-/// Whether two laws weigh small readings against large ones otherwise, by a tenth.
+/// Whether two laws differ by a tenth in the relative weight of small and large readings.
 #[must_use]
 pub fn differ(one: Option<Growth>, other: Option<Growth>) -> bool {
     let size = [one, other].iter().flatten().map(|it| it.largest).fold(0.0, f64::max);
@@ -142,11 +147,11 @@ pub fn differ(one: Option<Growth>, other: Option<Growth>) -> bool {
     (over(one) / over(other)).ln().abs() > 0.1
 }
 
-/// Whether what a row has beside its neighbours has one shape at small and at large readings, its size set apart: noise that grows does, and structure that comes with large readings (a ripple, a
-/// swing, a contact) has correlations of its own there. Lists as in [`Growth::found`].
+/// Whether the residual has the same correlations at small and at large readings, apart from its size. Noise that grows has. Structure at large
+/// readings (a ripple, an oscillation, a contact) has different correlations there. Lists as in [`Growth::found`].
 #[must_use]
 pub fn of_one_shape(lists: &[(&[f64], &[f64], &[bool])]) -> bool {
-    // Products of second differences with those one and two rows later, and squares, by the size of the reading.
+    // Products of each second difference with those one and two rows later, and squares, by the size of the reading.
     let mut rows: Vec<(f64, [f64; 3])> = Vec::new();
     for (measured, left, used) in lists {
         let sizes: Vec<f64> = sizes(measured).collect();
@@ -168,7 +173,7 @@ pub fn of_one_shape(lists: &[(&[f64], &[f64], &[bool])]) -> bool {
         [0, 1].map(|k| sum(k) / sum(2).max(f64::MIN_POSITIVE))
     };
     let parts: Vec<[f64; 2]> = rows.chunks(count).take(PARTS).map(of).collect();
-    // A line through the parts in their order: its slope over its own error.
+    // A line through the parts in their order: its slope divided by the error of the slope.
     let middle = 0.5 * (PARTS - 1) as f64;
     let spread: f64 = (0..PARTS).map(|k| (k as f64 - middle).powi(2)).sum();
     [0, 1].iter().all(|&k| {

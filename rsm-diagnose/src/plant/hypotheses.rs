@@ -1,7 +1,8 @@
-//! The hypotheses: every effect of the catalogue that can stand on the plant, a parameter error for each number with a physical meaning, a
+//! The hypotheses: every effect of the catalogue that is possible on the plant, a parameter error for each parameter with a physical meaning, a
+//! sensor effect for each output.
 //! sensor effect for each output.
 //!
-//! In: a model and a survey of the records. Out: a list, and the model with a hypothesis added. Never judges one.
+//! In: a model and a survey of the records. Out: a list, and the model with a hypothesis added. Evaluates none.
 
 use super::model::{Model, Place, Unknown};
 use rsm_sim::effect::{Argument, Arguments, Description, Guess, Role, Step, Subject, Survey};
@@ -10,24 +11,25 @@ use rsm_sim::plant_file::Entry;
 use rsm_sim::schema::{self, Bound};
 use rsm_sim::{effects, equation_plant};
 
-/// A cause that may be behind what is left.
+/// A possible cause of the residual.
 #[derive(Debug, Clone)]
 pub struct Hypothesis {
     /// The effect.
     pub description: &'static Description,
-    /// The named parameter or output.
+    /// The parameter or output that it refers to, if any.
     pub subject: Option<&'static str>,
-    /// Where a search may begin.
+    /// The starting points of a search.
     pub guesses: Vec<Guess>,
 }
 
-/// Its name in lists: KIND, `parameter-error:NAME` or `sensor-...:OUTPUT`.
+/// The name of a hypothesis in lists: KIND, `parameter-error:NAME` or `sensor-...:OUTPUT`.
 #[must_use]
 pub fn label(kind: &str, subject: Option<&str>) -> String {
     subject.map_or(kind.to_string(), |subject| format!("{kind}:{subject}"))
 }
 
-/// Whether one cause holds another as its special case, by kinds or by names in lists: it then always fits as well, and that says nothing. Where both name a place it must be the same.
+/// Whether one cause contains another as a special case, by kinds or by names in lists. It then always fits at least as well, which is no evidence.
+/// If both name a parameter or output, it must be the same.
 #[must_use]
 pub fn generalises(general: &str, special: &str) -> bool {
     let parts = |name| str::split_once(name, ':').map_or((name, None), |(kind, at)| (kind, Some(at)));
@@ -36,7 +38,7 @@ pub fn generalises(general: &str, special: &str) -> bool {
     is_one_place && effects::of(general).is_some_and(|it| it.declared.generalises == Some(special))
 }
 
-/// Parameters that are known by counting or are limits of whoever makes the record: an error of them is no hypothesis.
+/// Parameters that are exact counts or limits set by the user. An error of them is not a hypothesis.
 const KNOWN: [&str; 3] = ["pole_pairs", "bus_voltage", "current_limit"];
 
 /// All hypotheses of a plant. `outputs` are those that at least one record holds.
@@ -64,9 +66,9 @@ pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesi
             Subject::Parameter => {
                 for nominal in schema::named(kind) {
                     let Some(value) = survey.parameters.optional(nominal.name) else { continue };
-                    // The ratio of a gear in which no record runs leaves no trace.
+                    // If no record uses a gear, its ratio has no effect.
                     let runs = schema::gear(kind, nominal.name).is_none_or(|gear| survey.gears[gear]);
-                    // A number of an equation that is whole is known by counting too.
+                    // An integer parameter of a plant of equations is exact too.
                     let is_counted = matches!(kind, PlantKind::Equations(_)) && nominal.bound == Bound::Count;
                     if runs
                         && !is_counted
@@ -96,7 +98,7 @@ impl Hypothesis {
         label(self.description.kind, self.subject)
     }
 
-    /// Its entry in a plant file with these numbers.
+    /// Its entry in a plant file with these parameters.
     #[must_use]
     pub fn entry(&self, kind: PlantKind, values: &[f64]) -> Entry {
         let numbers = self.description.arguments_on(kind).zip(values);
@@ -110,7 +112,7 @@ impl Hypothesis {
         }
     }
 
-    /// Whether the parameters have physically possible signs; the search determines their size.
+    /// Whether the parameters have physically possible signs. The search determines their size.
     #[must_use]
     pub fn has_signs(&self, kind: PlantKind, values: &[f64]) -> bool {
         let entry = self.entry(kind, values);
@@ -122,19 +124,19 @@ impl Hypothesis {
         })
     }
 
-    /// Whether an entry of a file is this one.
+    /// Whether an entry of a file is this hypothesis.
     #[must_use]
     pub fn is(&self, entry: &Entry) -> bool {
         entry.description.kind == self.description.kind && entry.arguments.subject.as_deref() == self.subject
     }
 }
 
-/// What its effect declares of a number of an entry.
+/// The declaration of a parameter in the effect of an entry.
 pub(super) fn declared(entry: &Entry, name: &str) -> Option<&'static Argument> {
     entry.description.argument(entry.arguments.plant, name)
 }
 
-/// Which numbers of an entry, by their place, are levels of friction: its special case has one.
+/// The indices of those parameters of an entry that are levels of friction; its special case has one level.
 pub(super) fn levels(entry: &Entry) -> Vec<usize> {
     let is_level = |(_, (name, _)): &(usize, &(&str, f64))| declared(entry, name).is_some_and(|it| it.is_level);
     entry.arguments.numbers.iter().enumerate().filter(is_level).map(|(place, _)| place).collect()
@@ -150,7 +152,7 @@ fn bound_of(entry: &Entry, name: &str) -> Bound {
     declared(entry, name).map_or(Bound::Any, |argument| argument.bound)
 }
 
-/// The unknowns of an entry: its numbers, but for whole numbers and for steps of rounding, along which a simulation has no derivative.
+/// The unknowns of an entry: its parameters, except integers and rounding steps, for which a simulation has no derivative.
 fn unknowns_of(entry: &Entry, place: usize) -> Vec<Unknown> {
     let mut unknowns = Vec::new();
     for (name, value) in &entry.arguments.numbers {
@@ -171,7 +173,7 @@ fn unknowns_of(entry: &Entry, place: usize) -> Vec<Unknown> {
 }
 
 impl Model {
-    /// The model with these causes and no others. A nominal parameter that a cause says to be in error is no calibration any more.
+    /// The model with these causes and no others. If a cause is the error of a nominal parameter, that parameter is no longer calibrated.
     #[must_use]
     pub fn with_effects(&self, nominal: &Model, entries: Vec<Entry>) -> Model {
         let mut model = self.clone();
@@ -185,7 +187,7 @@ impl Model {
         for unknown in &nominal.unknowns {
             let Place::Nominal(name) = unknown.place else { continue };
             if in_error(name) {
-                // The file keeps what it said; the entry says the rest.
+                // The file keeps its value; the entry holds the difference.
                 model.file.parameters.set(name, nominal.file.parameters.number(name));
             } else {
                 unknowns.push(unknown.clone());
@@ -208,7 +210,7 @@ impl Model {
         self.with_effects(nominal, entries)
     }
 
-    /// The model with one more cause in place of those that it holds as special cases: friction is one thing, not two.
+    /// The model with one more cause in place of its special cases: friction is described by one law only.
     #[must_use]
     pub fn joined(&self, nominal: &Model, entry: Entry) -> Model {
         let mut entries = self.file.effects.clone();
@@ -217,7 +219,7 @@ impl Model {
         self.with_effects(nominal, entries)
     }
 
-    /// The model with one cause less.
+    /// The model without one of its causes.
     #[must_use]
     pub fn minus(&self, nominal: &Model, place: usize) -> Model {
         let mut entries = self.file.effects.clone();
@@ -225,7 +227,7 @@ impl Model {
         self.with_effects(nominal, entries)
     }
 
-    /// Whether effects split off more inertia than there is.
+    /// Whether the effects leave a positive inertia.
     #[must_use]
     pub fn is_possible(&self) -> bool {
         let split: f64 = self.file.acting().filter_map(|entry| (entry.description.build)(&entry.arguments).split()).sum();

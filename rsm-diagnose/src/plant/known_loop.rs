@@ -1,15 +1,18 @@
-//! A check of a loop whose law is known, made before anything else: the recorded command of an axis is compared with the law of its controller. This needs no plant.
+//! A check of the sensors in a control loop with a known law, made before all others: the recorded command of an axis is compared with the law of its
+//! controller. No plant model is needed.
 //!
 //! ```text
 //!   u = h (a (r - q) - k v),  a = velocity_gain position_gain,  k = velocity_gain,  and readings m = g q:
 //!   u = h (1 - 1/g) [a r] + (h/g) [a (r - m) - k v_m] + a constant
 //! ```
 //!
-//! In: records in closed loop that hold the position and the command. Out: the gains of both sensors from a regression on two terms, the delay of the position reading, and what is left of
-//! the command. Friction, mass and load do not enter, so the check holds even where nothing is known of them. Never simulates.
+//! In: records in closed loop that hold the position and the command. Out: the gains of both sensors from a regression on two terms, the delay of the
+//! position reading, and the residual of the command. Friction, mass and load do not enter, so the check is valid even if they are unknown. Runs no
+//! simulation.
 //!
-//! A difference of readings is much noisier than the readings, and noise in a regressor makes its coefficient too small. The law a few rows earlier, whose noise is independent, serves as the
-//! instrument (P. G. Wright, 1928). Intervals come from leaving out parts of the records in turn (J. W. Tukey, 1958); so does the gain on rows that did not give the coefficients.
+//! A difference of readings is much noisier than the readings, and noise in a regressor makes its coefficient too small. The same law some rows
+//! earlier has independent noise, so it is used as the instrument (P. G. Wright, 1928). Intervals come from leaving out one part of the records at a
+//! time (J. W. Tukey, 1958); so does the gain on rows that were not used for the coefficients.
 
 use super::cause::{Cause, Interval};
 use super::confidence::EXPLAINED;
@@ -18,34 +21,35 @@ use rsm_sim::effect::{Arguments, Role};
 use rsm_sim::plant_file::{Entry, PlantFile, VelocityFrom};
 use rsm_sim::record::Drive;
 
-/// The instrument is this many rows older: the velocity holds readings of three.
+/// The instrument is taken this many rows earlier, because the velocity uses three readings.
 const OLDER: usize = 5;
 
-/// Parts that are left out in turn.
+/// The number of parts; one is left out at a time.
 const PARTS: usize = 10;
 
 /// 97.5 % of Student's t with nine degrees of freedom.
 const T_POINT: f64 = 2.262;
 
-/// 99.95 % of it: a gain that is named as off lies so far from 1. Two gains are asked of every loop, and 95 % would name a sensor that is in order in one of twenty.
+/// The 99.95 % point of the same: a gain is reported as wrong if it differs from 1 by this many standard deviations. Two gains are tested for every
+/// loop; with the 95 % point, one in twenty good sensors would be reported.
 const OFF_POINT: f64 = 4.781;
 
-/// Fewer rows are not sufficient.
+/// The smallest number of rows.
 const LEAST_ROWS: usize = 200;
 
-/// Rows by which the position may be late or early, either way.
+/// The largest tested delay or advance of the position, in rows.
 const FARTHEST: isize = 4;
 
-/// The law at another instant leaves this share of the squares, or less, before a position counts as late.
+/// A position counts as late if the law with the delay leaves at most this share of the squares.
 const LATE: f64 = 0.25;
 
-/// A gain is wrong where the two lines leave less than this share of the squares on rows that did not make them: two thirds of the r.m.s.
+/// A gain counts as wrong if the regression leaves less than this share of the squares on rows that were not used for it: two thirds of the r.m.s.
 const LEFT_BY_GAINS: f64 = 0.45;
 
-/// And where they leave less than this share of the command: a law of another controller would fit as badly with any gain.
+/// The regression must also leave less than this share of the command. The law of another controller would fit badly with any gain.
 const LEFT_BY_LAW: f64 = 0.2;
 
-/// A reading of the command beyond this share of its largest one, or of its limit, may be the limit, its noise and a gain of its own, and is no law.
+/// A reading of the command above this share of its largest value, or of its limit, is left out: it may be limited, so the law does not hold.
 const LIMITED: f64 = 0.9;
 
 /// A number with its 95 % interval.
@@ -60,7 +64,7 @@ pub struct Known {
 }
 
 impl Known {
-    /// Whether a gain is surely not 1.
+    /// Whether a gain differs significantly from 1.
     fn is_off(&self) -> bool {
         let sd = 0.5 * (self.high - self.low) / T_POINT;
         (self.value - 1.0).abs() > OFF_POINT * sd
@@ -70,27 +74,27 @@ impl Known {
 /// The check of the sensors by the control law.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KnownLoop {
-    /// The gain of the position's sensor.
+    /// The gain of the position sensor.
     pub position: Known,
-    /// The gain of the command's reading.
+    /// The gain of the command reading.
     pub command: Known,
-    /// Rows by which the position is read late; negative where it is early.
+    /// The delay of the position reading in rows; negative if it is early.
     pub late: isize,
-    /// Root mean square of what the law as the file has it, and a constant, miss of the command, in V. A sensor with a bias makes a constant, and is no gain.
+    /// Root mean square of the command minus the law as stated in the file and a constant, in V. A sensor bias gives a constant; it is not a gain.
     pub stated: f64,
-    /// The same of the two lines, on rows that did not make them.
+    /// The same for the regression, on rows that were not used for it.
     pub left: f64,
     /// Root mean square of the command, in V.
     pub size: f64,
 }
 
 impl KnownLoop {
-    /// Whether the law with these gains is the controller's, and as the file states it is not.
+    /// Whether the law with these gains is the controller's, and the law as stated is not.
     fn is_worth(&self) -> bool {
         self.left * self.left < LEFT_BY_GAINS * self.stated * self.stated && self.left < LEFT_BY_LAW * self.size
     }
 
-    /// The sensors that are off, as entries of the plant.
+    /// The sensors with wrong gains, as entries of the plant.
     #[must_use]
     pub fn entries(&self, file: &PlantFile) -> Vec<Entry> {
         let Some(description) = rsm_sim::effects::with(Role::ReadingGain).filter(|_| self.is_worth() && self.late == 0) else {
@@ -104,8 +108,8 @@ impl KnownLoop {
         .collect()
     }
 
-    /// What the law alone says, as causes, with their entries: those that a search did not keep. In a free run a sensor may be little beside friction that nothing explains; in the law it is all
-    /// that is wrong. `rows` are those of the records.
+    /// The causes that only the law shows and that a search did not keep, with their entries. In a free run a sensor error may be small beside
+    /// unexplained friction; in the law it is the only error. `rows` is the number of rows of the records.
     #[must_use]
     pub fn beside(&self, file: &PlantFile, kept: &[Entry], rows: usize) -> Vec<(Cause, Entry)> {
         let is_kept =
@@ -143,7 +147,7 @@ impl KnownLoop {
         each.collect()
     }
 
-    /// Whether the law alone says what an entry does: then the entry needs no plant, and no rival of the plant speaks against it.
+    /// Whether the law alone shows what an entry does. Then no rival of the plant counts against the entry.
     #[must_use]
     pub fn says(&self, file: &PlantFile, entry: &Entry) -> bool {
         let same =
@@ -155,22 +159,22 @@ impl KnownLoop {
     }
 }
 
-/// How far the gain of a search may lie from that of the law, in shares of what is off: a search bends it by what it does not know.
+/// The allowed difference between the gains of a search and of the law, as a share of the gain error. Unknown effects bias the gain of a search.
 const AGREES: f64 = 0.2;
 
-/// A row of the regression: what is said, and by what.
+/// A row of the regression: the command and its regressors.
 #[derive(Debug, Clone, Copy)]
 struct Row {
     command: f64,
-    /// The part of the reference.
+    /// The term of the reference.
     reference: f64,
-    /// The law as the file has it.
+    /// The law as stated in the file.
     law: f64,
-    /// The law some rows before.
+    /// The law some rows earlier.
     older: f64,
 }
 
-/// The law's rows where the position is read this many rows late.
+/// The rows of the law if the position is read this many rows late.
 fn rows(records: &[Prepared], file: &PlantFile, late: isize) -> Vec<Row> {
     let Some((position_gain, velocity_gain)) =
         file.parameters.optional("position_gain").zip(file.parameters.optional("velocity_gain"))
@@ -207,7 +211,7 @@ fn rows(records: &[Prepared], file: &PlantFile, late: isize) -> Vec<Row> {
     list
 }
 
-/// Sums of instruments by regressors, and of instruments by the command.
+/// Sums of products of instruments with regressors, and of instruments with the command.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     matrix: [[f64; 3]; 3],
@@ -257,20 +261,20 @@ impl Sums {
     }
 }
 
-/// Gains of position and command from the two slopes.
+/// The gains of position and command from the two slopes.
 fn gains([of_reference, of_law, _]: [f64; 3]) -> [f64; 2] {
     let command = of_reference + of_law;
     [command / of_law, command]
 }
 
-/// The mean square of what the law as it is stated, and a constant, miss.
+/// The mean square of the command minus the law as stated and a constant.
 fn missed(rows: &[Row]) -> f64 {
     let count = rows.len().max(1) as f64;
     let constant = rows.iter().map(|row| row.command - row.law).sum::<f64>() / count;
     rows.iter().map(|row| (row.command - row.law - constant).powi(2)).sum::<f64>() / count
 }
 
-/// Checks the law; `None` where no record has the loop with both outputs, or where they do not move.
+/// Checks the law. `None` if no record has the closed loop with both outputs, or if they do not move.
 #[must_use]
 pub fn look(records: &[Prepared], file: &PlantFile) -> Option<KnownLoop> {
     if file.acting().next().is_some() {
@@ -280,7 +284,7 @@ pub fn look(records: &[Prepared], file: &PlantFile) -> Option<KnownLoop> {
     if on_time.len() < LEAST_ROWS {
         return None;
     }
-    // What two lines leave at another instant says how late a position is, whatever its gain.
+    // The residual for different delays shows how late a position is, whatever its gain.
     let left = |rows: &[Row]| -> f64 {
         let Some(slopes) = Sums::of(rows).solve() else { return f64::INFINITY };
         rows.iter().map(|row| miss(row, &slopes).powi(2)).sum::<f64>() / rows.len().max(1) as f64
@@ -312,7 +316,7 @@ pub fn look(records: &[Prepared], file: &PlantFile) -> Option<KnownLoop> {
     (size > 0.0).then(|| KnownLoop { position: known(0, position), command: known(1, command), late, stated, left, size })
 }
 
-/// What two lines miss of a row.
+/// The residual of the regression in a row.
 fn miss(row: &Row, slopes: &[f64; 3]) -> f64 {
     row.command - slopes[0] * row.reference - slopes[1] * row.law - slopes[2]
 }

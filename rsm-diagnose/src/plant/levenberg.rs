@@ -1,17 +1,17 @@
 //! Fits over all unknowns of a model at once, with bounds and Gaussian priors.
 //!
-//! In: prepared records with their whitening, and a model. Out: the fitted model with residual, derivatives and cost. An unknown at a bound that the gradient presses outwards
-//! is fixed for that step. Never changes which unknowns there are.
+//! In: prepared records with their whitening, and a model. Out: the fitted model with residual, derivatives and cost. An unknown at a bound whose
+//! gradient points outwards is fixed for that step. Does not change the set of unknowns.
 
 use super::model::{Model, Place};
 use super::whitened_residuals::{Column, Simulated, WhitenedResiduals};
 use crate::engine::levenberg::{Amount, LEAST_DAMPING, Problem, Rules, descend};
 use crate::engine::normal::{Normal, symmetric};
 
-/// A step that promises less than this, in units of squared residuals whose noise is one, is not worth its simulations.
+/// A step with a smaller predicted gain, in squared residuals with unit noise, is not worth its simulations.
 const ENOUGH: f64 = 0.3;
 
-/// Relative to the cost, for records far above their noise.
+/// The same relative to the cost, for records far above their noise.
 const ENOUGH_SHARE: f64 = 1e-6;
 
 /// A fitted model.
@@ -23,35 +23,35 @@ pub struct Fit {
     pub simulated: Vec<Simulated>,
     /// The whitened residual.
     pub residual: Vec<f64>,
-    /// Squared residual and priors.
+    /// Squared residual plus priors.
     pub cost: f64,
-    /// The unknowns that are free to move: not pressed against a bound.
+    /// The free unknowns: those that are not held at a bound.
     pub free: Vec<usize>,
-    /// Derivatives for `free`.
+    /// The derivatives for `free`.
     pub columns: Vec<Column>,
-    /// The unknowns that are pressed against a bound.
+    /// The unknowns that are held at a bound.
     pub held: Vec<Held>,
 }
 
-/// An unknown that is pressed against a bound.
+/// An unknown that is held at a bound.
 #[derive(Debug, Clone)]
 pub struct Held {
-    /// Which.
+    /// The unknown.
     pub unknown: usize,
     /// Its derivative.
     pub column: Column,
-    /// At the lower bound, else at the upper one.
+    /// True at the lower bound, false at the upper one.
     pub at_low: bool,
 }
 
 impl Fit {
-    /// Inner products of the derivatives, with the priors' curvature.
+    /// The matrix of inner products of the derivatives, plus the curvature of the priors.
     #[must_use]
     pub fn matrix(&self) -> Vec<f64> {
         gram(&self.model, &self.free, &self.columns)
     }
 
-    /// Inner products and what is asked, of the free unknowns and then of those that are held.
+    /// The matrix and the right-hand side: first for the free unknowns, then for those that are held.
     #[must_use]
     pub fn equations_with_held(&self) -> (Vec<f64>, Vec<f64>) {
         let which: Vec<usize> = self.free.iter().copied().chain(self.held.iter().map(|held| held.unknown)).collect();
@@ -60,7 +60,7 @@ impl Fit {
         (gram(&self.model, &which, &columns), pull(&self.model, &which, &columns, &self.residual))
     }
 
-    /// The derivative for an unknown of another model, where it is one of this fit as well.
+    /// The derivative for an unknown of another model, if this fit has the same unknown.
     fn column_of(&self, model: &Model, unknown: usize) -> Option<Column> {
         let place = model.unknowns[unknown].place;
         if let Place::Effect { entry, .. } = place {
@@ -80,7 +80,7 @@ impl Fit {
     }
 }
 
-/// Squared residual and priors of a model.
+/// The squared residual of a model plus its priors.
 #[must_use]
 pub fn cost(model: &Model, residual: &[f64]) -> f64 {
     let mut cost = crate::engine::columns::dot(residual, residual);
@@ -113,19 +113,19 @@ pub(super) fn pull(model: &Model, free: &[usize], columns: &[Column], residual: 
     .collect()
 }
 
-/// A fit where the model stands: simulation and derivatives, no step.
+/// A fit at the current values of a model: simulation and derivatives, without a step.
 #[must_use]
 pub fn here(whitened: &WhitenedResiduals, model: Model) -> Option<Fit> {
     fit(whitened, model, 0)
 }
 
-/// Fits all unknowns, in at most this many steps.
+/// Fits all unknowns, in at most `steps` steps.
 #[must_use]
 pub fn fit(whitened: &WhitenedResiduals, model: Model, steps: usize) -> Option<Fit> {
     onward(whitened, model, steps, None)
 }
 
-/// Where a fit stands.
+/// The current point of a fit.
 struct Standing {
     model: Model,
     simulated: Vec<Simulated>,
@@ -143,9 +143,9 @@ impl Standing {
 
 /// All unknowns of a model along records.
 ///
-/// Derivatives are what a fit costs: one simulation an unknown. They change little from step to step, so a step corrects them along its own direction by
-/// what it saw (C. G. Broyden, 1965), and they are taken anew where a step disappoints, and once before the end: what counts as the best was there for derivatives
-/// of its own.
+/// Derivatives are the main cost of a fit: one simulation for each unknown. They change little from step to step, so a step corrects them along its
+/// own direction (C. G. Broyden, 1965). They are computed again if a step gains much less than predicted, and once before the end, so that the final
+/// point has exact derivatives.
 struct AllUnknowns<'a>(&'a WhitenedResiduals);
 
 impl Problem for AllUnknowns<'_> {
@@ -182,7 +182,7 @@ impl Problem for AllUnknowns<'_> {
     }
 }
 
-/// Fits all unknowns, beginning with the derivatives that an earlier fit to the same records has of the same unknowns.
+/// Fits all unknowns. Starts with the derivatives of an earlier fit to the same records, for the unknowns that both have.
 #[must_use]
 pub fn onward(whitened: &WhitenedResiduals, model: Model, steps: usize, earlier: Option<&Fit>) -> Option<Fit> {
     let start = Standing::of(whitened, model)?;
@@ -193,14 +193,15 @@ pub fn onward(whitened: &WhitenedResiduals, model: Model, steps: usize, earlier:
     let mut fresh = whitened.derivatives(&start.model, &start.simulated, &missing)?.into_iter();
     let columns: Vec<Column> = known.into_iter().map(|column| column.or_else(|| fresh.next())).collect::<Option<_>>()?;
     let enough = Amount { least: ENOUGH, share: ENOUGH_SHARE };
-    // Five dampings are a factor of ten thousand: what no damping improves is at its best. Corrected derivatives get two: better ones are to be had.
+    // Five dampings cover a factor of ten thousand. If none of them improves the cost, the point is a minimum. With corrected derivatives only two
+    // are tried, because exact ones can be computed.
     let rules = Rules { steps, tries: [5, 2], worth: Some(enough), undamps: true, enough, kept_promise: 0.5, ends_exact: true };
     let (at, equations) = descend(&AllUnknowns(whitened), start, Some((columns, exact)), &rules)?;
     let Equations { free, columns, held, .. } = equations;
     Some(Fit { model: at.model, simulated: at.simulated, residual: at.residual, cost: at.cost, free, columns, held })
 }
 
-/// Normal equations of the unknowns that are not pressed against a bound.
+/// Normal equations of the unknowns that are not held at a bound.
 pub(super) struct Equations {
     free: Vec<usize>,
     columns: Vec<Column>,
@@ -210,8 +211,8 @@ pub(super) struct Equations {
 }
 
 impl Equations {
-    /// Of derivatives for all unknowns. Held is what a bound presses back when all others have taken their step: what a gradient asks of an unknown while the others are not yet where they
-    /// belong says little.
+    /// Normal equations from the derivatives for all unknowns. An unknown is held if its bound is still active after all others have taken their
+    /// step. The gradient before that step is not a reliable test.
     pub(super) fn new(model: &Model, columns: &[Column], residual: &[f64]) -> Self {
         let all: Vec<usize> = (0..model.unknowns.len()).collect();
         let asked = pull(model, &all, columns, residual);
@@ -235,13 +236,13 @@ impl Equations {
         solved_within_bounds(model, &self.free, &self.matrix, &self.right, Normal::fine)
     }
 
-    /// A fit that stands where these equations are from.
+    /// A fit at the point of these equations.
     pub(super) fn fit(self, model: Model, simulated: Vec<Simulated>, residual: Vec<f64>) -> Fit {
         let cost = cost(&model, &residual);
         Fit { model, simulated, residual, cost, free: self.free, columns: self.columns, held: self.held }
     }
 
-    /// What a step gains in first order.
+    /// The first-order gain of a step.
     pub(super) fn promised(&self, change: &[f64]) -> f64 {
         change.iter().zip(&self.right).map(|(change, right)| change * right).sum()
     }
@@ -252,7 +253,8 @@ impl Equations {
     }
 }
 
-/// Corrects derivatives by what a step changed in truth, along that step alone. Those of starts stay: they are those of one record and hardly change.
+/// Corrects derivatives by the observed change of a step, along that step only. The derivatives of initial states stay: they concern one record and
+/// hardly change.
 fn correct(columns: &mut [Column], from: &Model, to: &Model, seen: Vec<f64>) {
     let mut missed = seen;
     let mut steps = Vec::new();
@@ -264,7 +266,7 @@ fn correct(columns: &mut [Column], from: &Model, to: &Model, seen: Vec<f64>) {
             }
         }
         let of_one_record = matches!(unknown.place, Place::Start { .. });
-        // Each unknown takes its share of the correction in units of its own scale.
+        // Each unknown takes its share of the correction, in units of its scale.
         steps.push(if of_one_record { 0.0 } else { step / unknown.scale });
     }
     let length: f64 = steps.iter().map(|step| step * step).sum();
@@ -281,7 +283,7 @@ fn correct(columns: &mut [Column], from: &Model, to: &Model, seen: Vec<f64>) {
     }
 }
 
-/// The damped step; an unknown that it would carry beyond a bound goes to the bound, and the others are solved again for that.
+/// The damped step. An unknown that would cross a bound is set to the bound, and the others are solved again.
 fn solved_within_bounds(
     model: &Model,
     free: &[usize],
@@ -307,7 +309,7 @@ fn solved_within_bounds(
         for (&i, step) in moving.iter().zip(&solved) {
             let unknown = &model.unknowns[free[i]];
             let at = unknown.inward(model.value(free[i]));
-            // A logarithm may not jump by more than a factor of e^2 in a step.
+            // A logarithm may change by at most 2 in a step: a factor of e^2.
             let limit = if unknown.logarithmic { 2.0 } else { f64::INFINITY };
             let wanted = at + step.clamp(-limit, limit);
             let (low, high) = (unknown.inward(unknown.low), unknown.inward(unknown.high));
@@ -330,7 +332,8 @@ fn solved_within_bounds(
     }
 }
 
-/// Of unknowns that are pressed against a bound those that leave it once the others have moved: their multiplier has the other sign. One at a time, the one that is asked inwards most.
+/// Of the unknowns held at a bound, the ones to release after the others have moved: their multiplier has the other sign. One at a time, the one with
+/// the largest inward gradient first.
 fn released(model: &Model, pressed: &[usize], asked: &[f64], columns: &[Column]) -> Vec<usize> {
     let mut released = Vec::new();
     if pressed.is_empty() {
@@ -347,7 +350,7 @@ fn released(model: &Model, pressed: &[usize], asked: &[f64], columns: &[Column])
         let right: Vec<f64> = free.iter().map(|k| asked[*k]).collect();
         let step = solved_within_bounds(model, &free, &small, &right, |small, m| Normal::new(small, m, LEAST_DAMPING));
         let multiplier = |k: usize| asked[k] - free.iter().zip(&step).map(|(j, step)| matrix[k * n + j] * step).sum::<f64>();
-        // In units of what the unknown by itself is known to.
+        // Relative to the standard deviation of the unknown alone.
         let inwards = |k: usize| -multiplier(k) * asked[k].signum() / matrix[k * n + k].max(f64::MIN_POSITIVE).sqrt();
         let most = all.iter().copied().filter(is_held).map(|k| (k, inwards(k))).max_by(|a, b| a.1.total_cmp(&b.1));
         match most {

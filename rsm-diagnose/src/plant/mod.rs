@@ -104,9 +104,9 @@ use rsm_sim::record::Record;
 
 /// How a diagnosis runs.
 pub struct Options<'a> {
-    /// Simulations side by side; the answer does not depend on it.
+    /// The number of simulations in parallel. The results do not depend on it.
     pub threads: usize,
-    /// Told what happens.
+    /// Called with progress messages.
     pub progress: &'a (dyn Fn(&str) + Sync),
 }
 
@@ -115,7 +115,7 @@ pub struct Options<'a> {
 pub enum Refused {
     /// No training record holds an output.
     NoOutputs,
-    /// Every output that training records hold reads one value throughout, though the plant moves: channels with their records.
+    /// Every output that the training records hold has one constant value, though the plant moves. Holds the channels with their records.
     OnlyInputs(Vec<String>),
     /// The nominal plant cannot be simulated along the records.
     CannotSimulate,
@@ -144,10 +144,11 @@ impl std::fmt::Display for Refused {
 
 impl std::error::Error for Refused {}
 
-/// Diagnoses a plant: training records give the numbers of causes, training and validation records together choose the causes. [`diagnose_and_test`] takes test records as well.
+/// Diagnoses a plant. Training records give the parameters of causes; training and validation records together choose the causes.
+/// [`diagnose_and_test`] also takes test records.
 ///
 /// # Errors
-/// [`Refused`], when there is nothing to compare.
+/// [`Refused`] if there is nothing to compare.
 ///
 /// ```
 /// use rsm_core::source::Source;
@@ -182,11 +183,11 @@ pub fn diagnose(
     diagnose_and_test(file, training, validation, &[], options)
 }
 
-/// Diagnoses a plant. Effects in its file are claims, and the records test them too. The parameters of causes are estimated from training records. Training and validation records together choose the
-/// causes. Test records choose nothing: the final gain is computed on them.
+/// Diagnoses a plant. The effects in its file are hypotheses that the records test too. Training records give the parameters of causes. Training and
+/// validation records together choose the causes. Test records choose nothing: the final gain is computed on them.
 ///
 /// # Errors
-/// [`Refused`], when there is nothing to compare.
+/// [`Refused`] if there is nothing to compare.
 pub fn diagnose_and_test(
     file: &PlantFile,
     training: &[Record],
@@ -203,7 +204,7 @@ pub fn diagnose_and_test(
     Ok(whole)
 }
 
-/// Diagnoses a plant by records whose columns stand under their own headers.
+/// Diagnoses a plant from records whose columns have the right headers.
 fn in_units(
     file: &PlantFile,
     training: &[Record],
@@ -231,7 +232,7 @@ fn in_units(
     let noise = &whole.noise;
     let gains = units::asked_again(&found, &whole.plant, &all[0], noise, options.threads);
     if whole.verdict != Verdict::Unexplained && gains.iter().any(Option::is_none) {
-        // Beside the causes that were found the factor is another: no unit.
+        // With causes in the plant, the estimated factor no longer corresponds to a unit.
         return diagnosed(training, validation, test);
     }
     whole.units = found.into_iter().map(|it| it.0).collect();
@@ -241,7 +242,7 @@ fn in_units(
     Ok(whole)
 }
 
-/// Diagnoses a plant whose effects, if it has any, are given.
+/// Diagnoses a plant with given effects, if it has any.
 fn of_nominal(
     file: &PlantFile,
     training: &[Record],
@@ -253,7 +254,7 @@ fn of_nominal(
     if !found.has_uneven_noise() || found.verdict != Verdict::Unexplained {
         return Ok(found);
     }
-    // What is explained as it was recorded had no tails and no bursts: they were structure.
+    // If the records are explained without a change of the noise model, the heavy tails and bursts were structure, not noise.
     let plain = searched(file, training, validation, test, options, HeavyTails::LeftAlone)?;
     Ok(if plain.verdict == Verdict::Unexplained { found } else { plain })
 }

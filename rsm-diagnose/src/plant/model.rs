@@ -12,21 +12,22 @@ use rsm_sim::record::Record;
 use rsm_sim::schema::Bound;
 use rsm_sim::simulate::{start_of, starting};
 
-/// How far from its guess a positive number is searched, as a factor.
+/// A positive parameter is searched within this factor of its guess, up and down.
 const REACH: f64 = 10.0;
 
-/// Rows that say how fast an axis begins: at a kilohertz a fiftieth of a second, in which the force hardly changes.
+/// The number of first rows for the initial speed of an axis. At 1 kHz they take a fiftieth of a second, in which the force hardly changes.
 const FIRST_ROWS: usize = 20;
 
-/// Standard deviations beyond which it moves: with the sixteen degrees of freedom that a cubic leaves of twenty rows, chance passes six once in 50,000 records.
+/// An axis moves if its speed exceeds this many standard deviations. A cubic leaves sixteen degrees of freedom of twenty rows; chance then exceeds
+/// six once in 50,000 records.
 const MOVES: f64 = 6.0;
 
-/// What effects remember of the time before a record (a delayed input, a lagging sensor, a twisted shaft) changes the speed that fits the rest of it: the estimate is believed to ten of its own
-/// standard deviations.
+/// Effects with a memory of the time before a record (a delayed input, a slow sensor, a twisted shaft) change the initial speed that fits best. The
+/// prior is therefore this many times as wide as the standard deviation of the estimate.
 const REMEMBERED: f64 = 10.0;
 
-/// The speed at which positions begin, and its standard deviation: the slope of a cubic through the first rows, by the residual of that cubic and by how far a parabola's slope is from it. `None`
-/// for fewer rows.
+/// The initial speed from positions, and its standard deviation: the slope of a cubic through the first rows. The standard deviation includes the
+/// residual of the cubic and the difference from the slope of a parabola. `None` if there are fewer rows.
 fn speed_at_start(positions: &[f64], period: f64) -> Option<(f64, f64)> {
     let first = positions.get(..FIRST_ROWS)?;
     let [(parabola, _), (cubic, sd)] = [3, 4].map(|terms| slope_at_start(first, terms));
@@ -34,7 +35,8 @@ fn speed_at_start(positions: &[f64], period: f64) -> Option<(f64, f64)> {
     Some((cubic / seconds, sd.hypot(cubic - parabola) / seconds))
 }
 
-/// The slope of a polynomial of this many terms at the first of evenly spaced values, over all of them, and its standard deviation by what the polynomial leaves.
+/// The slope of a polynomial with this many terms at the first of evenly spaced values, fitted to all of them, and its standard deviation from the
+/// residual.
 fn slope_at_start(values: &[f64], terms: usize) -> (f64, f64) {
     let last = (values.len() - 1) as f64;
     let powers: Vec<Vec<f64>> =
@@ -53,59 +55,59 @@ fn slope_at_start(values: &[f64], terms: usize) -> (f64, f64) {
     (found[1], variance.max(0.0).sqrt())
 }
 
-/// Where an unknown stands.
+/// The place of an unknown in the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
     /// A nominal parameter with a tolerance.
     Nominal(&'static str),
-    /// A number of an effect.
+    /// A parameter of an effect.
     Effect {
-        /// Which entry of the file.
+        /// The index of the entry in the file.
         entry: usize,
-        /// Its number.
+        /// The name of the parameter.
         number: &'static str,
     },
-    /// Where a record starts.
+    /// An initial state.
     Start {
-        /// Which record.
+        /// The index of the record.
         record: usize,
-        /// Which place of the plant's starts.
+        /// The index among the plant's start values.
         place: usize,
     },
 }
 
-/// Centre and standard deviation of a Gaussian, where something is known.
+/// Mean and standard deviation of a Gaussian prior, if there is one.
 type Prior = Option<(f64, f64)>;
 
-/// A number that is to be found.
+/// A number to be estimated.
 #[derive(Debug, Clone)]
 pub struct Unknown {
-    /// Where it stands.
+    /// Its place in the model.
     pub place: Place,
-    /// Searched on a logarithmic scale: positive numbers that span decades.
+    /// Whether it is searched on a logarithmic scale: for positive numbers that span decades.
     pub logarithmic: bool,
-    /// Lowest value.
+    /// The lower bound.
     pub low: f64,
-    /// Highest value.
+    /// The upper bound.
     pub high: f64,
-    /// What counts as one step of it (of its logarithm, where it is logarithmic).
+    /// The unit of a step (in the logarithm if it is logarithmic).
     pub scale: f64,
-    /// A Gaussian prior: centre and standard deviation.
+    /// A Gaussian prior: mean and standard deviation.
     pub prior: Prior,
 }
 
 impl Unknown {
-    /// Of a number with a bound, at a start value.
+    /// An unknown with the bounds of a parameter, from a start value.
     #[must_use]
     pub fn bounded(place: Place, bound: Bound, start: f64) -> Self {
         let (low, high) = match bound {
             Bound::Any | Bound::Count => (f64::NEG_INFINITY, f64::INFINITY),
-            // Two decades about a guess. A stiffness or a time constant further off makes a simulation of thousands of sub-steps a row, of a
-            // motion that no row shows.
+            // A factor of ten up and down from a guess. With a stiffness or a time constant further off, a simulation takes thousands of sub-steps
+            // per row for a motion that no row shows.
             Bound::Positive => (start / REACH, start * REACH),
             Bound::NotNegative if start > 0.0 => (0.0, start * REACH * REACH),
             Bound::NotNegative => (0.0, f64::INFINITY),
-            // A share of 2 % at either end is as good as nothing or all.
+            // A share within 2 % of either end is practically none or all.
             Bound::Between(low, high) => (low + 0.02 * (high - low), high - 0.02 * (high - low)),
         };
         let logarithmic = bound == Bound::Positive && start > 0.0;
@@ -119,13 +121,13 @@ impl Unknown {
         Unknown { place, logarithmic, low, high, scale, prior: None }
     }
 
-    /// A value on the scale of the search.
+    /// Converts a value to the scale of the search.
     #[must_use]
     pub fn inward(&self, value: f64) -> f64 {
         if self.logarithmic { value.ln() } else { value }
     }
 
-    /// A value of the search as the plant has it, within the bounds.
+    /// Converts a value of the search to the plant's value, within the bounds.
     #[must_use]
     pub fn outward(&self, searched: f64) -> f64 {
         let value = if self.logarithmic { searched.clamp(-700.0, 700.0).exp() } else { searched };
@@ -133,17 +135,19 @@ impl Unknown {
     }
 }
 
-/// How records of a car or an axis begin.
+/// The initial motion of records of a car or an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AtStart {
-    /// A car rolls steadily: torque and twist follow from its speed. An axis rests.
+    /// Steady: torque and twist of a car follow from its speed; an axis is at rest.
     Steady,
-    /// In the middle of a motion: torque and twist of a car, the speed of an axis are unknown. A car forgets them within seconds, so that they can take up little of what a missing cause does.
+    /// In motion: torque and twist of a car, or the speed of an axis, are unknown. A car forgets them within seconds, so they cannot compensate for
+    /// much of a missing cause.
     InMotion,
 }
 
 impl AtStart {
-    /// As the records of an axis show: in motion where the first readings of one of them say that it moves. Records of other plants begin steadily, as long as no simulation shows the contrary.
+    /// For an axis: in motion if the first readings of any record show motion. Records of other plants count as steady until a simulation shows the
+    /// contrary.
     pub fn of<'a>(kind: PlantKind, mut records: impl Iterator<Item = &'a Record>) -> Self {
         let moves = |record| speed_of(record).is_some_and(|(speed, sd)| speed.abs() > MOVES * sd);
         if kind == PlantKind::ServoAxis && records.any(moves) { AtStart::InMotion } else { AtStart::Steady }
@@ -154,32 +158,32 @@ fn is_of_equations(file: &PlantFile) -> bool {
     matches!(file.kind, PlantKind::Equations(_))
 }
 
-/// The speed at which an axis begins, and its standard deviation.
+/// The initial speed of an axis, and its standard deviation.
 fn speed_of(record: &Record) -> Option<(f64, f64)> {
     speed_at_start(record.measured[0].as_deref().unwrap_or(&[]), record.period)
 }
 
-/// A plant with its starts.
+/// A plant with its initial states.
 #[derive(Debug, Clone)]
 pub struct Model {
-    /// The plant; effects are the accepted causes.
+    /// The plant; its effects are the accepted causes.
     pub file: PlantFile,
-    /// Where each record starts.
+    /// The initial state of each record.
     pub starts: Vec<StartValues>,
-    /// What is searched.
+    /// The unknowns.
     pub unknowns: Vec<Unknown>,
-    /// How records begin.
+    /// The initial motion of the records.
     pub at_start: AtStart,
 }
 
 impl Model {
-    /// The nominal plant: parameters with a tolerance and all starts are unknown.
+    /// The nominal plant: parameters with a tolerance and all initial states are unknown.
     #[must_use]
     pub fn nominal(file: &PlantFile, records: &[&Record], sds: [f64; OUTPUTS]) -> Self {
         Model::beginning(file, AtStart::of(file.kind, records.iter().copied()), records, sds)
     }
 
-    /// The same, where it is known how records begin.
+    /// The same with a given initial motion.
     #[must_use]
     pub fn beginning(file: &PlantFile, at_start: AtStart, records: &[&Record], sds: [f64; OUTPUTS]) -> Self {
         let mut unknowns = Vec::new();
@@ -190,7 +194,7 @@ impl Model {
                 unknowns.push(Unknown {
                     place: Place::Nominal(name),
                     logarithmic: false,
-                    // Beyond two standard deviations it is a cause, not calibration (docs/book/src/reference/formats.md 4.3).
+                    // A change by more than two standard deviations is a cause, not calibration (docs/book/src/reference/formats.md 4.3).
                     low: value - 2.0 * sd,
                     high: value + 2.0 * sd,
                     scale: sd,
@@ -203,7 +207,7 @@ impl Model {
         model
     }
 
-    /// Replaces the records: their starts are the readings of their first rows, and unknown.
+    /// Replaces the records. Their initial states are unknown and start from the first readings.
     pub fn take_starts(&mut self, records: &[&Record], sds: [f64; OUTPUTS]) {
         self.unknowns.retain(|unknown| !matches!(unknown.place, Place::Start { .. }));
         self.starts.clear();
@@ -226,8 +230,9 @@ impl Model {
         }
     }
 
-    /// Where a search of a start begins, what counts as a step of it, and what is known of it; `None` where it is known. An output begins near its first reading, which is one among all others.
-    /// What no column holds is known where records begin steadily: an unknown that nothing holds would take up what a missing cause does to the whole record.
+    /// The first value, step and prior of an initial state; `None` if it is known. The first value of an output is near its first reading, which is
+    /// one of many. If records begin steadily, a state that no column holds is taken as known: a free unknown without a prior could compensate for a
+    /// missing cause in the whole record.
     fn begins(&self, record: &Record, place: usize, at: f64, sds: [f64; OUTPUTS]) -> Option<(f64, f64, Prior)> {
         let name = self.file.kind.starts()[place].name;
         let read =
@@ -239,7 +244,7 @@ impl Model {
             return None;
         }
         if is_of_equations(&self.file) {
-            // Where the plant file says it, it is known. Else it may be as far off as the nominal plant ever is from 0.
+            // Known if the plant file gives it. Otherwise its standard deviation is the largest value that the nominal plant reaches.
             let is_given = self.file.initial.iter().any(|(found, _)| *found == name);
             let sd = equation_plant::start_scales(&self.file, record).get(place).copied().unwrap_or(0.0);
             return (!is_given && sd > 0.0).then_some((at, 0.1 * sd, Some((at, sd))));
@@ -255,7 +260,7 @@ impl Model {
     /// The value of an unknown.
     ///
     /// # Panics
-    /// When the plant has no such number: unknowns are made from the plant's own.
+    /// If the plant has no such parameter. Unknowns are made from the plant's own parameters.
     #[must_use]
     pub fn value(&self, unknown: usize) -> f64 {
         match self.unknowns[unknown].place {
@@ -265,7 +270,7 @@ impl Model {
         }
     }
 
-    /// The model with some unknowns moved, each on the scale of its search and within its bounds.
+    /// The model with some unknowns changed, each on the scale of its search and within its bounds.
     #[must_use]
     pub fn moved(&self, unknowns: &[usize], change: &[f64]) -> Model {
         let mut moved = self.clone();
@@ -276,7 +281,7 @@ impl Model {
         moved
     }
 
-    /// The same plant with another value of an unknown.
+    /// Sets the value of an unknown.
     pub fn set(&mut self, unknown: usize, value: f64) {
         match self.unknowns[unknown].place {
             Place::Nominal(name) => self.file.parameters.set(name, value),
@@ -290,7 +295,7 @@ impl Model {
         }
     }
 
-    /// The plant file of a record: its start stands under `[initial]`.
+    /// The plant file for a record, with its initial state under `[initial]`.
     #[must_use]
     pub fn for_record(&self, record: usize, of: &Record) -> PlantFile {
         let mut file = self.file.clone();
@@ -298,7 +303,7 @@ impl Model {
         let places = starting(of, file.kind);
         let is_read =
             |place: usize| file.kind.output(file.kind.starts()[place].name).is_some_and(|it| of.measured[it].is_some());
-        // What no reading gives starts as the equations say, until it is an unknown.
+        // A state without a reading starts as the equations define, unless it is an unknown.
         let counts = |place: usize| !is_of_equations(&file) || self.at_start == AtStart::InMotion || is_read(place);
         let initial =
             places.into_iter().filter(|place| counts(*place)).map(|place| (file.kind.starts()[place].name, start[place]));

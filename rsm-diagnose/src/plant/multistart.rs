@@ -1,7 +1,8 @@
 //! Multistart for a fit that may be at a local minimum.
 //!
-//! In: a fit that leaves structure. Out: a better fit of the same unknowns, if one is found. Effects that accumulate along a record, and contacts that bounce, stick or slip at another
-//! moment for slightly other numbers, give the cost many narrow local minima. A start is judged by the sum of squares over all rows. Never changes which unknowns there are.
+//! In: a fit that leaves structure. Out: a better fit of the same unknowns, if one is found. Effects that accumulate along a record, and contacts
+//! that bounce, stick or slip at different times for slightly different parameters, give the cost many narrow local minima. A starting point is
+//! evaluated by the sum of squares over all rows. Does not change the set of unknowns.
 
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
@@ -11,51 +12,53 @@ use crate::engine::columns::dot;
 use crate::engine::levenberg::{Amount, Problem, Rules, descend};
 use rsm_fit::random::Random;
 
-/// Steps out of a valley end at this share of a number's scale, where a scan has looked: 2.5 % of a positive number.
+/// The last step of the line search, as a share of a parameter's scale: 2.5 % of a positive parameter, the resolution of an earlier scan.
 const OUT: f64 = 0.25;
 
-/// Factor between steps out of a valley.
+/// The factor between steps of the line search.
 const WIDER: f64 = 1.5;
 
-/// Valleys beyond the nearest that are tried, and how often that may lead on.
+/// The number of further local minima that are tried, and how often a success may repeat the search.
 const VALLEYS: usize = 3;
 
-/// In standard deviations of the squared residual of noise: a fit within them has nothing to escape from.
+/// A fit is noise if its squared residual is within this many standard deviations of the noise. Then nothing is tried.
 const NOISE: f64 = 4.0;
 
-/// Parts of a record: short beside a move, of which a record has some ten, and long enough that noise is even in them.
+/// The number of parts of a record. A part is short against a motion, of which a record has about ten, and long enough for a stable mean square of
+/// the noise.
 const PARTS: usize = 100;
 
-/// What a part of a record says counts as it is up to half of its noise, and by its logarithm beyond: noise by a third, a bounce at the wrong moment with 400 times
-/// the noise's square as much as three.
+/// The loss of a part is linear up to half of its noise energy, and logarithmic above. Noise is reduced by a third. A bounce at the wrong time with
+/// 400 times the noise energy counts as little as three times the noise.
 const COUNTS: f64 = 0.5;
 
-/// Few parts: an error that is everywhere alike has a tenth of itself in a tenth of the parts, one that grows along a record a fifth.
+/// The error is in few parts if this share of the parts holds most of it. A uniform error has a tenth of itself in a tenth of the parts; one that
+/// grows along a record has a fifth.
 const FEW: f64 = 0.1;
 
-/// Steps along the logarithms of parts: ten lead from a tenth off to a thousandth.
+/// The largest number of robust steps: ten reduce an error of a tenth to a thousandth.
 const ROBUST_STEPS: usize = 20;
 
-/// A step that gains less is the last: what noise makes of one number.
+/// The robust fit ends when a step gains less than this: the effect of noise on one parameter.
 const ROBUST_ENOUGH: f64 = 1.0;
 
-/// Dampings that are tried for such a step, each ten times the last.
+/// The number of dampings tried for such a step, each ten times the one before.
 const DAMPINGS: usize = 6;
 
-/// Sizes of hops, in units of a number's scale: 2.5 %, 0.8 % and 0.25 % of a positive number, since valleys are as wide as that, or narrower.
+/// Sizes of random hops, in units of a parameter's scale: 2.5 %, 0.8 % and 0.25 % of a positive parameter. Local minima are that wide, or narrower.
 const HOPS: [f64; 3] = [0.25, 0.08, 0.025];
 
-/// Hops in vain after which no more are made: three of each size.
+/// The search ends after this many hops without success: three of each size.
 pub const IN_VAIN: usize = 9;
 
-/// Hops at most.
+/// The largest number of hops.
 const MOST_HOPS: usize = 36;
 
-/// Of the hops.
+/// The seed of the random hops.
 const SEED: u64 = 7;
 
-/// Out of a valley that is only the nearest: steps along the numbers of the last cause, from what the noise leaves open to where a scan has looked, with everything else
-/// in first order. It goes on while it gains more than `threshold`.
+/// Leaves a local minimum by a line search along each parameter of the last cause: from a step of its standard deviation to the resolution of a scan,
+/// with everything else to first order. Repeats while it gains more than `threshold`.
 #[must_use]
 pub fn escaped(whitened: &WhitenedResiduals, fit: Fit, steps: usize, threshold: f64) -> Fit {
     let mut fit = fit;
@@ -71,7 +74,7 @@ pub fn escaped(whitened: &WhitenedResiduals, fit: Fit, steps: usize, threshold: 
                 continue;
             }
             let at = unknown.inward(fit.model.value(k));
-            // By its standard deviation, all else known, the outputs move by as much as noise does.
+            // A step of one standard deviation with all else fixed changes the outputs by as much as the noise.
             let mut step = 1.0 / dot(&column.values, &column.values).sqrt();
             while step < OUT * unknown.scale {
                 for value in [unknown.outward(at - step), unknown.outward(at + step)] {
@@ -94,12 +97,12 @@ pub fn escaped(whitened: &WhitenedResiduals, fit: Fit, steps: usize, threshold: 
     fit
 }
 
-/// Rows of a part.
+/// The number of rows of a part.
 fn length(prepared: &Prepared) -> usize {
     prepared.record.rows().div_ceil(PARTS).max(1)
 }
 
-/// The mean square of each part of each record, in multiples of noise.
+/// The mean square of each part of each record, in units of the noise.
 fn parts(whitened: &WhitenedResiduals, residual: &[f64]) -> Vec<Vec<f64>> {
     let mut first = 0;
     let each = whitened.records.iter().map(|prepared| {
@@ -116,7 +119,7 @@ fn parts(whitened: &WhitenedResiduals, residual: &[f64]) -> Vec<Vec<f64>> {
     each.collect()
 }
 
-/// Whether a tenth of the parts holds most of what is left beyond noise.
+/// Whether a tenth of the parts holds most of the error above the noise.
 #[must_use]
 pub fn in_few_parts(whitened: &WhitenedResiduals, fit: &Fit) -> bool {
     let mut beyond: Vec<f64> = parts(whitened, &fit.residual).into_iter().flatten().map(|it| (it - 1.0).max(0.0)).collect();
@@ -126,8 +129,8 @@ pub fn in_few_parts(whitened: &WhitenedResiduals, fit: &Fit) -> bool {
     !is_noise(fit) && of_few > 0.5 * beyond.iter().sum::<f64>()
 }
 
-/// The priors and the sum over parts of records, single moments counting by their logarithm, and the weight of each row of the stack in its derivative: of a part with the mean square
-/// E, c ln(1 + E/c) (the loss of a Cauchy distribution, P. J. Huber, 1981, of parts in place of rows).
+/// The priors plus a robust sum over the parts of records, and the weight of each row in its derivative. A part with mean square E has the loss c
+/// ln(1 + E/c): the loss of a Cauchy distribution (P. J. Huber, 1981), for parts in place of rows.
 fn by_logarithm(whitened: &WhitenedResiduals, model: &Model, residual: &[f64]) -> (f64, Vec<f64>) {
     // The priors alone.
     let (mut sum, mut weights) = (levenberg::cost(model, &[]), Vec::with_capacity(residual.len()));
@@ -141,7 +144,7 @@ fn by_logarithm(whitened: &WhitenedResiduals, model: &Model, residual: &[f64]) -
     (sum, weights)
 }
 
-/// Where a fit to most parts stands: the sum over parts and the weights there.
+/// The current point of a robust fit: the robust sum and the weights there.
 struct Standing {
     model: Model,
     simulated: Vec<Simulated>,
@@ -159,7 +162,7 @@ impl Standing {
     }
 }
 
-/// All unknowns, fitted to what most parts of the records say: weights anew at every step (P. W. Holland, R. E. Welsch, 1977).
+/// A robust fit of all unknowns to most parts of the records, by reweighting at every step (P. W. Holland, R. E. Welsch, 1977).
 struct MostParts<'a>(&'a WhitenedResiduals);
 
 impl Problem for MostParts<'_> {
@@ -197,7 +200,7 @@ impl Problem for MostParts<'_> {
     }
 }
 
-/// A model fitted to what most parts of the records say. `None` where it cannot be simulated.
+/// A model fitted robustly to most parts of the records. `None` if it cannot be simulated.
 #[must_use]
 pub fn by_most_parts(whitened: &WhitenedResiduals, model: Model) -> Option<Model> {
     let enough = Amount { least: ROBUST_ENOUGH, share: 0.0 };
@@ -213,8 +216,8 @@ pub fn by_most_parts(whitened: &WhitenedResiduals, model: Model) -> Option<Model
     Some(descend(&MostParts(whitened), Standing::of(whitened, model)?, None, &rules)?.0.model)
 }
 
-/// Out of a valley of several numbers by hops (D. J. Wales, J. P. K. Doye, 1997): to fits from where most parts of the records lead and from where the fit is, and from places
-/// near the two. It ends where noise is left or this many `hops` are in vain; what gains no more than `enough` does not count.
+/// Leaves local minima in several parameters by random hops (D. J. Wales, J. P. K. Doye, 1997): fits from the robust fit, from the given fit, and
+/// from points near the two. It ends when only noise is left, or after `hops` hops without success. A gain of at most `enough` does not count.
 #[must_use]
 pub fn settled(whitened: &WhitenedResiduals, fit: Fit, steps: usize, hops: usize, enough: f64) -> Fit {
     let mut random = Random::new(SEED);
@@ -228,7 +231,7 @@ pub fn settled(whitened: &WhitenedResiduals, fit: Fit, steps: usize, hops: usize
         let led_to = led.get_or_insert_with(|| by_most_parts(whitened, fit.model.clone()));
         let from = led_to.as_ref().filter(|_| vain % 2 == 0).unwrap_or(&fit.model);
         let mut model = from.clone();
-        // Without a hop at first.
+        // The first trial is without a hop.
         if vain > 0 {
             for k in (0..model.unknowns.len()).filter(|k| of_last(from, *k)) {
                 let unknown = &from.unknowns[k];
@@ -246,13 +249,13 @@ pub fn settled(whitened: &WhitenedResiduals, fit: Fit, steps: usize, hops: usize
     fit
 }
 
-/// Whether an unknown is a number of the last cause.
+/// Whether an unknown is a parameter of the last cause.
 fn of_last(model: &Model, unknown: usize) -> bool {
     let last = model.file.effects.len().saturating_sub(1);
     matches!(model.unknowns[unknown].place, Place::Effect { entry, .. } if entry == last)
 }
 
-/// Whether a squared residual is within what noise has.
+/// Whether a squared residual is within the scatter of noise.
 fn is_noise(fit: &Fit) -> bool {
     let rows = fit.residual.len() as f64;
     fit.cost <= rows + NOISE * (2.0 * rows).sqrt()

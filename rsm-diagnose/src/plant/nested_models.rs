@@ -1,7 +1,8 @@
-//! The error, cause by cause: a sequence of nested plants from the calibrated one to the extended one.
+//! The error after each cause: a sequence of nested plants from the calibrated one to the extended one.
 //!
-//! In: the causes, the records. Out: for each step, the causes in the plant and its errors on the evaluation records; for an axis also the error of the inverse model. A cause that
-//! holds simpler ones as special cases comes after them, so that a reader sees what each part contributes. The set of causes is not changed here.
+//! In: the causes and the records. Out: for each step, the causes in the plant and its errors on the evaluation records; for an axis also the error
+//! of the inverse model. A cause that contains simpler ones as special cases comes after them, so that a reader sees what each part contributes. The
+//! set of causes does not change.
 
 use super::hypotheses::label;
 use super::levenberg::{self, Fit};
@@ -14,18 +15,19 @@ use rsm_sim::plant_file::Entry;
 /// Steps of a fit: the same as for a candidate.
 const FIT_STEPS: usize = 8;
 
-/// A plant on the way.
+/// One plant of the sequence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Step {
-    /// The causes in it, in lists' names; none at first.
+    /// The names of its causes; empty at first.
     pub causes: Vec<String>,
     /// Its errors on the evaluation records.
     pub errors: Vec<Error>,
-    /// For an axis: the relative error of the force that the measured motion asks for (root mean square over those records), where the causes have one.
+    /// For an axis: the relative error of the force that the measured motion needs (root mean square over those records), if the inverse model can be
+    /// evaluated.
     pub force_error: Option<f64>,
 }
 
-/// The ladder from the calibrated plant to the extended one. `order` has the places of the causes among the fit's effects, the strongest first.
+/// The sequence from the calibrated plant to the extended one. `order` holds the indices of the causes among the fit's effects, the strongest first.
 #[must_use]
 pub fn steps(
     whitened: &WhitenedResiduals,
@@ -53,7 +55,7 @@ pub fn steps(
     for (count, &place) in order.iter().enumerate() {
         let Some(entry) = effects.get(place) else { continue };
         for special in special_cases(entry) {
-            // What is a cause of its own has a step of its own.
+            // A special case that is itself a cause already has its own step.
             let own = |it: &Entry| effects.iter().any(|other| other.description.kind == it.description.kind);
             if special.iter().any(own) {
                 continue;
@@ -73,7 +75,7 @@ pub fn steps(
     list
 }
 
-/// What a cause is without its further numbers, the simplest first.
+/// The special cases of a cause, the simplest first.
 fn special_cases(entry: &Entry) -> Vec<Vec<Entry>> {
     let forms = (entry.description.declared.forms)(&entry.arguments);
     forms.special.iter().map(|form| form.iter().filter_map(|part| part.entry(entry.arguments.plant)).collect()).collect()

@@ -1,7 +1,7 @@
 //! The noise floor of an output, estimated from the residuals of its records.
 //!
-//! In: residuals of an output. Out: a first-order autoregressive model of its noise (white noise where that is enough), which whitens residuals, and the standard
-//! error of its correlation.
+//! In: residuals of an output. Out: a first-order autoregressive model of its noise (white noise if that is sufficient), which whitens residuals, and
+//! the standard error of its correlation.
 //!
 //! There are two estimates. The first uses the upper band and is valid whatever slow structure the residual has. Its spectrum is the median over half-overlapping Hann segments
 //! (P. D. Welch, 1967) of second differences, divided by their transfer function. The model is fitted above `LOWEST` only (P. Whittle, 1953) and continued to lower frequencies. The
@@ -14,12 +14,12 @@ use super::octave_spectrum::{LEAST_LINES, OCTAVES, Octave, octaves};
 use super::rounding::Rounding;
 use super::upper_band::{Band, LOWEST, WHITE, positive, spectrum};
 
-/// The largest correlation of noise that a whole record shows: beyond it noise wanders, and nothing tells it from a drift.
+/// The largest correlation that is estimated from a whole record. Above it, noise cannot be distinguished from a drift.
 const SLOWEST: f64 = 0.999;
 
 impl Floor {
-    /// Of a sensor that rounds, from simulated values and what they leave about the mean reading, one list a record: the scatter of readings as rounding has it, and
-    /// neighbours' correlation.
+    /// The floor of a rounding sensor, from simulated values and the residuals about the mean reading, one list for each record: the standard
+    /// deviation from the rounding model, and the correlation from row to row.
     #[must_use]
     pub fn of_rounding(rounding: Rounding, simulated: &[&[f64]], left: &[(&[f64], &[bool])]) -> Option<Floor> {
         let rows: usize = simulated.iter().map(|values| values.len()).sum();
@@ -29,8 +29,9 @@ impl Floor {
         Some(Floor { sd, rounding: Some(rounding), ..neighbours })
     }
 
-    /// The floor of noise that grows with the reading, from readings and residuals, one list a record; `None` where it does not. Where more than such noise is left, the law is taken for the
-    /// weights of rows only where what grows keeps its shape: structure that is larger at larger readings passes for noise else.
+    /// The floor of noise that grows with the reading, from readings and residuals, one list for each record; `None` if it does not grow. If more
+    /// than such noise is left, the law is used as row weights only if the residual has the same correlations at all readings. Otherwise structure at
+    /// large readings would count as noise.
     #[must_use]
     pub fn of_growing(lists: &[(&[f64], &[f64], &[bool])]) -> Option<Floor> {
         let growth = Growth::found(lists)?;
@@ -56,7 +57,7 @@ impl Floor {
         Some(Floor { growth: Some(growth), ..floor })
     }
 
-    /// The floor of residuals, one list a record. `None` where there are too few rows.
+    /// The noise floor from residuals, one list for each record. `None` if there are too few rows.
     #[must_use]
     pub fn estimate(residuals: &[(&[f64], &[bool])]) -> Option<Floor> {
         let spectrum = spectrum(residuals)?;
@@ -68,7 +69,7 @@ impl Floor {
     }
 }
 
-/// The octaves below the upper band, of the residual as it is.
+/// The octaves below the upper band, of the unwhitened residual.
 fn slow(residuals: &[(&[f64], &[bool])]) -> Vec<(usize, Octave)> {
     let mut sums = [Octave::default(); OCTAVES];
     for (values, used) in residuals {
@@ -79,7 +80,7 @@ fn slow(residuals: &[(&[f64], &[bool])]) -> Vec<(usize, Octave)> {
     sums.into_iter().enumerate().filter(|(k, octave)| below(*k) && octave.lines >= LEAST_LINES).collect()
 }
 
-/// The estimate of all frequencies: neighbours' products over squares.
+/// The estimate from all frequencies: products of neighbours divided by squares.
 fn whole(residuals: &[(&[f64], &[bool])], rows: f64) -> Option<Floor> {
     let (mut squares, mut before, mut products, mut count) = (0.0, 0.0, 0.0, 0.0);
     for (values, used) in residuals {
@@ -100,7 +101,7 @@ fn whole(residuals: &[(&[f64], &[bool])], rows: f64) -> Option<Floor> {
     (correlation.abs() < SLOWEST).then_some(Floor { correlation, error, ..Floor::white(sd) })
 }
 
-/// Whether a floor leaves no octave with more than noise, at 0.1 % for all octaves together.
+/// Whether no octave has more than noise after whitening by a floor, at 0.1 % for all octaves together.
 fn is_white(floor: &Floor, residuals: &[(&[f64], &[bool])]) -> bool {
     let mut sums = [Octave::default(); OCTAVES];
     for (values, used) in residuals {
@@ -109,7 +110,7 @@ fn is_white(floor: &Floor, residuals: &[(&[f64], &[bool])]) -> bool {
         octaves(&white, used, &mut sums);
     }
     let bands = sums.iter().filter(|octave| octave.lines >= LEAST_LINES);
-    // A normal variable passes 3.66 once in 8000 cases: 0.1 % for eight octaves.
+    // A normal variable exceeds 3.66 once in 8000 cases: 0.1 % for eight octaves.
     bands.enumerate().all(|(k, octave)| octave.deviation(floor, k) < 3.66)
 }
 

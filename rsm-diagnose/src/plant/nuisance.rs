@@ -1,27 +1,29 @@
-//! All unknowns that are free in any case (starts, calibration, causes already accepted), prepared so that they can be projected out of traces and residuals.
+//! All unknowns that are always free (initial states, calibration, causes already accepted), projected out of traces and residuals.
 //!
-//! In: a fit with its derivatives. Out: inner products after the projection onto the complement of the free unknowns, to first order. An unknown that is held at its bound counts as free to
-//! come back: a missing cause may have pressed it there, and its gain would otherwise not include the cost of the bound. Never simulates.
+//! In: a fit with its derivatives. Out: inner products after the projection onto the complement of the free unknowns, to first order. An unknown held
+//! at its bound may be released: a missing cause may have pushed it there, and without the release the gain would not include the cost of the bound.
+//! Runs no simulation.
 
 use super::levenberg::Fit;
 use super::whitened_residuals::Column;
 use crate::engine::columns::dot;
 use crate::engine::normal::Normal;
 
-/// Unknowns at bounds that may come back at most: of those beyond, none does. Every set of them has normal equations of its own.
+/// The largest number of unknowns at bounds that may be released. If there are more, none is released. Each set of them needs its own normal
+/// equations.
 const MOST_HELD: usize = 4;
 
-/// The free unknowns of a fit.
+/// The free unknowns of a fit, prepared for projection.
 pub struct Nuisance<'a> {
     /// The fit.
     pub fit: &'a Fit,
-    /// By the set of those held that come back, a bit each.
+    /// One entry for each set of released unknowns; the index is the set as bits.
     parts: Vec<Part>,
 }
 
 /// A set of unknowns with its normal equations.
 struct Part {
-    /// Their places among all columns.
+    /// Their indices among all columns.
     columns: Vec<usize>,
     normal: Normal,
     /// The negative gradient of the cost, from residual and priors.
@@ -34,7 +36,7 @@ impl Part {
     }
 }
 
-/// Which of those held come back.
+/// A set of released unknowns, as bits.
 pub type Back = usize;
 
 impl<'a> Nuisance<'a> {
@@ -54,27 +56,27 @@ impl<'a> Nuisance<'a> {
         Nuisance { fit, parts: (0..1 << held).map(part).collect() }
     }
 
-    /// All that are held come back: with what to begin.
+    /// The set of all held unknowns: the first one to try.
     #[must_use]
     pub fn all_back(&self) -> Back {
         self.parts.len() - 1
     }
 
-    /// Inner products of a trace with the free derivatives, then with those that are held.
+    /// Inner products of a trace with the derivatives of the free unknowns, then with those of the held ones.
     #[must_use]
     pub fn products(&self, trace: &[f64]) -> Vec<f64> {
         let held = self.fit.held.iter().map(|held| &held.column);
         self.fit.columns.iter().chain(held).map(|column: &Column| column.with(trace)).collect()
     }
 
-    /// The same of a trace that is 0 but for some records.
+    /// The same for a trace that is zero except in some records.
     #[must_use]
     pub fn products_of(&self, trace: &Column) -> Vec<f64> {
         let held = self.fit.held.iter().map(|held| &held.column);
         self.fit.columns.iter().chain(held).map(|column: &Column| column.and(trace)).collect()
     }
 
-    /// What a residual asks of such traces, without what is free; priors pull too.
+    /// The projection of a residual on such traces after the free unknowns are projected out; priors included.
     #[must_use]
     pub fn asked<T>(&self, traces: &[(T, Column)], products: &[Vec<f64>], residual: &[f64]) -> Vec<f64> {
         let part = &self.parts[0];
@@ -88,27 +90,27 @@ impl<'a> Nuisance<'a> {
             .collect()
     }
 
-    /// What the free unknowns do about a residual with these products.
+    /// The first-order step of the free unknowns for these products.
     #[must_use]
     pub fn solved(&self, products: &[f64]) -> Vec<f64> {
         self.parts[0].normal.solve(&self.parts[0].pick(products))
     }
 
-    /// The inner product of two traces without what is free, from their products.
+    /// The inner product of two traces after the free unknowns are projected out, from their products.
     #[must_use]
     pub fn between(&self, plain: f64, a: &[f64], b: &[f64], back: Back) -> f64 {
         let part = &self.parts[back];
         plain - dot(&part.pick(a), &part.normal.solve(&part.pick(b)))
     }
 
-    /// The inner product of a trace with the residual, without what is free; priors pull too.
+    /// The inner product of a trace with the residual after the free unknowns are projected out; priors included.
     #[must_use]
     pub fn with_residual(&self, trace: &[f64], products: &[f64], back: Back) -> f64 {
         let part = &self.parts[back];
         dot(trace, &self.fit.residual) - dot(&part.pick(products), &part.normal.solve(&part.pull))
     }
 
-    /// Those that would leave their bound inwards when traces are added with these shares.
+    /// The released unknowns that move inwards when traces are added with these shares.
     #[must_use]
     pub fn still_back(&self, shares: &[f64], products: &[&[f64]], back: Back) -> Back {
         let part = &self.parts[back];
@@ -117,7 +119,7 @@ impl<'a> Nuisance<'a> {
         self.inwards(&part.normal.solve(&right), back)
     }
 
-    /// Those of a set that a step takes inwards.
+    /// The unknowns of a set that a step moves inwards.
     fn inwards(&self, step: &[f64], back: Back) -> Back {
         let free = self.fit.columns.len();
         let mut still = 0;
@@ -129,18 +131,18 @@ impl<'a> Nuisance<'a> {
         still
     }
 
-    /// What the squared residual would lose were the bounds of some not there: a trace that makes them needless gains that too.
+    /// The reduction of the squared residual if these bounds were absent. A trace that makes the bounds unnecessary gains this too.
     #[must_use]
     pub fn gain_of(&self, back: Back) -> f64 {
         let of = |part: &Part| dot(&part.pull, &part.normal.solve(&part.pull));
         of(&self.parts[back]) - of(&self.parts[0])
     }
 
-    /// The squared residual that is left when the free unknowns move as they like, in first order; and which of those held come back.
+    /// The squared residual after a first-order step of the free unknowns, and which held ones are released.
     #[must_use]
     pub fn left(&self, residual: &[f64]) -> (f64, Back) {
         let products: Vec<f64> = self.products(residual);
-        // Priors ask for what the fit's own pull has beyond its residual's.
+        // The priors contribute the difference between the fit's gradient and its residual's gradient.
         let own: Vec<f64> = self.products(&self.fit.residual);
         let mut back = self.all_back();
         loop {

@@ -1,36 +1,36 @@
 //! The power of whitened residuals in octaves of frequency.
 //!
-//! In: whitened values. Out: for each octave its power, how many independent lines it holds, and how far that is above noise. Other modules decide whether that is too much.
+//! In: whitened values. Out: for each octave its power, the number of independent lines, and the deviation from noise. Makes no decision.
 
 use std::f64::consts::TAU;
 
 use super::floor::Floor;
 use crate::engine::significance::deviate_of_chi_squared;
 
-/// Octaves below the Nyquist frequency; the last holds everything below.
+/// The number of octaves below the Nyquist frequency. The last one holds all lower frequencies.
 pub const OCTAVES: usize = 8;
 
-/// Fewer lines are no band.
+/// With fewer lines, an octave is not tested.
 pub const LEAST_LINES: f64 = 2.0;
 
 /// The power of whitened values in an octave.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Octave {
-    /// Sum of the powers of its lines; a line of white noise has the power 1 on average.
+    /// The sum of the powers of its lines. A line of white noise has mean power 1.
     pub power: f64,
-    /// Independent lines.
+    /// The number of independent lines.
     pub lines: f64,
 }
 
 impl Octave {
-    /// Energy over that of noise.
+    /// The energy divided by the noise energy.
     #[must_use]
     pub fn ratio(&self) -> f64 {
         self.power / self.lines.max(f64::MIN_POSITIVE)
     }
 
-    /// How far its power is above that of noise, in standard deviations of a normal variable that is as rare: the power of noise is half of chi squared with two degrees of freedom a line, and the
-    /// floor that whitened it has an error of its own.
+    /// The deviation of its power from noise, as the normal deviate of equal probability. The power of noise is half of chi squared with two degrees
+    /// of freedom for each line, and the error of the noise floor is included.
     #[must_use]
     pub fn deviation(&self, floor: &Floor, octave: usize) -> f64 {
         let normal = deviate_of_chi_squared(2.0 * self.power, 2.0 * self.lines);
@@ -39,19 +39,19 @@ impl Octave {
     }
 }
 
-/// The middle of an octave as a share of the sample rate.
+/// The centre of an octave, as a share of the sample rate.
 fn centre(octave: usize) -> f64 {
     0.375 * 0.5_f64.powi(octave as i32)
 }
 
-/// Adds the powers of whitened values; rows that are not `used` are 0 there.
+/// Adds the powers of whitened values. Rows that are not `used` are 0 in `white`.
 pub fn octaves(white: &[f64], used: &[bool], sums: &mut [Octave; OCTAVES]) {
     let rows = used.iter().filter(|used| **used).count().max(1) as f64;
     let size = white.len().next_power_of_two();
     let (mut re, mut im) = (white.to_vec(), vec![0.0; size]);
     re.resize(size, 0.0);
     transform(&mut re, &mut im);
-    // Lines of a padded transform are not independent: they count as much as the rows.
+    // The lines of a zero-padded transform are not independent. Their weight makes their number equal to the number of rows.
     let weight = rows / size as f64;
     for line in 1..size / 2 {
         let octave = ((size / 2) as f64 / line as f64).log2().floor() as usize;

@@ -1,43 +1,47 @@
-//! Directions in parameter space that the records do not determine. Example: if a force, a mass and a friction grow by the same factor, no output changes, so only tolerances determine this factor.
+//! Directions in parameter space that the records do not determine. Example: if a force, a mass and a friction grow by the same factor, no output
+//! changes, so only tolerances determine this factor.
 //!
-//! In: a fit. Out: the same fit, converged within a tenth of a standard deviation in every direction, with derivatives that are valid along open directions too. A one-sided derivative by a single unknown
-//! has an error, the curvature over its step. Along a direction in which the contributions of several unknowns cancel, only these errors are left, and they look like information that the records do not contain.
-//! Derivatives are therefore taken again along those directions, as central differences over one standard deviation. Never changes which unknowns there are.
+//! In: a fit. Out: the same fit, converged within a tenth of a standard deviation in every direction, with derivatives that are valid along open
+//! directions too. A one-sided derivative for a single unknown has an error from the curvature over its step. Along a direction in which the
+//! contributions of several unknowns cancel, only these errors are left, and they look like information that the records do not contain. Derivatives
+//! are therefore computed again along those directions, as central differences over one standard deviation. Does not change the set of unknowns.
 
 use super::levenberg::{Equations, Fit};
 use super::model::{Model, Place};
 use super::whitened_residuals::{Column, WhitenedResiduals};
 use crate::engine::normal::Normal;
 
-/// A direction is open where records and the other numbers leave this share of the standard deviation of a tolerance, and more: what a bend feigns is to a thousandth.
+/// A direction is open if its posterior standard deviation is more than this share of its prior one. Errors from curvature can simulate information
+/// down to a thousandth.
 const OPEN: f64 = 1e-3;
 
-/// Rounds in which directions are measured: the first are as short as the bends made them, and the next ones longer.
+/// The number of rounds in which directions are measured. The first ones are too short, because of the curvature errors; later ones are longer.
 const MEASURED: usize = 3;
 
-/// Directions that became longer by less than this share of themselves are at their length.
+/// A direction has its final length if it grew by less than this share.
 const SAME_LENGTH: f64 = 0.05;
 
 /// Rounds of steps.
 const ROUNDS: usize = 4;
 
-/// Steps of a round with one set of derivatives. A valley of ratios is bent, and a step along it ends beside it: the next one leads back.
+/// Steps of a round with one set of derivatives. The minimum along an open direction is curved, so a step ends beside it and the next one corrects
+/// that.
 const STEPS: usize = 6;
 
-/// A step that promises less, in squared standard deviations, moves no number by more than a tenth of one.
+/// A step with a smaller predicted gain, in squared standard deviations, changes no parameter by more than a tenth of its standard deviation.
 const AT_ITS_END: f64 = 0.01;
 
 /// A direction, one standard deviation long.
 struct Direction {
-    /// By unknown, on the scale of its search.
+    /// The change of each unknown, on the scale of its search.
     step: Vec<f64>,
-    /// What takes its share of a derivative, by unknown: the inverse of `step` among all directions.
+    /// For each unknown, the factor that gives its share of a derivative: the inverse of `step` among all directions.
     share: Vec<f64>,
-    /// The share of the standard deviation of tolerances that is left along it.
+    /// The posterior standard deviation along it, as a share of the prior one.
     left: f64,
 }
 
-/// The fit at its end. What it cannot make better it gives back, with derivatives that hold.
+/// The converged fit. If it cannot be improved it is returned with accurate derivatives.
 #[must_use]
 pub fn settled(whitened: &WhitenedResiduals, fit: Fit) -> Fit {
     let mut best = fit;
@@ -68,7 +72,7 @@ pub fn settled(whitened: &WhitenedResiduals, fit: Fit) -> Fit {
     best
 }
 
-/// Derivatives for all unknowns of a fit, in their order, measured along open directions.
+/// Derivatives for all unknowns of a fit in their order, measured along open directions.
 fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Column> {
     let mut columns: Vec<Option<Column>> = vec![None; fit.model.unknowns.len()];
     for (k, column) in fit.free.iter().zip(&fit.columns) {
@@ -77,7 +81,7 @@ fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Column> {
     for held in &fit.held {
         columns[held.unknown] = Some(held.column.clone());
     }
-    // Every unknown is free or held.
+    // Every unknown is either free or held.
     let mut columns: Vec<Column> = columns.into_iter().flatten().collect();
     let mut lengths: Vec<f64> = Vec::new();
     for _ in 0..MEASURED {
@@ -108,14 +112,14 @@ fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Column> {
     columns
 }
 
-/// The whitened change of all records along a direction, from both sides; `None` where the plant cannot go there.
+/// The whitened change of all records along a direction, as a central difference; `None` if the plant cannot be simulated there.
 fn along(whitened: &WhitenedResiduals, model: &Model, step: &[f64]) -> Option<Vec<f64>> {
     let to = |sign: f64| {
         let mut moved = model.clone();
         for (k, step) in step.iter().enumerate() {
             let unknown = &model.unknowns[k];
             let searched = unknown.inward(model.value(k)) + sign * step;
-            // A tolerance ends a search, and derivatives beyond are as good.
+            // A tolerance limits a search; derivatives beyond it are valid.
             let value = if unknown.logarithmic { searched.exp() } else { searched };
             let is_possible = matches!(unknown.place, Place::Nominal(_)) || (unknown.low..=unknown.high).contains(&value);
             if !is_possible {
@@ -129,7 +133,7 @@ fn along(whitened: &WhitenedResiduals, model: &Model, step: &[f64]) -> Option<Ve
     Some(whitened.changes(&back, &forth, 2.0))
 }
 
-/// Open directions: those of the unknowns with priors in which most of the prior is left, with what goes along with them.
+/// Open directions: combinations of the unknowns with priors that are determined mostly by the priors, with the changes of all other unknowns.
 fn directions(model: &Model, columns: &[Column]) -> Vec<Direction> {
     let all: Vec<usize> = (0..model.unknowns.len()).collect();
     let priors: Vec<(usize, f64)> = all.iter().filter_map(|&k| model.unknowns[k].prior.map(|(_, sd)| (k, sd))).collect();
@@ -163,7 +167,7 @@ fn directions(model: &Model, columns: &[Column]) -> Vec<Direction> {
 fn eigen(mut a: Vec<f64>, n: usize) -> Vec<(f64, Vec<f64>)> {
     let mut vectors = vec![0.0; n * n];
     (0..n).for_each(|k| vectors[k * n + k] = 1.0);
-    // A sweep squares what is off the diagonal; ten are more than f64 needs.
+    // Each sweep squares the off-diagonal elements; ten are more than enough for f64.
     for _ in 0..10 {
         for p in 0..n {
             for q in p + 1..n {

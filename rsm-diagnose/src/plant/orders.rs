@@ -1,10 +1,10 @@
 //! Order analysis of the error: components that repeat with the rotation of a shaft, or with the position of an axis.
 //!
-//! In: simulations before and after, along the same records. Out: for each output a spectrum over orders (waves a turn; waves a metre), averaged over pieces
-//! of motion in one direction, and the orders that stand out of their neighbours. Never names a cause.
+//! In: simulations before and after, along the same records. Out: for each output a spectrum over orders (waves per turn or waves per metre),
+//! averaged over pieces of motion in one direction, and the orders that exceed their neighbours. Names no cause.
 //!
-//! A piece is weighted by a Hann window over the angle and summed with d(angle), so that a piece of changing speed is sampled evenly over the angle. Rows at
-//! which an order would lie above 0.45 of the sample rate do not count for that order.
+//! A piece is weighted by a Hann window over the angle and summed with d(angle), so that a piece of changing speed is sampled evenly over the angle.
+//! A row does not count for an order whose frequency there exceeds 0.45 of the sample rate.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -16,19 +16,19 @@ use super::spectrum::peaks;
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::kind::PlantKind;
 
-/// Turns of a piece: a window over eight turns separates halves of an order.
+/// The length of a piece in turns. A window over eight turns separates half orders.
 const TURNS_A_PIECE: f64 = 8.0;
 
-/// Slower than this share of the greatest speed the angle does not move enough to be a ruler.
+/// Below this share of the largest speed, the angle changes too little for an analysis over the angle.
 const SLOWEST_TURNING: f64 = 0.05;
 
-/// The highest frequency at which a wave is still followed, as a share of the sample rate.
+/// The highest usable frequency of a wave, as a share of the sample rate.
 pub(super) const HIGHEST_FREQUENCY: f64 = 0.45;
 
-/// Waves over the whole way of an axis, at most.
+/// The largest number of waves over the whole travel of an axis.
 const MOST_WAVES: usize = 400;
 
-/// Orders that are named at most, of an output.
+/// The largest number of orders named for an output.
 const NAMED_ORDERS: usize = 3;
 
 /// The orders of an output.
@@ -36,40 +36,40 @@ const NAMED_ORDERS: usize = 3;
 pub struct Orders {
     /// The output, by its place in the plant.
     pub output: usize,
-    /// What turns: "mechanical", "engine", "wheel", "position".
+    /// The rotation or travel: "mechanical", "engine", "wheel", "position".
     pub of: &'static str,
-    /// Orders: waves a turn, or waves a metre.
+    /// Orders in waves per turn or waves per metre.
     pub order: Vec<f64>,
     /// Mean power of the first error over the noise's: 1 is white noise.
     pub before: Vec<f64>,
-    /// Of the second.
+    /// The same of the second error.
     pub after: Vec<f64>,
-    /// Pieces behind each value.
+    /// The number of pieces averaged in each value.
     pub averages: usize,
-    /// How far a line reaches to either side.
+    /// The width of a line to either side, in values.
     apart: usize,
-    /// Squared amplitude, in units of the noise, of a wave of power one.
+    /// The squared amplitude, in units of the noise, of a wave with power one.
     square: f64,
-    /// Rows in all pieces.
+    /// The number of rows in all pieces.
     rows: usize,
-    /// Pole pairs of a motor.
+    /// The pole pairs of a motor.
     pole_pairs: Option<f64>,
 }
 
 /// Motion along one coordinate.
 pub(super) struct Way {
     of: &'static str,
-    /// Turns or metres, of each row of each record.
+    /// The coordinate in turns or metres, for each row of each record.
     pub(super) at: Vec<Vec<f64>>,
-    /// Orders that are asked: waves a turn, or waves a metre.
+    /// The orders to compute, in waves per turn or waves per metre.
     pub(super) order: Vec<f64>,
-    /// Pieces: record, rows.
+    /// The pieces: record and rows.
     pieces: Vec<(usize, Range<usize>)>,
     apart: usize,
     pole_pairs: Option<f64>,
 }
 
-/// The orders of all outputs over all ways that the plant has.
+/// The orders of all outputs over all coordinates of the plant.
 #[must_use]
 pub fn orders(whitened: &WhitenedResiduals, model: &Model, before: &[Simulated], after: &[Simulated]) -> Vec<Orders> {
     let mut list = Vec::new();
@@ -107,7 +107,7 @@ pub(super) fn ways(whitened: &WhitenedResiduals, model: &Model, simulated: &[Sim
     match model.file.kind {
         PlantKind::Pmac => {
             let pole_pairs = parameters.number("pole_pairs");
-            // Twice the sixth electrical order; cogging has more cycles only where it hardly shows.
+            // Twice the sixth electrical order. Cogging with more cycles has little effect.
             let most = (24.0 * pole_pairs).max(48.0) as usize;
             list.extend(turns(&output(2)).map(|at| rotation(whitened, "mechanical", at, most, Some(pole_pairs))));
         }
@@ -130,7 +130,7 @@ pub(super) fn ways(whitened: &WhitenedResiduals, model: &Model, simulated: &[Sim
 }
 
 impl Way {
-    /// What an order is over, in words.
+    /// The coordinate of an order, in words.
     pub(super) fn words(&self) -> String {
         match self.of {
             "position" => "a metre of the position".to_string(),
@@ -168,7 +168,7 @@ fn travel(whitened: &WhitenedResiduals, at: Vec<Vec<f64>>) -> Option<Way> {
     let mut pieces = Vec::new();
     for (record, at) in at.iter().enumerate() {
         let speed = speed_of(at, whitened.records[record].record.period);
-        // A stroke over less than half of the travel has lines more than twice as wide.
+        // A stroke over less than half of the travel gives lines more than twice as wide.
         pieces.extend(
             runs(&speed)
                 .into_iter()
@@ -176,7 +176,7 @@ fn travel(whitened: &WhitenedResiduals, at: Vec<Vec<f64>>) -> Option<Way> {
                 .map(|run| (record, run)),
         );
     }
-    // The line of a Hann window reaches two waves over its own length to either side, which is up to four over the travel.
+    // A line of a Hann window reaches two waves per stroke to either side, which is up to four waves per travel.
     Some(Way {
         of: "position",
         at,
@@ -195,7 +195,7 @@ fn runs(speed: &[f64]) -> Vec<Range<usize>> {
     for row in 0..=speed.len() {
         let goes_on = row < speed.len() && speed[row].abs() > least && (row == first || speed[row] * speed[row - 1] > 0.0);
         if !goes_on {
-            // Shorter than this a window has no shape.
+            // With fewer rows, the window has no useful shape.
             if row - first >= 16 && least > 0.0 {
                 list.push(first..row);
             }
@@ -261,7 +261,7 @@ fn of_one(whitened: &WhitenedResiduals, way: &Way, output: usize, before: &[Simu
     if averages == 0 {
         return None;
     }
-    // Orders that half of the pieces reach.
+    // Orders that at least half of the pieces reach.
     let reached = pieces_of.iter().take_while(|pieces| 2 * **pieces >= averages).count();
     let mean = |sums: &[f64]| sums[..reached].iter().zip(&pieces_of).map(|(sum, pieces)| sum / *pieces as f64).collect();
     Some(Orders {
@@ -279,14 +279,14 @@ fn of_one(whitened: &WhitenedResiduals, way: &Way, output: usize, before: &[Simu
 }
 
 impl Orders {
-    /// Its power on a side.
+    /// The power of one side.
     #[must_use]
     pub fn of(&self, side: Side) -> &[f64] {
         if side == Side::Before { &self.before } else { &self.after }
     }
 
-    /// The orders that stand out, as shares of `all`, the error of all outputs beyond noise in squared standard deviations, and of `own`,
-    /// that of this one.
+    /// The orders that exceed their neighbours. Shares refer to `all`, the error of all outputs above the noise in squared standard deviations, and
+    /// to `own`, that of this output.
     #[must_use]
     pub fn regions(&self, side: Side, own: f64, all: f64) -> Vec<Region> {
         let power = self.of(side);
@@ -294,7 +294,7 @@ impl Orders {
         found
             .map(|peak| {
                 let beyond = power[peak.place] - power[peak.place] / peak.ratio;
-                // Half the squared amplitude a row.
+                // The energy of a wave is half its squared amplitude for each row.
                 let energy = 0.5 * beyond * self.square * self.rows as f64;
                 Region {
                     output: self.output,
@@ -323,7 +323,7 @@ impl Orders {
     }
 }
 
-/// The lines that spectra and orders add to the regions.
+/// The regions from spectra and orders.
 #[must_use]
 pub fn spectral(
     whitened: &WhitenedResiduals,

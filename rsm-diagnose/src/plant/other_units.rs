@@ -4,12 +4,12 @@
 
 use rsm_fit::units::Conversion;
 
-/// A unit that readings may be in: what it is called, and how many of it are one of the record's.
+/// A possible true unit of a column: its name, and how many of it equal one of the record's unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Other {
-    /// In words.
+    /// The name in words.
     pub name: &'static str,
-    /// Readings over the truth.
+    /// The reading divided by the true value.
     pub factor: f64,
 }
 
@@ -17,14 +17,15 @@ const fn other(name: &'static str, factor: f64) -> Other {
     Other { name, factor }
 }
 
-/// Of every unit.
+/// For every unit.
 const PREFIXES: [Other; 2] = [other("thousandths (m...)", 1000.0), other("thousands (k...)", 0.001)];
 
-/// Of a phase, whose values have two usual meanings.
+/// For a phase quantity, whose values have two usual meanings.
 const PHASE: [Other; 2] = [other("r.m.s. values", std::f64::consts::FRAC_1_SQRT_2), other("peak-to-peak values", 2.0)];
 
-/// By a unit of the quantity. 9.549297 is 30/pi, 57.29578 is 180/pi, 0.1591549 is 1/(2 pi), 0.1019716 is 1/9.80665; 0.7375621, 2.236936, 0.2248089, 1.450377e-4 and 1.341022e-3 are the pound-foot, the mile an hour, the
-/// pound-force, the pound-force a square inch and the horsepower of the international yard and pound (1959).
+/// Lists by a unit of the quantity. 9.549297 is 30/pi, 57.29578 is 180/pi, 0.1591549 is 1/(2 pi), 0.1019716 is 1/9.80665. 0.7375621, 2.236936,
+/// 0.2248089, 1.450377e-4 and 1.341022e-3 are for the pound-foot, the mile per hour, the pound-force, the pound-force per square inch and the
+/// horsepower, from the international yard and pound (1959).
 const KINDS: [(&str, &[Other]); 19] = [
     ("rad/s", &[other("rpm", 9.549_297), other("revolutions per second", 0.159_154_9), other("deg/s", 57.295_78)]),
     ("rad", &[other("deg", 57.295_78), other("revolutions", 0.159_154_9)]),
@@ -47,7 +48,7 @@ const KINDS: [(&str, &[Other]); 19] = [
     ("1", &[other("per cent", 100.0)]),
 ];
 
-/// Other units of what a unit measures; of a quantity that has no list, its thousandths and thousands.
+/// Other units of the same quantity. A quantity without a list has only its thousandths and thousands.
 ///
 /// ```
 /// use rsm_diagnose::plant::other_units::others;
@@ -57,7 +58,7 @@ const KINDS: [(&str, &[Other]); 19] = [
 /// ```
 #[must_use]
 pub fn others(unit: &str) -> Vec<Other> {
-    // How many of a list's own unit are one of the record's.
+    // The number of the list's units in one of the record's units.
     let scale = |of: &str| match Conversion::between(unit, of) {
         Ok(way) if way.apply(0.0) == 0.0 => Some(way.apply(1.0)),
         _ => None,
@@ -70,12 +71,12 @@ pub fn others(unit: &str) -> Vec<Other> {
             all.push(prefix);
         }
     }
-    // What the record states is no other unit.
+    // The record's own unit is left out.
     all.retain(|it| (it.factor - 1.0).abs() > SAME);
     all
 }
 
-/// Factors are written to seven digits.
+/// Factors are given with seven digits.
 const SAME: f64 = 1e-5;
 
 #[cfg(test)]

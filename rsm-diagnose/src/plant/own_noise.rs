@@ -1,6 +1,7 @@
 //! The noise floors of holdout records, estimated from these records.
 //!
-//! In: holdout records with a fit to them. Out: their noise floors, the residual whitened by these, the remaining error. Structure is kept out of the noise floors.
+//! In: holdout records with a fit to them. Out: their noise floors, the residual whitened by these, the remaining error. Structure does not enter the
+//! noise floors.
 
 use super::calibration;
 use super::levenberg::Fit;
@@ -9,18 +10,18 @@ use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use super::whiteness::{self, Left};
 use rsm_sim::kind::OUTPUTS;
 
-/// Unseen records may have this many times the noise of the others, in standard deviations, and be no more wrong for it: what a warmer sensor or another cable adds. What
-/// is beyond shows as structure.
+/// Holdout records may have up to this many times the noise of the others, as a standard deviation, for example from a warmer sensor or another
+/// cable. Any excess counts as structure.
 const MOST_NOISE: f64 = 1.5;
 
-/// What is left on holdout records, by the noise that they have themselves, as one of this many looks.
+/// The residual on holdout records relative to their own noise, as one of `looks` tests.
 pub(crate) fn left_there(unseen: &WhitenedResiduals, moved: Fit, looks: usize) -> Left {
     let (there, fit) = by_own_noise(unseen, moved);
     whiteness::look_among(&there, &fit, looks)
 }
 
-/// Unseen records with the noise that they have themselves, and a fit by it: its level is known from the others to a per cent, and a day's is not that of the next.
-/// Far more of it is none, and records that are too short to show theirs have that of the others.
+/// Holdout records with their own noise, and a fit with it. The noise level changes from day to day, so the level of the other records is not
+/// accurate enough. If the noise is much larger, or if the records are too short to estimate it, the noise of the others is used.
 pub(super) fn by_own_noise(unseen: &WhitenedResiduals, moved: Fit) -> (WhitenedResiduals, Fit) {
     let all_own = |floors: &[Floor; OUTPUTS], whitened: &WhitenedResiduals, simulated: &[Simulated]| {
         let mut floors = *floors;
@@ -31,7 +32,7 @@ pub(super) fn by_own_noise(unseen: &WhitenedResiduals, moved: Fit) -> (WhitenedR
     };
     let mut there = unseen.clone();
     there.floors = all_own(&unseen.floors, unseen, &moved.simulated);
-    // A record may have noise of its own law, too: each is judged by its own, and what that is known worse by counts for all.
+    // Each record may have its own noise model, so each is tested with its own. The larger error of such an estimate counts for all of them.
     let mut residual = Vec::with_capacity(moved.residual.len());
     let pooled = there.floors;
     for (record, simulated) in unseen.records.iter().zip(&moved.simulated) {
@@ -46,7 +47,7 @@ pub(super) fn by_own_noise(unseen: &WhitenedResiduals, moved: Fit) -> (WhitenedR
     (there, Fit { residual, ..moved })
 }
 
-/// Noise that a record shows, in place of that of the others, where it shows any and far more is none.
+/// The noise of a record in place of that of the others, if it can be estimated and is not much larger.
 fn its_own(others: &Floor, shown: Option<Floor>) -> Floor {
     shown.filter(|own| others.rounding.is_none() && own.sd < MOST_NOISE * others.sd).unwrap_or(*others)
 }

@@ -1,29 +1,29 @@
 //! The path of a search through sets of causes, and the limits at which it ends.
 //!
-//! In: the steps of a search. Out: whether the next step is allowed. Independent of the meaning of a cause.
+//! In: the steps of a search. Out: whether the next step is allowed. Independent of the causes.
 
-/// Additions at most: all causes that an effort allows (four), two that a removal undid, and two more after a pair.
+/// The largest number of additions: the four causes that a search may have, two that were removed again, and two more after a pair.
 const MOST_ADDITIONS: usize = 8;
 
-/// Competitions at most, a competition being a screen with its profiles and fits: every addition, and twice the question what else could stand for each of four
-/// causes, with two to spare. All other work lies between them, and each piece of it removes a cause.
+/// The largest number of competitions. A competition is a screen with its refinements and fits. Each addition needs one, and each of four causes
+/// needs two for its rivals; two are spare. All other work lies between them, and each piece of it removes a cause.
 const MOST_COMPETITIONS: usize = 16;
 
-/// Exchanges of one cause for another at most; beyond, two causes are likely to take turns.
+/// The largest number of exchanges of one cause for another. With more, two causes probably alternate.
 const MOST_EXCHANGES: usize = 3;
 
-/// What ends a search that would go on.
+/// The limit that ends a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Limit {
-    /// Causes were added as often as is allowed.
+    /// The largest number of additions was reached.
     Additions,
-    /// Competitions were held as often as is allowed.
+    /// The largest number of competitions was reached.
     Competitions,
-    /// Causes were exchanged as often as is allowed.
+    /// The largest number of exchanges was reached.
     Exchanges,
-    /// Simulations took as many steps as are allowed.
+    /// The largest number of integration sub-steps was reached.
     Steps,
-    /// A set of causes came back that had been left: it goes round in a circle.
+    /// The search returned to an earlier set of causes.
     Circle,
 }
 
@@ -39,38 +39,38 @@ impl std::fmt::Display for Limit {
     }
 }
 
-/// What a search has done, so that it ends: sets of causes where it was, and counts against the limits.
+/// The history of a search, so that it ends: the sets of causes it has visited, and counts against the limits.
 #[derive(Debug, Default)]
 pub struct Path {
     visited: Vec<Vec<String>>,
     additions: usize,
     competitions: usize,
     exchanges: usize,
-    /// Sub-steps of simulations up to which a competition may begin.
+    /// The number of sub-steps up to which a competition may begin.
     until: Option<u64>,
-    /// Those up to which rivals may be asked.
+    /// The number of sub-steps up to which rivals may be tested.
     until_rivals: Option<u64>,
     stopped: Option<Limit>,
 }
 
 impl Path {
-    /// A path on which competitions begin until simulations have taken this many sub-steps, and those of rivals until this many more.
+    /// A path whose competitions may begin within `steps` sub-steps, and tests of rivals within `for_rivals` more.
     #[must_use]
     pub fn until(steps: u64, for_rivals: u64) -> Self {
         Path { until: Some(steps), until_rivals: Some(steps + for_rivals), ..Path::default() }
     }
 
-    /// Whether simulations that have taken this many sub-steps may go on.
+    /// Whether the search may continue after this many sub-steps.
     pub fn has_steps(&mut self, taken: u64) -> bool {
         self.until.is_none_or(|until| taken <= until) || self.stop(Limit::Steps)
     }
 
-    /// Whether there is work left to ask for rivals.
+    /// Whether work is left to test rivals.
     pub fn has_steps_for_rivals(&mut self, taken: u64) -> bool {
         self.until_rivals.is_none_or(|until| taken <= until) || self.stop(Limit::Steps)
     }
 
-    /// Goes to a set of causes; false where the search was there before. The order of causes is no difference.
+    /// Records a set of causes; false if the search has visited it before. The order of causes does not matter.
     pub fn visit(&mut self, mut causes: Vec<String>) -> bool {
         causes.sort_unstable();
         if self.visited.contains(&causes) {
@@ -80,7 +80,7 @@ impl Path {
         true
     }
 
-    /// Whether the search was at a set of causes, sorted.
+    /// Whether the search has visited a sorted set of causes.
     #[must_use]
     pub fn knows(&self, causes: &[String]) -> bool {
         self.visited.iter().any(|known| known == causes)
@@ -104,7 +104,7 @@ impl Path {
         self.exchanges <= MOST_EXCHANGES || self.stop(Limit::Exchanges)
     }
 
-    /// The first limit that was met.
+    /// The first limit that was reached.
     #[must_use]
     pub fn stopped(&self) -> Option<Limit> {
         self.stopped

@@ -1,32 +1,32 @@
 //! Implausible parameters: for example a thousand times the resistance of a winding, a bias larger than the readings, or a storm as headwind.
 //!
-//! In: an entry with its numbers, a survey of the records. Out: the reason why it is refused, in words, or `None`. A number that a fit has moved so far compensates for an error
-//! that the catalogue does not contain. The effects declare the range of each parameter.
+//! In: an entry with its parameters, a survey of the records. Out: the reason for rejecting it, in words, or `None`. A fit moves a parameter so far
+//! only to compensate for an error that the catalogue does not contain. The effects declare the range of each parameter.
 
 use super::hypotheses::declared;
 use rsm_sim::effect::declared::STEEPEST_ROAD;
 use rsm_sim::effect::{Plausible, Survey};
 use rsm_sim::plant_file::{Entry, PlantFile};
 
-/// A parameter and a gain may be wrong by this factor: a decimal point, a wrong datasheet row and another size of the same series are within it.
+/// A parameter or gain may be wrong by this factor. That covers a wrong datasheet row and another size of the same series.
 const FACTOR: f64 = 5.0;
 
-/// Losses (frictions, dampings) are known by their order of magnitude only.
+/// Losses (friction, damping) are known only to an order of magnitude.
 const FACTOR_OF_LOSSES: f64 = 30.0;
 
-/// A force or torque may be this many times the usual effort of the drive, which is a root mean square: a peak is three to four times that.
+/// A force or torque may be this many times the usual effort of the drive. That effort is a root mean square; a peak is three to four times as large.
 const TIMES_THE_EFFORT: f64 = 4.0;
 
-/// What lags or comes late by more than this share of a record cannot be told from a drift.
+/// A lag or delay longer than this share of a record cannot be distinguished from a drift.
 const SHARE_OF_RECORD: f64 = 0.25;
 
-/// What a column in other units differs by: rpm and rad/s, km/h and m/s, kp and N, degrees and radians, peak and r.m.s., decimal prefixes.
+/// Factors between units: rpm and rad/s, km/h and m/s, kp and N, degrees and radians, peak and r.m.s., decimal prefixes.
 const UNITS: [f64; 7] = [9.549_297, 3.6, 9.806_65, 57.295_78, 10.0, 100.0, 1000.0];
 
-/// A factor of units is met within this share: sensors are off by per cents themselves.
+/// A gain matches a factor between units within this share, because sensors may be wrong by some per cent.
 const NEAR_UNIT: f64 = 0.02;
 
-/// Why an entry has no place in a plant; `None` where it may.
+/// Why an entry is implausible; `None` if it is plausible.
 #[must_use]
 pub fn why_not(entry: &Entry, survey: &Survey, file: &PlantFile) -> Option<String> {
     let numbers = entry.arguments.numbers.iter();
@@ -45,7 +45,7 @@ fn is_unit(gain: f64) -> bool {
     UNITS.iter().any(|unit| [*unit, 1.0 / unit].iter().any(|factor| (gain.abs() / factor - 1.0).abs() < NEAR_UNIT))
 }
 
-/// The plausible values of a number; `None` where there is no range.
+/// The plausible range of a parameter; `None` if there is none.
 fn range(entry: &Entry, name: &str, survey: &Survey, file: &PlantFile) -> Option<(f64, f64)> {
     let about = |limit: f64| Some((-limit, limit));
     let below = |limit: f64| Some((0.0, limit));
@@ -63,7 +63,7 @@ fn range(entry: &Entry, name: &str, survey: &Survey, file: &PlantFile) -> Option
             let is_loss = ["friction", "damping", "rolling"].iter().any(|word| subject.contains(word));
             let factor = if is_loss { FACTOR_OF_LOSSES } else { FACTOR };
             let (low, high) = (if is_loss { 0.0 } else { was / factor }, was * factor);
-            // Where the file says that there is none, nothing says how much there may be.
+            // If the nominal value is 0, there is no scale for a range.
             (was != 0.0).then_some((low.min(high), low.max(high)))
         }
         Plausible::Factor | Plausible::FactorOrUnit => Some((1.0 / FACTOR, FACTOR)),
@@ -73,7 +73,7 @@ fn range(entry: &Entry, name: &str, survey: &Survey, file: &PlantFile) -> Option
         Plausible::EffortPerRecord => about(effort / survey.duration),
         Plausible::Effort => about(effort),
         Plausible::EffortOneWay => below(effort),
-        // Typical is half of the largest: beyond three times that it is not passed.
+        // The typical value is half of the largest. A plausible one is at most three times the typical value.
         Plausible::Speed => below(3.0 * survey.speed),
         Plausible::EffortPerSpeedSquared => about(effort / (survey.speed * survey.speed)),
         Plausible::Input => about(survey.input),

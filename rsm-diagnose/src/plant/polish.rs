@@ -1,4 +1,4 @@
-//! The final fit, with noise floors from its own residual and with parameters in their usual form; and the file of the extended plant.
+//! The final fit: noise floors from its own residual, parameters in their usual form, and the file of the extended plant.
 //!
 //! In: the fit of a search. Out: the same causes, fitted with the noise floors of their own residual. Never adds or removes a cause.
 
@@ -13,13 +13,13 @@ use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::simulate::starting;
 
-/// Steps of a fit that begins at its end.
+/// Steps of a fit that starts near its minimum.
 const STEPS: usize = 4;
 
-/// Twice: the residual of a fit gives floors, and those another fit. A third time moves nothing that shows.
+/// Two rounds: the residual of a fit gives noise floors, and these give another fit. A third round changes nothing visible.
 const TURNS: usize = 2;
 
-/// Fits again with the noise that is left, and leaves its floors in the whitening.
+/// Fits again with the noise floors of the residual, and stores these floors in the whitening.
 #[must_use]
 pub fn polish(
     whitened: &mut WhitenedResiduals,
@@ -41,9 +41,9 @@ pub fn polish(
     open::settled(whitened, fit)
 }
 
-/// The extended plant as its file says it. A parameter that was pressed against the end of its tolerance, and of which the records say nothing any more (an effect that stands in its place
-/// took over), has its nominal value again; an output that no record holds, and the speed of an axis that begins in motion, start where the first record was found to start,
-/// else nobody could simulate it.
+/// The extended plant as a file. A parameter at the end of its tolerance gets its nominal value again if the records no longer determine it, because
+/// an accepted effect replaces it. An output that no record holds, and the speed of an axis that begins in motion, get the initial value fitted to
+/// the first record; without it the file could not be simulated.
 #[must_use]
 pub fn written(file: &PlantFile, whitened: &WhitenedResiduals, nominal: &Model, fit: &Fit) -> PlantFile {
     let mut plant = fit.model.file.clone();
@@ -52,7 +52,7 @@ pub fn written(file: &PlantFile, whitened: &WhitenedResiduals, nominal: &Model, 
         let mut back = fit.model.clone();
         back.file.parameters.set(name, nominal.file.parameters.number(name));
         let costs = whitened.run(&back).map(|simulated| levenberg::cost(&back, &whitened.residual(&simulated)));
-        // One standard deviation of the noise.
+        // A loss of one squared standard deviation of the noise.
         if costs.is_some_and(|cost| cost < fit.cost + 1.0) {
             plant.parameters.set(name, nominal.file.parameters.number(name));
         }
@@ -79,8 +79,8 @@ pub fn written(file: &PlantFile, whitened: &WhitenedResiduals, nominal: &Model, 
     plant
 }
 
-/// A fit of the start of the first record alone, with its records; `None` where records begin steadily. The rows that were set aside to lead the simulation
-/// say best how it begins, now that the causes stand.
+/// A fit of only the initial state of the first record, with its records; `None` if records begin steadily. The first rows, which no other fit
+/// compares, determine the initial state best, now that the causes are known.
 fn began(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(WhitenedResiduals, Fit)> {
     if fit.model.at_start == AtStart::Steady {
         return None;
@@ -94,7 +94,7 @@ fn began(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(WhitenedResiduals, 
     Some((whitened, fit))
 }
 
-/// Whether a record begins in motion, by one number of its start: at rest it would cost more than three standard deviations of the noise.
+/// Whether a record begins in motion, for one initial value: zero would worsen the fit by more than three standard deviations of the noise.
 fn moves(whitened: &WhitenedResiduals, fit: &Fit, place: usize) -> bool {
     let mut at_rest = fit.model.clone();
     at_rest.starts[0][place] = 0.0;
@@ -102,7 +102,7 @@ fn moves(whitened: &WhitenedResiduals, fit: &Fit, place: usize) -> bool {
     costs.is_none_or(|cost| cost > fit.cost + 9.0)
 }
 
-/// Waves with positive amplitudes and phases within half a turn of 0.
+/// Waves with positive amplitudes, and phases between -pi and pi.
 fn plain(mut model: Model) -> Model {
     for entry in &mut model.file.effects {
         let numbers = &mut entry.arguments.numbers;

@@ -1,7 +1,7 @@
 //! The motion of an axis in its records, and the response to a force that depends on it.
 //!
-//! In: prepared records, and the simulation of a fit. Out: whitened responses of the linear axis and its controller to forces that depend on position, speed and command;
-//! and positions that a simulation corrects. Never fits.
+//! In: prepared records and the simulation of a fit. Out: whitened responses of the linear axis and its controller to forces that depend on position,
+//! speed and command, and positions from a simulation corrected by the readings. Fits nothing.
 
 use std::f64::consts::TAU;
 
@@ -11,41 +11,42 @@ use rsm_sim::effect::Wave;
 use rsm_sim::plant_file::{PlantFile, VelocityFrom};
 use rsm_sim::record::Drive;
 
-/// Samples on either side for a speed: its sign is wanted, and a difference over eleven rows has a tenth of the noise of one over two.
+/// Rows on either side for the speed, of which only the sign is needed. A difference over eleven rows has a tenth of the noise of one over two.
 const WIDTH: usize = 5;
 
-/// A record, and the plant's answer to a force along it.
+/// A record, and the plant's response to a force along it.
 struct Track<'k> {
     prepared: &'k Prepared,
     record: usize,
-    /// The place of the position among its outputs.
+    /// The index of the position among its outputs.
     place: usize,
     position: Vec<f64>,
     speed: Vec<f64>,
     command: Vec<f64>,
-    /// First place in the stack of residuals.
+    /// Its first index in the stack of residuals.
     first: usize,
     period: f64,
     answer: Answer,
 }
 
-/// Gauss's two points in a row, as shares of it: a wave of half a turn a row is integrated to 2 %, a quarter of a turn to 0.1 % (C. F. Gauss, 1814).
+/// The two points of Gauss quadrature in a row, as shares of the row (C. F. Gauss, 1814). A wave of half a turn per row is integrated to 2 %, of a
+/// quarter of a turn to 0.1 %.
 const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 
-/// The linear plant over a row, and the controller where the loop is closed.
+/// The response of the linear plant over one row, and the controller if the loop is closed.
 #[derive(Clone, Copy)]
 struct Answer {
-    /// Speed after a row: of the speed, of a force that is held, of the forces at the nodes.
+    /// The speed after a row: coefficients of the speed before, of a constant force, and of the forces at the two nodes.
     speed: [f64; 4],
-    /// Way in a row, likewise.
+    /// The displacement in a row, likewise.
     way: [f64; 4],
     force_gain: f64,
-    /// Position gain, velocity gain, speed from a difference, limit of the command.
+    /// Position gain, velocity gain, whether the speed is a difference of positions, and the limit of the command.
     controller: Option<(f64, f64, bool, f64)>,
 }
 
 impl Answer {
-    /// M dv/dt + b v = f with a force that is held for a row.
+    /// M dv/dt + b v = f with a constant force in each row.
     fn new(file: &PlantFile, closed: bool, period: f64) -> Self {
         let number = |name| file.parameters.number(name);
         let mass = number("mass");
@@ -62,7 +63,7 @@ impl Answer {
         let way = |node: usize| period * rest(node) * (1.0 - 0.5 * w * rest(node));
         let gains = file.parameters.optional("position_gain").zip(file.parameters.optional("velocity_gain"));
         Answer {
-            // A force at a node is a blow of half a row's impulse; what is left of the row is short against the decay.
+            // A force at a node acts as an impulse of half a row. It decays until the end of the row.
             speed: [(-w).exp(), period * one / mass, blow * (-w * rest(0)).exp(), blow * (-w * rest(1)).exp()],
             way: [period * one, period * period * two / mass, blow * way(0), blow * way(1)],
             force_gain: number("force_gain"),
@@ -74,7 +75,7 @@ impl Answer {
 }
 
 impl Track<'_> {
-    /// What some forces at the nodes of each row change of position and command, each by itself.
+    /// The changes of position and command by each of some forces at the nodes of each row, one at a time.
     fn run<const N: usize>(&self, force: impl Fn(f64, f64, f64) -> [f64; N]) -> [[Vec<f64>; 2]; N] {
         let rows = self.position.len();
         let it = self.answer;
@@ -85,7 +86,7 @@ impl Track<'_> {
             let next = (row + 1).min(rows - 1);
             let at = |values: &[f64], share: f64| values[row] + share * (values[next] - values[row]);
             let [a, b] = NODES.map(|share| force(at(&self.position, share), at(&self.speed, share), self.command[row]));
-            // At its limit a command does not answer.
+            // A command at its limit does not respond.
             let controller = it.controller.filter(|(_, _, _, limit)| self.command[row].abs() < *limit);
             let here = q;
             for k in 0..N {
@@ -104,7 +105,7 @@ impl Track<'_> {
         outputs
     }
 
-    /// The same, whitened, into their place of the stacks.
+    /// The same, whitened and written into the stacks.
     fn answer<const N: usize>(
         &self,
         whitened: &WhitenedResiduals,
@@ -123,7 +124,7 @@ impl Track<'_> {
         }
     }
 
-    /// Takes a path for where the axis went, but for what the readings around each row say.
+    /// Uses a path as the true positions, corrected by the readings around each row.
     fn follow(&mut self, path: &[f64], reach: usize) {
         let (measured, used) = (self.prepared.measured(self.place), &self.prepared.used[self.place]);
         let mut sums = vec![(0.0, 0.0)];
@@ -150,7 +151,7 @@ pub struct PositionTraces<'k> {
 }
 
 impl<'k> PositionTraces<'k> {
-    /// Of a fit: its plant answers.
+    /// The traces for the plant of a fit.
     #[must_use]
     pub fn new(whitened: &'k WhitenedResiduals, fit: &Fit) -> Self {
         let mut list = Vec::new();
@@ -186,7 +187,7 @@ impl<'k> PositionTraces<'k> {
         PositionTraces { whitened, list, rows: fit.residual.len() }
     }
 
-    /// The whitened answers to forces that depend on position, speed and command.
+    /// The whitened responses to forces that depend on position, speed and command.
     #[must_use]
     pub fn answer<const N: usize>(&self, law: impl Fn(f64, f64, f64) -> [f64; N]) -> [Vec<f64>; N] {
         let mut stacks = std::array::from_fn(|_| vec![0.0; self.rows]);
@@ -196,14 +197,14 @@ impl<'k> PositionTraces<'k> {
         stacks
     }
 
-    /// Takes the simulation of another fit to the same records for where the axes went, but for what readings say.
+    /// Uses the simulation of another fit to the same records as the true positions, corrected by the readings.
     pub fn follow(&mut self, fit: &Fit, reach: usize) {
         for it in &mut self.list {
             it.follow(&fit.simulated[it.record][it.place], reach);
         }
     }
 
-    /// Takes over where another saw the axes go, with what this plant makes of a wave there.
+    /// Uses the positions of `before`, changed by this plant's response to a wave.
     pub fn follow_with(&mut self, fit: &Fit, before: &PositionTraces<'_>, wave: &Wave, reach: usize) {
         let number = TAU / wave.pitch;
         for (it, before) in self.list.iter_mut().zip(&before.list) {
@@ -214,7 +215,7 @@ impl<'k> PositionTraces<'k> {
         }
     }
 
-    /// The answers to a wave along the measured positions, and to the same a quarter of a turn further.
+    /// The responses to a wave along the measured positions, and to the same wave a quarter period further.
     #[must_use]
     pub fn traces(&self, wave: &Wave) -> [Vec<f64>; 2] {
         let number = TAU / wave.pitch;

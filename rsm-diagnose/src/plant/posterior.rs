@@ -1,33 +1,35 @@
 //! The posterior of each parameter from records and tolerances: standard deviations and 95 % intervals.
 //!
-//! In: a fit with its derivatives. Out: a standard deviation and an interval for each unknown. Three assumptions: readings are normal about the simulation, which is linear near the fit; tolerances are normal up to two
-//! standard deviations, where a cause begins; and a number is never beyond its physical bound. A bound does not reduce the uncertainty of an unknown: it stays in the
-//! covariance, and its interval is the shortest one that holds 95 % of the truncated normal distribution. If no bound is close, this is 1.96 standard deviations to both sides.
+//! In: a fit with its derivatives. Out: a standard deviation and an interval for each unknown. Three assumptions: readings are normal about the
+//! simulation, which is linear near the fit; tolerances are normal up to two standard deviations, where a cause begins; and a parameter is never
+//! beyond its physical bound. A bound does not reduce the uncertainty of an unknown: it stays in the covariance, and its interval is the shortest one
+//! that holds 95 % of the truncated normal distribution. If no bound is near, this is 1.96 standard deviations to both sides.
 
 use super::levenberg::{self, Fit};
 use super::model::{Place, Unknown};
 use super::normal::Normal;
 use super::random::Random;
 
-/// Standard deviations on either side of a number that hold it in 95 of 100 cases.
+/// Half the width of a 95 % interval of a normal variable, in standard deviations.
 pub const REACH: f64 = 1.96;
 
-/// A bound is within reach where more than one case in a thousand would lie beyond it, 3.1 standard deviations off: an interval of 95 % does not feel fewer.
+/// A bound matters if more than one case in a thousand would be beyond it: up to 3.1 standard deviations away. Fewer do not change a 95 % interval.
 const WITHIN_REACH: f64 = 3.1;
 
-/// Draws where a bound is within reach: they know an end of an interval to 2 % of a standard deviation, and neighbours are alike.
+/// The number of draws if a bound matters. They give the ends of an interval to 2 % of a standard deviation, although successive draws are
+/// correlated.
 const DRAWS: usize = 20_000;
 
-/// Draws before the first that counts: from a corner, where most bounds meet, to where most of the bell is.
+/// Draws that are discarded at the beginning, until the draws have moved from a corner, where most bounds meet, to the bulk of the distribution.
 const BEFORE: usize = 500;
 
-/// So small a share of the draws, and of what they span, says nothing: the place of the shortest interval is known no better.
+/// A share of the draws, or of their range, that is below the accuracy of the shortest interval.
 const NEXT_TO_NOTHING: f64 = 0.005;
 
-/// Share of the draws in an interval.
+/// The share of the draws in an interval.
 const SHARE_OF_DRAWS: f64 = 0.95;
 
-/// Standard deviations and intervals of a fit's unknowns, each on the scale of its search; `None` of what does not move.
+/// Standard deviations and intervals of a fit's unknowns, each on the scale of its search; `None` for an unknown that does not move.
 #[derive(Debug, Clone)]
 pub struct Posterior {
     deviations: Vec<Option<f64>>,
@@ -35,12 +37,12 @@ pub struct Posterior {
 }
 
 impl Posterior {
-    /// Of a fit.
+    /// The posterior of a fit.
     #[must_use]
     pub fn of(fit: &Fit) -> Self {
         let model = &fit.model;
         let bounded = |unknown: &Unknown| unknown.prior.is_some() || !unknown.logarithmic;
-        // What is pressed against an end of a search that physics does not ask for is no number to speak of.
+        // An unknown at an end of its search that is no physical bound has no meaningful interval.
         let held = fit
             .held
             .iter()
@@ -48,7 +50,7 @@ impl Posterior {
         let which: Vec<usize> = fit.free.iter().copied().chain(held.clone().map(|it| it.unknown)).collect();
         let columns: Vec<_> = fit.columns.iter().chain(held.map(|it| &it.column)).cloned().collect();
         let n = which.len();
-        // Where more than noise is left, records say less by as much; tolerances say what they say.
+        // If more than noise is left, the weight of the records is reduced accordingly. The tolerances keep their weight.
         let spread = (levenberg::cost(model, &fit.residual) / fit.residual.len().max(1) as f64).max(1.0);
         let prior = |k: usize| model.unknowns[which[k]].prior.map_or(0.0, |(_, sd)| 1.0 / (sd * sd));
         let mut matrix = levenberg::gram(model, &which, &columns);
@@ -59,13 +61,13 @@ impl Posterior {
             }
         }
         let normal = Normal::fine(&matrix, n);
-        // Starts are known to whatever the rest leaves, and nobody asks for them.
+        // Initial states stay in the covariance, but their intervals are not needed.
         let asked: Vec<usize> = (0..n).filter(|k| !matches!(model.unknowns[which[*k]].place, Place::Start { .. })).collect();
         let covariances: Vec<Vec<f64>> = asked.iter().map(|k| normal.covariances(*k)).collect();
         let m = asked.len();
         let covariance: Vec<f64> =
             (0..m).flat_map(|i| asked.iter().map(move |j| (i, *j))).map(|(i, j)| covariances[i][j]).collect();
-        // The top of the bell, were there no bounds: only those that are held lie off it.
+        // The mean of the unbounded normal distribution: it differs from the fit only for held unknowns.
         let free = fit.free.len();
         let pull = levenberg::pull(model, &which, &columns, &fit.residual);
         let pressed: Vec<f64> = (0..n).map(|k| if k < free { 0.0 } else { pull[k] / spread }).collect();
@@ -90,13 +92,13 @@ impl Posterior {
         Posterior { deviations, ends }
     }
 
-    /// Standard deviations, by unknown.
+    /// The standard deviation of each unknown.
     #[must_use]
     pub fn deviations(&self) -> &[Option<f64>] {
         &self.deviations
     }
 
-    /// The interval of an unknown, on the scale of its value.
+    /// The interval of an unknown, in its own unit.
     #[must_use]
     pub fn interval(&self, fit: &Fit, unknown: usize) -> Option<(f64, f64)> {
         let (low, high) = self.ends[unknown]?;
@@ -106,11 +108,11 @@ impl Posterior {
     }
 }
 
-/// A normal distribution of some numbers about 0, which is where the fit stands, and what bounds leave of it.
+/// A normal distribution relative to the fit at 0, truncated by bounds.
 struct Bell {
-    /// Lower triangle of the Cholesky factor of the covariance.
+    /// The lower triangle of the Cholesky factor of the covariance.
     factor: Vec<f64>,
-    /// The top, without bounds.
+    /// The mean without bounds.
     top: Vec<f64>,
     bounds: Vec<(f64, f64)>,
 }
@@ -143,7 +145,7 @@ impl Bell {
         self.row(k).iter().map(|it| it * it).sum::<f64>().sqrt()
     }
 
-    /// Of each number its standard deviation and its interval.
+    /// For each unknown: its standard deviation and the two ends of its interval.
     fn told(&self) -> Vec<(f64, f64, f64)> {
         let n = self.top.len();
         let is_within = |k: &usize| {
@@ -160,8 +162,8 @@ impl Bell {
         draws.into_iter().zip(&self.bounds).map(|(list, bounds)| shortest(list, *bounds)).collect()
     }
 
-    /// Draws of each number within its bounds: one whitened coordinate after another, given all others (S. Geman, D. Geman, 1984). Whitened they do not depend on each other but for
-    /// the bounds, so that even a direction that is a thousand times as long as the next is passed at once.
+    /// Draws of each unknown within its bounds, by Gibbs sampling of the whitened coordinates (S. Geman, D. Geman, 1984). Whitened coordinates depend
+    /// on each other only through the bounds, so the draws mix fast even if one direction is a thousand times as long as another.
     fn draws(&self, bounded: &[usize]) -> Vec<Vec<f64>> {
         let n = self.top.len();
         let mut random = Random::new(1);
@@ -187,7 +189,7 @@ impl Bell {
                     low = low.max(a.min(b));
                     high = high.min(a.max(b));
                 }
-                // Rounding may put the fit a little beyond its own bound.
+                // By rounding, the fit may be slightly beyond its own bound.
                 let next = if low < high { truncated(&mut random, low, high) } else { *at };
                 for (k, value) in values.iter_mut().enumerate().skip(j) {
                     *value += self.factor[k * n + j] * (next - *at);
@@ -202,7 +204,7 @@ impl Bell {
     }
 }
 
-/// A standard normal number between two ends (C. P. Robert, "Simulation of truncated normal variables", 1995).
+/// A standard normal variable between two ends (C. P. Robert, "Simulation of truncated normal variables", 1995).
 fn truncated(random: &mut Random, low: f64, high: f64) -> f64 {
     if high < 0.0 {
         return -truncated(random, -high, -low);
@@ -217,7 +219,7 @@ fn truncated(random: &mut Random, low: f64, high: f64) -> f64 {
     }
     let nearest = low.max(0.0);
     if low > 0.0 && (high - low) * low > 1.0 {
-        // A tail falls as an exponential does, nearly.
+        // The tail of a normal distribution is nearly exponential.
         loop {
             let drawn = low - random.uniform().ln() / low;
             let over = drawn - low;
@@ -234,8 +236,8 @@ fn truncated(random: &mut Random, low: f64, high: f64) -> f64 {
     }
 }
 
-/// The standard deviation of a list, and its shortest interval of 95 %, which goes to the end of the list, and to the bound beside it, where next to nothing lies between; where the fit itself, 0, lies beside it, as far as
-/// there.
+/// The standard deviation of a list, and its shortest 95 % interval. If almost no draws lie between the interval and the end of the list, it is
+/// extended to that end, and to the bound if this is near. It always contains the fit, 0.
 fn shortest(mut list: Vec<f64>, bounds: (f64, f64)) -> (f64, f64, f64) {
     list.sort_by(f64::total_cmp);
     let count = list.len();
@@ -244,7 +246,7 @@ fn shortest(mut list: Vec<f64>, bounds: (f64, f64)) -> (f64, f64, f64) {
     let first = (0..=count - held).min_by(|a, b| width(*a).total_cmp(&width(*b))).unwrap_or(0);
     let mean = list.iter().sum::<f64>() / count as f64;
     let square = list.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count as f64;
-    // Where the bell ends at an edge, the interval does.
+    // If the truncated distribution ends at the edge, so does the interval.
     let few = (NEXT_TO_NOTHING * count as f64) as usize;
     let (least, most) = (list[0], list[count - 1]);
     let near = NEXT_TO_NOTHING * (most - least);

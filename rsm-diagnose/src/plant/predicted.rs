@@ -1,10 +1,11 @@
 //! Tests whether anything predicts the residual: waves over an angle or a position, of every order that the sampling can show, and powers of the inputs and of the motion.
 //!
-//! In: a fit along records. Out: the wave or the powers that predict most, if this is more than chance among all that were tried. The octave spectrum ([`super::whiteness`]) sees
-//! energy at certain frequencies. A small wave over an angle is one spectral line among thousands there, and not even a line while the speed changes. Never names a cause.
+//! In: a fit along records. Out: the wave or the powers that predict most, if this is more than chance among all that were tried. The octave spectrum
+//! ([`super::whiteness`]) shows energy in bands of frequencies. A small wave over an angle is one spectral line among thousands there, and not even a
+//! line while the speed changes. Names no cause.
 //!
-//! A wave is compared with the level of its neighbouring orders, and powers with the same powers at other times of the residual. Coloured noise whose spectrum is known badly raises
-//! these levels too, and is not taken for structure.
+//! A wave is compared with its neighbouring orders, and powers with the same powers at other times of the residual. Coloured noise with a poorly
+//! known spectrum raises these levels too, and is not taken for structure.
 
 use std::f64::consts::TAU;
 
@@ -16,46 +17,46 @@ use super::whiteness::LOOKS;
 use crate::engine::columns::Basis;
 use crate::engine::significance::{chi_squared_of, ln_upper_chi_squared, rarest};
 
-/// How rarely noise alone may be predicted, over all waves and powers of all outputs in both looks of a verdict.
+/// The probability that noise alone seems predictable, over all waves and powers of all outputs in both tests of a verdict.
 const ALARM_OF_PREDICTION: f64 = 0.005;
 
-/// Neighbouring orders that say what noise is there, on either side.
+/// The number of neighbouring orders on either side that give the noise level.
 const NEIGHBOURS: usize = 12;
 
-/// With fewer orders there is no level to stand out of.
+/// With fewer orders, there is no noise level to compare with.
 const LEAST_ORDERS: usize = 2 * NEIGHBOURS;
 
 /// The highest power of an input.
 const HIGHEST_POWER: i32 = 5;
 
-/// Other times at which a residual is compared with the same powers: their mean gain is known to a tenth of what chance scatters.
+/// The number of time shifts at which a residual is compared with the same powers. Their mean gain is accurate to a tenth of its scatter.
 const SHIFTS: usize = 16;
 
-/// A record with fewer rows that count says nothing of a wave.
+/// Records with fewer rows that count are not used for waves.
 const LEAST_ROWS: usize = 64;
 
-/// What predicts.
+/// A predictor of the residual.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Predicted {
     /// The output, by its place in the plant.
     pub output: usize,
-    /// What it is, in words.
+    /// The predictor in words.
     pub what: String,
-    /// Energy that it predicts, over that of the noise of all outputs.
+    /// The energy that it predicts, divided by the noise energy of all outputs.
     pub excess: f64,
-    /// ln of the probability that chance does as much anywhere.
+    /// ln of the probability that chance predicts as much anywhere.
     pub ln_p: f64,
 }
 
-/// A regression that was tried.
+/// One regression.
 struct Tried {
     output: usize,
     what: String,
-    /// Squared residual that goes away.
+    /// The reduction of the squared residual.
     gain: f64,
     /// Its degrees of freedom.
     freedom: usize,
-    /// What chance gives a degree of freedom here, at least one.
+    /// The expected reduction by chance for each degree of freedom, at least one.
     level: f64,
 }
 
@@ -65,7 +66,7 @@ impl Tried {
     }
 }
 
-/// What predicts the residual of a fit best; nothing where chance would do as much.
+/// The best predictor of the residual of a fit; `None` if chance could predict as much.
 #[must_use]
 pub fn look(whitened: &WhitenedResiduals, fit: &Fit) -> Option<Predicted> {
     let ways = orders::ways(whitened, &fit.model, &fit.simulated);
@@ -86,7 +87,7 @@ pub fn look(whitened: &WhitenedResiduals, fit: &Fit) -> Option<Predicted> {
     (ln_p < ALARM_OF_PREDICTION.ln()).then(|| Predicted { output: best.output, what: best.what.clone(), excess, ln_p })
 }
 
-/// The residual of an output in each record that holds it: the record, its place there, the residual.
+/// The residual of an output in each record that holds it: the record, its index there, the residual.
 fn parts<'f>(whitened: &WhitenedResiduals, fit: &'f Fit, output: usize) -> Vec<(usize, usize, &'f [f64])> {
     let mut list = Vec::new();
     for (record, prepared) in whitened.records.iter().enumerate() {
@@ -101,18 +102,18 @@ fn parts<'f>(whitened: &WhitenedResiduals, fit: &'f Fit, output: usize) -> Vec<(
     list
 }
 
-/// Waves of every order, each record with a phase of its own: an angle is known from a speed but for its beginning.
+/// Waves of every order. Each record has its own phase, because the initial angle is not known from a speed.
 fn waves(whitened: &WhitenedResiduals, way: &Way, output: usize, parts: &[(usize, usize, &[f64])]) -> Vec<Tried> {
     let floor = &whitened.floors[output];
     let mut sums = vec![(0.0, 0_usize); way.order.len()];
     for (record, k, residual) in parts {
         let (at, prepared) = (&way.at[*record], &whitened.records[*record]);
         let used = &prepared.used[*k];
-        // Turns from row to row: what a wave of one order a turn passes of its phase.
+        // The change of the coordinate from row to row, which gives the change of phase of a wave.
         let step: Vec<f64> = (0..at.len()).map(|row| (at[(row + 1).min(at.len() - 1)] - at[row.max(1) - 1]).abs()).collect();
         let (mut wave, mut white) = ([vec![0.0; at.len()], vec![0.0; at.len()]], [Vec::new(), Vec::new()]);
         for (sum, order) in sums.iter_mut().zip(&way.order) {
-            // The step spans two rows but at the ends.
+            // Except at the ends, the step spans two rows.
             let seen = |row: usize| order * step[row] < 2.0 * HIGHEST_FREQUENCY;
             if (0..at.len()).filter(|row| used[*row] && seen(*row)).count() < LEAST_ROWS {
                 continue;
@@ -140,19 +141,19 @@ fn waves(whitened: &WhitenedResiduals, way: &Way, output: usize, parts: &[(usize
         let mut around: Vec<f64> = per_freedom[first..(first + 2 * NEIGHBOURS).min(reached.len())].to_vec();
         around.sort_by(f64::total_cmp);
         let level = (around[around.len() / 2] / median_of_chance(freedom)).max(1.0);
-        // A line of the spectrum is as wide as one wave over the whole way: three digits hold the order of a record of hundreds of waves.
+        // A spectral line is as wide as one wave over the whole travel, so three digits are enough for a record with hundreds of waves.
         let what = format!("a wave of order {} over {}", rounded(way.order[*k], 3), way.words());
         Tried { output, what, gain, freedom, level }
     });
     each.collect()
 }
 
-/// The median of chi squared over its degrees of freedom.
+/// The median of chi squared divided by its degrees of freedom.
 fn median_of_chance(freedom: usize) -> f64 {
     chi_squared_of(0.5_f64.ln(), freedom as f64) / freedom as f64
 }
 
-/// Powers of what drives the plant and of how it moves, up to the fifth, one quantity at a time.
+/// Powers, up to the fifth, of the inputs and of the motion; one quantity at a time.
 fn powers(whitened: &WhitenedResiduals, fit: &Fit, output: usize, parts: &[(usize, usize, &[f64])]) -> Vec<Tried> {
     let floor = &whitened.floors[output];
     let kind = fit.model.file.kind;
@@ -174,7 +175,7 @@ fn powers(whitened: &WhitenedResiduals, fit: &Fit, output: usize, parts: &[(usiz
         if high <= low {
             continue;
         }
-        // One coefficient for all records: columns and residuals one record after another.
+        // One coefficient for all records, so their columns and residuals are joined.
         let mut columns = vec![Vec::new(); HIGHEST_POWER as usize];
         for ((record, k, _), values) in parts.iter().zip(&all) {
             for (power, column) in (1..=HIGHEST_POWER).zip(&mut columns) {
@@ -189,7 +190,7 @@ fn powers(whitened: &WhitenedResiduals, fit: &Fit, output: usize, parts: &[(usiz
         }
         let mut left: Vec<f64> = parts.iter().flat_map(|it| it.2.iter().copied()).collect();
         let taken = basis.project_out(&mut left).iter().map(|part| part * part).sum();
-        // What is left without them says what noise gives them: the same at other times.
+        // The same regression on shifted residuals gives the level of noise.
         let lengths: Vec<usize> = parts.iter().map(|it| it.2.len()).collect();
         let elsewhere = |shift: usize| -> f64 {
             let (mut moved, mut first) = (Vec::with_capacity(left.len()), 0);

@@ -1,6 +1,6 @@
 //! Records, prepared for a diagnosis.
 //!
-//! In: records. Out: parts of them, the outputs that are compared, the rows that count. Other modules decide which rows count.
+//! In: records. Out: parts of them, the outputs to compare, the rows that count. Other modules decide which rows count.
 
 use rsm_sim::kind::OUTPUTS;
 use std::ops::Range;
@@ -10,28 +10,28 @@ use rsm_sim::record::{Drive, Record};
 /// A part of a record.
 #[derive(Debug, Clone)]
 pub struct Piece {
-    /// Its rows; messages name them.
+    /// Its rows; messages use its name.
     pub record: Record,
-    /// Rows of the file before it.
+    /// The number of rows of the file before it.
     pub from: usize,
-    /// Its first rows, which do not count: they start from an unknown state.
+    /// The number of its first rows that do not count, because they start from an unknown state.
     pub settling: usize,
 }
 
 impl Piece {
-    /// All of a record.
+    /// The whole record as one piece.
     #[must_use]
     pub fn whole(record: Record) -> Self {
         Piece { record, from: 0, settling: 0 }
     }
 }
 
-/// A gap that was filled.
+/// A filled gap.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bridge {
-    /// The rows that stand for those that are missing.
+    /// The rows that were added.
     pub rows: Range<usize>,
-    /// By how much each input is moved from the line between the rows beside the gap.
+    /// The offset of each input from the line between the rows beside the gap.
     pub offsets: [f64; OUTPUTS],
 }
 
@@ -40,25 +40,25 @@ pub struct Bridge {
 pub struct Prepared {
     /// The record.
     pub record: Record,
-    /// The outputs that it holds and that the simulation shows, by their place in the plant.
+    /// The outputs that the record holds and the simulation gives, by their place in the plant.
     pub outputs: Vec<usize>,
     /// For each of `outputs`, which rows count.
     pub used: Vec<Vec<bool>>,
-    /// How many rows of the file stand before its first.
+    /// The number of rows of the file before its first row.
     pub from: usize,
-    /// Gaps of a few rows that were filled, in their order.
+    /// The filled gaps, in their order.
     pub bridges: Vec<Bridge>,
-    /// For each of `outputs`, which of the first rows counted before they were set aside to lead the simulation. Empty where none were.
+    /// For each of `outputs`, which of the first rows counted before they were set aside to let the simulation settle. Empty if none were set aside.
     pub(super) led: Vec<Vec<bool>>,
 }
 
 impl Prepared {
-    /// All rows of a record count.
+    /// A record of which all rows count.
     #[must_use]
     pub fn new(record: Record, outputs_of_plant: usize) -> Self {
         let shown = |output: usize| match record.drive {
             Drive::HoldsDirectCurrent => output > 0,
-            // An axis in open loop has its command as an input.
+            // The command of an axis in open loop is an input, not an output.
             Drive::Open if outputs_of_plant == 2 => output == 0,
             _ => true,
         };
@@ -73,14 +73,14 @@ impl Prepared {
         self.record.measured[self.outputs[k]].as_deref().unwrap_or(&[])
     }
 
-    /// The row of the file that a row is; of a row that the file lacks, the one before.
+    /// The row of the file for a row of the record; for an added row, the row before it.
     #[must_use]
     pub fn file_row(&self, row: usize) -> usize {
         let filled: usize = self.bridges.iter().map(|it| (row + 1).clamp(it.rows.start, it.rows.end) - it.rows.start).sum();
         self.from + row - filled
     }
 
-    /// The row that a row of the file is, where it is one of these.
+    /// The row of the record for a row of the file, if the record has it.
     #[must_use]
     pub fn row_of(&self, file_row: usize) -> Option<usize> {
         let mut row = file_row.checked_sub(self.from)?;
@@ -90,7 +90,7 @@ impl Prepared {
         (row < self.record.rows()).then_some(row)
     }
 
-    /// The first rows of it.
+    /// A copy with only the first rows.
     #[must_use]
     pub fn shortened(&self, rows: usize) -> Self {
         let mut short = self.clone();
@@ -98,13 +98,13 @@ impl Prepared {
         short
     }
 
-    /// Sets the first rows aside: they lead the simulation, and do not count.
+    /// Sets the first rows aside: the simulation settles there, and they do not count.
     pub(super) fn lead(&mut self, rows: usize) {
         self.led = self.used.iter().map(|used| used[..rows].to_vec()).collect();
         self.used.iter_mut().for_each(|used| used[..rows].fill(false));
     }
 
-    /// The same record, with the rows that were set aside to lead: what was left out for another reason stays out.
+    /// The same record with those first rows counting again. Rows left out for other reasons stay out.
     pub(super) fn with_led_rows(&self) -> Self {
         let mut whole = self.clone();
         for (used, led) in whole.used.iter_mut().zip(&self.led) {
@@ -114,13 +114,13 @@ impl Prepared {
         whole
     }
 
-    /// No row of its k-th output counts.
+    /// No row of its k-th output counts any more.
     pub(super) fn leave_out(&mut self, k: usize) {
         self.used[k].fill(false);
         self.led.iter_mut().skip(k).take(1).for_each(|led| led.fill(false));
     }
 
-    /// Keeps some rows.
+    /// Keeps only these rows.
     pub fn keep(&mut self, rows: Range<usize>) {
         self.from = self.file_row(rows.start);
         self.record = self.record.piece(rows.clone());

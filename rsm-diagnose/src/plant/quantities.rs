@@ -1,29 +1,29 @@
 //! Operating quantities of a record (speed, current, load, position, time ...) and the classes into which a report divides them.
 //!
-//! In: records and a simulation along them. Out: a value of each quantity for every row, and classes whose bounds are the same in all records. Never
-//! looks at a residual.
+//! In: records and a simulation along them. Out: a value of each quantity for every row, and classes with the same bounds in all records. Does not
+//! use the residual.
 
 use super::model::Model;
 use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::record::Drive;
 
-/// Below this share of the largest speed a plant rests or reverses.
+/// Below this share of its largest speed, a plant counts as at rest or reversing.
 const RESTING: f64 = 0.05;
 
-/// A class with fewer rows than this share of all says nothing of its own.
+/// A class with a smaller share of all rows is not reported separately.
 const FEWEST: f64 = 0.01;
 
 /// How a quantity is divided.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Division {
-    /// By magnitude, in thirds of the rows; small values are a class of their own where the plant then rests.
+    /// By magnitude, in thirds of the rows. Small values are a separate class if the plant is then at rest.
     Size { rests: bool },
     /// By value, in thirds of the rows.
     Value,
-    /// By sign: the words for either side.
+    /// By sign, with the words for positive and negative values.
     Sign(&'static str, &'static str),
-    /// Every value is a class.
+    /// By value: every value is a class.
     Whole,
 }
 
@@ -44,13 +44,13 @@ pub struct Quantity {
 pub struct Classes {
     /// The quantity.
     pub quantity: &'static str,
-    /// What each class is called, with its bounds and their unit.
+    /// The name of each class, with its bounds and their unit.
     pub names: Vec<String>,
     /// The class of each row of each record.
     pub of: Vec<Vec<usize>>,
 }
 
-/// The speed of an axis from its positions, a value a row.
+/// The speed of an axis from its positions: one value for each row.
 #[must_use]
 pub fn speed_of(positions: &[f64], period: f64) -> Vec<f64> {
     let last = positions.len().saturating_sub(1);
@@ -68,7 +68,7 @@ pub fn of_output<'s>(prepared: &Prepared, simulated: &'s Simulated, output: usiz
     prepared.outputs.iter().position(|it| *it == output).map(|k| simulated[k].as_slice())
 }
 
-/// Everything by which the rows of a plant's records are divided. Simulated values stand for measured ones: they have no noise.
+/// All quantities by which the rows of a plant's records are divided. Simulated values replace measured ones, because they have no noise.
 #[must_use]
 pub fn quantities(whitened: &WhitenedResiduals, model: &Model, simulated: &[Simulated]) -> Vec<Quantity> {
     let kind = model.file.kind;
@@ -166,7 +166,7 @@ fn since_the_throttle_moved(prepared: &Prepared, _: &Simulated) -> Option<Vec<f6
 }
 
 impl Quantity {
-    /// Its classes; `None` where all rows are in one.
+    /// The classes of a quantity; `None` if all rows are in one class.
     #[must_use]
     pub fn classes(&self) -> Option<Classes> {
         let all: Vec<f64> = self.values.iter().flatten().copied().collect();
@@ -199,14 +199,14 @@ impl Quantity {
         })
     }
 
-    /// Where classes meet: two significant digits, which a reader remembers.
+    /// The bounds between classes, rounded to two significant digits.
     fn bounds(&self, all: &[f64]) -> Vec<f64> {
         let is_size = matches!(self.division, Division::Size { .. });
         let mut values: Vec<f64> = all.iter().map(|value| if is_size { value.abs() } else { *value }).collect();
         values.sort_by(f64::total_cmp);
         let mut bounds = Vec::new();
         let (Some(first), Some(last)) = (values.first().copied(), values.last().copied()) else { return bounds };
-        // All alike, up to the digits of a simulation.
+        // All values are equal, within the accuracy of a simulation.
         if last - first <= 1e-6 * last.abs().max(first.abs()) {
             return bounds;
         }
@@ -248,7 +248,7 @@ fn names(name: &str, unit: &str, bounds: &[f64], rests: bool) -> Vec<String> {
         .collect()
 }
 
-/// A number with so many significant digits.
+/// A number rounded to this many significant digits.
 #[must_use]
 pub fn rounded(value: f64, digits: usize) -> f64 {
     format!("{value:.*e}", digits - 1).parse().unwrap_or(value)

@@ -1,7 +1,7 @@
-//! The preparation of records for a search, with the plant that is calibrated to them.
+//! Prepares records for a search, and calibrates the plant to them.
 //!
-//! In: a plant file, records. Out: the rows that count, noise floors, starts, the calibrated plant, the scales of the records. Every fit of causes or claims starts here, so
-//! all of them use the same rows, the same noise and the same starts. This module does not search for causes.
+//! In: a plant file and records. Out: the rows that count, noise floors, initial states, the calibrated plant, the scales of the records. Every fit
+//! of causes or claims starts here, so all of them use the same rows, the same noise and the same initial states. Searches for no cause.
 
 use super::calibration::{calibrate, floors, with_rounding};
 use super::checks::{self, Finding};
@@ -17,40 +17,40 @@ use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
-/// Whether noise may have heavy tails.
+/// How heavy tails of noise are handled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HeavyTails {
-    /// Tails are looked for, and made tame where there are any.
+    /// Heavy tails are detected, and outliers are moved towards their neighbours.
     LookedFor,
-    /// Readings stay as they were recorded.
+    /// Readings stay as recorded.
     LeftAlone,
 }
 
-/// Looks for tails beside the calibrated plant: the first is led astray by outliers, the next is not.
+/// The number of tests for heavy tails with the calibrated plant. Outliers bias the first calibration, not the second.
 const TAILS: usize = 2;
 
-/// Steps of a fit that begins near its best.
+/// Steps of a fit that starts near its minimum.
 const STEPS: usize = 4;
 
-/// Records and plant, ready for a search.
+/// Records and plant, prepared for a search.
 pub struct Ready {
     /// Training records.
     pub whitened: WhitenedResiduals,
     /// Validation records; may be empty.
     pub unseen: WhitenedResiduals,
-    /// The nominal plant, with the starts of the training records.
+    /// The nominal plant, with the initial states of the training records.
     pub nominal: Model,
-    /// The plant that fits them best within its tolerances.
+    /// The plant that fits the records best within its tolerances.
     pub calibrated: Fit,
     /// What the checks found in the data.
     pub findings: Vec<Finding>,
-    /// How much of long records is looked at.
+    /// The share of long records that is used.
     pub share: Share,
-    /// Sizes of the training records.
+    /// The scales of the training records.
     pub survey: Survey,
-    /// Outputs whose readings are rounded, with their steps.
+    /// Rounded outputs with their steps.
     pub rounded: Vec<(usize, f64)>,
-    /// Readings of both sets of records as they were recorded.
+    /// The readings of both sets of records as recorded.
     recorded: [Recorded; 2],
 }
 
@@ -58,7 +58,7 @@ impl Ready {
     /// Prepares records and calibrates the plant to them.
     ///
     /// # Errors
-    /// [`Refused`], when there is nothing to compare.
+    /// [`Refused`] if there is nothing to compare.
     pub fn of(
         file: &PlantFile,
         training: &[Record],
@@ -125,8 +125,8 @@ impl Ready {
         Ok(ready)
     }
 
-    /// Readings that are multiples of a coarse step say so themselves. A simulation that rounds has no derivatives: fits compare with the mean reading, and the effect joins the plant at
-    /// the end.
+    /// Handles outputs whose readings are multiples of a coarse step. A simulation with rounding has no derivatives, so fits compare readings with
+    /// the mean reading, and the rounding effect is added to the plant at the end.
     fn round(&mut self, file: &PlantFile) -> Result<(), Refused> {
         let step = |k: usize| self.survey.quantum[k].map(|step| (k, step));
         let coarse = (0..file.kind.outputs().len()).filter_map(step).filter(|(k, step)| *step > self.whitened.floors[*k].sd);
@@ -145,18 +145,18 @@ impl Ready {
         Ok(())
     }
 
-    /// The noise of each output from what a fit to the training records leaves.
+    /// The noise of each output from the residual of a fit to the training records.
     #[must_use]
     pub fn floors(&self, fit: &Fit, file: &PlantFile) -> [Floor; OUTPUTS] {
         with_rounding(&self.whitened, fit, floors(&self.whitened, fit, file), &self.rounded)
     }
 
-    /// Looks for tails that stood under structure until a fit took that away; whether that changes readings.
+    /// Detects heavy tails that were hidden by structure until this fit removed it. Returns whether readings changed.
     pub fn tails_beside(&mut self, fit: &Fit) -> bool {
         taming::found(&mut self.whitened, &mut self.unseen, &mut self.recorded, fit, &self.findings)
     }
 
-    /// What readings say of inputs in the gaps of their records, the plant being that of a fit; whether those of the training records moved.
+    /// Estimates the inputs in the gaps of records from the readings, with the plant of a fit. Returns whether those of the training records changed.
     pub fn correct_gaps(&mut self, fit: &Fit) -> bool {
         let corrected = bridges::corrected(&self.whitened, fit);
         self.correct_unseen(&fit.model);
@@ -167,12 +167,12 @@ impl Ready {
         any
     }
 
-    /// The same of holdout records alone.
+    /// The same for holdout records only.
     pub fn correct_unseen(&mut self, model: &Model) {
         correct_unseen(&mut self.unseen, model);
     }
 
-    /// From here on records begin in motion.
+    /// From now on records begin in motion.
     pub fn begins_in_motion(&mut self) {
         let records: Vec<&Record> = self.whitened.records.iter().map(|it| &it.record).collect();
         for model in [&mut self.nominal, &mut self.calibrated.model] {
@@ -182,7 +182,7 @@ impl Ready {
     }
 }
 
-/// What readings of holdout records say of their own gaps, the plant being that of a model.
+/// Estimates the inputs in the gaps of holdout records from their readings, with the plant of a model.
 fn correct_unseen(unseen: &mut WhitenedResiduals, model: &Model) {
     if unseen.records.iter().all(|it| it.bridges.is_empty()) {
         return;
@@ -193,7 +193,7 @@ fn correct_unseen(unseen: &mut WhitenedResiduals, model: &Model) {
     }
 }
 
-/// What only the simulation shows of the data; whether it changes what counts.
+/// Checks of the data that need the simulation. Returns whether the rows that count changed.
 fn second_look(
     whitened: &mut WhitenedResiduals,
     unseen: &mut WhitenedResiduals,

@@ -1,31 +1,31 @@
 //! The energy of the error by operating region and by record.
 //!
-//! In: simulations before and after, along the same records. Out: mean squared errors by region, and the regions that hold more of the error than of the rows.
-//! Energies are in units of the noise, and the energy of the noise is subtracted.
+//! In: simulations before and after, along the same records. Out: mean squared errors by region, and the regions whose share of the error exceeds
+//! their share of the rows. Energies are in units of the noise, and the energy of the noise is subtracted.
 
 use super::noise::Floor;
 use super::quantities::{Classes, Quantity};
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::kind::OUTPUTS;
 
-/// A region with its share.
+/// A region and its share of the error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
-    /// The output that is wrong, by its place in the plant.
+    /// The output with the error, by its place in the plant.
     pub output: usize,
-    /// The quantity of which it is a part: "speed", "frequency", "record"; "output" for all of an output.
+    /// The quantity that is divided: "speed", "frequency", "record"; "output" for the whole output.
     pub quantity: &'static str,
-    /// Where, in words with numbers and units.
+    /// The region in words, with numbers and units.
     pub region: String,
-    /// Share of the squared error of all outputs beyond noise, in units of their noise.
+    /// The region's share of the squared error above the noise, of all outputs in units of their noise.
     pub share_of_error: f64,
-    /// Share of the squared error of this output beyond noise.
+    /// The region's share of the squared error of this output above the noise.
     pub share_of_output: f64,
-    /// Share of the rows (of the octaves, of the lines of a spectrum).
+    /// The region's share of the rows (or of the octaves, or of the lines of a spectrum).
     pub share_of_rows: f64,
 }
 
-/// The error of an output in a region, before and after.
+/// The error of one output in one region, before and after.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slice {
     /// The output, by its place in the plant.
@@ -34,37 +34,37 @@ pub struct Slice {
     pub quantity: &'static str,
     /// The region.
     pub region: String,
-    /// Rows of the output in it.
+    /// The number of rows of the output in it.
     pub rows: usize,
     /// Share of the output's rows.
     pub share_of_rows: f64,
-    /// Mean squared error of the first simulation over the noise's: 1 is noise.
+    /// Mean squared error of the first simulation over the variance of the noise: 1 is noise.
     pub before: f64,
-    /// Of the second.
+    /// The same of the second simulation.
     pub after: f64,
-    /// Standard deviation of such a figure under noise alone.
+    /// The standard deviation of such a ratio if there is only noise.
     pub scatter: f64,
 }
 
-/// A region is worth a line when its share of the error is this many times its share of the rows.
+/// A region is reported if its share of the error is this many times its share of the rows.
 pub const STANDS_OUT: f64 = 1.3;
 
-/// An error counts from this many standard deviations of the noise's energy on: some fifty regions are looked at, and normal scatter passes four of them
-/// once in 600 times.
+/// An error counts if it exceeds this many standard deviations of the noise energy. About fifty regions are tested; a normal variable exceeds four
+/// standard deviations in any of them once in 600 times.
 pub const SIGNIFICANT: f64 = 4.0;
 
-/// Quantities of an output that get a line.
+/// The largest number of quantities reported for an output.
 const QUANTITIES: usize = 5;
 
-/// Standard deviation of the mean square of `rows` values of the noise, over its own: with a correlation of r from row to row sqrt(2/n (1 + r^2)/(1 - r^2))
-/// (M. S. Bartlett, 1946).
+/// Standard deviation of the mean square of n = `rows` noise values, over the variance of the noise. With a correlation r from row to row it is
+/// sqrt(2/n (1 + r^2)/(1 - r^2)) (M. S. Bartlett, 1946).
 #[must_use]
 pub fn scatter(floor: &Floor, rows: usize) -> f64 {
     let square = floor.correlation * floor.correlation;
     (2.0 / rows.max(1) as f64 * (1.0 + square) / (1.0 - square)).sqrt()
 }
 
-/// The errors of all outputs in all classes; the whole of an output first.
+/// The errors of all outputs in all classes. The whole output comes first.
 #[must_use]
 pub fn slices(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simulated], quantities: &[Quantity]) -> Vec<Slice> {
     let mut classes = vec![Classes {
@@ -101,7 +101,7 @@ pub fn slices(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simul
                 all = sums[0].0;
             }
             for (name, (rows, before, after)) in group.names.iter().zip(sums) {
-                // Fewer rows than this have no mean square worth the name: its scatter is a third.
+                // With fewer rows, the scatter of a mean square is more than a third.
                 if rows >= 20 {
                     list.push(Slice {
                         output,
@@ -126,7 +126,7 @@ pub fn name_of(file: &str) -> String {
     std::path::Path::new(file).file_name().map_or(file.to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// Which of the two simulations is looked at.
+/// One of the two simulations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
     /// The first.
@@ -136,13 +136,13 @@ pub enum Side {
 }
 
 impl Slice {
-    /// Its mean squared error over that of noise.
+    /// The mean squared error of one side, over the variance of the noise.
     #[must_use]
     pub fn ratio(&self, side: Side) -> f64 {
         if side == Side::Before { self.before } else { self.after }
     }
 
-    /// Its error beyond noise, summed over its rows; 0 where chance may have made it.
+    /// The error of one side above the noise, summed over its rows; 0 if it may be chance.
     #[must_use]
     pub fn excess(&self, side: Side) -> f64 {
         let beyond = self.ratio(side) - 1.0;
@@ -150,7 +150,7 @@ impl Slice {
     }
 }
 
-/// The error of each output beyond noise, and of all.
+/// The error above the noise of each output, and the sum over all outputs.
 #[must_use]
 pub fn totals(slices: &[Slice], side: Side) -> ([f64; OUTPUTS], f64) {
     let mut each = [0.0; OUTPUTS];
@@ -160,8 +160,8 @@ pub fn totals(slices: &[Slice], side: Side) -> ([f64; OUTPUTS], f64) {
     (each, each.iter().sum())
 }
 
-/// The lines that say where a simulation is wrong: each output as a whole, then the most telling region of each quantity. `spectral` are the lines that a
-/// spectrum adds. The largest share first; empty where noise explains everything.
+/// The regions in which a simulation is wrong: each output as a whole, then the most informative region of each quantity. `spectral` are regions from
+/// a spectrum. Sorted by share, the largest first; empty if the error is noise only.
 #[must_use]
 pub fn regions(slices: &[Slice], spectral: &[Region], side: Side) -> Vec<Region> {
     let (each, all) = totals(slices, side);
@@ -198,12 +198,12 @@ pub fn regions(slices: &[Slice], spectral: &[Region], side: Side) -> Vec<Region>
     list
 }
 
-/// How much a region tells: its part of the divergence between where the error is and where the rows are (S. Kullback, R. A. Leibler, 1951).
+/// The information of a region: its part of the divergence between the distributions of the error and of the rows (S. Kullback, R. A. Leibler, 1951).
 fn information(error: f64, rows: f64) -> f64 {
     if error > 0.0 { error * (error / rows.max(f64::MIN_POSITIVE)).ln() } else { 0.0 }
 }
 
-/// The regions that tell most, weighed by how much of all error their output has. Whole outputs and records are no place in a plant.
+/// The most informative regions, weighted by the share of their output in the whole error. Whole outputs and whole records are left out.
 #[must_use]
 pub fn telling(regions: &[Region], count: usize) -> Vec<Region> {
     let mut list: Vec<Region> =

@@ -8,22 +8,22 @@ use super::diagnosis::Diagnosis;
 /// Why a hypothesis was not accepted.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Why {
-    /// It was accepted temporarily and rejected, in words.
+    /// It was accepted for a time and then rejected; the reason in words.
     Refused(String),
     /// The records do not distinguish it from this cause.
     Alike(String),
-    /// It was fitted in place of this cause and gains less by this amount, in squared standard deviations of the noise.
+    /// It was fitted in place of this cause. It gains less by this amount, in squared standard deviations of the noise.
     FallsShort {
         /// The cause.
         cause: String,
-        /// By how much.
+        /// The difference of the gains.
         by: f64,
     },
-    /// The screen promised less than a cause has to gain.
+    /// Its predicted gain is below the gain that a cause needs.
     PromisesLittle,
-    /// The causes explain its first-order gain, except for this rest.
+    /// The accepted causes explain its first-order gain, except for this rest.
     Explained(f64),
-    /// No full fit kept what the screen promised.
+    /// In a full fit it did not reach its predicted gain.
     NotKept,
 }
 
@@ -32,16 +32,16 @@ pub enum Why {
 pub struct Rejected {
     /// Its name in lists.
     pub label: String,
-    /// What the screen of the calibrated plant promised.
+    /// The gain that the screen of the calibrated plant predicted.
     pub promised: f64,
-    /// What the last screen promised, with the causes in the plant.
+    /// The gain that the last screen predicted, with the causes in the plant.
     pub remaining: Option<f64>,
     /// The reason.
     pub why: Why,
 }
 
 impl Diagnosis {
-    /// Hypotheses that were not accepted, those that promised most first.
+    /// Hypotheses that were not accepted, sorted by predicted gain, the largest first.
     #[must_use]
     pub fn rejected(&self) -> Vec<Rejected> {
         let causes: Vec<String> = self.entries().map(Cause::label).collect();

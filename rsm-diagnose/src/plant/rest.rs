@@ -1,30 +1,32 @@
 //! Distinguishes a plant at rest from a stuck sensor: at rest, an encoder, a dead band or a coarse step also gives equal readings.
 //!
-//! In: the readings of a channel, the nominal plant along it. Out: whether equal readings are rest. A stuck sensor has three signs: its readings end with a jump, because the plant has moved on; its
-//! noise vanishes while that of neighbouring rows does not; and it may stop at any value. Rest begins and ends without a jump. The nominal plant is used last, because it may lack the friction that holds the true one.
+//! In: the readings of a channel and the nominal plant along it. Out: whether equal readings mean rest. A stuck sensor has three signs. Its readings
+//! end with a jump, because the plant has moved on. Its noise vanishes while the noise of neighbouring rows does not. It may stop at any value. Rest
+//! begins and ends without a jump. The nominal plant is used last, because it may lack the friction that holds the true plant.
 
 use std::ops::Range;
 
-/// Equal readings in a row that say that a channel stands still.
+/// A channel is at rest after this many equal readings in a row.
 const STILL: usize = 3;
 
-/// A reading of exactly 0 is rest where the plant comes to it and leaves it within this share of its largest reading: a dead band is smaller.
+/// Readings of exactly 0 are rest if the changes before and after are below this share of the largest reading. A dead band is smaller than that.
 const GENTLE: f64 = 0.1;
 
-/// And where the nominal plant, which may have no dry friction, is slower than this share of its largest reading.
+/// They are also rest if the nominal plant, which may have no dry friction, is slower than this share of its largest reading.
 const SLOW: f64 = 0.1;
 
-/// This many of the smallest steps a coarse sensor moves from row to row into a rest and out of it, and this many its motion changes from row to row beside one: three readings that
-/// are rounded bend by two.
+/// A coarse sensor moves at most this many of its steps from row to row into a rest and out of it. Beside a rest, its change from row to row varies
+/// by at most as much: rounding changes a second difference by up to two steps.
 const STEPS: f64 = 2.5;
 
-/// Rows on either side of a rest that say how the sensor reads there.
+/// The number of rows on either side of a rest that show how the sensor reads there.
 const BESIDE: usize = 20;
 
-/// Steps of a sensor are whole to this share of one, nearly all of them.
+/// Changes of a coarse sensor are multiples of its step. The first number is the allowed error as a share of the step, the second is the share of
+/// changes that must comply.
 const WHOLE: (f64, f64) = (0.01, 0.98);
 
-/// Fewer steps are not sufficient.
+/// With fewer changes, no step is estimated.
 const LEAST_STEPS: usize = 20;
 
 /// Which rows move: they are not in a run of equal readings.
@@ -46,36 +48,36 @@ pub fn moving(values: &[f64]) -> Vec<bool> {
 pub struct Resting<'a> {
     values: &'a [f64],
     nominal: Option<&'a [f64]>,
-    /// The largest reading, and the largest of the nominal plant.
+    /// The largest reading, and the largest value of the nominal plant.
     largest: [f64; 2],
-    /// The step of which all changes are multiples.
+    /// The step, if all changes are multiples of one.
     step: Option<f64>,
 }
 
 impl<'a> Resting<'a> {
-    /// Of a channel, with the nominal plant's value of it.
+    /// A channel and the nominal plant's values of it.
     #[must_use]
     pub fn new(values: &'a [f64], nominal: Option<&'a [f64]>) -> Self {
         let largest = |values: &[f64]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
         Resting { values, nominal, largest: [largest(values), nominal.map_or(0.0, largest)], step: step(values) }
     }
 
-    /// Whether equal readings in these rows are a plant at rest.
+    /// Whether equal readings in these rows mean a plant at rest.
     #[must_use]
     pub fn rests(&self, rows: Range<usize>) -> bool {
         self.is_dead_band(&rows) || self.is_coarse(&rows)
     }
 
-    /// Whether nothing moves in these rows but the last digit of a coarse sensor.
+    /// Whether only the last digit of a coarse sensor changes in these rows.
     #[must_use]
     pub fn is_still(&self, rows: Range<usize>) -> bool {
         let part = &self.values[rows];
         let (low, high) = part.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
-        // Up or down by one.
+        // One step up or down.
         high == low || self.step.is_some_and(|step| high - low <= 2.0 * (1.0 + WHOLE.0) * step)
     }
 
-    /// By how much a channel moves into a run of rows and out of it.
+    /// The changes of a channel into and out of a run of rows.
     fn ends(&self, rows: &Range<usize>) -> [f64; 2] {
         let value = self.values[rows.start];
         let off = |row: Option<usize>| row.and_then(|row| self.values.get(row)).map_or(0.0, |other| (other - value).abs());
@@ -90,10 +92,11 @@ impl<'a> Resting<'a> {
         slow || self.ends(rows).iter().all(|off| *off <= GENTLE * self.largest[0])
     }
 
-    /// A sensor of coarse steps: it repeats where it creeps, or where a smooth motion ends. One with noise of some steps would not; it hangs.
+    /// Whether a coarse sensor repeats its value because the plant creeps or a smooth motion ends. A sensor with noise of some steps would not
+    /// repeat; it is stuck.
     fn is_coarse(&self, rows: &Range<usize>) -> bool {
         let Some(step) = self.step else { return false };
-        // About as far as in the row before: noise bends the line from row to row, a motion that comes to its end does not.
+        // The change is about the same as in the row before. Noise changes the slope from row to row; a motion that comes to rest does not.
         let change = |row: usize| self.values[row + 1] - self.values[row];
         let gently = |row: usize| (change(row) - if row == 0 { 0.0 } else { change(row - 1) }).abs() <= STEPS * step;
         let beside = |rows: Range<usize>| rows.is_empty() || 2 * rows.clone().filter(|row| gently(*row)).count() >= rows.len();
@@ -104,11 +107,11 @@ impl<'a> Resting<'a> {
     }
 }
 
-/// The step of which all changes are multiples, where one is so coarse that a sensor repeats itself.
+/// The step of which nearly all changes are multiples, if there is one.
 fn step(values: &[f64]) -> Option<f64> {
     let changes: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|change| *change > 0.0).collect();
     let largest = values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
-    // Below the digits of a number there is no step.
+    // A change within the accuracy of a number is no step.
     let least = changes.iter().copied().filter(|change| *change > 1e-12 * largest).fold(f64::INFINITY, f64::min);
     if changes.len() < LEAST_STEPS || least.is_infinite() {
         return None;

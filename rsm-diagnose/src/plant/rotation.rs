@@ -1,24 +1,25 @@
 //! Order analysis: amplitude and phase of a signal at orders of a revolution.
 //!
-//! In: a signal and the angle at which each value was taken, however unevenly. Out: the wave at each order, by least squares.
-//! The cause of a wave is not decided here.
+//! In: a signal and the angle of each value; the angles may be uneven. Out: the wave at each order, by least squares. Decides nothing about the cause
+//! of a wave.
 
 use crate::engine::normal::Normal;
 
 /// A wave amplitude sin(order angle + phase) in a signal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wave {
-    /// Waves a revolution.
+    /// Waves per revolution.
     pub order: u32,
     /// In the unit of the signal.
     pub amplitude: f64,
-    /// In rad, between -pi and pi; of the rotor, so that it is the same in every record of one machine.
+    /// In rad, between -pi and pi, relative to the rotor angle, so that it is the same in every record of one machine.
     pub phase: f64,
-    /// Share of the signal's variance.
+    /// The share of the signal's variance.
     pub share: f64,
 }
 
-/// The wave of a signal at an order, its mean taken off: least squares over all values, so that neither whole revolutions nor uniform sampling are asked for.
+/// The wave of a signal at an order, after subtracting the mean. It is a least squares fit to all values, so neither whole revolutions nor uniform
+/// sampling are needed.
 #[must_use]
 pub fn wave(angle: &[f64], values: &[f64], order: u32) -> Wave {
     let mut matrix = [0.0; 9];

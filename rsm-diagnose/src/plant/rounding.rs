@@ -1,32 +1,35 @@
-//! Readings that a sensor rounds, compared with a simulation that is not rounded.
+//! Compares the readings of a rounding sensor with a simulation that is not rounded.
 //!
-//! In: the step, simulated values and their readings. Out: the noise before rounding, the mean reading of a value, and its scatter. Never finds the step.
+//! In: the step, simulated values and their readings. Out: the noise before rounding, the mean reading of a value, and its scatter. The step is
+//! given.
 //!
-//! If the noise is as large as the step, rounding adds only a uniform error. If it is below a third of the step, the rounding error depends on where the value lies between two steps. During slow
-//! motion this error is a wave or an offset, and a fit against the simulation itself would take it for a bias or a drift. Compared with the mean reading E[round(x + n)],
-//! it is noise from row to row again. The likelihood of n is that of an ordered probit (J. Aitchison, S. D. Silvey, 1957).
+//! If the noise is as large as the step, rounding adds only a uniform error. If it is below a third of the step, the rounding error depends on where
+//! the value lies between two steps. During slow motion this error is a wave or an offset, and a fit against the simulation itself would take it for
+//! a bias or a drift. Relative to the mean reading E[round(x + n)], the error is random from row to row. The likelihood of n is that of an ordered
+//! probit (J. Aitchison, S. D. Silvey, 1957).
 
 use crate::engine::significance::normal;
 
-/// Noises before rounding that are tried, in steps, each 1.43 times the one before. Below the first a value within a fiftieth of an edge would decide; the last leaves 4 exp(-2 pi^2/4) = 3 % of the
-/// step as the wave of the mean reading, a tenth of the uniform error's standard deviation, and more is no wave.
+/// The tested noise before rounding, in steps, in factors of 1.43. With less noise, a value within a fiftieth of a step from an edge would dominate.
+/// With 0.5, the mean reading still has a wave of 4 exp(-2 pi^2/4) = 3 % of the step, a tenth of the uniform error's standard deviation; with more
+/// noise the wave is negligible.
 const NOISES: [f64; 10] = [0.02, 0.0286, 0.0409, 0.0585, 0.0836, 0.1196, 0.171, 0.2445, 0.3497, 0.5];
 
-/// The least probability of a reading: a wild one may not outweigh a thousand others.
+/// The smallest probability of a reading, so that one outlier does not outweigh a thousand other readings.
 const LEAST_PROBABILITY: f64 = 1e-12;
 
 /// A sensor that rounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rounding {
-    /// It reads multiples of this.
+    /// Readings are multiples of this.
     pub step: f64,
-    /// Standard deviation of the noise that it rounds with the value.
+    /// The standard deviation of the noise before rounding.
     pub noise: f64,
 }
 
 impl Rounding {
-    /// The noise under which these pairs of reading and simulated value are most likely. `None` where it hides the rounding: then the simulation is off by as
-    /// much, or the noise is.
+    /// The noise for which these pairs of reading and simulated value are most likely. `None` if it hides the rounding: then the noise, or the error
+    /// of the simulation, is as large as the step.
     pub fn found(step: f64, pairs: &[(f64, f64)]) -> Option<Rounding> {
         let likelihood = |share: f64| {
             let it = Rounding { step, noise: share * step };
@@ -37,7 +40,7 @@ impl Rounding {
         if best + 1 == NOISES.len() {
             return None;
         }
-        // A parabola through three places, on the scale of the logarithm, on which they stand evenly.
+        // A parabola through three points that are evenly spaced in the logarithm.
         let bend = if best == 0 { 0.0 } else { all[best - 1] - 2.0 * all[best] + all[best + 1] };
         let shift = if bend < 0.0 { 0.5 * (all[best - 1] - all[best + 1]) / bend } else { 0.0 };
         let noise = NOISES[best] * step * (NOISES[best + 1] / NOISES[best]).powf(shift);
@@ -49,11 +52,11 @@ impl Rounding {
         normal((off + 0.5 * self.step) / self.noise) - normal((off - 0.5 * self.step) / self.noise)
     }
 
-    /// Mean of the readings of a value, their variance, and the fourth power of their scatter.
+    /// For a value: the mean of its readings, their variance and their fourth central moment.
     #[must_use]
     pub fn moments(&self, value: f64) -> [f64; 3] {
         let base = (value / self.step).round();
-        // Noise beyond six standard deviations is rare as 1e-9.
+        // Noise exceeds six standard deviations with a probability of 1e-9.
         let reach = (6.0 * self.noise / self.step).ceil() as i32 + 1;
         let mut share = Vec::with_capacity(2 * reach as usize + 1);
         let mut before = 0.0;
@@ -74,7 +77,8 @@ impl Rounding {
     }
 }
 
-/// The step of which all readings are multiples, where there is one that stands out of the noise. In: readings with whether each counts; what stands for a lost one is no multiple.
+/// The step of which all readings are multiples, if it is large enough against the noise. Each list has readings and whether each counts; a
+/// placeholder for a lost reading need not be a multiple.
 #[must_use]
 pub fn step_of<'a>(lists: impl Iterator<Item = (&'a [f64], &'a [bool])>, noise: f64) -> Option<f64> {
     let mut steps: Vec<f64> = lists
@@ -88,7 +92,7 @@ pub fn step_of<'a>(lists: impl Iterator<Item = (&'a [f64], &'a [bool])>, noise: 
     }
     steps.sort_by(f64::total_cmp);
     let step = steps[steps.len() / 100];
-    // Finer than a fifth of the noise it is the digits of the file.
+    // A step below a fifth of the noise is only the number format of the file.
     if step < 0.2 * noise {
         return None;
     }

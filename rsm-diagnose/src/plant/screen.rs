@@ -1,8 +1,8 @@
 //! Screening: the first-order gain of each hypothesis, from one simulation for each first guess.
 //!
-//! In: a fitted model and the hypotheses. Out: the predicted gain in squared residual of each guess, jointly with everything that is free anyway
-//! (starts, calibration, causes already accepted): their derivatives are projected out, through normal equations, so that a cause gets no credit
-//! for what they can do. Also the gain that noise alone would give the best of them. Never fits.
+//! In: a fitted model and the hypotheses. Out: the predicted gain in squared residual of each guess, jointly with everything that is always free
+//! (initial states, calibration, causes already accepted). Their derivatives are projected out through normal equations, so a cause gets no credit
+//! for what they can explain. Also the gain that noise alone would give the best hypothesis. Fits nothing.
 
 use super::hypotheses::{Hypothesis, generalises};
 use super::levenberg::Fit;
@@ -20,39 +20,40 @@ use rsm_sim::effect::{Guess, Subject};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
 
-/// What a hypothesis keeps of its trace after projection, at least, as a share of its square: less is a trace that the free unknowns make as well, and finite
-/// differences hold no more digits.
+/// The smallest share of a trace, as a square, that must be left after projection. With less, the free unknowns can make the same trace, within the
+/// accuracy of finite differences.
 const LEAST_OF_ITS_OWN: f64 = 1e-7;
 
-/// A trace that is longer than the residual by more than this belongs to a guess that is too large to be in proportion.
+/// If a trace is longer than the residual by this factor, the guess is too large for a linear approximation.
 const IN_PROPORTION: f64 = 3.0;
 
-/// Traces are one where the square of the sine between them is less: what two smoothings or two sizes of one cause differ by is as much.
+/// Two traces count as equal if the square of the sine of their angle is below this. Two smoothings, or two sizes of one cause, differ by as much.
 const COLLINEAR: f64 = 1e-3;
 
-/// Guesses that are put into groups: those that promise most. What stands behind them is not fitted anyway.
+/// The number of guesses, those with the largest predicted gain, that are grouped. The others are not fitted.
 const GROUPED: usize = 40;
 
-/// A guess that was simulated.
+/// A simulated guess.
 #[derive(Debug, Clone)]
 pub struct Screened {
-    /// Which hypothesis.
+    /// The index of the hypothesis.
     pub hypothesis: usize,
-    /// Its numbers, scaled to what the residual asks.
+    /// Its parameters, scaled to the residual.
     pub values: Vec<f64>,
     /// Predicted gain.
     pub gain: f64,
-    /// Guesses of one number in one group have one trace, beside what is free anyway; `None` of guesses with several traces and of those that promise little.
+    /// Guesses with one parameter in the same group have the same trace after the free unknowns are projected out. `None` for guesses with several
+    /// traces and for those with little gain.
     pub group: Option<usize>,
-    /// As it was simulated.
+    /// The guess as simulated.
     guess: Guess,
-    /// Its traces: whitened changes of the simulation.
+    /// Its traces: the whitened changes of the simulation.
     traces: Vec<Vec<f64>>,
-    /// Their inner products with the free derivatives.
+    /// The inner products of its traces with the derivatives of the free unknowns.
     products: Vec<Vec<f64>>,
 }
 
-/// Screens all guesses. The list is as long as the guesses that could be simulated, in their order.
+/// Screens all guesses. The list has one entry for each guess that could be simulated, in their order.
 #[must_use]
 pub fn screen(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, hypotheses: &[Hypothesis]) -> Vec<Screened> {
     let nuisance = Nuisance::new(fit);
@@ -66,10 +67,11 @@ pub fn screen(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, hypothes
     }
     let mut list = Vec::new();
     let asked = dot(&fit.residual, &fit.residual).sqrt();
-    // Some at a time: their simulations are large.
+    // A few at a time, because their simulations need much memory.
     for some in guesses.chunks(32) {
         let mut simulated = traces(whitened, fit, nominal, hypotheses, some);
-        // A guess for a bare plant may move it by far more than what is still unexplained, and a plant does not answer in proportion: such a one is taken smaller.
+        // A guess for a plant without causes may change it far more than the remaining residual, where its response is not linear. Such a guess is
+        // made smaller.
         let mut smaller: Vec<(usize, (usize, Guess))> = Vec::new();
         for (place, ((k, guess), traces)) in some.iter().zip(&simulated).enumerate() {
             let longest = traces.iter().map(|trace| dot(trace, trace).sqrt()).fold(0.0, f64::max);
@@ -101,7 +103,7 @@ pub fn screen(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, hypothes
     list
 }
 
-/// Puts guesses whose traces are one, without what is free anyway, into groups: the one that promises most leads.
+/// Groups guesses that have the same trace after projection. The one with the largest predicted gain leads.
 fn grouped(nuisance: &Nuisance<'_>, list: &mut [Screened]) {
     let mut order: Vec<usize> = (0..list.len()).filter(|k| list[*k].traces.len() == 1 && list[*k].gain > 0.0).collect();
     order.sort_by(|a, b| list[*b].gain.total_cmp(&list[*a].gain));
@@ -122,7 +124,7 @@ fn grouped(nuisance: &Nuisance<'_>, list: &mut [Screened]) {
     }
 }
 
-/// The traces of guesses: whitened changes of the simulation, two where a phase is free; none where one cannot be simulated.
+/// The traces of guesses: whitened changes of the simulation; two if a phase is free, none if one cannot be simulated.
 fn traces(
     whitened: &WhitenedResiduals,
     fit: &Fit,
@@ -145,7 +147,7 @@ fn traces(
     let mut runs = whitened.run_all(&models).into_iter();
     let of = |(k, guess): &(usize, Guess)| {
         if let Some(traces) = traces.as_ref().filter(|_| is_wave(*k)) {
-            // Where the simulation goes with a wave is not where the axis went; the record says where.
+            // With a wave, the simulated position differs from the true one. The record has the true position.
             let wave = waves::of(&hypotheses[*k].entry(kind, &guess.values).arguments);
             return wave.map_or_else(Vec::new, |it| traces.traces(&it).into());
         }
@@ -155,8 +157,8 @@ fn traces(
     guesses.iter().map(of).collect()
 }
 
-/// A guess about what the fit has already. A parameter error begins at the value that calibration left, not at what the plant file says: it may be pressed
-/// against the end of its tolerance. A general case takes the level of the special case that is accepted.
+/// A guess relative to the current fit. A parameter error starts at the calibrated value, not at the value of the file, because calibration may have
+/// reached the end of the tolerance. A general case takes the level of its accepted special case.
 fn about_now(fit: &Fit, hypothesis: &Hypothesis, guess: &Guess) -> Guess {
     let mut special = fit.model.file.effects.iter().filter(|it| generalises(hypothesis.description.kind, it.description.kind));
     if let Some(level) = special.next().and_then(|it| it.arguments.numbers.first()).map(|number| number.1) {
@@ -168,7 +170,7 @@ fn about_now(fit: &Fit, hypothesis: &Hypothesis, guess: &Guess) -> Guess {
     Guess { values: guess.values.iter().map(|value| value - without + now).collect(), neutral: Some((0, now)), ..guess.clone() }
 }
 
-/// A guess whose lowest level is the one that is accepted, and whose others are higher by half of it: near enough for a first order.
+/// A guess with the lowest level equal to the accepted one and the others higher by half of it: near enough for a first-order screen.
 fn from_level(hypothesis: &Hypothesis, guess: &Guess, level: f64, kind: PlantKind) -> Guess {
     let is_level: Vec<bool> = hypothesis.description.arguments_on(kind).map(|it| it.is_level).collect();
     let levels = guess.values.iter().zip(&is_level).filter(|(_, is)| **is).map(|(value, _)| *value);
@@ -178,7 +180,7 @@ fn from_level(hypothesis: &Hypothesis, guess: &Guess, level: f64, kind: PlantKin
     Guess { values: each.collect(), ..guess.clone() }
 }
 
-/// The fitted model with a hypothesis at some numbers, nothing else moved.
+/// The fitted model with a hypothesis at these parameters and nothing else changed.
 fn at(model: &Model, nominal: &Model, hypothesis: &Hypothesis, values: &[f64], kind: PlantKind) -> Model {
     let mut with = model.joined(nominal, hypothesis.entry(kind, values));
     if !with.is_possible() {
@@ -187,7 +189,7 @@ fn at(model: &Model, nominal: &Model, hypothesis: &Hypothesis, values: &[f64], k
     with
 }
 
-/// What some traces could explain together, and how much of each that takes. `None` where one has nothing of its own.
+/// The joint gain of some traces, and the share of each. `None` if one is dependent on the free unknowns.
 fn together(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]]) -> Option<(Vec<f64>, f64)> {
     let mut back = nuisance.all_back();
     while let Some((share, gain)) = beside(nuisance, traces, products, back) {
@@ -197,7 +199,8 @@ fn together(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]]) -> 
         }
         back = still;
     }
-    // What comes back makes the trace as well. So of those at bounds some stay: of the sets that stand with the trace, the one that gains most.
+    // A released unknown can also make the trace. Of the sets of released unknowns that are consistent with the trace, the one with the largest gain
+    // is used.
     let sets = (0..back).filter(|set| set & back == *set);
     let stand = sets.filter_map(|set| {
         let found = beside(nuisance, traces, products, set)?;
@@ -206,7 +209,7 @@ fn together(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]]) -> 
     stand.max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The same with those held that come back.
+/// The same with these unknowns released.
 fn beside(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]], back: Back) -> Option<(Vec<f64>, f64)> {
     let n = traces.len();
     let matrix = symmetric(n, |i, j| nuisance.between(dot(traces[i], traces[j]), products[i], products[j], back));
@@ -219,7 +222,7 @@ fn beside(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]], back:
     gain.is_finite().then(|| (share, gain + nuisance.gain_of(back)))
 }
 
-/// A guess's numbers when its traces are wanted by these shares; `None` where physics has no such sign.
+/// The parameters of a guess for these shares of its traces; `None` if physics forbids the sign.
 pub(super) fn scaled(guess: &Guess, share: &[f64], hypothesis: &Hypothesis, kind: PlantKind) -> Option<Vec<f64>> {
     let mut values = guess.values.clone();
     match (guess.neutral, guess.phase) {
@@ -229,7 +232,7 @@ pub(super) fn scaled(guess: &Guess, share: &[f64], hypothesis: &Hypothesis, kind
             values[phase] += share[1].atan2(share[0]);
         }
         (Some((place, without)), None) => {
-            // Beyond ten times the guess nothing is in proportion any more.
+            // Beyond ten times the guess, the linear approximation is not valid.
             values[place] = without + share[0].clamp(-10.0, 10.0) * (values[place] - without);
         }
         _ if share[0] <= 0.0 => return None,
@@ -255,22 +258,23 @@ fn judge(
     Some(Screened { hypothesis: which, values, gain, group: None, guess: guess.clone(), traces, products })
 }
 
-/// Two guesses that explain together what neither explains alone.
+/// Two guesses that together explain what neither explains alone.
 #[derive(Debug, Clone)]
 pub struct Pair {
-    /// The hypotheses with their numbers, scaled to what the residual asks of both.
+    /// The hypotheses with their parameters, scaled jointly to the residual.
     pub parts: [(usize, Vec<f64>); 2],
     /// Predicted gain.
     pub gain: f64,
-    /// How much of it neither promises alone.
+    /// The gain beyond that of the better part alone.
     pub beyond: f64,
 }
 
-/// A pair that promises less than this share of what the best one does is none to try: the first order errs, but not by as much.
+/// A pair with less than this share of the best predicted gain is not tried. A first-order prediction is not as wrong as that.
 const NEAR_THE_BEST: f64 = 0.8;
 
-/// The joint gain of all pairs of some screened guesses: one that masks another is not seen by itself. In turns the pair that gains most, and the one of
-/// which neither part does it alone: the strongest single cause is in all pairs that gain most, and whoever adds causes one by one tries those anyway.
+/// The joint gain of all pairs of some screened guesses, because a guess that another one masks has no gain alone. The list alternates between the
+/// pair with the largest gain and the pair with the largest gain beyond its parts. All pairs with the largest gain contain the strongest single
+/// cause, and a search that adds one cause at a time tries those anyway.
 #[must_use]
 pub fn pairs(fit: &Fit, hypotheses: &[Hypothesis], screened: &[&Screened]) -> Vec<Pair> {
     let nuisance = Nuisance::new(fit);
@@ -302,9 +306,9 @@ pub fn pairs(fit: &Fit, hypotheses: &[Hypothesis], screened: &[&Screened]) -> Ve
     joint.into_iter().zip(list).flat_map(|(joint, strong)| [joint, strong]).collect()
 }
 
-/// The gain that noise alone gives the best of all hypotheses, at most, in 99 of 100 cases: residuals of noise as the floors have it, with the traces and free
-/// unknowns of the screen. No further simulation: to first order a fit to noise gains what its trace has in common with it. Outputs that are rounded (place,
-/// step) get the error of rounding the simulation with its noise: where the motion is slow or periodic it is not white.
+/// The gain that noise alone gives the best of all hypotheses in 99 of 100 cases. It is computed from residuals drawn with the noise floors, and the
+/// traces and free unknowns of the screen. No further simulation is needed: to first order, the gain is the projection of the noise on the trace.
+/// Rounded outputs (place, step) get the error of rounding the simulation plus its noise, which is not white if the motion is slow or periodic.
 #[must_use]
 pub fn null(whitened: &WhitenedResiduals, fit: &Fit, screened: &[Screened], rounded: &[(usize, f64)], draws: usize) -> f64 {
     let nuisance = Nuisance::new(fit);
@@ -328,7 +332,7 @@ pub fn null(whitened: &WhitenedResiduals, fit: &Fit, screened: &[Screened], roun
     point_of_largest(&largest)
 }
 
-/// A whitened residual of a plant without any discrepancy.
+/// A drawn whitened residual of a plant without any discrepancy.
 fn drawn(whitened: &WhitenedResiduals, fit: &Fit, rounded: &[(usize, f64)], random: &mut Random) -> Vec<f64> {
     let mut stack = null::noise(whitened, random);
     let mut first = 0;
@@ -337,9 +341,9 @@ fn drawn(whitened: &WhitenedResiduals, fit: &Fit, rounded: &[(usize, f64)], rand
             let output = prepared.outputs[k];
             if let Some((_, step)) = rounded.iter().find(|(it, _)| *it == output) {
                 let floor = &whitened.floors[output];
-                // Without a noise that was told from the rounding, step^2/12 of the floor is the rounding itself.
+                // If the noise before rounding is not known, step^2/12 of the floor's variance is attributed to rounding.
                 let before = floor.rounding.map_or((floor.sd * floor.sd - step * step / 12.0).max(0.0).sqrt(), |it| it.noise);
-                // It lasts from row to row at least as long as what is left of it.
+                // Its correlation from row to row is at least that of the floor.
                 let correlation = floor.correlation;
                 let mut noise = before * random.normal();
                 let errors: Vec<f64> = values
@@ -360,14 +364,14 @@ fn drawn(whitened: &WhitenedResiduals, fit: &Fit, rounded: &[(usize, f64)], rand
 }
 
 impl Screened {
-    /// For tests: a guess of one number with what it promises.
+    /// For tests: a guess with one parameter and a predicted gain.
     #[cfg(test)]
     pub fn told(hypothesis: usize, gain: f64, group: Option<usize>) -> Self {
         let guess = Guess::scaled(vec![1.0], 0.0);
         Screened { hypothesis, values: vec![1.0], gain, group, guess, traces: Vec::new(), products: Vec::new() }
     }
 
-    /// Forgets the traces, which are large.
+    /// Removes the traces, which need much memory.
     pub fn slim(&mut self) {
         self.traces = Vec::new();
     }

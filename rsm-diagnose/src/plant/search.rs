@@ -9,30 +9,31 @@ use super::model::Model;
 use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::effect::Survey;
 
-/// How much work a stage may be. Counts, not seconds: the same records give the same answer on every machine.
+/// The amount of work of each stage, as counts instead of seconds: the same records give the same answer on every machine.
 #[derive(Debug, Clone, Copy)]
 pub struct Effort {
-    /// Hypotheses whose own numbers are fitted.
+    /// The number of hypotheses whose own parameters are fitted.
     pub profiled: usize,
-    /// Steps of those fits.
+    /// The number of steps of those fits.
     pub profile_steps: usize,
-    /// Hypotheses that are fitted together with everything else.
+    /// The number of hypotheses that are fitted together with everything else.
     pub fitted: usize,
-    /// Steps of those fits.
+    /// The number of steps of those fits.
     pub fit_steps: usize,
-    /// Causes at most.
+    /// The largest number of causes.
     pub causes: usize,
-    /// Sub-steps of all simulations after which no cause is looked for any more.
+    /// The number of simulation sub-steps after which no further cause is added.
     pub steps: u64,
-    /// Further sub-steps that are kept back for the question what else could stand for each cause.
+    /// The number of further sub-steps reserved for tests of rivals.
     pub steps_for_rivals: u64,
 }
 
-/// Of the work of a search so much again is kept back for rivals. A competition takes 300 to 1000 runs of the plant, a search at most 4000: one or two causes are asked about all the same.
+/// The reserve for rivals, as a share of the work of a search. A competition takes 300 to 1000 runs of the plant, a search at most 4000. So rivals of
+/// one or two causes are tested in any case.
 const FOR_RIVALS: f64 = 0.25;
 
 impl Effort {
-    /// The usual counts, and this many sub-steps of simulations.
+    /// The usual counts, with this limit of simulation sub-steps.
     #[must_use]
     pub fn within(steps: u64) -> Self {
         let steps_for_rivals = (FOR_RIVALS * steps as f64) as u64;
@@ -45,21 +46,21 @@ impl Effort {
 pub struct Believed {
     /// Its name in lists.
     pub label: String,
-    /// How much worse the fit is without it.
+    /// How much the squared residual grows without it.
     pub gain: f64,
-    /// What competed, with how much worse it does: the best first.
+    /// Its rivals and how much worse they fit, the best first.
     pub rivals: Vec<(String, f64)>,
-    /// Hypotheses of the same trace that were not fitted for that.
+    /// Hypotheses with the same trace, which were therefore not fitted.
     pub alike: Vec<String>,
     /// The rivals as models, for the next experiment.
     pub rival_models: Vec<(String, Model)>,
-    /// Whether rivals were looked for; false where the limit of work came first.
+    /// Whether rivals were tested; false if the work limit was reached first.
     pub asked: bool,
-    /// The plant without it, everything else fitted again: what the evidence compares with.
+    /// The plant without it and everything else fitted again. The evidence is relative to this plant.
     pub without: Model,
 }
 
-/// The search and what it needs.
+/// A search with its data.
 pub struct Search<'a> {
     /// Training records.
     pub whitened: &'a WhitenedResiduals,
@@ -69,22 +70,22 @@ pub struct Search<'a> {
     pub nominal: &'a Model,
     /// The hypotheses.
     pub hypotheses: &'a [Hypothesis],
-    /// Sizes of the records, by which numbers are plausible.
+    /// The scales of the records, which decide whether parameters are plausible.
     pub survey: &'a Survey,
-    /// How many more guesses were looked at before these were chosen.
+    /// The number of further guesses that were examined to choose these.
     pub looks: usize,
-    /// Outputs whose readings are rounded, with their steps.
+    /// Rounded outputs with their steps.
     pub rounded: &'a [(usize, f64)],
-    /// The plant with what the equations say along the recorded signals, term by term, fitted; all of it is asked here again.
+    /// Plants with the causes from the equation errors, fitted, one more cause in each. All of these causes are tested again in the search.
     pub said: &'a [Fit],
-    /// How much work.
+    /// The amount of work.
     pub effort: Effort,
-    /// Told what happens.
+    /// Called with progress messages.
     pub progress: &'a (dyn Fn(&str) + Sync),
 }
 
 impl Search<'_> {
-    /// The difference of cost at which the better of two explanations is accepted.
+    /// The difference of cost above which the better of two explanations is accepted.
     pub(super) fn decides(&self, fit: &Fit, threshold: f64) -> f64 {
         effect_size::decides(threshold, fit.cost, self.whitened.rows())
     }

@@ -22,20 +22,21 @@ use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
 
-/// A search may take as much as this many runs of the calibrated plant: half a minute on two cores for three records of 8000 rows. A cause that stands alone takes 500
-/// to 1000; a search that takes more has a cause outside the catalogue and only tries combinations of helpers.
+/// The work limit of a search, in runs of the calibrated plant: half a minute on two cores for three records of 8000 rows. Finding a single cause
+/// takes 500 to 1000. If a search needs more, the cause is probably not in the catalogue and the search only combines helpers.
 const MOST_RUNS: u64 = 4000;
 
-/// Steps a row that such a run counts as, at least. A plant takes one step a row, so the limit is 16,000 runs of it: searches for two and three causes take more than 4,000.
+/// The smallest number of integration steps per row that a run counts as. A plant with one step per row gets a limit of 16,000 runs: searches for two
+/// and three causes need more than 4,000.
 const LEAST_STEPS_A_ROW: u64 = 4;
 
-/// Sub-steps that a search may take at most, however long records are or fast the plant: a minute of one core, at 150 ns each.
+/// The work limit of a search in sub-steps, for long records and slow plants alike: a minute of one core, at 150 ns each.
 const MOST_STEPS: u64 = 400_000_000;
 
-/// Rounds of a search: the noise of the first one may hold structure, that of the second one does not.
+/// The number of rounds. In the first one the estimated noise may contain structure, in the second one it does not.
 const ROUNDS: usize = 2;
 
-/// What all rounds of a search have in common.
+/// What all rounds of a search share.
 struct Asked<'a> {
     hypotheses: Vec<hypotheses::Hypothesis>,
     survey: Survey,
@@ -43,13 +44,13 @@ struct Asked<'a> {
     effort: Effort,
     /// The equation errors with the recorded signals.
     said: Option<Said>,
-    /// Guesses that were looked at beside those of the catalogue.
+    /// The number of guesses that were examined in addition to those of the catalogue.
     looks: usize,
     progress: &'a (dyn Fn(&str) + Sync),
 }
 
 impl<'a> Asked<'a> {
-    /// Of the catalogue what the records can show; measures what one run of the calibrated plant takes, which is the unit of all work that follows.
+    /// The hypotheses that the records can show. Also measures the work of one run of the calibrated plant, the unit of the work limit.
     fn of(ready: &mut Ready, file: &PlantFile, options: &Options<'a>) -> Result<Self, Refused> {
         let mut present: Vec<usize> = ready.whitened.records.iter().flat_map(|it| it.outputs.clone()).collect();
         present.sort_unstable();
@@ -67,7 +68,7 @@ impl<'a> Asked<'a> {
         let rows = whitened.records.iter().map(|it| it.record.rows()).sum();
         whitened.pace = whitened.pace.beside(run, rows);
         ready.unseen.pace = whitened.pace.clone();
-        // Of long records the answer is asked on all rows afterwards: that is work, too.
+        // For long records, the final check on all rows takes work too.
         let most = if ready.share.not_seen().is_some() { MOST_STEPS / 2 } else { MOST_STEPS };
         // The wave lengths of an axis are the best of many, and so are the terms and orders of the equations.
         let waves = if file.kind == PlantKind::ServoAxis { 2 * waves::MOST } else { 0 };
@@ -105,7 +106,7 @@ impl<'a> Asked<'a> {
     }
 }
 
-/// Diagnoses a plant whose effects, if it has any, are given.
+/// Diagnoses a plant with given effects, if it has any.
 pub(super) fn searched(
     file: &PlantFile,
     training: &[Record],
@@ -116,7 +117,7 @@ pub(super) fn searched(
 ) -> Result<Diagnosis, Refused> {
     let mut ready = Ready::of(file, training, validation, tails, options)?;
     let asked = Asked::of(&mut ready, file, options)?;
-    // A law that is known says which sensor is off before friction and mass are asked.
+    // A known control law shows a wrong sensor before friction and mass are estimated.
     let known_loop = known_loop::look(&ready.whitened.records, file);
     let entries = known_loop.as_ref().map_or_else(Vec::new, |it| it.entries(file));
     let mut seed = seeded(&ready.whitened, &ready.nominal, &ready.calibrated, &entries);
@@ -159,7 +160,7 @@ pub(super) fn searched(
     Ok(found)
 }
 
-/// Searches, and again where the causes of the first round show that noise, starts or gaps are others than they seemed beside the calibrated plant.
+/// Searches, and searches again if the causes of the first round show that noise, initial states or gaps were wrong with the calibrated plant.
 fn in_rounds(
     ready: &mut Ready,
     asked: &Asked<'_>,
@@ -180,7 +181,7 @@ fn in_rounds(
             ready.correct_unseen(&fit.model);
             break;
         }
-        // What hid a start in motion may be explained now.
+        // A motion at the start may be visible now.
         let begun = under_way::shown(&ready.whitened, fit, &ready.unseen);
         let tailed = tails == HeavyTails::LookedFor && ready.tails_beside(fit);
         let floors = ready.floors(fit, file);
@@ -189,7 +190,7 @@ fn in_rounds(
                 || new.rounding.is_some() != old.rounding.is_some()
                 || growth::differ(new.growth, old.growth)
         });
-        // With causes in the plant, readings after a gap say more about what stood in it.
+        // With causes in the plant, the readings after a gap give better estimates of the inputs in the gap.
         let corrected = ready.correct_gaps(fit);
         if !(moved || tailed || begun || corrected) {
             break;
@@ -205,13 +206,13 @@ fn in_rounds(
             None => break,
         }
         seed = seed.and_then(|it| levenberg::fit(&ready.whitened, it.model, 4));
-        // From the starts of the calibrated plant, which may begin in motion now.
+        // From the initial states of the calibrated plant, which may now begin in motion.
         said = asked.said.as_ref().map_or_else(Vec::new, |it| it.fitted(&ready.whitened, &ready.calibrated));
     }
     selection
 }
 
-/// The plant with causes that are known before a search, fitted; `None` where there are none, or where the calibrated plant does as well without them.
+/// The fitted plant with causes known before the search; `None` if there are none, or if the calibrated plant fits as well without them.
 fn seeded(whitened: &WhitenedResiduals, nominal: &Model, calibrated: &Fit, entries: &[Entry]) -> Option<Fit> {
     if entries.is_empty() {
         return None;
@@ -222,7 +223,7 @@ fn seeded(whitened: &WhitenedResiduals, nominal: &Model, calibrated: &Fit, entri
     (best.cost < calibrated.cost - effect_size::least(calibrated.cost, whitened.rows())).then_some(best)
 }
 
-/// The answer where one record alone is wrong: the others are a null, and its causes are its own.
+/// The result if only one record is wrong: the others have no discrepancy, and the causes belong to that record.
 fn of_one_record(
     file: &PlantFile,
     own: &Apart,

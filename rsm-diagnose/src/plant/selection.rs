@@ -1,7 +1,7 @@
 //! The selection of causes: a cause is added while it is significant, exchanged if another one fits better, and removed if it is no longer significant.
 //!
-//! In: whitened residuals, the calibrated plant, hypotheses. Out: the causes, with the rivals of each. Null simulations and the least effect size give the gain that a cause
-//! must have. Ties go to the simpler cause. Validation records take part in decisions; no parameter is fitted to them.
+//! In: whitened residuals, the calibrated plant, hypotheses. Out: the causes, with the rivals of each. Null simulations and the smallest effect size
+//! give the gain that a cause needs. In a tie the simpler cause wins. Validation records take part in decisions; no parameter is fitted to them.
 
 use super::compete::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
 use super::everywhere::Everywhere;
@@ -19,23 +19,23 @@ use super::{waves, whiteness};
 use crate::engine::significance::best_of;
 use rsm_sim::plant_file::Entry;
 
-/// A cause must remove this share of the whitened noise's energy: with 24,000 residuals of one output that are 24 beyond the noise's own, a tenth of a per cent of
-/// its r.m.s. error. What is smaller can be real and is not worth a sentence.
+/// A cause must remove this share of the noise energy. For one output with 24,000 residuals that is 36 squared standard deviations, less than a tenth
+/// of a per cent of its r.m.s. error. Smaller effects may be real, but are not worth reporting.
 const WORTH: f64 = 0.0015;
 
-/// Guesses of each hypothesis that stand in pairs.
+/// The number of guesses of each hypothesis used in pairs.
 const PAIR_GUESSES: usize = 2;
 
-/// One cause that stands for two promises this share of what both gain, at least: first order sees most of it.
+/// A single cause may replace two if its predicted gain is at least this share of their joint gain, because the first order sees most of it.
 const OF_BOTH: f64 = 0.8;
 
-/// Hypotheses that are tried in the place of two.
+/// The number of hypotheses tried in place of two causes.
 const MERGED: usize = 2;
 
-/// Draws of the null simulation: 60 know the mean of the largest gain to an eighth of its standard deviation, and that to a tenth.
+/// The number of draws of the null simulation: 60 give the mean of the largest gain to an eighth of its standard deviation, and that to a tenth.
 const DRAWS: usize = 60;
 
-/// The outcome.
+/// The outcome of a selection.
 #[derive(Debug, Clone)]
 pub struct Selection {
     /// The calibrated plant without causes.
@@ -44,15 +44,15 @@ pub struct Selection {
     pub fit: Fit,
     /// The causes, in the order of the effects of the fit.
     pub causes: Vec<Believed>,
-    /// What was accepted temporarily and rejected at the end.
+    /// Causes that were accepted for a time and rejected at the end.
     pub refused: Vec<Refusal>,
-    /// What a cause has to gain.
+    /// The gain that a cause needs.
     pub threshold: f64,
-    /// What the screen of the calibrated plant predicted, by hypothesis: the best first.
+    /// The gains that the screen of the calibrated plant predicted, by hypothesis, the best first.
     pub ranking: Vec<(String, f64)>,
-    /// What the last screen predicted, after the causes that had been added by then.
+    /// The gains that the last screen predicted, with the causes that had been added by then.
     pub remaining: Vec<(String, f64)>,
-    /// The limit of work at which the search stopped before it was through.
+    /// The work limit that stopped the search, if any.
     pub stopped: Option<Limit>,
     /// The check of the sensors by a known control law, independent of the search.
     pub known_loop: Option<KnownLoop>,
@@ -61,13 +61,13 @@ pub struct Selection {
 }
 
 impl Search<'_> {
-    /// From the calibrated plant to causes.
+    /// Searches from the calibrated plant.
     #[must_use]
     pub fn run(&self, calibrated: Fit) -> Selection {
         self.run_from(calibrated, None)
     }
 
-    /// The same, from causes that are known beforehand and fitted: they are exchanged and left out as all others.
+    /// The same, from fitted causes that are known beforehand. They may be exchanged and removed like all others.
     #[must_use]
     pub fn run_from(&self, calibrated: Fit, seed: Option<Fit>) -> Selection {
         (self.progress)("screening the catalogue");
@@ -95,7 +95,8 @@ impl Search<'_> {
         let alone = fit.model.file.effects.len() <= 1 && self.leaves_noise(&fit, threshold);
         let most = if alone { count(&fit.model) } else { usize::MAX };
         if most > 2 {
-            // One cause did not do it, or took more numbers than two: two that mask each other may mislead whoever looks for one.
+            // If one cause is not sufficient, or has more parameters than two causes together, a pair is tried. Two causes that mask each other may
+            // mislead a search for single causes.
             let two = stages.iter().position(|it| it.model.file.effects.len() == 2).map(|place| stages.swap_remove(place));
             let against = two.unwrap_or_else(|| fit.clone());
             if let Some(pair) = self.best_pair(&calibrated, &pairs, most, threshold, &mut path)
@@ -145,7 +146,7 @@ impl Search<'_> {
         }
     }
 
-    /// Adds causes, one after another, while they pay: the fits on the way, the last one last. Empty where nothing pays.
+    /// Adds causes one at a time while they gain enough. Returns the fit after each addition; empty if none gains enough.
     fn grown(
         &self,
         mut fit: Fit,
@@ -207,17 +208,17 @@ impl Search<'_> {
         })
     }
 
-    /// Whether there is work left for one more competition or pair.
+    /// Whether the work limit allows one more competition or pair.
     fn goes_on(&self, path: &mut Path) -> bool {
         path.has_steps(self.whitened.pace.taken())
     }
 
-    /// Whether what a fit leaves is noise, as far as a further cause would pay.
+    /// Whether the residual of a fit is noise, so that no further cause can gain enough.
     fn leaves_noise(&self, fit: &Fit, threshold: f64) -> bool {
         whiteness::look(self.whitened, fit).excess * fit.residual.len() as f64 <= threshold
     }
 
-    /// The best of the pairs that promise most, fitted in full: those with fewer than `most` numbers.
+    /// The best of the most promising pairs, fitted in full; only pairs with fewer than `most` parameters.
     fn best_pair(&self, calibrated: &Fit, pairs: &[Pair], most: usize, threshold: f64, path: &mut Path) -> Option<Fit> {
         let nuisance = Nuisance::new(calibrated);
         let kind = calibrated.model.file.kind;
@@ -260,11 +261,11 @@ impl Search<'_> {
         list
     }
 
-    /// Removes causes that no longer pay.
+    /// Removes causes that no longer gain enough.
     fn without_needless(&self, mut fit: Fit, threshold: f64) -> Fit {
         'again: loop {
             let count = fit.model.file.effects.len();
-            // The last one has just paid.
+            // The last one has just gained enough.
             for place in 0..count.saturating_sub(1) {
                 let without = fit.model.minus(self.nominal, place);
                 if let Some(other) = levenberg::onward(self.whitened, without, self.effort.fit_steps, Some(&fit))
@@ -278,7 +279,7 @@ impl Search<'_> {
         }
     }
 
-    /// Asks of each cause what would do in its place: better, then it takes the place; as well, then it is a rival.
+    /// Tests the rivals of each cause. A better rival replaces the cause; an equal one is listed as its rival.
     fn exchanged(
         &self,
         calibrated: &Fit,
@@ -294,7 +295,7 @@ impl Search<'_> {
             for (place, entry) in entries.iter().enumerate() {
                 let name = label(entry.description.kind, entry.arguments.subject.as_deref());
                 let (base, asked) = if entries.len() == 1 {
-                    // The first competition was for the place of a single cause.
+                    // The first competition was for the place of a single cause, so its result can be used again.
                     let known = competed.first().filter(|(_, list)| list.iter().all(|it| it.fit.model.file.effects.len() == 1));
                     match known {
                         Some((_, list)) => (calibrated.clone(), Some(list.clone())),
@@ -307,7 +308,7 @@ impl Search<'_> {
                         continue;
                     };
                     if base.cost - fit.cost < self.decides(&fit, threshold) && drops < self.effort.causes {
-                        // It paid while the others were not at their best.
+                        // The cause gained enough only while the others were not yet fitted well.
                         fit = base;
                         drops += 1;
                         continue 'again;
@@ -338,7 +339,7 @@ impl Search<'_> {
                 rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
                 let mut alike = candidates.iter().find(|it| it.label == name).map_or_else(Vec::new, |it| it.alike.clone());
                 if !asked {
-                    // Whatever the work, an answer says what leaves the same trace.
+                    // Even at the work limit, the answer lists the hypotheses with the same trace.
                     alike = self.of_one_trace(&base, entry, least);
                 }
                 causes.push(Believed {
@@ -355,7 +356,8 @@ impl Search<'_> {
         }
     }
 
-    /// Two of three causes and more may be one in other words: all forces of an axis that are off alike are a mass that is off. One hypothesis in the place of any two, where it is as good.
+    /// Two of three or more causes may be one cause in another form: if all forces of an axis are wrong by the same factor, the mass is wrong. Tries
+    /// one hypothesis in place of any two, and keeps it if it fits as well.
     fn merged(&self, mut fit: Fit, threshold: f64, path: &mut Path) -> Fit {
         'again: loop {
             let count = fit.model.file.effects.len();
@@ -369,7 +371,7 @@ impl Search<'_> {
                 let without = fit.model.minus(self.nominal, b).minus(self.nominal, a);
                 let Some(base) = levenberg::onward(self.whitened, without, self.effort.fit_steps, Some(&fit)) else { continue };
                 let screened = screen(self.whitened, &base, self.nominal, self.hypotheses);
-                // Both together gain so much: what promises a part of it may hold it all.
+                // A hypothesis is tried if its predicted gain is a sufficient share of the joint gain of the two causes.
                 let promising = best_guesses(&screened, 1).into_iter().filter(|it| it.gain > OF_BOTH * (base.cost - fit.cost));
                 let promising: Vec<Entry> = promising
                     .take(MERGED)
@@ -389,7 +391,7 @@ impl Search<'_> {
         }
     }
 
-    /// Hypotheses that would leave the trace of a cause on a plant without it, and promise as much but for what decides.
+    /// Hypotheses whose trace on a plant without the cause is the same, and whose predicted gain is as large, up to the deciding difference.
     fn of_one_trace(&self, base: &Fit, entry: &Entry, least: f64) -> Vec<String> {
         let screened = screen(self.whitened, base, self.nominal, self.hypotheses);
         let best = best_guesses(&screened, 1);
@@ -406,7 +408,7 @@ impl Search<'_> {
         labels
     }
 
-    /// What competes for a place; `None`, once the limit of work is met.
+    /// The candidates for a place; `None` after the work limit is reached.
     fn anew(&self, base: &Fit, threshold: f64, path: &mut Path) -> Option<Vec<Candidate>> {
         if !path.has_steps_for_rivals(self.whitened.pace.taken()) || !path.competes() {
             return None;
@@ -417,7 +419,7 @@ impl Search<'_> {
     }
 }
 
-/// How many numbers the causes of a fit have.
+/// The number of parameters of all causes of a fit.
 fn count_of(fit: &Fit) -> usize {
     count(&fit.model)
 }

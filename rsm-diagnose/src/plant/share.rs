@@ -1,8 +1,9 @@
 //! The share of long records that a search uses.
 //!
-//! In: records, the integration steps that a simulation takes along them. Out: of each record its beginning and pieces spread over the rest, the same share of each record. The first readings of a piece show
-//! its state only in part, so the rows until the plant has forgotten that state do not count. For a plant that does not forget, only the beginnings are used. Says how many rows are
-//! left out; `everywhere` checks the answer on them afterwards. Never drops a record.
+//! In: records, and the integration steps that a simulation takes along them. Out: the beginning of each record and pieces spread over the rest, the
+//! same share of each record. The first readings of a piece show its state only in part, so rows do not count until the plant has forgotten that
+//! state. For a plant that does not forget, only the beginnings are used. Reports how many rows are left out; `everywhere` checks the result on them
+//! afterwards. Never drops a record.
 
 use rsm_sim::kind::OUTPUTS;
 use std::fmt;
@@ -17,39 +18,42 @@ use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
-/// Rows of training records together: derivatives and traces of three outputs for two hundred guesses are then 300 MB.
+/// The largest number of rows of all training records. Derivatives and traces of three outputs for two hundred guesses then need 300 MB.
 const MOST_ROWS: usize = 60_000;
 
-/// Rows of training records together that a search looks at where there are more: as many as of three records of 8000 rows, which take half a minute. All rows judge the answer.
+/// The number of rows of all training records that a search uses if there are more: as many as three records of 8000 rows, which take half a minute.
+/// All rows are used to check the result.
 const SEARCHED: usize = 24_000;
 
-/// Sub-steps of one run along them: what comes before and after a search takes a thousand runs, a minute of one core at 150 ns a step.
+/// The limit of sub-steps of one run along these rows. The work before and after a search takes a thousand runs: a minute of one core at 150 ns per
+/// sub-step.
 const MOST_STEPS_A_RUN: u64 = 400_000;
 
-/// Rows of a record that are kept in any case: fewer say nothing about noise.
+/// The smallest number of rows kept of a record. Fewer are not enough to estimate noise.
 const LEAST_ROWS: usize = 400;
 
-/// Pieces beside the beginning, which has as many rows as all of them: what builds up slowly (heat) shows in one long piece, what comes and goes in many. Fewer where the plant is slow to forget.
+/// The number of pieces beside the beginning, which has as many rows as all pieces together. A slow effect (heat) shows in one long piece, an
+/// intermittent one in many. Fewer pieces are used if the plant forgets slowly.
 const PIECES: [usize; 3] = [4, 2, 1];
 
-/// What settles may take this share of a piece, as one over it.
+/// The rows that do not count may be one part in this many of a piece.
 const SETTLING: usize = 2;
 
-/// The share of each record that is looked at.
+/// The share of each record that is used.
 #[derive(Debug, Clone, Copy)]
 pub struct Share {
     training: f64,
     validation: f64,
-    /// Rows seen, and all.
+    /// The used rows, and all rows.
     rows: (usize, usize),
 }
 
-/// Rows that the search did not look at.
+/// The rows that the search did not use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NotSeen {
-    /// Rows that it did.
+    /// The number of used rows.
     pub seen: usize,
-    /// Rows of all records.
+    /// The number of rows of all records.
     pub of: usize,
 }
 
@@ -72,7 +76,7 @@ fn kept(rows: usize, share: f64) -> usize {
 }
 
 impl Share {
-    /// By the number of rows.
+    /// The share from the number of rows.
     #[must_use]
     pub fn of_rows(training: &[Record], validation: &[Record]) -> Self {
         let of = |records: &[Record]| {
@@ -83,7 +87,7 @@ impl Share {
         Share { training: of(training), validation: of(validation), rows: (all, all) }
     }
 
-    /// What of a record for training or validation is looked at, by the smaller of the shares: records of one plant are then equally long looks.
+    /// The used pieces of a training or validation record. The smaller of the two shares applies, so that all records are cut alike.
     #[must_use]
     pub fn pieces(&self, record: &Record, file: &PlantFile) -> Vec<Piece> {
         let count = kept(record.rows(), self.training.min(self.validation));
@@ -98,12 +102,12 @@ impl Share {
         let Some(pieces) = PIECES.into_iter().find(|pieces| fits(half / pieces)) else { return vec![part(0..count, 0)] };
         let each = half / pieces;
         let rest = beginning.record.rows()..record.rows() - each;
-        // Evenly from behind the beginning to the end.
+        // Evenly spaced from the end of the beginning to the end of the record.
         let starts = (1..=pieces).map(|k| rest.start + (rest.len() * k) / pieces);
         std::iter::once(beginning).chain(starts.map(|start| part(start..start + each, settling))).collect()
     }
 
-    /// Cuts records further, where the plant is so fast that one run along them takes too many steps.
+    /// Cuts records further if the plant is so fast that one run along them takes too many steps.
     pub fn cut(&mut self, whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals, file: &PlantFile) {
         self.cut_to(MOST_STEPS_A_RUN, whitened, unseen, file);
     }
@@ -112,7 +116,7 @@ impl Share {
         let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
         let model = Model::nominal(file, &records, [1.0; OUTPUTS]);
         let before = whitened.pace.taken();
-        // What cannot be simulated is told by whoever needs the run.
+        // A failure of this run is reported where its result is needed.
         let _ = whitened.run(&model);
         let taken = whitened.pace.taken() - before;
         let share = most as f64 / taken.max(1) as f64;
@@ -131,21 +135,22 @@ impl Share {
         }
     }
 
-    /// What is not looked at; `None` where all is.
+    /// The rows that are not used; `None` if all are.
     #[must_use]
     pub fn not_seen(&self) -> Option<NotSeen> {
         (self.rows.0 < self.rows.1).then_some(NotSeen { seen: self.rows.0, of: self.rows.1 })
     }
 }
 
-/// How many rows a plant remembers a first state, by its nominal file; `None` where it cannot be simulated.
+/// The number of rows for which the initial state matters, for the nominal plant; `None` if it cannot be simulated.
 #[must_use]
 pub fn settling(beginning: &Record, file: &PlantFile) -> Option<usize> {
     let prepared = Prepared::new(beginning.clone(), file.kind.outputs().len());
     checks::memory(&prepared, file, 0..beginning.rows())
 }
 
-/// Some rows of a record. Their names say which; the rotor's angle at the first of them is that of the record's start and of the readings of the speed since.
+/// Some rows of a record, which its name states. The rotor angle at the first row is the initial angle of the record plus the integral of the
+/// measured speed.
 #[must_use]
 pub fn piece(record: &Record, kind: PlantKind, rows: Range<usize>, settling: usize) -> Piece {
     let mut part = record.piece(rows.clone());

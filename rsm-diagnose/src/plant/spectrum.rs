@@ -1,7 +1,7 @@
-//! The error by frequency: power spectra before and after, with the noise's own.
+//! The error by frequency: power spectra before and after, with the spectrum of the noise.
 //!
-//! In: simulations before and after, along the same records. Out: a power spectral density of each output (P. D. Welch, 1967: half-overlapping Hann
-//! segments), lines that stand out of their neighbours, and the octave that holds most of the error. Never names a cause.
+//! In: simulations before and after, along the same records. Out: the power spectral density of each output (P. D. Welch, 1967: half-overlapping Hann
+//! segments), lines that exceed their neighbours, and the octave that holds most of the error. Names no cause.
 
 use std::f64::consts::TAU;
 
@@ -13,16 +13,16 @@ use super::whitened_residuals::{Simulated, WhitenedResiduals};
 /// The longest segment: 2048 samples at 1 kHz resolve half a hertz.
 const LONGEST_SEGMENT: usize = 2048;
 
-/// The shortest that shows more than a slope.
+/// The shortest useful segment.
 const SHORTEST_SEGMENT: usize = 64;
 
-/// Segments that an average has at least: eight scatter by a third.
+/// The smallest number of segments in an average: with eight, the scatter is about a third.
 const SEGMENTS: usize = 8;
 
-/// A line may stand out of its neighbours by chance once in this many reports.
+/// In one of 100 reports, chance alone may give a line.
 const CHANCE: f64 = 0.01;
 
-/// Lines that are named at most, of an output.
+/// The largest number of lines named for an output.
 const NAMED_LINES: usize = 3;
 
 /// The spectra of an output.
@@ -34,27 +34,27 @@ pub struct Spectrum {
     pub frequency: Vec<f64>,
     /// Power spectral density of the first error: the output's unit squared per Hz.
     pub before: Vec<f64>,
-    /// Of the second.
+    /// The same of the second error.
     pub after: Vec<f64>,
-    /// Of the noise, as estimated.
+    /// The same of the estimated noise.
     pub noise: Vec<f64>,
-    /// Segments behind each value.
+    /// The number of segments averaged in each value.
     pub averages: usize,
 }
 
-/// A line that stands out.
+/// A line that exceeds its neighbours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peak {
-    /// Its place in the spectrum.
+    /// Its index in the spectrum.
     pub place: usize,
-    /// How many times it is as strong as its surroundings.
+    /// Its power divided by the power of its neighbours.
     pub ratio: f64,
 }
 
-/// The spectra of all outputs; none for records too short.
+/// The spectra of all outputs. Empty if the records are too short.
 #[must_use]
 pub fn spectra(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simulated]) -> Vec<Spectrum> {
-    // Records of another sample period have other frequencies: those of the first one's are taken together.
+    // Records with another sample period have other frequencies. Only records with the period of the first one are averaged.
     let Some(period) = whitened.records.first().map(|it| it.record.period) else { return Vec::new() };
     let alike: Vec<usize> =
         (0..whitened.records.len()).filter(|k| (whitened.records[*k].record.period / period - 1.0).abs() < 0.01).collect();
@@ -66,7 +66,7 @@ pub fn spectra(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simu
     }
     let window: Vec<f64> = (0..size).map(|k| 0.5 - 0.5 * (TAU * (k as f64 + 0.5) / size as f64).cos()).collect();
     let energy: f64 = window.iter().map(|w| w * w).sum();
-    // One-sided: both signs of a frequency are one line.
+    // One-sided: positive and negative frequencies are added.
     let density = 2.0 * period / energy;
     let mut list = Vec::new();
     for output in 0..whitened.floors.len() {
@@ -80,7 +80,7 @@ pub fn spectra(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simu
                 if used[start..start + size].iter().any(|used| !used) {
                     continue;
                 }
-                // Two real signals in one transform: the first is the real part, the second the imaginary one.
+                // One transform of two real signals: the first is the real part, the second is the imaginary part.
                 let part = |simulated: &[Simulated]| -> Vec<f64> {
                     (0..size).map(|i| window[i] * (measured[start + i] - simulated[record][k][start + i])).collect()
                 };
@@ -108,7 +108,7 @@ pub fn spectra(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simu
     list
 }
 
-/// Power spectral density of a floor at a frequency, one-sided, in its unit squared per Hz.
+/// The one-sided power spectral density of a noise floor at a frequency, in its unit squared per Hz.
 #[must_use]
 pub fn of_noise(floor: &Floor, frequency: f64, period: f64) -> f64 {
     let r = floor.correlation;
@@ -116,10 +116,11 @@ pub fn of_noise(floor: &Floor, frequency: f64, period: f64) -> f64 {
     2.0 * period * floor.sd * floor.sd * innovation
 }
 
-/// Lines that stand out of what surrounds them, the strongest first. `apart` is how far a line reaches to either side: surroundings are the two lines beyond.
+/// Lines that exceed their neighbours, the strongest first. A line is `apart` values wide to either side; its neighbours are the two values beyond.
 ///
-/// The ratio of two averages of n exponential powers is F distributed with 2n and 2n degrees of freedom; half its logarithm is normal with a variance of
-/// 1/(2n), nearly (R. A. Fisher, 1924), and a normal variable passes x with a probability below exp(-x^2/2) (H. Chernoff, 1952).
+/// The ratio of two averages of n exponential powers has an F distribution with 2n and 2n degrees of freedom. Half its logarithm is approximately
+/// normal with variance 1/(2n) (R. A. Fisher, 1924). A normal variable exceeds x standard deviations with probability below exp(-x^2/2) (H. Chernoff,
+/// 1952).
 #[must_use]
 pub fn peaks(power: &[f64], averages: usize, apart: usize) -> Vec<Peak> {
     if averages < 4 || power.len() < 2 * apart + 5 {
@@ -135,7 +136,7 @@ pub fn peaks(power: &[f64], averages: usize, apart: usize) -> Vec<Peak> {
         };
         let below = side(place.checked_sub(apart + 1), place.checked_sub(apart + 2));
         let above = side(Some(place + apart + 1), Some(place + apart + 2));
-        // A slope has a high side: a line must stand out of that one too. At an edge there is one side only, and no telling.
+        // On a slope one side is higher, so a line must exceed both sides. At an edge there is only one side, so no line is reported.
         let (Some(below), Some(above)) = (below, above) else { continue };
         let around = below.max(above);
         let is_highest =
@@ -149,19 +150,19 @@ pub fn peaks(power: &[f64], averages: usize, apart: usize) -> Vec<Peak> {
 }
 
 impl Spectrum {
-    /// Its density on a side.
+    /// The density of one side.
     #[must_use]
     pub fn of(&self, side: Side) -> &[f64] {
         if side == Side::Before { &self.before } else { &self.after }
     }
 
-    /// The octave that holds most of the error beyond noise and the lines that stand out, as shares of `all`, the error of all outputs beyond noise in
-    /// squared standard deviations, and of `own`, that of this one; `rows` and `sd` are those of this output.
+    /// The octave that holds most of the error above the noise, and the lines that exceed their neighbours. Shares refer to `all`, the error of all
+    /// outputs above the noise in squared standard deviations, and to `own`, that of this output. `rows` and `sd` belong to this output.
     #[must_use]
     pub fn regions(&self, side: Side, sd: f64, rows: usize, own: f64, all: f64) -> Vec<Region> {
         let power = self.of(side);
         let Some(step) = self.frequency.first().copied() else { return Vec::new() };
-        // From a density to squared standard deviations, summed over the rows.
+        // Converts a density to squared standard deviations, summed over the rows.
         let energy = |range: std::ops::Range<usize>| -> f64 {
             let beyond: f64 = range.map(|k| power[k] - self.noise[k]).sum();
             beyond * step * rows as f64 / (sd * sd)
@@ -198,7 +199,7 @@ impl Spectrum {
                 });
             }
         }
-        // A Hann window spreads a line over its two neighbours, and half of that to the next.
+        // With a Hann window, a line reaches up to two values to each side.
         for peak in peaks(power, self.averages, 2).into_iter().take(NAMED_LINES) {
             let around = peak.place.saturating_sub(1)..(peak.place + 2).min(power.len());
             let beyond = energy(around);

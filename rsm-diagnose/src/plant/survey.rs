@@ -1,6 +1,6 @@
 //! A survey of the records: the sizes from which first guesses are made.
 //!
-//! In: prepared records and the calibrated plant's residuals. Out: a [`Survey`]. It contains only scales and decides nothing between causes.
+//! In: prepared records and the calibrated plant's residuals. Out: a [`Survey`]. It contains only scales and does not choose between causes.
 
 use super::levenberg::Fit;
 use super::rounding;
@@ -13,7 +13,7 @@ use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Parameters;
 use rsm_sim::record::{Drive, Record};
 
-/// Samples on either side for a derivative: the noise of a second difference falls with the square.
+/// Rows on either side for a derivative. The noise of a second difference falls with the square of this.
 const WIDTH: usize = 5;
 
 /// The survey of training records.
@@ -79,7 +79,7 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
             for (place, prepared) in whitened.records.iter().enumerate() {
                 let record = &prepared.record;
                 let recorded = if record.drive == Drive::Closed { record.measured[1].as_ref() } else { record.inputs.first() };
-                // A command that nobody recorded is that of the calibrated plant's own loop.
+                // If the command was not recorded, the command of the simulated control loop is used.
                 let simulated = if recorded.is_none() { whitened.all_outputs(place, &fit.model) } else { None };
                 let simulated = simulated.as_ref().and_then(|outputs| outputs.of("command"));
                 let commands = recorded.map(Vec::as_slice).or(simulated).unwrap_or_default();
@@ -97,12 +97,12 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
                 input = commands.iter().fold(input, |most, value| most.max(value.abs()));
             }
         }
-        // Its sizes are those of its places.
+        // Its scales belong to its own signals.
         PlantKind::Equations(_) => {}
     }
     let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
     let scales = equation_plant::scales(&fit.model.file, &records).unwrap_or_default();
-    // An output that rests at zero, or nothing at all, still has a scale: its noise.
+    // An output that stays at zero still has a scale: its noise.
     for output in 0..kind.outputs().len() {
         largest[output] = largest[output].max(whitened.floors[output].sd);
         spread[output] = spread[output].max(whitened.floors[output].sd);
@@ -128,8 +128,8 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
     }
 }
 
-/// The usual torque of a motor whose record holds no current: the largest of its load, of what accelerates its inertia, and of what the voltage beyond the EMF drives
-/// through the resistance, each as a root mean square.
+/// The usual torque of a motor if its record holds no current. It is the largest of three root mean squares: the load, the torque that accelerates
+/// the inertia, and the torque of the current that the voltage above the EMF drives through the resistance.
 fn torque_without_current(whitened: &WhitenedResiduals, parameters: &Parameters) -> f64 {
     let of = |name| parameters.number(name);
     let linkage = of("pole_pairs") * of("flux_linkage");

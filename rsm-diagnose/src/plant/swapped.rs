@@ -1,20 +1,22 @@
 //! Swapped columns: two columns with exchanged headers.
 //!
-//! In: the nominal plant, a record. Out: the pair of outputs, or of inputs, whose exchange makes the record follow the plant. Each record is tested separately, because the set-up of one logger may be wrong.
-//! No exchange is reported if the record follows the plant as it is, or if an exchange leaves more than a fifth of the error: then the search for causes has to explain it.
+//! In: the nominal plant and a record. Out: the pair of outputs, or of inputs, whose exchange makes the record follow the plant. Each record is
+//! tested separately, because the set-up of one logger may be wrong. No exchange is reported if the record follows the plant as it is, or if an
+//! exchange leaves more than a fifth of the error: then the search for causes must explain it.
 
 use super::checks::{Finding, SWAPPED};
 use super::units;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
 
-/// An exchange leaves this share of the squared error at most, noise set apart: what is exchanged and otherwise in order leaves hardly anything.
+/// An exchange must leave at most this share of the squared error above the noise. Exchanged columns that are otherwise right leave hardly any.
 const LEAVES: f64 = 0.2;
 
-/// And no more than this share of the squared spread, of which the record as it is misses more: what misses more does not follow the plant.
+/// It must also leave at most this share of the squared spread, while the record as given leaves more. A record with a larger error does not follow
+/// the plant.
 const FOLLOWS: f64 = 0.5;
 
-/// Exchanges that are calibrated.
+/// The number of exchanges that are calibrated.
 const CALIBRATED: usize = 2;
 
 /// Two columns that are exchanged.
@@ -25,7 +27,7 @@ enum Pair {
 }
 
 impl Pair {
-    /// The record with the two exchanged.
+    /// A copy of the record with the two columns exchanged.
     fn exchanged(self, record: &Record) -> Record {
         let mut record = record.clone();
         match self {
@@ -43,7 +45,7 @@ impl Pair {
     }
 }
 
-/// All pairs of columns that a record holds. A drive that makes an input of its own has no column for it.
+/// All pairs of columns that a record holds. An input that the drive itself generates has no column.
 fn pairs(record: &Record) -> Vec<Pair> {
     let outputs: Vec<usize> = (0..record.measured.len()).filter(|k| record.measured[*k].is_some()).collect();
     let inputs: Vec<usize> = match record.drive {
@@ -56,14 +58,14 @@ fn pairs(record: &Record) -> Vec<Pair> {
     [each(&outputs, Pair::Outputs), each(&inputs, Pair::Inputs)].concat()
 }
 
-/// The exchange that puts a record right, if one does.
+/// The exchange that makes a record follow the plant, if there is one.
 fn of_record(file: &PlantFile, record: &Record, threads: usize) -> Option<Pair> {
     let pairs = pairs(record);
     if pairs.is_empty() {
         return None;
     }
     let as_given = units::misses(file, record, threads);
-    // What follows the plant has its columns in their places: an exchange of signals misses by as much as they move.
+    // A record that follows the plant has its columns in the right place: an exchange gives an error as large as the signals.
     if as_given.calibrated < FOLLOWS || as_given.is_noise() {
         return None;
     }

@@ -1,68 +1,72 @@
-//! Noise with heavy tails: a reading far off its neighbours has the weight that Student's t distribution gives it.
+//! Noise with heavy tails: a reading far from its neighbours gets the weight of Student's t distribution.
 //!
-//! In: the residuals of the outputs. Out: the distribution of the noise of each output with heavy tails, and readings in which each outlier is moved towards its neighbours, so that a least squares
-//! fit solves the equations of the likelihood of Student's t (pseudo-values; P. J. Huber, "Robust statistics", 1981, section 7.8). Later steps then see noise of one size, with the variance
-//! of the best estimate, so costs, thresholds and intervals stay valid (`taming.rs`). Normal noise is left unchanged. A reading is compared with its neighbours, not with the simulation alone, so structure that lasts
-//! some rows is no outlier. Where the noise is correlated from row to row, its innovations are used: each reading less what the reading before it, already corrected, predicts.
+//! In: the residuals of the outputs. Out: the distribution of the noise of each output with heavy tails, and readings in which each outlier is moved
+//! towards its neighbours, so that a least squares fit solves the likelihood equations of Student's t (pseudo-values; P. J. Huber, "Robust
+//! statistics", 1981, section 7.8). Later steps then see noise of one size, with the variance of the best estimate, so costs, thresholds and
+//! intervals stay valid (`taming.rs`). Normal noise is not changed. A reading is compared with its neighbours, not with the simulation alone, so
+//! structure that lasts some rows is no outlier. If the noise is correlated from row to row, its innovations are used: each reading minus the
+//! prediction from the corrected reading before it.
 
 use super::noise::Floor;
 use crate::engine::significance::median;
 use statrs::function::gamma::ln_gamma;
 
-/// Rows to either side that say where a row should be: their median is not moved by outliers.
+/// Rows on either side that give the expected value of a row: outliers do not change their median.
 const BESIDE: usize = 4;
 
-/// Degrees of freedom that are tried. Beyond ten a least squares fit loses less than 4 % of what readings say (3 f/((f + 3)(f - 2)) of it; R. A. Fisher, 1922); lighter laws say only whether there are tails at all.
+/// The tested degrees of freedom. Above ten, least squares loses less than 4 % of the information, 3 f/((f + 3)(f - 2)) of it (R. A. Fisher, 1922).
+/// Larger values only show whether there are tails at all.
 const FREEDOMS: [f64; 12] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, LIGHT, 14.0, 20.0, 30.0];
 
-/// From this many degrees of freedom on tails are not worth a law.
+/// With this many degrees of freedom or more, tails are ignored.
 const LIGHT: f64 = 10.0;
 
-/// Fewer rows say too little about what stands beside their outermost fiftieth.
+/// With fewer rows, the outermost fiftieth is too small for the tests.
 const LEAST_ROWS: usize = 2000;
 
-/// Twice the logarithm of the likelihood ratio that tails must reach. Chi squared with two degrees of freedom (scale and freedom) passes 40 twice in 10^9 cases: such noise is never near the limit, and normal noise is to stay untouched.
+/// Twice the log likelihood ratio that tails must reach. Chi squared with two degrees of freedom (scale and freedom) exceeds 40 twice in 10^9 cases.
+/// Heavy-tailed noise is far above this limit, and normal noise must not be changed.
 const LEAST_RATIO_OF_TAILS: f64 = 40.0;
 
-/// The outermost rows that are asked whether they come together: one in fifty.
+/// The share of outermost rows that are tested for clusters: one in fifty.
 const OUTERMOST: f64 = 0.02;
 
-/// Rows within which they would.
+/// Rows within which a cluster is counted.
 const TOGETHER: usize = 8;
 
-/// How many times as often as chance has it they may stand together. Noise is from row to row its own: slow noise under tails stands together up to twice as often as chance has it. Contacts, ripples
-/// and noise that belongs to some part of a record come in bunches, ten times as often and more.
+/// How many times the chance frequency of clusters is allowed. Independent noise has no clusters; slow noise with tails has up to twice the chance
+/// frequency. Contacts, ripples and noise in only some part of a record have ten times and more.
 const OF_CHANCE: f64 = 3.0;
 
-/// How far the rows beside the outermost ones may lie off, in the middle, over all rows: an outlier is alone, and a corner or a bend that a simulation misses is not. Of forty rows with two beside each
-/// the middle of the sizes scatters by a seventh; slow noise under tails has 1.2.
+/// The allowed median deviation of the rows beside the outermost ones, relative to all rows. An outlier is alone; a corner or a bend that the
+/// simulation misses is not. For forty rows with two neighbours each, this median scatters by a seventh. Slow noise with tails has 1.2.
 const BESIDE_OUTERMOST: f64 = 1.6;
 
-/// Readings that repeat the one before, as a share of all, from which a sensor is coarse: it reads one step off or none, which is no tail.
+/// The share of readings equal to the one before from which a sensor is coarse. Its readings are one step off or none, which is no tail.
 const REPEATS: f64 = 0.02;
 
-/// The median of the size of a normal number.
+/// The median of |x| for a standard normal x.
 const MEDIAN_SIZE: f64 = 0.6745;
 
-/// Scales beyond which a reading is called outlying in words: of normal noise one in 16,000 is.
+/// A reading counts as an outlier in the report beyond this many scales; of normal noise that is one in 16,000.
 const OUTLYING: f64 = 4.0;
 
-/// Passes in which each row learns what the rows before it are without their outliers. One is found by the first, those that stand beside one another by the next.
+/// The number of passes in which outliers of earlier rows are replaced. The first finds single outliers, the next ones find neighbouring outliers.
 const PASSES: usize = 4;
 
-/// Iterations of the scale: each makes its error smaller by f/(f + 3) at worst.
+/// Iterations of the scale. Each reduces the error by at least the factor f/(f + 3).
 const ROUNDS: usize = 60;
 
-/// What is left of an output of a record.
+/// The residual of an output in one record.
 #[derive(Debug, Clone)]
 pub struct Left<'a> {
     /// Readings.
     pub measured: &'a [f64],
-    /// What is left of them.
+    /// Their residuals.
     pub left: &'a [f64],
     /// Rows that count.
     pub used: &'a [bool],
-    /// Rows that do not, for they were taken for jumps.
+    /// Rows that do not count because they were taken for jumps.
     pub jumps: Vec<usize>,
 }
 
@@ -74,33 +78,34 @@ impl Left<'_> {
     }
 }
 
-/// Readings, what is left of them, rows that count.
+/// Readings, their residuals, and which rows count.
 type Used<'a> = (&'a [f64], &'a [f64], &'a [bool]);
 
-/// A law of heavy tails, of one output.
+/// The heavy-tailed distribution of an output's noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tails {
     /// Degrees of freedom of Student's t.
     pub freedom: f64,
-    /// Its scale, over the deviation that the median of sizes gives in a record: records may have noise of different size.
+    /// Its scale divided by the standard deviation from the median in a record, because records may have different noise.
     pub scale: f64,
-    /// The mean slope of the pull over the deviation.
+    /// The mean slope of the influence function over the deviations.
     pub slope: f64,
-    /// Share of the rows that lie beyond four scales of their neighbours.
+    /// The share of rows more than four scales away from their neighbours.
     pub outlying: f64,
-    /// Correlation of the noise from row to row, outliers apart.
+    /// The correlation of the noise from row to row, without outliers.
     pub correlation: f64,
 }
 
 impl Tails {
-    /// What is left of a deviation, in scales.
+    /// A deviation after the correction, in scales.
     fn tame(&self, deviation: f64) -> f64 {
         deviation / (1.0 + deviation * deviation / self.freedom) / self.slope
     }
 
-    /// From what is left of an output, one list a record: readings, what is left, rows that count, rows that were left out as jumps. `None` where noise has no heavy tails, as far as can be told.
-    /// Light tails are none, but where jumps were left out: of a law whose outermost part is cut away the rest looks lighter than it is. Where the law with them is heavy, that of the rest holds, however light. Jumps
-    /// in normal noise are faults of single readings, and leave no tails.
+    /// The distribution from the residuals of an output, one list for each record: readings, residuals, rows that count, rows left out as jumps.
+    /// `None` if there are no significant heavy tails. Light tails are ignored, except if jumps were left out: without its outermost part, a
+    /// distribution looks lighter than it is. If the distribution with the jumps is heavy, the one without them is used, however light. Jumps in
+    /// normal noise are faults of single readings and no sign of tails.
     #[must_use]
     pub fn found(lists: &[Left<'_>]) -> Option<Tails> {
         let rest: Vec<Used<'_>> = lists.iter().map(|it| (it.measured, it.left, it.used)).collect();
@@ -116,7 +121,7 @@ impl Tails {
         heavy.then_some(law)
     }
 
-    /// The most likely law, where tails are sure.
+    /// The most likely distribution, if the tails are significant.
     fn likely(lists: &[Used<'_>], correlation: f64) -> Option<Tails> {
         let mut all = Vec::new();
         let mut beside_outermost = Vec::new();
@@ -146,7 +151,7 @@ impl Tails {
         if all.len() < LEAST_ROWS {
             return None;
         }
-        // As many as chance puts there, and what that scatters by: four standard deviations of a count.
+        // The number expected by chance, plus four standard deviations of a count.
         let chance = outermost as f64 / all.len() as f64 * places as f64;
         if together as f64 > OF_CHANCE * chance + 4.0 * chance.sqrt() {
             return None;
@@ -167,13 +172,13 @@ impl Tails {
         (slope > 0.0).then_some(Tails { freedom, scale, slope, outlying, correlation })
     }
 
-    /// Readings of a record in which the noise is tame: moved towards their neighbours. `left` is what a simulation leaves of them.
+    /// The readings of a record with outliers moved towards their neighbours. `left` is the residual of a simulation.
     pub(super) fn tamed(&self, measured: &[f64], left: &[f64], used: &[bool], law: &Floor) -> Vec<f64> {
         let (even, uneven) = evened(law, measured, left);
         let off = off_expected(&even, used, self.correlation);
         let Some(size) = deviation(&off).filter(|size| *size > 0.0) else { return measured.to_vec() };
         let scale = self.scale * size;
-        // What is new in a row stays, by the correlation, in those that follow: so tame readings, whitened, are tame news.
+        // Through the correlation, a corrected innovation also changes the following rows; after whitening they are the corrected innovations.
         let mut follows = 0.0;
         let mut tamed = measured.to_vec();
         for (row, value) in tamed.iter_mut().enumerate() {
@@ -188,7 +193,7 @@ impl Tails {
     }
 }
 
-/// What is left as it would be if the noise did not grow with the reading, and what each row was divided by.
+/// The residual scaled to uniform noise if the noise grows with the reading, and the divisor of each row.
 pub(super) fn evened(floor: &Floor, measured: &[f64], left: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let (mut even, mut units) = (left.to_vec(), vec![1.0; left.len()]);
     floor.even(measured, &mut even);
@@ -196,7 +201,7 @@ pub(super) fn evened(floor: &Floor, measured: &[f64], left: &[f64]) -> (Vec<f64>
     (even, units.into_iter().map(|unit| 1.0 / unit).collect())
 }
 
-/// Each row less the median of the rows beside it; `None` where it does not count, or stands alone.
+/// Each row minus the median of the rows beside it; `None` if it does not count or has no neighbours that count.
 pub(super) fn off_neighbours(left: &[f64], used: &[bool]) -> Vec<Option<f64>> {
     let mut beside = Vec::with_capacity(2 * BESIDE);
     (0..left.len())
@@ -212,9 +217,9 @@ pub(super) fn off_neighbours(left: &[f64], used: &[bool]) -> Vec<Option<f64>> {
         .collect()
 }
 
-/// Each row less what is expected there: by the rows beside it, and, where noise follows itself, by the row before. Of such noise a row less its correlation times the row before is new, and new rows are
-/// compared with new rows beside them. The row before counts as it is, or, where it is an outlier, as it was expected: an outlier says nothing of the next row. Behind a gap the rows beside it say alone
-/// where a row should be: that deviates as much, to a tenth, up to correlations of 0.8.
+/// Each row minus its expected value, from the rows beside it and, for correlated noise, from the row before. The innovation of a row is compared
+/// with the innovations beside it. An outlier contains no information about the next row, so its expected value is used there. After a gap only the
+/// rows beside it are used; up to a correlation of 0.8 the deviation is then the same within a tenth.
 fn off_expected(left: &[f64], used: &[bool], correlation: f64) -> Vec<Option<f64>> {
     let plain = off_neighbours(left, used);
     if correlation == 0.0 {
@@ -232,27 +237,27 @@ fn off_expected(left: &[f64], used: &[bool], correlation: f64) -> Vec<Option<f64
     off
 }
 
-/// What is left, outliers where they are expected.
+/// The residual with outliers replaced by their expected values.
 fn without_outliers(left: &[f64], off: &[Option<f64>]) -> Vec<f64> {
     let size = deviation(off).unwrap_or(0.0);
     left.iter().zip(off).map(|(left, off)| off.map_or(*left, |off| left - off + limited(off, size))).collect()
 }
 
-/// What is left of a deviation where outliers alone are taken away.
+/// A deviation with outliers limited.
 fn limited(off: f64, size: f64) -> f64 {
     if off.abs() > OUTLYING * size { 0.0 } else { off }
 }
 
-/// The correlation of the noise from row to row, as it is without outliers.
+/// The correlation of the noise from row to row, without outliers.
 fn correlation(lists: &[Used<'_>]) -> f64 {
     let without = |(_, left, used): &Used<'_>| without_outliers(left, &off_neighbours(left, used));
     let without: Vec<Vec<f64>> = lists.iter().map(without).collect();
     let without: Vec<(&[f64], &[bool])> = without.iter().zip(lists).map(|(left, it)| (left.as_slice(), it.2)).collect();
-    // Noise that is less than white has no slow part that medians could miss.
+    // A negative correlation means no slow noise that medians could miss.
     Floor::estimate(&without).map_or(0.0, |floor| floor.correlation.max(0.0))
 }
 
-/// The deviation that the median of sizes gives.
+/// The standard deviation estimated from the median of absolute deviations.
 pub(super) fn deviation(off: &[Option<f64>]) -> Option<f64> {
     let mut sizes: Vec<f64> = off.iter().flatten().map(|it| it.abs()).collect();
     (!sizes.is_empty()).then(|| median(&mut sizes) / MEDIAN_SIZE)
@@ -273,7 +278,7 @@ fn scale(values: &[f64], freedom: f64) -> f64 {
     square.sqrt()
 }
 
-/// The negative logarithm of the likelihood of Student's t.
+/// The negative log likelihood of Student's t.
 fn cost(values: &[f64], (freedom, scale): (f64, f64)) -> f64 {
     let level =
         ln_gamma(0.5 * freedom) - ln_gamma(0.5 * (freedom + 1.0)) + 0.5 * (freedom * std::f64::consts::PI).ln() + scale.ln();

@@ -1,6 +1,7 @@
-//! Records whose noise has heavy tails, with corrected readings.
+//! Corrects the readings of records whose noise has heavy tails.
 //!
-//! In: records and a fit along them. Out: the same records, with outliers moved by the rules of [`super::tails`]. Readings of outputs without heavy tails are not changed.
+//! In: records and a fit along them. Out: the same records, with outliers moved as in [`super::tails`]. Readings of outputs without heavy tails are
+//! not changed.
 
 use super::alignment;
 use super::checks::Finding;
@@ -13,7 +14,7 @@ use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::PlantKind;
 
-/// The laws of all outputs, from what a simulation leaves of the records.
+/// The noise distributions of all outputs, from the residual of a simulation.
 fn laws(
     whitened: &WhitenedResiduals,
     simulated: &[Simulated],
@@ -39,7 +40,7 @@ fn laws(
     laws
 }
 
-/// Readings as they were recorded, of each record by output: laws are asked of these, beside the best fit there is.
+/// The readings as recorded, for each record by output. Distributions are always estimated from these, with the best fit so far.
 #[derive(Debug, Clone)]
 pub(super) struct Recorded(Vec<Vec<Option<Vec<f64>>>>);
 
@@ -50,17 +51,18 @@ impl Recorded {
         Recorded(whitened.records.iter().map(|it| it.record.measured.clone()).collect())
     }
 
-    /// Exchanges them with those that the records hold.
+    /// Exchanges them with the readings in the records.
     fn swap(&mut self, whitened: &mut WhitenedResiduals) {
         self.0.iter_mut().zip(&mut whitened.records).for_each(|(own, it)| std::mem::swap(own, &mut it.record.measured));
     }
 }
 
-/// Correlations of noise that differ by less leave readings that differ by less than a tenth of the noise, and only behind outliers.
+/// A change of the noise correlation below this changes readings by less than a tenth of the noise, and only after outliers.
 const SAME_COLOUR: f64 = 0.1;
 
-/// Looks for heavy tails beside a fit and makes the noise of both sets of records tame; whether that changed. A fit that misses something hides tails under structure, or takes structure for the colour of noise:
-/// laws are found anew once a better one is there. `recorded`: the readings of both sets of records; `findings` tell which rows were left out as jumps.
+/// Detects heavy tails with a fit, and corrects outliers in both sets of records. Returns whether readings changed. A fit with an error hides tails
+/// under structure, or takes structure for correlated noise, so distributions are estimated again when a better fit exists. `recorded` holds the
+/// readings of both sets as recorded; `findings` tell which rows were left out as jumps.
 pub(super) fn found(
     whitened: &mut WhitenedResiduals,
     unseen: &mut WhitenedResiduals,
@@ -87,7 +89,7 @@ pub(super) fn found(
     changes
 }
 
-/// Makes the noise of the records tame by its laws. `simulated` is a simulation of them; their readings are as they were recorded.
+/// Corrects the readings of the records by their noise distributions. `simulated` is a simulation of them; the readings must be as recorded.
 fn tame(whitened: &mut WhitenedResiduals, simulated: &[Simulated]) {
     for (prepared, simulated) in whitened.records.iter_mut().zip(simulated) {
         for (k, values) in simulated.iter().enumerate() {
@@ -100,7 +102,7 @@ fn tame(whitened: &mut WhitenedResiduals, simulated: &[Simulated]) {
     }
 }
 
-/// Records that no fit has seen, their noise tame by the laws of those that were fitted. Where a model cannot be simulated along them they stay as they are.
+/// Holdout records, corrected with the distributions of the fitted records. If a model cannot be simulated along them, they stay unchanged.
 #[must_use]
 pub(super) fn tamed(mut unseen: WhitenedResiduals, model: &Model) -> WhitenedResiduals {
     if unseen.tails.iter().any(Option::is_some)
@@ -111,7 +113,7 @@ pub(super) fn tamed(mut unseen: WhitenedResiduals, model: &Model) -> WhitenedRes
     unseen
 }
 
-/// What a simulation leaves of readings.
+/// Readings minus simulation.
 pub(super) fn less(measured: &[f64], simulated: &[f64]) -> Vec<f64> {
     measured.iter().zip(simulated).map(|(measured, simulated)| measured - simulated).collect()
 }

@@ -1,7 +1,7 @@
 //! The gain of an extended plant on test records, which nothing else uses.
 //!
-//! In: the plants at the end of a diagnosis, and test records. Out: [`Tested`]. Test records are used here only, once, after causes, numbers and verdict are final; other test
-//! files change nothing but these figures. Only the start of a record is fitted, to its own first part.
+//! In: the final plants of a diagnosis, and test records. Out: [`Tested`]. Test records are used only here, once, when causes, parameters and verdict
+//! are final. Other test files change only these figures. Only the initial state of a record is fitted, to its own first part.
 
 use super::bootstrap;
 use super::checks::{self, Finding};
@@ -13,7 +13,7 @@ use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
-/// The start of a record is estimated on one row in this many, from its beginning; errors are of the rows after that.
+/// The initial state is estimated on the first part of a record, one part in this many. Errors are of the rows after it.
 pub const FIRST_PART: usize = 4;
 
 /// Figures of test records.
@@ -33,7 +33,7 @@ pub struct Tested {
     pub gain_interval: (f64, f64),
 }
 
-/// The figures, by the noise of the records that were fitted; `None` where there are no test records, or a plant cannot be simulated along them.
+/// The figures, relative to the noise of the fitted records. `None` if there are no test records, or if a plant cannot be simulated along them.
 #[must_use]
 pub fn tested(
     file: &PlantFile,
@@ -65,7 +65,7 @@ pub fn tested(
     })
 }
 
-/// A simulation of whole records from starts that their first parts gave.
+/// A simulation of whole records, with initial states from their first parts.
 fn from_first_part(whitened: &WhitenedResiduals, model: &Model) -> Option<Vec<Simulated>> {
     let first = whitened.records.iter().map(|it| it.shortened(it.record.rows() / FIRST_PART)).collect();
     let started = validation::on(&whitened.on(first), model)?.model;

@@ -1,10 +1,11 @@
-//! Records that begin in the middle of a motion: a car, whose torque lags and whose driveshaft swings, or an axis whose record is cut out of a longer log.
+//! Records that begin in motion: a car whose torque lags and whose driveshaft oscillates, or an axis whose record was cut out of a longer log.
 //!
-//! In: a fit with steady starts. Out: whether other starts explain one of its records far better. If so, the starts of all records are unknown. Their influence ends within
-//! seconds, and so does the part of a missing cause that they absorb. Never changes anything else.
+//! In: a fit with steady initial states. Out: whether other initial states explain any record far better. If so, the initial states of all records
+//! are unknown. Their influence ends within seconds, and so does the part of a missing cause that they can compensate for. Changes nothing else.
 //!
-//! All records of a machine usually come from one kind of log. If one of them clearly begins in motion, the starting speed is unknown in all of them, because a small speed is not 0. What effects
-//! remember from before the record (delayed commands, a lagging reading, a twisted shaft) is unknown too, but soon forgotten: the first rows only let the simulation settle and are not compared.
+//! All records of a machine usually come from the same kind of log. If one of them clearly begins in motion, the initial speed is unknown in all of
+//! them, because a small speed is not 0. The memory of effects (delayed commands, a slow sensor, a twisted shaft) is unknown too, but soon forgotten:
+//! in the first rows the simulation settles, and they are not compared.
 
 use super::levenberg::{self, Fit};
 use super::model::{self, AtStart, Model};
@@ -14,19 +15,22 @@ use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
-/// Steps of a fit with starts that are not steady: the plant is nearly linear in them.
+/// Steps of a fit with free initial states. The plant is nearly linear in them.
 const STEPS: usize = 4;
 
-/// Three numbers of a start gain 3 in noise, and 30 once in a million records. Where more than noise is left, this many times that.
+/// Three free initial values gain 3 on noise, and more than 30 once in a million records. If more than noise is left, the limit is this many times
+/// the mean squared residual.
 const LEAST_GAIN: f64 = 30.0;
 
-/// How long an axis with its drives and sensors remembers, s: delays and lags are tens of milliseconds, and a position loop of some 30/s forgets in as many.
+/// The memory in s of an axis with its drive and sensors. Delays and lags are tens of milliseconds, and a position loop with a gain of 30/s forgets
+/// in about the same time.
 const REMEMBERED: f64 = 0.1;
 
-/// Rows that judge nothing are at most this share of a record.
+/// The rows that are not compared are at most one in this many rows of a record.
 const MOST_SHARE: usize = 10;
 
-/// How records of an axis begin; where in motion, their first rows lead the simulation and judge nothing from here on. Of other plants: steadily, as long as nothing shows the contrary.
+/// The initial motion of axis records. If they begin in motion, their first rows let the simulation settle and are not compared. Other plants count
+/// as steady until a fit shows the contrary.
 pub fn of_axis(whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals, file: &PlantFile) -> AtStart {
     let records = whitened.records.iter().chain(&unseen.records).map(|it| &it.record);
     let at_start = AtStart::of(file.kind, records);
@@ -41,7 +45,7 @@ pub fn of_axis(whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals,
     at_start
 }
 
-/// Whether a record that is fitted, or one that is not, begins so.
+/// Whether any training or holdout record begins in motion.
 #[must_use]
 pub fn shown(whitened: &WhitenedResiduals, fit: &Fit, unseen: &WhitenedResiduals) -> bool {
     let has_hidden = matches!(fit.model.file.kind, PlantKind::Driveline | PlantKind::Equations(_));
@@ -58,7 +62,7 @@ pub fn shown(whitened: &WhitenedResiduals, fit: &Fit, unseen: &WhitenedResiduals
     levenberg::fit(unseen, model, STEPS).is_some_and(|free| gains(unseen, &steady, &free))
 }
 
-/// The model with starts that need not be steady, its other starts where they were.
+/// The model with free initial states, and the other ones as they were.
 fn freed(whitened: &WhitenedResiduals, model: &Model) -> Model {
     let mut free = Model { at_start: AtStart::InMotion, ..model.clone() };
     let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();

@@ -1,11 +1,12 @@
 //! Columns whose unit is not the one that the record states: rpm for rad/s, km/h for m/s, kgf for N, r.m.s. for peak, per cent for a share.
 //!
-//! In: a plant file, training records as they were read. Out: columns with the factor, the unit that it means, and the gain that the records ask for with its interval; and
-//! corrected records. This is done first, because a column that is wrong by a factor of ten makes calibration fail. Reports only a factor that the motion of the plant shows. If two columns explain it
-//! equally well, both are named.
+//! In: a plant file and training records as read. Out: columns with the factor, the unit that it means, and the gain estimated from the records with
+//! its interval; and corrected records. This is done first, because a column that is wrong by a factor of ten makes calibration fail. Only a factor
+//! that the motion of the plant shows is reported. If two columns explain it equally well, both are named.
 //!
-//! A candidate is a column, or several columns that usually go wrong together, with one factor of a short list. The nominal plant along the first rows says which candidates deserve
-//! a calibration. The calibrations choose one. A free gain, fitted with everything else that is free, confirms the factor.
+//! A candidate is a column, or several columns that usually go wrong together, with one factor of a short list. The nominal plant along the first
+//! rows shows which candidates need a calibration. The calibrations choose one. A gain, fitted together with all other free unknowns, confirms the
+//! factor.
 
 use super::checks;
 use super::levenberg::{self, Fit};
@@ -23,65 +24,66 @@ use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
 
-/// Rows of a record that are asked, from its beginning.
+/// The number of rows from the beginning of a record that are tested.
 const ROWS: usize = 3000;
 
-/// A simulation counts as wrong by this share of an output's spread for one standard deviation: what friction that is not in the file does is some times that.
+/// A simulation error of this share of an output's spread counts as one standard deviation. Friction that the file lacks has an effect of several
+/// times that.
 const UNIT: f64 = 0.05;
 
-/// Where an output is wrong by more than twice its spread, it is wrong.
+/// The squared error of an output is limited to this many squared spreads: an error of more than twice the spread is simply wrong.
 const WRONG: f64 = 4.0;
 
-/// Candidates that are calibrated.
+/// The number of candidates that are calibrated.
 const CALIBRATED: usize = 6;
 
 /// Steps of a calibration.
 const STEPS: usize = 8;
 
-/// A factor leaves this share of the squared error at most, noise set apart: what is off by a factor of units and otherwise in order leaves hardly anything.
+/// A factor must leave at most this share of the squared error above the noise. A column with only a wrong unit leaves hardly any after correction.
 const LEAVES: f64 = 0.2;
 
-/// And no more than this share of the squared spread: more is no plant that the records are of.
+/// It must also leave at most this share of the squared spread; otherwise the record does not belong to this plant.
 const FOLLOWS: f64 = 0.5;
 
-/// A factor beside 1 that causes of the catalogue reach, too: nearer than a factor of three on either side only noise may be left.
+/// Causes of the catalogue can have the effect of a factor between 1/3 and 3. For such a factor, only noise may be left.
 const LARGE_FACTOR: f64 = 3.0;
 
-/// This many times the noise's energy is near noise, as in a calibration.
+/// At most this many times the noise energy counts as near noise, as in a calibration.
 const NEAR_NOISE: f64 = 4.0;
 
-/// Candidates are alike where their squared errors differ by less than this share.
+/// Candidates are equally good if their squared errors differ by less than this share.
 const ALIKE: f64 = 0.1;
 
-/// Sensors are off by per cents themselves: a gain so near is that factor.
+/// A gain confirms a factor within this share, because sensors may be wrong by some per cent.
 const NEAR_FACTOR: f64 = 0.02;
 
-/// And a large factor before causes are known: units of one kind are farther apart.
+/// The same for a large factor before causes are known. Different units of one kind differ by more.
 const ROUGHLY: f64 = 0.25;
 
 /// A gain with a larger relative uncertainty than this does not identify a unit.
 const KNOWN: f64 = 0.1;
 
-/// Parts of the rows over which the scatter of a gain is taken, and 97.5 % of Student's t with nine degrees of freedom.
+/// The number of parts of the rows for the scatter of a gain, and the 97.5 % point of Student's t with nine degrees of freedom.
 const PARTS: (usize, f64) = (10, 2.262);
 
-/// Columns that may be wrong, one after another.
+/// The largest number of wrong columns, found one after another.
 const MOST_COLUMNS: usize = 3;
 
-/// A column in another unit.
+/// A column in a wrong unit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InUnit {
-    /// The column, or the columns that are wrong together.
+    /// The column, or columns that are wrong together.
     pub columns: Vec<&'static str>,
-    /// The unit that their records state.
+    /// The unit that the records state.
     pub stated: &'static str,
-    /// What it probably is, in words.
+    /// The probable unit, in words.
     pub unit: String,
-    /// Readings over the truth, by the units.
+    /// The reading divided by the true value, from the units.
     pub factor: f64,
-    /// The same as the records ask for it, with its 95 % interval.
+    /// The same as estimated from the records: value and ends of its 95 % interval.
     pub gain: [f64; 3],
-    /// Other columns with their units that explain the records as well.
+    /// Other columns with units that explain the records equally well.
     pub alike: Vec<String>,
 }
 
@@ -122,7 +124,7 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// Readings as they should be.
+    /// Converts the readings.
     fn put_right(&self, record: &mut Record) {
         for &input in &self.which.inputs {
             record.inputs[input].iter_mut().for_each(|value| *value /= self.factor);
@@ -137,7 +139,7 @@ impl Candidate {
     }
 }
 
-/// Columns of records of one kind that may be wrong: each that moves, and those of one frame or one axis together.
+/// Columns of records of one kind that may be wrong: each column that varies, and groups that belong to one frame or one axis.
 fn columns(kind: PlantKind, records: &[Record]) -> Vec<Columns> {
     let Some(first) = records.first() else { return Vec::new() };
     let moves = |values: &[f64]| values.iter().any(|value| *value != 0.0);
@@ -175,7 +177,7 @@ fn candidates(columns: &[Columns]) -> Vec<Candidate> {
         let stated = if which.stated == "1" { "a share of 1" } else { which.stated };
         for other in others(which.stated) {
             let read = Candidate { which: which.clone(), factor: other.factor, unit: other.name.to_string() };
-            // A header may also name the other unit where values are in this one: reading it converts them once too often.
+            // The header may state the other unit while the values are already in this one. Reading then converts them once too often.
             let converted = Candidate {
                 which: which.clone(),
                 factor: 1.0 / other.factor,
@@ -187,7 +189,7 @@ fn candidates(columns: &[Columns]) -> Vec<Candidate> {
     list
 }
 
-/// Records with columns put right, checked: which rows count does not hang on a factor, so that candidates share it.
+/// Records with corrected columns, checked. The rows that count do not depend on a factor, so all candidates use the same ones.
 fn prepared(records: &[Record], before: &[Candidate], file: &PlantFile) -> Vec<Prepared> {
     let right = |record: &Record| {
         let mut record = record.clone();
@@ -197,14 +199,14 @@ fn prepared(records: &[Record], before: &[Candidate], file: &PlantFile) -> Vec<P
     checks::prepared(records.iter().map(right), file).0
 }
 
-/// The same with one more column put right.
+/// The same with one more corrected column.
 fn beside(given: &[Prepared], it: &Candidate) -> Vec<Prepared> {
     let mut right = given.to_vec();
     right.iter_mut().for_each(|prepared| it.put_right(&mut prepared.record));
     right
 }
 
-/// What simulates them; residuals in shares of each output's spread.
+/// Whitened residuals in shares of each output's spread.
 fn whitened(prepared: Vec<Prepared>, file: &PlantFile, threads: usize) -> WhitenedResiduals {
     let mut whitened = WhitenedResiduals::new(prepared, [Floor::white(1.0); OUTPUTS], threads);
     for output in 0..file.kind.outputs().len() {
@@ -223,7 +225,7 @@ fn model(whitened: &WhitenedResiduals, file: &PlantFile) -> Model {
     Model::nominal(file, &records, whitened.floors.map(|floor| floor.sd))
 }
 
-/// The squared error over the squared spread, mean over the outputs, each no more than `WRONG`; without a simulation all are wrong.
+/// The squared error over the squared spread, limited to `WRONG`, as the mean over the outputs. Without a simulation it is `WRONG`.
 fn error(whitened: &WhitenedResiduals, residual: Option<&[f64]>) -> f64 {
     let Some(residual) = residual else { return WRONG };
     let (mut sums, mut first) = ([(0.0, 0.0); OUTPUTS], 0);
@@ -245,13 +247,13 @@ fn error(whitened: &WhitenedResiduals, residual: Option<&[f64]>) -> f64 {
     each.iter().sum::<f64>() / each.len().max(1) as f64
 }
 
-/// The noise's part of that, from second differences of the readings: what bends between rows counts as noise here.
+/// The noise in that error, from second differences of the readings. Curvature of the motion from row to row counts as noise here.
 fn noise(whitened: &WhitenedResiduals) -> f64 {
     let mut each = Vec::new();
     for prepared in &whitened.records {
         for (k, output) in prepared.outputs.iter().enumerate() {
             let seconds = prepared.measured(k).windows(3).map(|w| (w[1] - 0.5 * (w[0] + w[2])).abs());
-            // A second difference of white noise has sqrt(1.5) of its deviation; the median of |x| is 0.6745 of it.
+            // A second difference of white noise has sqrt(1.5) times its standard deviation. The median of |x| is 0.6745 standard deviations.
             let sd = median(&mut seconds.collect::<Vec<_>>()) / 0.6745 / 1.5_f64.sqrt();
             each.push((UNIT * sd / whitened.floors[*output].sd).powi(2));
         }
@@ -265,14 +267,14 @@ fn calibrated(whitened: &WhitenedResiduals, file: &PlantFile) -> Option<(Fit, f6
     Some((fit, left))
 }
 
-/// By how much a plant misses a record: squared errors over squared spreads, the mean over the outputs.
+/// The errors of a plant along a record: squared errors over squared spreads, as the mean over the outputs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Misses {
     /// The nominal plant.
     pub at_once: f64,
-    /// The plant within its tolerances.
+    /// The plant calibrated within its tolerances.
     pub calibrated: f64,
-    /// The noise's part of that.
+    /// The noise in the error.
     pub noise: f64,
 }
 
@@ -293,19 +295,19 @@ fn at_once(whitened: &WhitenedResiduals, file: &PlantFile) -> f64 {
     error(whitened, run.map(|run| whitened.residual(&run)).as_deref())
 }
 
-/// By how much a plant misses a record.
+/// The errors of a plant along a record.
 pub(super) fn misses(file: &PlantFile, record: &Record, threads: usize) -> Misses {
     let whitened = of_record(file, record, threads);
     let calibrated = calibrated(&whitened, file).map_or(WRONG, |it| it.1);
     Misses { at_once: at_once(&whitened, file), calibrated, noise: noise(&whitened) }
 }
 
-/// By how much the nominal plant misses it.
+/// The error of the nominal plant only.
 pub(super) fn misses_at_once(file: &PlantFile, record: &Record, threads: usize) -> f64 {
     at_once(&of_record(file, record, threads), file)
 }
 
-/// Columns of training records that are in another unit, one after another.
+/// Columns of training records that are in a wrong unit, one after another.
 #[must_use]
 pub fn look(file: &PlantFile, training: &[Record], threads: usize) -> Vec<(InUnit, PutRight)> {
     let records: Vec<Record> = training.iter().map(|it| it.piece(0..ROWS.min(it.rows()))).collect();
@@ -321,7 +323,7 @@ pub fn look(file: &PlantFile, training: &[Record], threads: usize) -> Vec<(InUni
     found
 }
 
-/// The gains of columns that were put right, beside a plant with its causes; `None` for a gain that is none, or that is not that factor.
+/// The gains of corrected columns with the causes in the plant; `None` if a gain cannot be estimated or does not match its factor.
 #[must_use]
 pub fn asked_again(
     found: &[(InUnit, PutRight)],
@@ -330,7 +332,7 @@ pub fn asked_again(
     noise: &[(usize, f64, f64)],
     threads: usize,
 ) -> Vec<Option<[f64; 3]>> {
-    // Readings that are rounded have no derivatives.
+    // Rounded readings have no derivatives.
     let mut plant = plant.clone();
     plant.effects.retain(|it| it.description.declared.role != Role::Rounding);
     let records: Vec<Record> = right.iter().map(|it| it.piece(0..ROWS.min(it.rows()))).collect();
@@ -345,18 +347,18 @@ pub fn asked_again(
     found.iter().map(|it| of(&it.1)).collect()
 }
 
-/// What puts a record right.
+/// The correction of a record.
 #[derive(Debug, Clone)]
 pub struct PutRight(Candidate);
 
 impl PutRight {
-    /// The record in the unit that it states.
+    /// Converts the record to the unit that it states.
     pub fn apply(&self, record: &mut Record) {
         self.0.put_right(record);
     }
 }
 
-/// One more column that is wrong, beside those that are known.
+/// One more wrong column, with the known ones corrected.
 fn next(
     file: &PlantFile,
     records: &[Record],
@@ -399,10 +401,11 @@ fn next(
     let mut told: Vec<(&Candidate, [f64; 3])> = Vec::new();
     for (left, it, whitened, fit) in fits.iter().filter(|it| it.0 <= enough) {
         let Some(gain) = gain(whitened, fit, it) else { continue };
-        // What else is wrong moves a gain: a large factor need be met roughly at first, and is asked again beside the causes that a search finds.
+        // Other errors of the plant change the gain. A large factor needs only a rough match at first, and is tested again with the causes that a
+        // search finds.
         let about = if it.factor.max(1.0 / it.factor) > LARGE_FACTOR { ROUGHLY } else { NEAR_FACTOR };
         let near = |factor: f64| gain[1] / (1.0 + about) <= factor && factor <= gain[2] * (1.0 + about);
-        // Another factor of the list in the same interval: the records do not say which.
+        // Another factor of the list in the same interval: the records do not distinguish them.
         let only = !all.iter().any(|one| one.which.names == it.which.names && one.factor != it.factor && near(one.factor))
             && !near(1.0);
         if stands(*left, it.factor) && near(it.factor) && only && (gain[2] / gain[1]).ln().abs() < 4.0 * KNOWN.max(about) {
@@ -415,10 +418,10 @@ fn next(
     Some((InUnit { columns: which.names, stated: which.stated, unit, factor, gain, alike }, candidate.clone()))
 }
 
-/// The gain that records ask for of a column that was put right, beside all that is free anyway: with the factor, and its 95 % interval. What noise and tolerances leave open counts, and so does by how much
-/// parts of the records disagree, since more than noise may be left.
+/// The gain of a corrected column, estimated together with all free unknowns: value (with the factor) and the ends of its 95 % interval. The interval
+/// includes noise and tolerances, and also the disagreement between parts of the records, because more than noise may be left.
 fn gain(whitened: &WhitenedResiduals, fit: &Fit, it: &Candidate) -> Option<[f64; 3]> {
-    /// A hundredth of an input, for its derivative.
+    /// The step of a finite difference, as a share of an input.
     const STEP: f64 = 0.01;
     let mut trace = vec![0.0; fit.residual.len()];
     if !it.which.inputs.is_empty() {
@@ -451,7 +454,7 @@ fn gain(whitened: &WhitenedResiduals, fit: &Fit, it: &Candidate) -> Option<[f64;
         return None;
     }
     let off = nuisance.with_residual(&trace, &products, 0) / own;
-    // Without what is free, to see by parts.
+    // The free unknowns are projected out first; then each part is estimated.
     let solved = nuisance.solved(&products);
     let mut alone = trace;
     for (column, share) in fit.columns.iter().zip(&solved) {
@@ -468,7 +471,7 @@ fn gain(whitened: &WhitenedResiduals, fit: &Fit, it: &Candidate) -> Option<[f64;
         .map(|(alone, residual)| (dot(alone, residual) - off * dot(alone, alone)).powi(2))
         .sum();
     let by_parts = scatter / (squares * squares) * parts as f64 / (parts - 1) as f64;
-    // Without noise of its own a row's residual is what is left of it.
+    // If the noise is unknown, the mean square of the residual takes its place.
     let level = dot(&fit.residual, &fit.residual) / fit.residual.len().max(1) as f64;
     let of_tolerances = (1.0 / own - level.min(1.0) / squares).max(0.0) * level.max(1.0);
     let sd = (by_parts + of_tolerances.min(1.0 / own)).sqrt();

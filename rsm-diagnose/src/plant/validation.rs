@@ -1,6 +1,7 @@
 //! Computes the errors of a model on holdout records.
 //!
-//! In: a model, validation records. Out: errors of each output, with the starts of the records as the only unknowns. The parameters of the plant are fixed.
+//! In: a model and validation records. Out: errors of each output, with the initial states of the records as the only unknowns. The parameters of the
+//! plant are fixed.
 
 use super::levenberg;
 use super::model::{Model, Place};
@@ -9,17 +10,17 @@ use crate::engine::holdout::{above, gone};
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::record::Record;
 
-/// Steps for the starts: a linear problem but for large errors.
+/// Steps for the initial states. The problem is nearly linear if errors are small.
 const STEPS: usize = 3;
 
-/// A start is fitted to this share of its record first, then to twice as much, and so on: a speed that is off by the noise of one reading is, over a whole
-/// record, turns of whatever repeats with the angle, and the nearest best is then a wrong one.
+/// The initial state is fitted to this part of its record first, then to twice as much, and so on. Over a whole record, an initial speed that is
+/// wrong by the noise of one reading changes an angle by several turns, and the fit would end in a wrong local minimum.
 const FIRST_SHARE: usize = 16;
 
-/// Rows with fewer of which a beginning says nothing about a start that the whole does not.
+/// A beginning with fewer rows is not fitted separately.
 const LEAST_ROWS: usize = 30;
 
-/// The model with the starts of other records, from their first readings, as its only unknowns.
+/// The model with the initial states of other records, from their first readings, as its only unknowns.
 fn started(whitened: &WhitenedResiduals, model: &Model) -> Model {
     let mut other = model.clone();
     let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
@@ -28,13 +29,13 @@ fn started(whitened: &WhitenedResiduals, model: &Model) -> Model {
     other
 }
 
-/// The model on other records, one step of their starts from first readings: enough where they are nearly right.
+/// The model on other records, after one step of the initial states from the first readings. Enough if these are nearly right.
 #[must_use]
 pub fn at_once(whitened: &WhitenedResiduals, model: &Model) -> Option<levenberg::Fit> {
     levenberg::fit(whitened, started(whitened, model), 1)
 }
 
-/// The model on other records, their starts as they fit best; its residual comes with it.
+/// The fit of the initial states to other records, with the residual.
 #[must_use]
 pub fn on(whitened: &WhitenedResiduals, model: &Model) -> Option<levenberg::Fit> {
     let mut other = started(whitened, model);
@@ -50,7 +51,8 @@ pub fn on(whitened: &WhitenedResiduals, model: &Model) -> Option<levenberg::Fit>
     levenberg::fit(whitened, other, STEPS)
 }
 
-/// The same, with starts from an earlier fit on these records. The phase of what turns fast depends on them so much that first readings may lead astray.
+/// The same, starting from the initial states of an earlier fit to these records. For fast rotation, the phase depends strongly on them, and the
+/// first readings may be too inaccurate.
 #[must_use]
 pub fn from_starts_of(whitened: &WhitenedResiduals, model: &Model, earlier: &levenberg::Fit) -> Option<levenberg::Fit> {
     let unknowns = earlier.model.unknowns.iter().filter(|unknown| matches!(unknown.place, Place::Start { .. }));
@@ -58,8 +60,8 @@ pub fn from_starts_of(whitened: &WhitenedResiduals, model: &Model, earlier: &lev
     levenberg::fit(whitened, other, STEPS)
 }
 
-/// The model on other records, where its numbers may move, too, as far as they are unsure: each within its standard deviation, on the scale of its search, about
-/// what it is. Starts begin where an earlier fit to these records left them.
+/// The fit to other records in which the parameters may also move within their uncertainty: each has a prior with its value and its standard
+/// deviation, on the scale of its search. Initial states start from an earlier fit to these records.
 #[must_use]
 pub fn within(
     whitened: &WhitenedResiduals,
@@ -74,7 +76,7 @@ pub fn within(
         else {
             continue;
         };
-        // In first order a step of a logarithm is that share of the value.
+        // To first order, a step of a logarithm is that share of the value.
         let sd = if unknown.logarithmic { value.abs() * sd } else { sd };
         other.unknowns.push(super::model::Unknown { prior: Some((value, sd)), ..unknown.clone() });
     }
@@ -96,13 +98,13 @@ pub fn squared_residual(whitened: &WhitenedResiduals, model: &Model) -> Option<f
 pub struct Error {
     /// The output, by its place in the plant.
     pub output: usize,
-    /// Root of the mean squared error.
+    /// The root mean square error.
     pub rmse: f64,
-    /// The same over the noise.
+    /// The same divided by the noise.
     pub noise_ratio: f64,
 }
 
-/// The worst of some errors, by their share of the noise.
+/// The worst of some errors, relative to the noise.
 #[must_use]
 pub fn worst(errors: &[Error]) -> Option<&Error> {
     errors.iter().max_by(|a, b| a.noise_ratio.total_cmp(&b.noise_ratio))
@@ -138,13 +140,13 @@ pub fn errors_of(whitened: &WhitenedResiduals, simulated: &[Simulated]) -> Vec<E
     .collect()
 }
 
-/// Share of the squared error above the noise that is gone, pooled over outputs in units of their noise.
+/// The removed share of the squared error above the noise, over all outputs in units of their noise.
 pub fn gain(before: &[Error], after: &[Error]) -> f64 {
     let [before, after] = [before, after].map(|errors| errors.iter().map(|it| above(it.noise_ratio * it.noise_ratio)).sum());
     gone(before, after)
 }
 
-/// The same from sums of squares over the noise, before and after, and counts, by output.
+/// The same from sums over each output: squares over the noise before and after, and counts.
 pub fn gain_of(sums: &[[f64; 3]; 3]) -> f64 {
     let of = |which: usize| sums.iter().filter(|it| it[2] > 0.0).map(|it| above(it[which] / it[2])).sum();
     gone(of(0), of(1))

@@ -1,7 +1,9 @@
-//! Hypotheses fitted by their own numbers, with all other free unknowns eliminated to first order (variable projection; G. H. Golub, V. Pereyra, 1973).
+//! Hypotheses fitted by their own parameters, with all other free unknowns eliminated to first order (variable projection; G. H. Golub, V. Pereyra,
+//! 1973).
 //!
-//! In: a fitted model, the same model with further causes, numbers to begin with. Out: the best numbers and the squared residual there. It takes one simulation for each number and step, so
-//! every hypothesis that the screen keeps can be fitted. Never moves a start or a calibration for good.
+//! In: a fitted model, the same model with further causes, first values of their parameters. Out: the best parameters and the squared residual. A
+//! step takes one simulation for each parameter, so every hypothesis that passes the screen can be fitted. Initial states and calibration are not
+//! changed permanently.
 
 use super::model::{Model, Place};
 use super::nuisance::{Back, Nuisance};
@@ -11,40 +13,40 @@ use crate::engine::levenberg::{Amount, Problem, Rules, descend};
 use crate::engine::normal::{Normal, symmetric};
 use rsm_sim::plant_file::Entry;
 
-/// A step that gains less, in units of squared residuals whose noise is one, ends the search.
+/// A step that gains less, in squared residuals with unit noise, ends the search.
 const ENOUGH: f64 = 1.0;
 
-/// A per mille of what is left is less than what full fits decide later.
+/// The same relative to the cost; full fits decide later on larger differences.
 const ENOUGH_SHARE: f64 = 1e-3;
 
-/// A logarithm may not jump by more in a step: a factor of 4.5.
+/// The largest change of a logarithm in a step: a factor of 4.5.
 const FARTHEST: f64 = 1.5;
 
-/// A hypothesis with its best numbers.
+/// A hypothesis with its fitted parameters.
 #[derive(Debug, Clone)]
 pub struct Projected {
-    /// Which hypothesis.
+    /// The index of the hypothesis.
     pub hypothesis: usize,
     /// Its entry.
     pub entry: Entry,
-    /// Squared residual that is left, in first order of what is free.
+    /// The squared residual after a first-order step of the free unknowns.
     pub cost: f64,
 }
 
-/// Where a search for numbers stands.
+/// The current point of the search.
 struct Standing {
     model: Model,
     simulated: Vec<Simulated>,
     residual: Vec<f64>,
-    /// What is left when all that is free otherwise moves as it likes, and which unknowns come back from their bounds for that.
+    /// The squared residual after a first-order step of the other free unknowns, and which unknowns that step releases from their bounds.
     left: (f64, Back),
 }
 
-/// The numbers of some causes, with all that is free otherwise eliminated.
+/// The parameters of some causes, with all other free unknowns eliminated.
 struct OwnNumbers<'a> {
     whitened: &'a WhitenedResiduals,
     nuisance: &'a Nuisance<'a>,
-    /// Places of the numbers among the unknowns.
+    /// The indices of the parameters among the unknowns.
     own: Vec<usize>,
 }
 
@@ -59,7 +61,7 @@ impl OwnNumbers<'_> {
 impl Problem for OwnNumbers<'_> {
     type Place = Standing;
     type Derivatives = Vec<Column>;
-    /// Inner products without what is free, and what the residual asks.
+    /// The matrix and the right-hand side after the free unknowns are projected out.
     type Equations = (Vec<f64>, Vec<f64>);
 
     fn cost(&self, at: &Standing) -> f64 {
@@ -98,7 +100,7 @@ impl Problem for OwnNumbers<'_> {
     }
 }
 
-/// Improves the numbers of the causes from `first` on, in at most this many steps; also their cost. `None` where it cannot be simulated.
+/// Improves the parameters of the causes from `first` on, in at most `steps` steps. Returns the cost too. `None` if the model cannot be simulated.
 #[must_use]
 pub fn project(
     whitened: &WhitenedResiduals,
@@ -111,7 +113,7 @@ pub fn project(
     let own: Vec<usize> = (0..model.unknowns.len())
         .filter(|&k| matches!(model.unknowns[k].place, Place::Effect { entry, .. } if entry >= first))
         .collect();
-    // Numbers of a guess may lie beyond what physics allows.
+    // The parameters of a guess may be beyond their physical bounds.
     for &k in &own {
         let unknown = &model.unknowns[k];
         let value = model.value(k).max(unknown.low).min(unknown.high);

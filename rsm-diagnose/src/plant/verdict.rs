@@ -1,6 +1,6 @@
-//! The verdict: intervals, confidence, rivals, where the nominal plant is wrong, what the extension gains.
+//! The verdict: intervals, confidence, rivals, the regions of error, the gain of the extension.
 //!
-//! In: a selection and the records. Out: a [`Diagnosis`], with all its figures from the fits. Never fits a cause.
+//! In: a selection and the records. Out: a [`Diagnosis`], with all its figures from the fits. Fits no cause.
 
 mod resolution;
 mod rivals;
@@ -35,34 +35,36 @@ use rsm_sim::plant_file::{Entry, PlantFile};
 pub(super) use told::{cause, numbers, with_unit};
 use told::{off_lattice, rounding, rounding_entry};
 
-/// Structure smaller than this share of what the calibrated plant got wrong is none, in squares. Two simulations of the same equations, with steps of their own, differ
-/// by up to 7e-4 of what an effect moves (a contact; the comparison of all effects in `tests/hidden-effects`): a right cause leaves the square of that.
+/// Structure below this share of the calibrated plant's squared error counts as none. Two simulations of the same equations with different steps
+/// differ by up to 7e-4 of the change by an effect (a contact; the comparison of all effects in `tests/hidden-effects`). A right cause leaves the
+/// square of that.
 const OF_THE_WHOLE: f64 = 5e-7;
 
-/// Whatever the plant got wrong before: beyond so much energy of the noise, twice its r.m.s., nothing is explained and nothing is without discrepancy.
+/// The limit for any plant: if the energy above the noise is more than this many times the noise energy (twice its r.m.s.), nothing is explained, and
+/// there is a discrepancy.
 const MOST_LEFT: f64 = 3.0;
 
-/// Rounding that is taken for noise is not white where the motion is slow, and noise that is not white before it is rounded has another colour at every speed: so much
-/// of its energy comes back as structure.
+/// The structure allowed if rounding was taken for noise, as a share of the noise energy. Rounding errors are not white in slow motion, and
+/// correlated noise before rounding gives a different spectrum at every speed.
 const OF_ROUNDING: f64 = 0.3;
 
-/// Structure of less than a hundredth of the noise's energy, half a per cent of its r.m.s., changes nothing that anybody does with a simulation.
+/// Structure below a hundredth of the noise energy (half a per cent of its r.m.s.) does not matter in practice.
 const FOR_PRACTICE: f64 = 0.01;
 
-/// And only beside causes that remove all but a thousandth of what was wrong.
+/// This applies only with causes that remove all but a thousandth of the error.
 const NEARLY_ALL: f64 = 0.999;
 
-/// Where structure is left, a cause is named that is at least as probable as all else together; any other helps, and is listed as a helper.
+/// If structure is left, a cause is named only if its probability is at least a half. All others are listed as helpers.
 pub(super) const LEAST_CONFIDENCE: f64 = 0.5;
 
-/// Places of gains, the largest first.
+/// The indices of gains, the largest first.
 fn by_gain(gains: &[f64]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..gains.len()).collect();
     order.sort_by(|a, b| gains[*b].total_cmp(&gains[*a]));
     order
 }
 
-/// What rounding may leave beside noise: nothing where the floors of all rounded outputs know it, and their noise is white.
+/// The structure that rounding may leave above the noise: none if the floors of all rounded outputs include the rounding and their noise is white.
 fn of_rounding<'a>(mut rounded: impl Iterator<Item = &'a Floor>) -> f64 {
     if rounded.all(|floor| floor.rounding.is_some() && floor.correlation == 0.0) { 0.0 } else { OF_ROUNDING }
 }
@@ -92,7 +94,7 @@ pub fn conclude(
     } = selection;
     let judged = if unseen.records.is_empty() { whitened } else { unseen };
     let before = validation::on(judged, nominal);
-    // From the calibrated plant's starts or from first readings, whichever suits.
+    // From the calibrated plant's initial states or from first readings, whichever fits better.
     let plain = validation::on(judged, &fit.model);
     let guided = validation::on(judged, &calibrated.model);
     let guided = guided.and_then(|calibrated| validation::from_starts_of(judged, &fit.model, &calibrated));
@@ -104,7 +106,7 @@ pub fn conclude(
     let order = by_gain(&believed.iter().map(|it| it.gain).collect::<Vec<_>>());
     let steps = nested_models::steps(whitened, judged, nominal, &calibrated, &fit, &order);
     let left = whiteness::look(whitened, &fit);
-    // On holdout records the numbers of the plant may move as far as they are unsure.
+    // On holdout records the parameters of the plant may move within their uncertainty.
     let moved = after.as_ref().filter(|_| !unseen.records.is_empty());
     let moved = moved.and_then(|after| validation::within(unseen, &fit.model, Posterior::of(&fit).deviations(), after));
     let there = moved.map(|moved| by_own_noise(unseen, moved));
@@ -159,7 +161,7 @@ pub fn conclude(
     let rows = whitened.records.iter().map(|it| it.record.rows()).sum();
     let by_law = known_loop.as_ref().map_or_else(Vec::new, |it| it.beside(file, &fit.model.file.effects, rows));
     let (told_by_law, by_law): (Vec<Cause>, Vec<Entry>) = by_law.into_iter().unzip();
-    // What the law says of a sensor goes before what a search made of it.
+    // The result of a known control law about a sensor replaces that of the search.
     replace(&mut causes, told_by_law, |it| (it.kind, it.subject.clone()));
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     aliases.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -219,7 +221,7 @@ fn outputs(whitened: &WhitenedResiduals) -> Vec<usize> {
     all.into_iter().collect()
 }
 
-/// Outputs whose noise grows, with its deviation at a reading of 0 and at the largest one.
+/// Outputs whose noise grows with the reading: the standard deviation at a reading of 0 and at the largest one.
 fn growing(whitened: &WhitenedResiduals, present: &[usize]) -> Vec<(usize, f64, f64)> {
     let readings = |output: usize| {
         let of = move |it: &'_ super::whitened_residuals::Prepared| it.outputs.iter().position(|found| *found == output);
@@ -230,53 +232,53 @@ fn growing(whitened: &WhitenedResiduals, present: &[usize]) -> Vec<(usize, f64, 
     grows.map(|&output| (output, whitened.floors[output].sd_at(0.0), whitened.floors[output].sd_at(largest(output)))).collect()
 }
 
-/// What a calibrated plant gets wrong, a row: its squared error over the noise's, beyond 1.
+/// The mean error of a calibrated plant per row: its squared error over the noise variance, minus 1.
 fn wrong_a_row(cost: f64, rows: usize) -> f64 {
     (cost / rows.max(1) as f64 - 1.0).max(0.0)
 }
 
-/// What causes do that leave so much, where that matters little for practice; `wrong` is what was wrong before.
+/// The figures of causes if what they leave does not matter in practice; `wrong` is the error before.
 fn practical(left: f64, wrong: f64) -> Option<Practical> {
-    // Where nothing was wrong nothing is gone.
-    // mutant `f64::MIN_POSITIVE doubled`: both are far below what anything leaves.
+    // Without an error before, nothing is removed.
+    // mutant `f64::MIN_POSITIVE doubled`: both are far below any residual.
     let gone = 1.0 - left.max(0.0) / wrong.max(f64::MIN_POSITIVE);
     (left < FOR_PRACTICE && gone > NEARLY_ALL).then_some(Practical { gone, left })
 }
 
-/// The energy beyond the noise that may be left, over that of the noise, where the calibrated plant had so much a row.
+/// The allowed energy above the noise, divided by the noise energy; `wrong` is the mean error of the calibrated plant per row.
 fn allowed(of_rounding: f64, wrong: f64) -> f64 {
     of_rounding.max(OF_THE_WHOLE * wrong).min(MOST_LEFT)
 }
 
-/// Whether more is left than is allowed, and matters; and what causes do where it does not matter.
+/// Whether more is left than allowed and matters; and the practical figures if it does not matter.
 fn weighed(left: f64, allowed: f64, wrong: f64, nothing: bool) -> (bool, Option<Practical>) {
     let practical = if left > allowed && !nothing { practical(left, wrong) } else { None };
     (left > allowed && practical.is_none(), practical)
 }
 
-/// Whether causes leave noise, and nothing but the work ended the search.
+/// Whether the causes leave only noise and only the work limit ended the search.
 fn is_explained(structure: bool, stopped: Option<Limit>) -> bool {
     !structure && stopped.is_none_or(|limit| limit == Limit::Steps)
 }
 
-/// A cause that the law of a known loop shows is as sure as one that has nothing against it.
+/// A cause that a known control law shows has at least the probability of a cause without rivals.
 fn sure(confidence: Probability, by_law: bool) -> Probability {
     confidence.at_least(if by_law { confidence::EXPLAINED } else { 0.0 })
 }
 
-/// Whether a cause is named, and no helper.
+/// Whether a cause is named, not a helper.
 fn is_named(verdict: Verdict, confidence: f64) -> bool {
     verdict != Verdict::Unexplained || confidence >= LEAST_CONFIDENCE
 }
 
-/// Adds to a list, in place of those with the name of a new one.
+/// Adds new elements to a list. They replace those with the same name.
 fn replace<T, Name: PartialEq>(list: &mut Vec<T>, new: Vec<T>, name: impl Fn(&T) -> Name) {
     list.retain(|old| !new.iter().any(|new| name(new) == name(old)));
     list.extend(new);
 }
 
-/// The verdict. Causes that leave noise stand, whatever work was still to be done about their rivals; a search that went round in a circle, or that added and exchanged
-/// without end, has shown that it does not know.
+/// The verdict. Causes that leave only noise are accepted, even if tests of rivals were not finished. A search that repeated a set of causes, or that
+/// reached the limit of additions or exchanges, has no result.
 fn judged_by(structure: bool, stopped: Option<Limit>, nothing: bool) -> Verdict {
     match (is_explained(structure, stopped), nothing) {
         (false, _) => Verdict::Unexplained,

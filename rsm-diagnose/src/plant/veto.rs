@@ -1,7 +1,7 @@
 //! The final test of a set of causes, on each holdout record separately and on the intervals of the causes.
 //!
-//! In: the fit of a search with its causes, holdout records. Out: the accepted causes, and those that were tried and rejected, with the reason. A set that improves one record and worsens another may
-//! have a better sum and is still no explanation, so sums do not count here. Never adds a cause.
+//! In: the fit of a search with its causes, and holdout records. Out: the accepted causes, and the rejected ones with the reason. A set that improves
+//! one record and worsens another may have a better sum, but it is no explanation; so each record is tested separately. Never adds a cause.
 
 use super::hypotheses::Hypothesis;
 use super::levenberg::{self, Fit};
@@ -12,21 +12,21 @@ use super::whitened_residuals::WhitenedResiduals;
 use super::{effect_size, plausible, validation};
 use rsm_sim::plant_file::Entry;
 
-/// A cause that was tried and refused.
+/// A cause that was tried and rejected.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refusal {
     /// Its name in lists.
     pub cause: String,
-    /// Why, in words.
+    /// The reason in words.
     pub why: String,
 }
 
-/// A number as near to the end of its search as this share of its scale is at the end.
+/// A parameter counts as at the end of its search within this share of its scale.
 const AT_THE_END: f64 = 1e-6;
 
 impl Search<'_> {
-    /// What of a set stands: no member without an effect of its own, none with a number at the end of its search or beyond what is plausible, none that makes a holdout record
-    /// worse. Members go one at a time, the one with the worst reason first; the others are fitted again.
+    /// Removes causes from a set: causes without a significant effect, with a parameter at the end of its search or beyond the plausible range, or
+    /// that make a holdout record worse. One cause is removed at a time, the one with the strongest reason first. The others are then fitted again.
     pub(super) fn vetoed(
         &self,
         calibrated: &Fit,
@@ -47,7 +47,7 @@ impl Search<'_> {
         (fit, causes, refused)
     }
 
-    /// What each cause of a smaller set is worth beside the others that are left.
+    /// The gain of each cause in the smaller set.
     fn told_anew(&self, fit: &Fit, causes: &mut [Believed]) {
         for (place, cause) in causes.iter_mut().enumerate() {
             let without = fit.model.minus(self.nominal, place);
@@ -58,7 +58,7 @@ impl Search<'_> {
         }
     }
 
-    /// The member of a set that has to go, with the reason; `None` where the set stands.
+    /// The cause to remove from a set, with the reason; `None` if the set is accepted.
     fn worst_member(&self, calibrated: &Fit, fit: &Fit, causes: &[Believed], threshold: f64) -> Option<(usize, String)> {
         if causes.len() != fit.model.file.effects.len() {
             return None;
@@ -77,7 +77,7 @@ impl Search<'_> {
             .or_else(|| self.harmful(calibrated, fit, causes, threshold))
     }
 
-    /// The member that makes a holdout record worse by more than what decides there, or by which the set does.
+    /// The cause that makes a holdout record worse by more than the deciding difference, or that contributes most if the set as a whole does.
     fn harmful(&self, calibrated: &Fit, fit: &Fit, causes: &[Believed], threshold: f64) -> Option<(usize, String)> {
         if causes.is_empty() || self.unseen.records.is_empty() {
             return None;
@@ -85,7 +85,7 @@ impl Search<'_> {
         let with = by_record(self.unseen, &fit.model, &[&calibrated.model], Some(fit))?;
         let without: Vec<Vec<f64>> =
             causes.iter().map(|it| by_record(self.unseen, &it.without, &[&calibrated.model], None)).collect::<Option<_>>()?;
-        // How many times as much as decides a record is worse by.
+        // How much worse a record is, as a multiple of the deciding difference.
         let worse = |record: usize, with: f64, without: f64| {
             (with - without)
                 / effect_size::decides(threshold, without.min(with), WhitenedResiduals::length(&self.unseen.records[record]))
@@ -102,7 +102,7 @@ impl Search<'_> {
         if let Some((_, place, why)) = worst {
             return Some((place, why));
         }
-        // No single member does it, and the set may: against the plant of the file and the calibrated one, whichever is nearer.
+        // If no single cause makes a record worse, the whole set may: it is compared with the nominal and the calibrated plant, whichever is nearer.
         let plain = [self.nominal, &calibrated.model].map(|model| by_record(self.unseen, model, &[], None));
         let [Some(nominal), Some(calibrated)] = plain else { return None };
         for (record, after) in with.iter().enumerate() {
@@ -127,7 +127,8 @@ impl Search<'_> {
     }
 }
 
-/// The squared residual of a model on each record: the best of starts from first readings, from those that other models found, and, for a fit, with numbers that move as far as they are unsure.
+/// The squared residual of a model on each record: the best of several initial states, from first readings and from those of other models. With a
+/// fit, its parameters may also move within their uncertainty.
 fn by_record(unseen: &WhitenedResiduals, model: &Model, guides: &[&Model], fit: Option<&Fit>) -> Option<Vec<f64>> {
     let plain = validation::on(unseen, model)?;
     let mut fits = vec![plain];
@@ -148,7 +149,7 @@ fn by_record(unseen: &WhitenedResiduals, model: &Model, guides: &[&Model], fit: 
     Some((0..unseen.records.len()).map(|record| fits.iter().map(|fit| of(fit, record)).fold(f64::INFINITY, f64::min)).collect())
 }
 
-/// Whether a number of an entry stands at the end of its search, which physics does not ask for.
+/// Whether a parameter of an entry is at an end of its search that is no physical bound; the reason in words.
 fn at_its_end(fit: &Fit, entry: usize) -> Option<String> {
     let its = |unknown: &&Unknown| matches!(unknown.place, Place::Effect { entry: its, .. } if its == entry);
     let places = (0..fit.model.unknowns.len()).filter(|k| its(&&fit.model.unknowns[*k]));
@@ -166,7 +167,7 @@ fn at_its_end(fit: &Fit, entry: usize) -> Option<String> {
     ends.next()
 }
 
-/// Whether the 95 % interval of the number that scales an entry holds the value at which it does nothing.
+/// Whether the 95 % interval of the scaling parameter of an entry contains the value without effect; the reason in words.
 fn neutral(fit: &Fit, entry: usize, hypotheses: &[Hypothesis]) -> Option<String> {
     let its = &fit.model.file.effects[entry];
     let hypothesis = hypotheses.iter().find(|it| it.is(its))?;

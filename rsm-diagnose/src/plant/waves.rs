@@ -1,12 +1,13 @@
 //! Waves of force over the position of an axis, found in the residual of a calibrated simulation.
 //!
-//! In: prepared records and a fit without such a wave. Out: wave lengths with amplitude and phase, the strongest first; and a plant with one of them, near its best fit. Never
-//! decides whether one is a cause.
+//! In: prepared records and a fit without such a wave. Out: wave lengths with amplitude and phase, the strongest first; and a plant with one of them,
+//! near its best fit. Does not decide whether a wave is a cause.
 //!
-//! A force A sin(2 pi q/pitch + phase) depends on the position. A simulation without it soon has another position, so a search for the pitch in a free run has a local minimum
-//! at almost every wave. But the record holds the true position. Along it the force of a wave is known except for two factors. The nominal plant and the controller
-//! are linear and give one response for each factor. Both are fitted by least squares, weighted by the noise of the readings, together with all other free unknowns. No
-//! reading is differentiated, and long slow motion, in which a small force has a large effect, has its full weight.
+//! A force A sin(2 pi q/pitch + phase) depends on the position. A simulation without it soon has another position, so a search for the pitch in a
+//! free run has a local minimum at almost every wave. But the record holds the true position. Along it the force of a wave is known except for two
+//! factors. The nominal plant and the controller are linear and give one response for each factor. Both are fitted by least squares, weighted by the
+//! noise of the readings, together with all other free unknowns. No reading is differentiated. Long slow motion, in which a small force has a large
+//! effect, has its full weight.
 
 use std::f64::consts::TAU;
 
@@ -23,45 +24,46 @@ use rsm_sim::plant_file::Entry;
 use rsm_sim::schema::Bound;
 use rsm_sim::threads::in_threads;
 
-/// Waves over the travel that are tried at most. Half a wave over the travel is the width of a line.
+/// The largest number of waves over the travel. A spectral line is half a wave over the travel wide.
 pub const MOST: usize = 400;
 
-/// Lines from none to the longest wave that comes again: one wave over the travel.
+/// The longest wave, in lines: one wave over the travel.
 const LONGEST_WAVE: usize = 2;
 
-/// How many lines are looked at closely: half a line beside its best a wave has three quarters of its gain, and others stand higher.
+/// The number of lines that are refined. Half a line beside its optimum, a wave still has three quarters of its gain.
 const LOOKED: usize = 8;
 
-/// How many are handed on.
+/// The number of waves in the result.
 const KEPT: usize = 3;
 
-/// A wave is no longer seen where the noise of the position is a radian of it: the mean of its sine falls by exp(-1/2) there.
+/// A wave is not visible if the position noise is more than this many radians of it. At one radian, the mean of its sine falls by exp(-1/2).
 const LARGEST_NOISE: f64 = 1.0;
 
-/// A direction that keeps less than this share of its length beside the others is one of them: traces hold six digits.
+/// A trace counts as dependent if less than this share of its length is independent of the others. Traces are accurate to six digits.
 const OF_ITS_OWN: f64 = 1e-6;
 
-/// Steps of the search about a line of the spectrum: 0.618^12 of two lines is a hundredth of one, where a parabola is flat.
+/// Steps of the search about a line of the spectrum: 0.618^12 of two lines is a hundredth of a line, where the maximum is flat.
 const REFINED: usize = 12;
 
-/// Rows on either side over which readings say where a led axis is, turn by turn. At first each reading does by itself; then the simulation says how the axis moves, and
-/// readings only where, over more and more rows, so that less and less of their noise is taken for a force.
+/// For each turn, the number of rows on either side over which readings correct the simulated position. In the first turn the readings dominate.
+/// Later the simulation gives the shape of the motion, and the readings only a mean over more and more rows, so that less of their noise is taken for
+/// a force.
 pub const REACHES: [usize; 4] = [10, 40, 160, 640];
 
-/// The same where a free run is near already, in the order in which they are tried: what it lacks is slower than the first, mostly.
+/// The same in the order of trials if a free run is already near. Its error is usually slower than the first of these.
 pub const AGAIN: [usize; 5] = [40, 10, 160, 40, 160];
 
-/// Rounds in which a step and what it bends are found in turns: each leaves a tenth where a step bends by as much.
+/// The number of rounds in which a step and its second-order effect are computed in turn. Each leaves a tenth if both are of the same size.
 const BENT: usize = 6;
 
-/// What a wave has to beat.
+/// The data for the gain of waves.
 struct Waves<'k> {
     traces: PositionTraces<'k>,
-    /// Orthonormal directions of all that is free anyway.
+    /// Orthonormal directions of all free unknowns.
     free: Vec<Vec<f64>>,
-    /// The residual without them.
+    /// The residual after projecting these out.
     residual: Vec<f64>,
-    /// How traces of the calibrated parameters bend.
+    /// The second derivatives with respect to the calibrated parameters.
     curvatures: Vec<Curvature>,
 }
 
@@ -69,7 +71,7 @@ impl<'k> Waves<'k> {
     fn new(traces: PositionTraces<'k>, fit: &Fit) -> Self {
         let curvatures = curvatures(traces.whitened, fit);
         let mut waves = Waves { traces, free: Vec::new(), residual: fit.residual.clone(), curvatures };
-        // Starts, calibration, causes already accepted; and what a load, frictions and a gain would do, which may be causes beside the wave.
+        // Initial states, calibration, accepted causes; and the effects of a load, of frictions and of a gain, which may be causes besides the wave.
         let held = fit.held.iter().map(|held| &held.column);
         for column in fit.columns.iter().chain(held) {
             let mut dense = vec![0.0; fit.residual.len()];
@@ -100,7 +102,7 @@ impl<'k> Waves<'k> {
         }
     }
 
-    /// The gain of a wave number (radians a metre), and its factors of sine and cosine.
+    /// The gain of a wave number (in radians per metre), and its factors of sine and cosine.
     fn gain(&self, number: f64) -> (f64, [f64; 2]) {
         let traces = self.traces.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 });
         let inside = traces.each_ref().map(|trace| self.free.iter().map(|it| dot(it, trace)).collect::<Vec<f64>>());
@@ -108,7 +110,7 @@ impl<'k> Waves<'k> {
         let (ss, sc, cc) = (own(0, 0), own(0, 1), own(1, 1));
         let asked = traces.each_ref().map(|trace| dot(trace, &self.residual));
         let whole = ss * cc - sc * sc;
-        // Two traces of which one is the other, or which the free directions make: no wave is seen in them.
+        // The two traces are dependent on each other or on the free directions, so the wave cannot be estimated.
         if whole.is_nan() || whole <= OF_ITS_OWN * OF_ITS_OWN * dot(&traces[0], &traces[0]) * dot(&traces[1], &traces[1]) {
             return (0.0, [0.0; 2]);
         }
@@ -116,7 +118,7 @@ impl<'k> Waves<'k> {
         (factors[0] * asked[0] + factors[1] * asked[1], factors)
     }
 
-    /// Gains of many wave numbers, on all threads.
+    /// The gains of many wave numbers, on all threads.
     fn gains(&self, numbers: &[f64]) -> Vec<f64> {
         in_threads(numbers, self.traces.whitened.threads, |number| self.gain(*number).0)
     }
@@ -149,7 +151,7 @@ fn take_off(column: &mut [f64], direction: &[f64]) {
     column.iter_mut().zip(direction).for_each(|(value, direction)| *value -= share * direction);
 }
 
-/// The waves that explain most of what a fit leaves.
+/// The waves that explain most of the residual of a fit.
 #[must_use]
 pub fn waves(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Wave> {
     let waves = Waves::new(PositionTraces::new(whitened, fit), fit);
@@ -159,7 +161,7 @@ pub fn waves(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Wave> {
     let numbers: Vec<f64> =
         (LONGEST_WAVE..2 * MOST).map(|half| half as f64 * line).take_while(|number| *number < finest).collect();
     let gains = waves.gains(&numbers);
-    // The longest wave may lie at the end of the list: beyond it is what does not come again, beyond the other end noise.
+    // The longest wave may be at the end of the list. Longer waves do not repeat; at the other end there is only noise.
     let at = |k: usize| gains.get(k).copied().unwrap_or(0.0);
     let mut peaks: Vec<usize> =
         (0..gains.len()).filter(|&k| at(k) > 0.0 && (k == 0 || at(k) >= at(k - 1)) && at(k) > at(k + 1)).collect();
@@ -178,12 +180,12 @@ pub fn waves(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Wave> {
     found.into_iter().map(|it| it.1).collect()
 }
 
-/// The wave of a wave number with these factors of sine and cosine.
+/// The wave with this wave number and these factors of sine and cosine.
 fn wave(number: f64, [sin, cos]: [f64; 2]) -> Wave {
     Wave { amplitude: sin.hypot(cos), pitch: TAU / number, phase: cos.atan2(sin) }
 }
 
-/// The way that an axis covers in its records, in m, if any has a position.
+/// The travel of an axis in its records, in m, if any record has a position.
 fn travel(whitened: &WhitenedResiduals) -> Option<f64> {
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for it in &whitened.records {
@@ -194,35 +196,36 @@ fn travel(whitened: &WhitenedResiduals) -> Option<f64> {
     (high > low && (high - low).is_finite()).then_some(high - low)
 }
 
-/// Whether an entry is no wave over the position, or one of which the records hold a whole turn at least: of less any smooth force is a part, a spring first of all.
+/// Whether an entry is not a wave over the position, or is one with at least a whole period in the records. A shorter part of a wave can describe any
+/// smooth force, for example a spring.
 #[must_use]
 pub fn comes_again(whitened: &WhitenedResiduals, entry: &Entry) -> bool {
     let wave = Some(entry).filter(|it| is_wave(it.description, it.arguments.plant));
     wave.and_then(|it| of(&it.arguments)).is_none_or(|wave| travel(whitened).is_some_and(|travel| wave.pitch <= travel))
 }
 
-/// Whether an effect is such a wave on a plant: one of any length, not an order of a rotor, which is counted.
+/// Whether an effect is such a wave on a plant: a wave of any length, not an integer order of a rotor.
 #[must_use]
 pub fn is_wave(effect: &Description, plant: PlantKind) -> bool {
     effect.declared.role == Role::Waves && effect.arguments_on(plant).all(|it| it.bound != Bound::Count)
 }
 
-/// The wave that an entry says.
+/// The wave of an entry.
 #[must_use]
 pub fn of(arguments: &Arguments) -> Option<Wave> {
     let number = |name| arguments.optional(name);
     Some(Wave { amplitude: number("amplitude")?, pitch: number("pitch")?, phase: number("phase")? })
 }
 
-/// A plant with a wave, near the best of both: everything that is free in the fit, and the wave, as least squares along the measured positions has them; and
-/// the squared residual that this promises; turned over by this many of `REACHES`. A free run with the wave alone would begin where nothing else fits it.
+/// A plant with a wave, near the joint optimum: all free unknowns of the fit and the wave, by least squares along the measured positions; and its
+/// predicted squared residual. Each of `reaches` is one turn. A free run with only the wave added would start far from the optimum of the others.
 #[must_use]
 pub fn led(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, entry: &Entry, reaches: &[usize]) -> Option<(Model, f64)> {
     let mut traces = PositionTraces::new(whitened, fit);
-    // What was believed since the wave was read off moves it by less than half a line, a turn by a twentieth of one.
+    // After other causes were accepted, the wave moves by less than half a line, and in each turn by less than a twentieth.
     let mut found = led_once(traces, fit, of(&entry.arguments)?.pitch, 0.5)?;
     for reach in reaches {
-        // The plant with what the wave lets go of: derivatives and answers are its own.
+        // The plant has changed, so derivatives and responses are computed again.
         let base = levenberg::here(whitened, found.model.clone())?;
         traces = PositionTraces::new(whitened, &base);
         traces.follow_with(&base, &found.traces, &found.wave, *reach);
@@ -235,8 +238,8 @@ pub fn led(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, entry: &Ent
     Some((found.model.joined(nominal, said(entry, &found.wave)), found.cost))
 }
 
-/// A plant with a wave whose free run ended beside the record, led again along what it lacked over this many rows on either side: `place` is that of the
-/// wave among its effects.
+/// A plant with a wave whose free run ended in a local minimum, fitted again along the positions corrected over this many rows on either side.
+/// `place` is the index of the wave among its effects.
 #[must_use]
 pub fn led_again(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, place: usize, reach: usize) -> Option<Model> {
     let entry = &fit.model.file.effects[place];
@@ -248,7 +251,7 @@ pub fn led_again(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, place
     Some(found.model.joined(nominal, said(entry, &found.wave)))
 }
 
-/// An entry with the numbers of a wave.
+/// An entry with the parameters of a wave.
 fn said(entry: &Entry, wave: &Wave) -> Entry {
     let mut entry = entry.clone();
     for (name, value) in &mut entry.arguments.numbers {
@@ -262,17 +265,17 @@ fn said(entry: &Entry, wave: &Wave) -> Entry {
     entry
 }
 
-/// A turn of plant and wave.
+/// The result of one turn.
 struct Led<'k> {
     traces: PositionTraces<'k>,
     wave: Wave,
-    /// The plant of the fit, moved as it suits the wave.
+    /// The plant of the fit, with its unknowns moved.
     model: Model,
-    /// Squared residual in first order.
+    /// The squared residual to first order.
     cost: f64,
 }
 
-/// The wave within this many lines of a pitch, with the plant.
+/// The best wave within this many lines of a pitch, with the plant.
 fn led_once<'k>(traces: PositionTraces<'k>, fit: &Fit, pitch: f64, reach: f64) -> Option<Led<'k>> {
     let waves = Waves::new(traces, fit);
     let line = TAU * 0.5 / travel(waves.traces.whitened)?;
@@ -285,10 +288,10 @@ fn led_once<'k>(traces: PositionTraces<'k>, fit: &Fit, pitch: f64, reach: f64) -
     cost.is_finite().then_some(Led { traces: waves.traces, wave, model, cost })
 }
 
-/// Normal equations of all that is free in a fit, and of the two traces of a wave.
+/// The normal equations of all free unknowns of a fit and of the two traces of a wave.
 struct Joint<'f> {
     fit: &'f Fit,
-    /// Unknowns of the fit, bounds or not, and their columns.
+    /// The unknowns of the fit, including those at bounds, and their columns.
     unknowns: Vec<usize>,
     columns: Vec<&'f Column>,
     traces: [Vec<f64>; 2],
@@ -320,13 +323,13 @@ impl<'f> Joint<'f> {
         Joint { fit, unknowns, columns, traces, normal: Normal::new(&whole, n, 0.0), right }
     }
 
-    /// The steps of the unknowns and the factors of the traces, and the squared residual that they leave, bends and all.
+    /// The steps of the unknowns and the factors of the traces, and the squared residual including second-order effects.
     fn solved(&self, curvatures: &[Curvature]) -> (Vec<f64>, f64) {
         let before = self.unknowns.len();
         let mut solved = self.normal.solve(&self.right);
         let mut left = self.fit.residual.clone();
         for _ in 0..BENT {
-            // What the step just found bends is no longer asked of the straight traces.
+            // The second-order effect of the last step is subtracted from the residual.
             left.clone_from(&self.fit.residual);
             for bend in curvatures {
                 let share = self.step(bend.unknowns.0, &solved) * self.step(bend.unknowns.1, &solved);
@@ -346,7 +349,7 @@ impl<'f> Joint<'f> {
         (solved, dot(&left, &left))
     }
 
-    /// The step of an unknown, in its scales; none where the fit has no such unknown.
+    /// The step of an unknown in units of its scale; zero if the fit has no such unknown.
     fn step(&self, unknown: usize, solved: &[f64]) -> f64 {
         let place = self.unknowns.iter().position(|it| *it == unknown);
         place.map_or(0.0, |place| solved[place] / self.fit.model.unknowns[unknown].scale)

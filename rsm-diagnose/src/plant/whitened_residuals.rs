@@ -1,7 +1,7 @@
 //! Free-run simulations of a model along all records, on all cores, and their whitened residuals.
 //!
 //! In: a model and prepared records. Out: residuals with variance one where they are noise, and their derivatives with respect to the unknowns.
-//! The bits do not depend on the number of threads: each simulation is one job with a place of its own.
+//! The bits do not depend on the number of threads: each simulation is one job with its own place in the result.
 
 use super::model::{Model, Place};
 use super::noise::Floor;
@@ -15,42 +15,43 @@ use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::simulate::{Outputs, Simulator};
 use rsm_sim::threads::in_threads;
 
-/// The step of a difference, in units of an unknown's scale. A law with a kink (free play, a limit) is simulated with kinks that are placed to a share of
-/// a sub-step: its outputs jump by 1e-5 of what they move, and over a thousandth of a scale that was a tenth of the derivative. Over three hundredths
-/// it is gone, and what the difference leaves out of a curved law is as small: fits converge by a factor of thirty a step in place of a thousand.
+/// The step of a finite difference, in units of an unknown's scale. A law with a kink (free play, a limit) is simulated with the kink at an accuracy
+/// of a share of a sub-step, so its outputs jump by 1e-5 of their change. With a step of a thousandth that was a tenth of the derivative. With three
+/// hundredths it is negligible, and the error from curvature is as small: fits converge by a factor of thirty in each step, instead of a thousand.
 const DIFFERENCE: f64 = 0.03;
 
-/// Root mean square of what a difference may move the outputs by, in standard deviations of the noise. What it moves further is bent by as much as the noise where the
-/// bend is as large as the trace itself: motions that repeat many times after a cause do so. Kinks that are placed too roughly are 1e-5 of a signal, a hundredth of this.
+/// The largest root mean square change of the outputs by a difference, in standard deviations of the noise. With a larger change, the curvature may
+/// be as large as the trace itself, for example if a motion repeats many times after a cause. Errors from kinks are 1e-5 of a signal, a hundredth of
+/// this.
 const MOST_CHANGE: f64 = 1.0;
 
-/// A difference is made shorter at most by this factor at a time: by how much it moves is known where it is in proportion only.
+/// The largest reduction of the step at a time, because the effect is known only to first order.
 const LEAST_SHORTENING: f64 = 0.01;
 
-/// How often: twice, down to 3e-6 of a scale.
+/// The largest number of reductions: two, down to 3e-6 of a scale.
 const SHORTER_STEPS: usize = 2;
 
-/// Sub-steps a row, on average over a record, beyond which a model is none to try: at four a radian it makes ten turns between two rows. A clutch that
-/// stiffens and slips at once winds up without end, for example.
+/// The mean number of sub-steps per row of a record above which a model is not tried. With four sub-steps per radian, it makes ten turns between two
+/// rows. An example is a clutch that becomes stiffer and slips at the same time.
 const MOST_STEPS_A_ROW: usize = 250;
 
-/// A candidate may always take as many: three strokes a turn at 500 rad/s are 15 radians in a row of 10 ms, and take 60 at four a radian. Sampling folds them into the
-/// band, where they are seen.
+/// A candidate may always take this many sub-steps per row. Three strokes per turn at 500 rad/s are 15 radians in a row of 10 ms, and take 60
+/// sub-steps. Sampling aliases such waves into the band, where they are visible.
 const LEAST_ALLOWED: usize = 64;
 
-/// A candidate may take this many times the sub-steps of the calibrated plant: a cause makes a plant faster by its own mode, not by an order. What goes beyond is a
-/// time constant on its way to nothing.
+/// A candidate may take this many times the sub-steps of the calibrated plant. A cause adds one faster mode; if more steps are needed, a time
+/// constant goes to zero.
 const TIMES_THE_PLANT: usize = 8;
 
 /// Simulated outputs of one record, in the order of [`Prepared::outputs`].
 pub type Simulated = Vec<Vec<f64>>;
 
-/// A derivative of the whitened simulation; it is 0 outside its records.
+/// A derivative of the whitened simulation. It is zero outside its records.
 #[derive(Debug, Clone)]
 pub struct Column {
-    /// Its first place in the stack of all residuals.
+    /// Its first index in the stack of all residuals.
     pub first: usize,
-    /// Values from there.
+    /// The values from there on.
     pub values: Vec<f64>,
 }
 
@@ -80,20 +81,20 @@ pub struct WhitenedResiduals {
     pub records: Vec<Prepared>,
     /// Noise of each output of the plant.
     pub floors: [Floor; OUTPUTS],
-    /// The laws by which readings were made tame where their noise has heavy tails.
+    /// The distributions by which readings were corrected for heavy tails.
     pub tails: [Option<Tails>; OUTPUTS],
-    /// How many simulations run side by side.
+    /// The number of simulations in parallel.
     pub threads: usize,
-    /// What simulations may take, and have taken.
+    /// The work limit of simulations, and the work so far.
     pub pace: Pace,
 }
 
-/// The work of simulations in sub-steps: a count, not seconds, so that what depends on it is the same on every machine.
+/// The work of simulations in sub-steps. A count, not seconds, so that results are the same on every machine.
 #[derive(Debug, Clone)]
 pub struct Pace {
-    /// Sub-steps a row, on average over a record, beyond which a run is given up.
+    /// The mean number of sub-steps per row of a record at which a run is stopped.
     pub most: usize,
-    /// Sub-steps of all runs of this value and of its copies, and those after which multistart ends with the best that it has.
+    /// The sub-steps of all runs with this value and its clones, and the number at which multistart ends with its best result.
     count: Count,
 }
 
@@ -104,7 +105,7 @@ impl Default for Pace {
 }
 
 impl Pace {
-    /// The same limit for each run, and a count of its own.
+    /// The same limit for each run, with a separate count.
     #[must_use]
     pub fn anew(&self) -> Self {
         Pace { most: self.most, ..Pace::default() }
@@ -116,18 +117,18 @@ impl Pace {
         self.count.taken()
     }
 
-    /// Says how many sub-steps, from the beginning on, the work that follows may take. It holds for all copies.
+    /// Sets the limit of sub-steps, counted from the beginning. It holds for all clones.
     pub fn ends_at(&self, steps: u64) {
         self.count.ends_at(steps);
     }
 
-    /// Whether that is used up. Asked between runs, never beside them: the answer is the same for any number of threads.
+    /// Whether the limit is used up. Call this between runs, never in parallel with them: then the answer does not depend on the number of threads.
     #[must_use]
     pub fn is_spent(&self) -> bool {
         self.count.is_spent()
     }
 
-    /// For candidates beside a plant whose run over this many rows took this many sub-steps.
+    /// The limits for candidates, relative to a plant whose run over this many rows took this many sub-steps.
     #[must_use]
     pub fn beside(&self, steps: u64, rows: usize) -> Self {
         let own = usize::try_from(steps / rows.max(1) as u64).unwrap_or(usize::MAX);
@@ -135,7 +136,7 @@ impl Pace {
     }
 }
 
-/// Jobs by the places of those that run side by side: plants with the same effects at the same places, on one record.
+/// The indices of jobs that can run side by side: plants with the same effects in the same order, on one record.
 fn side_by_side(jobs: &[(usize, &Model)]) -> Vec<Vec<usize>> {
     let is_like = |one: &(usize, &Model), other: &(usize, &Model)| {
         let (mut a, mut b) = (one.1.file.acting(), other.1.file.acting());
@@ -164,19 +165,19 @@ fn side_by_side(jobs: &[(usize, &Model)]) -> Vec<Vec<usize>> {
 }
 
 impl WhitenedResiduals {
-    /// Of records, with nothing simulated yet.
+    /// Records without a simulation yet.
     #[must_use]
     pub fn new(records: Vec<Prepared>, floors: [Floor; OUTPUTS], threads: usize) -> Self {
         WhitenedResiduals { records, floors, tails: [None; OUTPUTS], threads, pace: Pace::default() }
     }
 
-    /// The same for other records: their work counts as its own.
+    /// The same for other records, with a shared count of work.
     #[must_use]
     pub fn on(&self, records: Vec<Prepared>) -> Self {
         WhitenedResiduals { records, floors: self.floors, tails: self.tails, threads: self.threads, pace: self.pace.clone() }
     }
 
-    /// Runs jobs on all threads; `None` where the numbers left no way on.
+    /// Runs jobs on all threads; `None` for a job whose simulation failed.
     #[must_use]
     pub fn simulate(&self, jobs: &[(usize, &Model)]) -> Vec<Option<Simulated>> {
         let groups = side_by_side(jobs);
@@ -188,7 +189,7 @@ impl WhitenedResiduals {
         answers
     }
 
-    /// Jobs on one record whose plants run side by side.
+    /// Runs jobs on one record whose plants run side by side.
     fn group(&self, jobs: &[(usize, &Model)], group: &[usize]) -> Vec<Option<Simulated>> {
         let record = jobs[group[0]].0;
         let prepared = &self.records[record];
@@ -202,7 +203,7 @@ impl WhitenedResiduals {
         found.into_iter().map(|values| values.and_then(shown)).collect()
     }
 
-    /// All outputs of one model along one record, those that the record does not hold as well; `None` where the numbers left no way on.
+    /// All outputs of one model along one record, including those that the record does not hold; `None` if the simulation failed.
     #[must_use]
     pub fn all_outputs(&self, record: usize, model: &Model) -> Option<Outputs> {
         let prepared = &self.records[record];
@@ -230,8 +231,8 @@ impl WhitenedResiduals {
         models.iter().map(|_| done.by_ref().take(count).collect::<Vec<_>>().into_iter().collect()).collect()
     }
 
-    /// Measured less simulated, whitened, all records one after another. Where a sensor rounds, the mean reading stands for the simulated value; derivatives are
-    /// those of the value itself, which are right on average over a step and have no jumps.
+    /// Measured minus simulated, whitened, for all records one after another. If a sensor rounds, the mean reading replaces the simulated value.
+    /// Derivatives are those of the value itself: they are right on average over a step and have no jumps.
     #[must_use]
     pub fn residual(&self, simulated: &[Simulated]) -> Vec<f64> {
         let mut stack = Vec::with_capacity(self.rows());
@@ -249,7 +250,7 @@ impl WhitenedResiduals {
         stack
     }
 
-    /// The whitened change of a record's simulation, over a step.
+    /// The whitened change of a record's simulation, divided by a step.
     #[must_use]
     pub fn change(&self, record: usize, from: &Simulated, to: &Simulated, step: f64) -> Vec<f64> {
         let prepared = &self.records[record];
@@ -265,32 +266,32 @@ impl WhitenedResiduals {
         stack
     }
 
-    /// The whitened change of all records.
+    /// The same for all records.
     #[must_use]
     pub fn changes(&self, from: &[Simulated], to: &[Simulated], step: f64) -> Vec<f64> {
         (0..self.records.len()).flat_map(|record| self.change(record, &from[record], &to[record], step)).collect()
     }
 
-    /// Length of the stack.
+    /// The length of the stack.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.records.iter().map(Self::length).sum()
     }
 
-    /// Values of a record in the stack.
+    /// The number of values of a record in the stack.
     #[must_use]
     pub fn length(prepared: &Prepared) -> usize {
         prepared.outputs.len() * prepared.record.rows()
     }
 
-    /// First place of a record in the stack.
+    /// The first index of a record in the stack.
     #[must_use]
     pub fn first(&self, record: usize) -> usize {
         self.records[..record].iter().map(Self::length).sum()
     }
 
-    /// Derivatives of the whitened simulation with respect to the chosen unknowns, on the scale of their search: forward differences. A difference that cannot be
-    /// simulated, or that moves the outputs by more than `MOST_CHANGE`, is taken again over a shorter step.
+    /// Derivatives of the whitened simulation with respect to the chosen unknowns, on the scale of their search, by forward differences. A difference
+    /// that cannot be simulated, or that changes the outputs by more than `MOST_CHANGE`, is computed again with a shorter step.
     #[must_use]
     pub fn derivatives(&self, model: &Model, simulated: &[Simulated], chosen: &[usize]) -> Option<Vec<Column>> {
         let mut columns: Vec<Option<Column>> = vec![None; chosen.len()];

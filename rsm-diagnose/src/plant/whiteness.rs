@@ -1,7 +1,7 @@
 //! Tests whether the residuals with all causes are noise.
 //!
-//! In: the whitened residual of a fit. Out: for each output and octave of frequencies its energy relative to noise, and whether it exceeds what noise
-//! shows in 199 of 200 cases. The kind of structure is not identified here.
+//! In: the whitened residual of a fit. Out: for each output and octave of frequencies its energy relative to noise, and whether it exceeds the value
+//! that noise exceeds once in 200 cases. The kind of structure is not identified here.
 
 use super::levenberg::Fit;
 use super::octave_spectrum::{LEAST_LINES, OCTAVES, Octave, octaves};
@@ -10,59 +10,60 @@ use super::whitened_residuals::WhitenedResiduals;
 use crate::engine::significance::quantile;
 use rsm_sim::kind::OUTPUTS;
 
-/// How rarely noise alone may pass for structure, over all octaves of all outputs in both looks. Of the 5 % of false alarms that a diagnosis may have, the search takes the rest.
+/// The probability that noise alone is taken for structure, over all octaves of all outputs in both tests. The search uses the rest of the 5 % of
+/// false alarms of a diagnosis.
 const ALARM_OF_STRUCTURE: f64 = 0.01;
 
-/// A verdict looks twice: at the records that were fitted, and at those that were not.
+/// A verdict makes two tests: on the training records and on the holdout records.
 pub(super) const LOOKS: usize = 2;
 
-/// Records in which rounded readings scatter by less than this share of the floor's variance count as if they did by as much: a value that is off by a hundredth of a step
-/// changes what is left by more.
+/// The smallest variance of rounded readings that is assumed, as a share of the floor's variance. A value that is wrong by a hundredth of a step
+/// changes the residual by more.
 const LEAST_SCATTER: f64 = 0.01;
 
-/// Energy of an output in a band.
+/// The energy of an output in a band.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Band {
     /// The output, by its place in the plant.
     pub output: usize,
-    /// The octave, from the highest down.
+    /// The octave; 0 is the highest.
     pub octave: usize,
     /// Lowest frequency, in Hz.
     pub low: f64,
     /// Highest frequency, in Hz.
     pub high: f64,
-    /// Energy over that of noise: 1 where it is noise.
+    /// The energy divided by the noise energy: 1 for noise.
     pub ratio: f64,
-    /// How many independent lines of the spectrum it holds.
+    /// The number of independent lines of the spectrum in it.
     pub lines: usize,
-    /// How far that is above noise, in standard deviations, the floor's own error among them.
+    /// The deviation from noise in standard deviations; the error of the floor is included.
     pub deviation: f64,
 }
 
-/// What is left.
+/// The structure that is left in a residual.
 #[derive(Debug, Clone)]
 pub struct Left {
     /// Bands of all outputs.
     pub bands: Vec<Band>,
-    /// What the largest deviation of noise alone passes once in two hundred times.
+    /// The value that the largest deviation of noise alone exceeds once in two hundred cases.
     pub point: f64,
-    /// Energy beyond that of noise in the bands that pass the point, over the energy of noise in all bands.
+    /// The energy above the noise in the bands that exceed the point, divided by the noise energy of all bands.
     pub excess: f64,
 }
 
-/// What the largest of this many deviations of noise passes once in two hundred times, if there are this many such looks.
+/// The value that the largest of this many deviations of noise exceeds once in two hundred cases, divided among this many tests.
 #[must_use]
 pub fn point(bands: usize, looks: usize) -> f64 {
     quantile(ALARM_OF_STRUCTURE / (LOOKS * bands.max(1) * looks.max(1)) as f64)
 }
 
-/// Looks at the residual of a fit.
+/// Tests the residual of a fit.
 #[must_use]
 pub fn look(whitened: &WhitenedResiduals, fit: &Fit) -> Left {
     look_among(whitened, fit, 1)
 }
 
-/// The same, as one of this many looks that may not raise a false alarm together.
+/// The same, as one of `looks` tests with a common false alarm rate.
 #[must_use]
 pub fn look_among(whitened: &WhitenedResiduals, fit: &Fit, looks: usize) -> Left {
     let mut sums = [[Octave::default(); OCTAVES]; OUTPUTS];
@@ -101,9 +102,10 @@ pub fn look_among(whitened: &WhitenedResiduals, fit: &Fit, looks: usize) -> Left
     Left { bands, point, excess }
 }
 
-/// Octaves of readings that are rounded. Their scatter v is large between two steps and small on one: so what noise is differs from record to record, and since it is uneven,
-/// and a reading is one of few, its power scatters more than that of even noise: in L lines of N rows by mean(v^2)/(L mean(v)^2) + mean(m - 3 v^2)/(N mean(v)^2),
-/// with m the fourth moment (M. B. Priestley, "Spectral analysis and time series", 1981, section 6.2). As many lines as have that scatter of even noise are left.
+/// The octaves of rounded readings. Their variance v is large between two steps and small on a step, so the noise level differs from record to
+/// record. Because it is uneven, its power scatters more than that of uniform noise: with L lines and N rows by mean(v^2)/(L mean(v)^2) + mean(m - 3
+/// v^2)/(N mean(v)^2), where m is the fourth moment (M. B. Priestley, "Spectral analysis and time series", 1981, section 6.2). The result has as many
+/// lines as uniform noise with that scatter.
 fn uneven(whitened: &WhitenedResiduals, fit: &Fit, output: usize, rounding: Rounding, octaves: &mut [Octave; OCTAVES]) {
     let (mut rows, mut sums) = (0.0, [0.0; 3]);
     for (prepared, simulated) in whitened.records.iter().zip(&fit.simulated) {
@@ -117,7 +119,7 @@ fn uneven(whitened: &WhitenedResiduals, fit: &Fit, output: usize, rounding: Roun
         }
     }
     let [mean, square, beyond] = sums.map(|sum| sum / f64::max(rows, 1.0));
-    // Where all values lie on steps nothing scatters, and the floor's own noise stands for it.
+    // If all values are on a step, nothing scatters, and a share of the floor's variance is used.
     let noise = mean.max(LEAST_SCATTER * whitened.floors[output].sd.powi(2));
     let even = whitened.floors[output].sd.powi(2) / noise;
     for octave in octaves {

@@ -2,31 +2,31 @@
 
 use crate::engine::probability::Probability;
 
-/// A number of a cause.
+/// A parameter of a cause.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
     /// Its name.
     pub name: String,
     /// The estimate.
     pub value: f64,
-    /// The 95 % interval.
+    /// The lower end of the 95 % interval.
     pub low: f64,
-    /// See `low`.
+    /// The upper end of the interval.
     pub high: f64,
     /// Its unit.
     pub unit: String,
 }
 
-/// A run that is left out.
+/// A run that is left out as an outlier.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OutlyingRun {
-    /// Its place in the run order, from 0.
+    /// Its index in the run order, from 0.
     pub place: usize,
-    /// Measured less what the explanation says.
+    /// The measured value minus the value of the explanation.
     pub residual: f64,
-    /// That over its standard deviation, which it has no part in.
+    /// The same divided by its standard deviation, which is estimated without this run.
     pub studentised: f64,
-    /// Probability of as much among this many runs.
+    /// The probability of a residual this large among this many runs.
     pub p: f64,
 }
 
@@ -37,39 +37,39 @@ pub struct Cause {
     pub kind: &'static str,
     /// KIND, or KIND:NAME.
     pub label: String,
-    /// What it is of, as (key, name): a term, a column, an input or a response.
+    /// What it refers to, as (key, name): a term, a column, an input or a response.
     pub subject: Option<(&'static str, String)>,
-    /// Its numbers.
+    /// Its parameters.
     pub parameters: Vec<Parameter>,
-    /// Further words for whoever reads JSON: shape, order, weights.
+    /// Further details for JSON: shape, order, weights.
     pub details: Vec<(&'static str, String)>,
-    /// Runs, of outlying ones.
+    /// The runs, for a cause of outlying runs.
     pub runs: Vec<OutlyingRun>,
     /// The probability that it is right.
     pub confidence: f64,
-    /// The probability that it, or one of those that the data do not rule out, is right.
+    /// The probability that it, or a rival that the data do not rule out, is right.
     pub confidence_of_any: f64,
-    /// By how much 2 ln of the likelihood falls without it.
+    /// The decrease of 2 ln(likelihood) without it.
     pub gain: f64,
-    /// ln of the probability of as much by chance.
+    /// ln of the probability that chance gives as much.
     pub ln_p: f64,
-    /// Rivals that do nearly as well, best first: label and by how much they do worse (2 ln of the likelihood, unknowns counted).
+    /// Rivals that fit nearly as well, best first: the label, and how much worse it fits, in 2 ln(likelihood) corrected for the number of unknowns.
     pub rivals: Vec<(String, f64)>,
-    /// Those that the data do not rule out.
+    /// The rivals that the data do not rule out.
     pub indistinguishable_from: Vec<String>,
-    /// In plain words.
+    /// A plain sentence.
     pub sentence: String,
-    /// Its places in the explanation; none for what does not move the mean.
+    /// Its indices in the explanation; empty for a cause that does not change the mean.
     pub(super) members: Vec<usize>,
 }
 
 impl Cause {
-    /// Takes a probability.
+    /// Sets the probability.
     pub(super) fn believe(&mut self, it: Probability) {
         (self.confidence, self.confidence_of_any) = (it.own, it.of_any);
     }
 
-    /// How probable it is.
+    /// The probability.
     pub(super) fn probability(&self) -> Probability {
         Probability { own: self.confidence, of_any: self.confidence_of_any }
     }

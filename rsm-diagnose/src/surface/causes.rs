@@ -1,6 +1,7 @@
 //! The causes of a report, with their confidence and the rivals with the same trace.
 //!
-//! In: a sample, its explanation, estimates, all hypotheses. Out: the list of [`Cause`]s, the strongest first; `narrative` gives their sentences and parameters. The set of causes is not changed here.
+//! In: a sample, its explanation, estimates, all hypotheses. Out: the list of [`Cause`]s, the strongest first; `narrative` gives their sentences and
+//! parameters. Does not change the set of causes.
 
 pub use super::cause::{Cause, OutlyingRun, Parameter};
 use super::choice::{Worth, candidates, worth};
@@ -15,8 +16,8 @@ use crate::engine::combinations::{self, Combinations};
 use crate::engine::probability::Probability;
 use crate::engine::significance::f_of;
 
-/// A rival that does worse by less than this is not ruled out: 2 ln 19, odds of 95 to 5. What is true is ahead of a rival by more only once in 20 times: the mean of a likelihood ratio under the
-/// truth is 1 (Markov's inequality).
+/// A rival that fits worse by less than this is not ruled out: 2 ln 19, odds of 95 to 5. A wrong rival is ahead of the truth by more only once in 20
+/// cases, because the mean of a likelihood ratio under the truth is 1 (Markov's inequality).
 const NOT_RULED_OUT: f64 = 5.9;
 
 /// All causes of an explanation.
@@ -29,7 +30,7 @@ pub fn all(
 ) -> Vec<Cause> {
     let narrative = Narrative { sample, found, estimates };
     let space = found.space(sample);
-    // The set itself first, with the exact columns of its sensors; then everything else as rivals.
+    // First the set itself, with the exact columns of its sensors; then all other hypotheses as rivals.
     let mut pool: Vec<Hypothesis> = found.set.clone();
     pool.extend(hypotheses.iter().cloned());
     let candidates = candidates(&pool, thresholds, &space);
@@ -59,7 +60,7 @@ pub fn all(
         let odds: f64 = members.iter().map(|member| pool[*member].prior).sum();
         cause.gain = candidates[0].columns[0].len() as f64 * (search.square(&rest) / search.square(&set)).ln();
         let label = cause.label.clone();
-        // What is to be distinguished is distinguished by the data: the odds before them (one of many places of a change, a high order) count for the confidence only.
+        // Only the data distinguish rivals. The prior odds (one of many places of a change, a high order) affect the confidence only.
         let mut rivals: Vec<(String, f64)> = Vec::new();
         let mut likely: Vec<(String, f64)> = Vec::new();
         for (candidate, of_rival) in search.joined(&rest) {
@@ -79,7 +80,7 @@ pub fn all(
         }
         rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
         cause.indistinguishable_from = rivals.iter().filter(|it| it.1 < NOT_RULED_OUT).map(|it| it.0.clone()).collect();
-        // Chance: the probability of so good a hypothesis among all, in units of its threshold.
+        // The probability that chance gives a hypothesis this good among all, relative to the threshold.
         let chance = (cause.ln_p - thresholds.ln_p_mean).min(0.0).exp() * 0.05;
         let evidence = likely.iter().map(|it| ((-it.1 / 2.0).exp(), cause.indistinguishable_from.contains(&it.0)));
         cause.believe(Probability::among(1.0 - chance, evidence));
@@ -94,7 +95,7 @@ pub fn all(
     causes
 }
 
-/// What the mean becomes at each row with each combination of the strongest causes that move it, the others fitted again.
+/// The mean at each row for each combination of the strongest causes that change it, with the other causes fitted again.
 pub fn combinations(sample: &Sample, found: &Explained, causes: &[Cause]) -> Combinations<Vec<f64>> {
     let moving: Vec<&Cause> = causes.iter().filter(|it| !it.members.is_empty()).take(combinations::MOST).collect();
     Combinations::of(moving.iter().map(|it| it.label.clone()).collect(), |is_in| {
@@ -107,7 +108,7 @@ pub fn combinations(sample: &Sample, found: &Explained, causes: &[Cause]) -> Com
     })
 }
 
-/// Parts of one cause share this.
+/// The claim that all parts of one cause share.
 fn part_of(claim: &Claim) -> Claim {
     match claim {
         Claim::Input(extra, _) => Claim::Input(*extra, Part::Linear),
@@ -115,7 +116,7 @@ fn part_of(claim: &Claim) -> Claim {
     }
 }
 
-/// What every hypothesis alone would win, the best shape of each label, best first: label, 2 ln of the likelihood ratio, ln of the probability by chance.
+/// The gain of every hypothesis alone, with its best shape, best first: label, 2 ln of the likelihood ratio, ln of the probability by chance.
 pub fn ranking(
     sample: &Sample,
     hypotheses: &[Hypothesis],
@@ -140,7 +141,7 @@ pub fn ranking(
     ranking
 }
 
-/// The upper limit of what a cause of one unknown must reach, for reports: 2 ln of the likelihood ratio at the threshold.
+/// For reports: the largest 2 ln of the likelihood ratio that a cause with one unknown may need to exceed the threshold.
 pub fn needed(thresholds: &Thresholds) -> f64 {
     f_of(thresholds.ln_p_mean, 1.0, 1e7)
 }

@@ -1,7 +1,8 @@
-//! The set of causes that explains a sample best, for given outlying runs and noise.
+//! Chooses the set of causes that explains a sample best, for given outlying runs and noise.
 //!
-//! In: a sample, hypotheses, thresholds, the state of [`super::explain`]. Out: hypotheses. The result of the search is checked again: each cause must exceed its threshold within the set, shapes that equal a plain
-//! shift are dropped, changes between runs are placed at their row, and a missing order is reported by its terms. Never changes outlying runs or the noise.
+//! In: a sample, hypotheses, thresholds, the state of [`super::explain`]. Out: hypotheses. The result of the search is checked again: each cause must
+//! exceed its threshold within the set, shapes that equal a plain shift are dropped, changes between runs are placed at their row, and a missing
+//! order is reported by its terms. Never changes outlying runs or the noise.
 
 use super::explained::{Explained, solved};
 use super::hypotheses::{Claim, Hypothesis, LEAST_SIDE, MOST_CHANGES, Part, step};
@@ -13,18 +14,18 @@ use crate::engine::columns::dot;
 use crate::engine::significance::{ln_p_of_squares, ln_upper_f};
 use crate::engine::work::Work;
 
-/// What one cause of a set is worth.
+/// The contribution of one cause in a set.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Worth {
-    /// By how much 2 ln of the likelihood falls without it.
+    /// The decrease of 2 ln(likelihood) without it.
     pub gain: f64,
-    /// ln of the probability of as much by chance.
+    /// ln of the probability that chance gives as much.
     pub ln_p: f64,
 }
 
-/// The best set of causes, outliers and noise as they are.
+/// The best set of causes for the given outliers and noise.
 ///
-/// `work` is a limit: where it is met, the best set so far is the answer.
+/// If the limit of `work` is reached, the best set so far is returned.
 pub(super) fn causes(
     sample: &Sample,
     hypotheses: &[Hypothesis],
@@ -39,10 +40,10 @@ pub(super) fn causes(
     let mut finer = false;
     let mut offered = candidates(&pool, thresholds, &space);
     let mut search = counted(&offered, &residual, work);
-    // Each turn takes shapes away, and the second kind of turn comes once; there are finitely many shapes, and more than a few in one search there never were.
+    // Each round removes shapes, and the second kind of round occurs once, so the number of rounds is finite. More than a few were never observed.
     for _ in 0..MOST_SEARCHES {
         let mut found = search.best(work);
-        // Costs are of one cause alone; in the set each must be worth its threshold.
+        // The costs are for a single cause. In the set, each cause must exceed its threshold.
         loop {
             let worths: Vec<Worth> = found.set.iter().map(|member| worth(&search, &offered, &found.set, *member)).collect();
             let weakest = (0..worths.len()).max_by(|a, b| worths[*a].ln_p.total_cmp(&worths[*b].ln_p));
@@ -64,7 +65,7 @@ pub(super) fn causes(
             search = search.among(&places);
             continue;
         }
-        // A change between runs is looked for on a grid first; then at every row about the best place.
+        // A change between runs is searched on a grid first, then at every row near the best place.
         match finer_steps(sample, &chosen, &pool) {
             Some(places) if !finer => {
                 pool.extend(places);
@@ -79,7 +80,7 @@ pub(super) fn causes(
     if claims(&singled) == claims(&chosen) {
         return chosen;
     }
-    // A whole order was the best of all sets, its single terms need not be.
+    // A complete order was the best single choice; its separate terms may be better.
     let pool: Vec<Hypothesis> =
         singled.iter().chain(pool.iter().filter(|it| !matches!(it.claim, Claim::Order(_)))).cloned().collect();
     let candidates = candidates(&pool, thresholds, &space);
@@ -102,7 +103,8 @@ fn claims(set: &[Hypothesis]) -> Vec<&Claim> {
     set.iter().map(|it| &it.claim).collect()
 }
 
-/// Whether a shape goes with one that was nothing but a shift: itself, and of changes in the run order all that are nearer to a shift.
+/// Whether a shape is removed together with one that was only a shift: the shape itself, and for changes in the run order all shapes nearer to a
+/// shift.
 fn is_nearer_a_shift(it: &Hypothesis, gone: &Hypothesis) -> bool {
     let likeness = |it: &Hypothesis| it.columns[0].iter().sum::<f64>().abs() / dot(&it.columns[0], &it.columns[0]).sqrt();
     match (&it.claim, &gone.claim) {
@@ -111,14 +113,16 @@ fn is_nearer_a_shift(it: &Hypothesis, gone: &Hypothesis) -> bool {
     }
 }
 
-/// See [`causes`].
+/// The largest number of rounds of [`causes`].
 const MOST_SEARCHES: usize = 12;
 
-/// Half ranges of the data from their middle: the file was made at a value of the missing input that is no further from the data than these are wide.
+/// The value of the missing input for which the file was made is at most this many half ranges of the data away from their middle.
 const FURTHEST_REFERENCE: f64 = 3.0;
 
-/// Whether a shape with a shift of its own is nothing but that shift. The shift alone is a bias of the response. Two kinds: blocks that all have an offset, or an input whose value in the file nobody knows, less their
-/// shift must be worth a cause, and that value must be where it can have been; a change or a drift must be worth one beside a bias (else a change three runs before the end is a better bias by choice of its place).
+/// Whether a shape with its own shift is only that shift, which is a bias of the response. Two kinds of shape are tested. Blocks that all have an
+/// offset, and an input with an unknown value in the file, must exceed the threshold without their shift, and that value must be plausible. A change
+/// or a drift must exceed the threshold when a bias is present; otherwise a change three runs before the end would fit better than a bias, only by
+/// the choice of its place.
 fn is_shift(
     pool: &[Hypothesis],
     candidates: &[Candidate],
@@ -153,7 +157,8 @@ fn is_shift(
     is_worth_nothing || matches!(pool[member].claim, Claim::Input(_, Part::Linear)) && is_far()
 }
 
-/// A whole order that is missing, as those of its terms that stand out within it (Holm 1979, at 5 %), where the others are together nothing (F, 5 %): the order has passed its threshold already.
+/// Replaces a complete missing order by those of its terms that are significant (Holm 1979, at 5 %), if the other terms together are not (F test, 5
+/// %). The order itself has already exceeded its threshold.
 fn singled_out(sample: &Sample, chosen: Vec<Hypothesis>, hypotheses: &[Hypothesis], space: &Space) -> Vec<Hypothesis> {
     const LEVEL: f64 = 0.05;
     let Some(place) = chosen.iter().position(|it| matches!(it.claim, Claim::Order(_))) else { return chosen };
@@ -185,7 +190,7 @@ fn singled_out(sample: &Sample, chosen: Vec<Hypothesis>, hypotheses: &[Hypothesi
     if powers.is_empty() || !nothing_left { chosen } else { set }
 }
 
-/// Changes at the rows between the places of the grid, about those that were chosen.
+/// Changes at the rows between the places of the grid, near the chosen ones.
 fn finer_steps(sample: &Sample, chosen: &[Hypothesis], pool: &[Hypothesis]) -> Option<Vec<Hypothesis>> {
     let rows = sample.rows();
     let reach = rows / MOST_CHANGES + 1;
@@ -199,7 +204,7 @@ fn finer_steps(sample: &Sample, chosen: &[Hypothesis], pool: &[Hypothesis]) -> O
         for place in at.saturating_sub(reach).max(LEAST_SIDE)..=(at + reach).min(rows - LEAST_SIDE) {
             if !known.contains(&place) {
                 for before in [0.0, -1.0] {
-                    // The group of the place on the grid: two changes that near are one.
+                    // The group is that of the grid place, so that two near changes are not both chosen.
                     finer.push(Hypothesis {
                         claim: Claim::Step(place),
                         columns: vec![step(rows, place, before)],
@@ -212,7 +217,7 @@ fn finer_steps(sample: &Sample, chosen: &[Hypothesis], pool: &[Hypothesis]) -> O
     (!finer.is_empty()).then_some(finer)
 }
 
-/// The hypotheses as the search sees them.
+/// The hypotheses in the form that the search uses.
 pub(super) fn candidates(hypotheses: &[Hypothesis], thresholds: &Thresholds, space: &Space) -> Vec<Candidate> {
     let widest = hypotheses.iter().map(|it| it.columns.len()).max().unwrap_or(0);
     let costs: Vec<f64> =
@@ -226,7 +231,7 @@ pub(super) fn candidates(hypotheses: &[Hypothesis], thresholds: &Thresholds, spa
     hypotheses.iter().map(of_one).collect()
 }
 
-/// What a member of a set is worth to it.
+/// The contribution of a member of a set.
 pub(super) fn worth(search: &Search, candidates: &[Candidate], set: &[usize], member: usize) -> Worth {
     let rest: Vec<usize> = set.iter().copied().filter(|other| *other != member).collect();
     let columns = |set: &[usize]| -> usize { set.iter().map(|it| candidates[*it].columns.len()).sum() };

@@ -1,4 +1,4 @@
-//! New data for a model: which columns are its inputs and responses, and what the other columns are.
+//! New data for a model: which columns are its inputs and responses, and how the other columns are used.
 //!
 //! In: the sources of CSV files and a model. Out: [`NewData`], rows in run order in the units of the model, or every fault. A surface is compared if its response is a column. Every other column
 //! is kept as numbers, kept as levels, or ignored with a reason. Never drops a row.
@@ -10,13 +10,13 @@ use super::sample::Extra;
 use rsm_fit::records::{DataFile, Refused, hash};
 use rsm_fit::table::{Table, Wanted, is_run};
 
-/// Names under which a column of numbers is taken for one of levels and nothing else.
+/// Columns of numbers with these names are levels only.
 const BLOCK: [&str; 15] = [
     "block", "blocks", "day", "rig", "batch", "session", "bench", "lot", "shift", "operator", "group", "series", "setup",
     "machine", "week",
 ];
 
-/// A column of whole numbers with more values than this is a quantity, not levels.
+/// A column of integers with more distinct values than this is a quantity, not a column of levels.
 const MOST_LEVELS: usize = 12;
 
 /// Rows of new data, in run order.
@@ -24,22 +24,22 @@ const MOST_LEVELS: usize = 12;
 pub struct NewData {
     /// The files.
     pub files: Vec<DataFile>,
-    /// File and line of every row.
+    /// The file index and the line of every row.
     pub lines: Vec<(usize, usize)>,
-    /// For every input of the model its values; empty for those that no compared surface uses.
+    /// The values of every input of the model; empty for inputs that no compared surface uses.
     pub inputs: Vec<Vec<f64>>,
-    /// For every surface its response; `None` where it is no column.
+    /// The response of every surface; `None` if it is not a column.
     pub responses: Vec<Option<Vec<f64>>>,
-    /// Columns that the model does not have.
+    /// Columns that are not in the model.
     pub extras: Vec<Extra>,
     /// The column that gave the run order; otherwise rows are in the order of the files.
     pub ordered_by: Option<String>,
-    /// Columns that take no part, and why.
+    /// Ignored columns, each with the reason.
     pub ignored: Vec<(String, String)>,
 }
 
 impl NewData {
-    /// Reads files. With `only`, the surfaces to compare are given; else those of which every file has the response.
+    /// Reads files. `only` gives the surfaces to compare; otherwise they are all surfaces with a response column in every file.
     ///
     /// # Errors
     /// Every fault of every file.
@@ -47,11 +47,11 @@ impl NewData {
         Self::read_as(model, &Origin::Files(sources), only, &[])
     }
 
-    /// Rows in memory: columns by their names, all of one length, in the units of the model. What is no input and no response is a further
-    /// column, a candidate for a cause. A surface is compared where its response is there.
+    /// Rows in memory: columns by name, all of the same length, in the units of the model. A column that is neither input nor response is a further
+    /// column, a candidate for a cause. A surface is compared if its response is present.
     ///
     /// # Errors
-    /// Every fault: columns of different lengths, a number that is not finite, an input that is missing.
+    /// Every fault: columns of different lengths, a number that is not finite, a missing input.
     ///
     /// ```
     /// use rsm_diagnose::surface::{self, Verdict, data::NewData};
@@ -77,8 +77,8 @@ impl NewData {
         Self::read_as(model, &Origin::Memory(columns), None, &[])
     }
 
-    /// Reads files that judge what was found in others: the surfaces that those have, and their further columns as they are there. A column that varied there is the same quantity here, though it stands still, and levels
-    /// there are levels here, though there is one.
+    /// Reads files that evaluate the results of other files. The surfaces are those of the other data, and a further column has the same type as
+    /// there: a quantity stays a quantity even if it is constant here, and levels stay levels even if there is only one.
     ///
     /// # Errors
     /// Every fault of every file.
@@ -125,7 +125,7 @@ impl NewData {
         let is_known = |name: &str| {
             model.inputs.iter().any(|input| input.name == name) || model.surfaces.iter().any(|surface| surface.name == name)
         };
-        // A further column counts where every file has it.
+        // A further column is used if every file has it.
         let first = headers.first().map(|table| &table.columns[..]).unwrap_or_default();
         let others: Vec<(String, Option<String>)> = first
             .iter()
@@ -192,7 +192,7 @@ impl NewData {
         faults.finish(Some(()))
     }
 
-    /// Sorts out the further columns, and the rows by the column of the run order.
+    /// Classifies the further columns, and sorts the rows by the column of the run order.
     fn further(&mut self, others: &[(String, Option<String>)], cells: Vec<Vec<String>>, known: &[Extra]) {
         let rows = self.lines.len();
         let mut columns: Vec<(String, Option<String>, Vec<String>)> =
@@ -217,7 +217,7 @@ impl NewData {
             }
         }
         if self.files.len() > 1 {
-            // Each file may be a day or a rig of its own.
+            // Each file may be another day or another test rig.
             let names: Vec<String> = self.lines.iter().map(|(file, _)| self.files[*file].name.clone()).collect();
             if !columns.iter().any(|(name, _, _)| name == "file") {
                 columns.push(("file".to_string(), None, names));
@@ -235,7 +235,7 @@ impl NewData {
         }
     }
 
-    /// How many rows there are.
+    /// The number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.lines.len()
@@ -249,15 +249,15 @@ impl NewData {
     }
 }
 
-/// Where new data come from.
+/// The source of new data.
 enum Origin<'a> {
     /// CSV files.
     Files(&'a [Source]),
-    /// Columns by their names.
+    /// Columns by name.
     Memory(&'a [(&'a str, &'a [f64])]),
 }
 
-/// How messages call rows in memory.
+/// The name of rows in memory in messages.
 const IN_MEMORY: &str = "rows in memory";
 
 impl Origin<'_> {
@@ -268,7 +268,7 @@ impl Origin<'_> {
         }
     }
 
-    /// The wanted columns of a file.
+    /// The requested columns of a file.
     fn table(&self, file: usize, wanted: &Wanted) -> Result<Table, Faults> {
         match self {
             Origin::Files(sources) => Table::read(&sources[file], wanted),
@@ -276,7 +276,7 @@ impl Origin<'_> {
         }
     }
 
-    /// SHA-256 of a file; of rows in memory, of their text as a table.
+    /// SHA-256 of a file; for rows in memory, of their text as a table.
     fn hash(&self, file: usize) -> String {
         match self {
             Origin::Files(sources) => hash(sources[file].text()),
@@ -289,7 +289,7 @@ fn numbers(cells: &[String]) -> Option<Vec<f64>> {
     cells.iter().map(|cell| cell.parse::<f64>().ok().filter(|value| value.is_finite())).collect()
 }
 
-/// A column as it is in other data: its numbers, its levels, or both.
+/// A column with the same type as in other data: its numbers, its levels, or both.
 fn as_known(known: &Extra, unit: Option<&str>, cells: &[String]) -> Result<Extra, String> {
     let unit = unit.unwrap_or("1");
     if unit != known.unit {
@@ -310,7 +310,7 @@ fn as_known(known: &Extra, unit: Option<&str>, cells: &[String]) -> Result<Extra
     Ok(Extra { values: values.transpose()?, levels: known.levels.as_ref().map(|_| (names, of)), clock: false, ..known.clone() })
 }
 
-/// What a further column may be.
+/// The type of a further column.
 fn kind_of(name: &str, unit: Option<&str>, cells: &[String]) -> Result<Extra, String> {
     let mut names: Vec<String> = Vec::new();
     let mut of = Vec::with_capacity(cells.len());
@@ -324,7 +324,7 @@ fn kind_of(name: &str, unit: Option<&str>, cells: &[String]) -> Result<Extra, St
             break;
         }
     }
-    // Two rows a level on the average: fewer, and a level is a run.
+    // Levels need at least two rows each on average; otherwise a level is a single run.
     let may_be_levels = of.len() == cells.len() && names.len() >= 2 && 2 * names.len() <= cells.len();
     let plain = Extra {
         name: name.to_string(),

@@ -1,7 +1,8 @@
-//! The numbers of a cause, with their intervals.
+//! The parameters of a cause, with their intervals.
 //!
-//! In: a sample and its explanation. Out: for each cause its unknowns with standard errors; and the explanation with the columns of input sensors updated to the estimate. The gain and bias of an input sensor act
-//! through the polynomial, which is not linear, so these columns are iterated (Gauss-Newton). Never adds or drops a cause.
+//! In: a sample and its explanation. Out: the unknowns of each cause with standard errors; and the explanation with the columns of input sensors
+//! updated to the estimate. Gain and bias of an input sensor act through the polynomial, which is not linear, so these columns are iterated
+//! (Gauss-Newton). Never adds or removes a cause.
 
 use super::explained::{Explained, settle, solved};
 use super::hypotheses::{Claim, moved};
@@ -9,12 +10,12 @@ use super::sample::Sample;
 use crate::engine::columns::{Solved, dot, solve};
 use crate::engine::significance::t_of;
 
-/// What one cause's unknowns are.
+/// The estimated unknowns of one cause.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Numbers {
-    /// An estimate a column.
+    /// One estimate for each column.
     pub values: Vec<f64>,
-    /// Half of the 95 % interval of each.
+    /// Half the width of the 95 % interval of each.
     pub halves: Vec<f64>,
 }
 
@@ -23,22 +24,22 @@ pub struct Numbers {
 pub struct Estimates {
     /// In the order of the set.
     pub causes: Vec<Numbers>,
-    /// The residual standard deviation in white units, and its degrees of freedom.
+    /// The residual standard deviation in whitened units.
     pub sd: f64,
-    /// See `sd`.
+    /// Its degrees of freedom.
     pub freedom: f64,
 }
 
-/// Steps of Gauss and Newton; they converge quadratically, and a search that has not after these never does.
+/// Gauss-Newton steps. They converge quadratically; if they have not converged after these, they never do.
 const STEPS: usize = 15;
 
-/// Gains of a sensor are looked for between this and its inverse: beyond, it is another sensor.
+/// The smallest gain of a sensor; the largest is its inverse. Beyond these it would be another sensor.
 const LEAST_GAIN: f64 = 0.3;
 
-/// Two-sided share outside an interval.
+/// The two-sided probability outside an interval.
 const OUTSIDE: f64 = 0.05;
 
-/// Makes the columns of input sensors exact.
+/// Updates the columns of input sensors to the estimate.
 pub(super) fn refine(sample: &Sample, found: &mut Explained) {
     let moves = |claim: &Claim| matches!(claim, Claim::InputGain(_) | Claim::InputBias(_));
     if !found.set.iter().any(|it| moves(&it.claim)) {
@@ -80,7 +81,7 @@ pub(super) fn refine(sample: &Sample, found: &mut Explained) {
             let step = solved.coefficients[place];
             match it.claim {
                 Claim::InputGain(input) => {
-                    // A fifth at once: beyond, the polynomial is another.
+                    // At most a fifth in one step, because the polynomial is not linear.
                     let step = step.clamp(-0.2, 0.2);
                     sensors[input].0 = (sensors[input].0 + step).clamp(LEAST_GAIN, 1.0 / LEAST_GAIN);
                     largest = largest.max(step.abs());
@@ -102,7 +103,7 @@ pub(super) fn refine(sample: &Sample, found: &mut Explained) {
     let base = at(sample, &sensors);
     for it in &mut found.set {
         match it.claim {
-            // The gain first, then the bias on top: their sum is the whole.
+            // The gain is applied first, then the bias; their sum is the whole change.
             Claim::InputGain(input) => {
                 let gain = sensors[input].0;
                 it.columns = vec![secant(&moved(sample, input, (gain, 0.0)), &sample.nominal, gain - 1.0)];
@@ -119,8 +120,9 @@ pub(super) fn refine(sample: &Sample, found: &mut Explained) {
     settle(sample, found);
 }
 
-/// Gains and biases of each input's sensor that are not ruled out: twice the 95 % interval, ends and middle; (1, 0) alone where none is named. Nothing, where no input's sensor is. Twice, since rows are chosen by it: what
-/// one interval in twenty rules out wrongly would take the rows away that put it right.
+/// Gains and biases of each input's sensor that are not ruled out: ends and middle of twice the 95 % interval; only (1, 0) for an input without such
+/// a cause. `None` if no input sensor is named. The interval is doubled because rows are selected by it: the one in twenty intervals that is wrong
+/// would remove the rows that could correct it.
 pub(super) fn sensors_believed(sample: &Sample, found: &Explained, estimates: &Estimates) -> Option<Vec<Vec<(f64, f64)>>> {
     let mut gains = vec![vec![1.0]; sample.inputs.len()];
     let mut biases = vec![vec![0.0]; sample.inputs.len()];
@@ -129,7 +131,7 @@ pub(super) fn sensors_believed(sample: &Sample, found: &Explained, estimates: &E
         let (value, half) = (numbers.values[0], 2.0 * numbers.halves[0]);
         let believed = [value - half, value, value + half];
         match it.claim {
-            // A gain near zero would bring every reading inside.
+            // A gain near zero would move every reading into the range.
             Claim::InputGain(input) => gains[input] = believed.iter().map(|it| (1.0 + it).max(LEAST_GAIN)).collect(),
             Claim::InputBias(input) => biases[input] = believed.to_vec(),
             _ => continue,
@@ -143,12 +145,12 @@ pub(super) fn sensors_believed(sample: &Sample, found: &Explained, estimates: &E
 }
 
 fn secant(there: &[f64], here: &[f64], change: f64) -> Vec<f64> {
-    // No change, no column: the cause is then worth nothing, and says so.
+    // If nothing changes, the column is zero, so the cause gains nothing.
     let change = if change.abs() < 1e-12 { f64::INFINITY } else { change };
     there.iter().zip(here).map(|(a, b)| (a - b) / change).collect()
 }
 
-/// The polynomial with all inputs as they truly were.
+/// The polynomial at the true inputs, for these sensors.
 fn at(sample: &Sample, sensors: &[(f64, f64)]) -> Vec<f64> {
     let mut points = sample.points.clone();
     for (column, (gain, bias)) in points.iter_mut().zip(sensors) {
@@ -157,7 +159,7 @@ fn at(sample: &Sample, sensors: &[(f64, f64)]) -> Vec<f64> {
     sample.polynomial(&points)
 }
 
-/// Its derivative by gain or bias of one input: a central difference, whose error is the square of the step.
+/// Its derivative with respect to the gain or bias of one input, by a central difference with an error of second order.
 fn slope(sample: &Sample, sensors: &[(f64, f64)], input: usize, (gain, bias): (f64, f64)) -> Vec<f64> {
     let with = |sign: f64| {
         let mut sensors = sensors.to_vec();
@@ -168,7 +170,7 @@ fn slope(sample: &Sample, sensors: &[(f64, f64)], input: usize, (gain, bias): (f
     secant(&with(1.0), &with(-1.0), 2.0 * (gain + bias))
 }
 
-/// The numbers of every cause.
+/// The parameters of every cause.
 pub(super) fn numbers(sample: &Sample, found: &Explained) -> Estimates {
     let space = found.space(sample);
     let solved: Solved = solved(sample, &found.set, &space);

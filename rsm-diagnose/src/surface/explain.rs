@@ -1,8 +1,8 @@
-//! The combination of causes, outlying runs and noise that explains a sample.
+//! Finds the combination of causes, outlying runs and noise that explains a sample.
 //!
-//! In: a sample, hypotheses, thresholds. Out: [`Explained`], the combination with the least -2 ln likelihood plus costs. Noise that grows looks like outliers if it is assumed even, and correlated errors look like drift
-//! if they are assumed independent. Each kind of noise is therefore a start of its own. From each start, causes, outliers and noise are found in turn until they no longer change.
-//! Never uses holdout rows.
+//! In: a sample, hypotheses, thresholds. Out: [`Explained`], the combination with the smallest -2 ln(likelihood) plus costs. Noise that grows looks
+//! like outliers if it is assumed uniform, and correlated errors look like drift if they are assumed independent. So each noise model is one starting
+//! point. From each, causes, outliers and noise are found in turn until they no longer change. Never uses holdout rows.
 
 use super::choice::causes;
 use super::explained::{Explained, Noise, settle, solved, space_of};
@@ -15,22 +15,24 @@ use crate::engine::columns::{Basis, dot, solve};
 use crate::engine::significance::f_of;
 use crate::engine::work::Work;
 
-/// A tenth of the runs may be outliers; more are a part of the process.
+/// At most a tenth of the runs may be outliers. More are part of the process.
 const MOST_OUTLIERS: f64 = 0.1;
 
-/// Below this many degrees of freedom two halves of the residuals have ten each, and their variances differ by a factor of 6 by chance (F, 0.5 %): kinds of noise are not distinguished then.
+/// With fewer degrees of freedom, noise models are not distinguished: two halves of the residuals have ten each, and their variances differ by a
+/// factor of 6 by chance (F test, 0.5 %).
 const LEAST_FREEDOM: usize = 20;
 
-/// This many runs in a row that do not stand out hide no further ones: scatter does not grow when they are left out.
+/// If this many candidates in a row are not outliers, no further ones are tested, because leaving them out no longer reduces the scatter.
 const HIDING: usize = 15;
 
-/// Up to this many rows outlying runs are taken out one by one, as Rosner does; of more rows as many at once as keep the rounds, each of which is a fit to all rows, from growing with them.
+/// Up to this many rows, outlying runs are removed one at a time, as in Rosner's test. With more rows, several are removed at a time, so that the
+/// number of rounds, each a fit to all rows, stays the same.
 const ONE_BY_ONE: usize = 400;
 
-/// Turns until causes, outliers and noise stay; where they circle, the best turn counts.
+/// The largest number of rounds until causes, outliers and noise no longer change. If they cycle, the best round counts.
 const TURNS: usize = 5;
 
-/// The best explanation. Where the work is spent, further kinds of noise are not tried: even noise, the plainest, is the first.
+/// The best explanation. If the work limit is reached, further noise models are not tried; uniform noise, the simplest, is the first.
 pub(super) fn explain(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, work: &Work<'_>) -> Explained {
     let mut best: Option<Explained> = None;
     let grown = Some(noise::growth(&plain(sample), &sample.nominal).0);
@@ -51,7 +53,8 @@ pub(super) fn explain(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &T
     best.expect("there are four kinds of noise")
 }
 
-/// The best explanation from one kind of noise. Gross outliers hide behind terms that imitate them; a large cause makes outliers of honest runs. So both beginnings are tried.
+/// The best explanation from one noise model. Large outliers can hide behind terms that imitate them, and a large cause can make good runs look like
+/// outliers. So two starting points are tried.
 pub(super) fn from_noise(
     sample: &Sample,
     hypotheses: &[Hypothesis],
@@ -78,11 +81,14 @@ pub(super) fn from_noise(
     if other.score < found.score { other } else { found }
 }
 
-/// Noise of the file's rows over that of the new ones: a variance of a hundredth or a hundred times is another instrument, and counts as that much.
+/// The smallest variance ratio of the noise of the file's rows to that of the new rows; the largest is its inverse. Beyond these it is another
+/// instrument, and the limit is used.
 const LEAST_RATIO: f64 = 0.01;
 
-/// Where a file does not say how well it knows its coefficients, both are tried and the likelihood decides: fitted to as many rows as are new, or exact (a formula, a data sheet). Where it says its
-/// noise, [`know`] follows that; the first guess is from the scatter that is plain to see, or with few rows the noise of the file, and a tenth of it: a file that lacks terms took them for noise.
+/// Factors for the coefficient uncertainty. If the file does not give an uncertainty, two cases are tried and the likelihood decides: coefficients
+/// fitted to as many rows as are new, or exact ones (a formula, a data sheet). If the file gives its noise, [`know`] uses that. The first guesses are
+/// from the scatter of the data or, with few rows, from the noise of the file; and a tenth of it, because a file without some terms counted these as
+/// noise.
 pub(super) fn loosenesses(sample: &Sample) -> Vec<f64> {
     match (sample.sd_of_file, sample.rows_of_file) {
         (Some(_), _) if is_few(sample) => vec![1.0, 1.0 / LEAST_RATIO],
@@ -100,7 +106,7 @@ fn ratio(old: f64, new: f64) -> f64 {
     (old / new.max(f64::MIN_POSITIVE)).powi(2).clamp(LEAST_RATIO, 1.0 / LEAST_RATIO)
 }
 
-/// How well the file knows its coefficients, against the noise that the set leaves.
+/// Updates the factor for the coefficient uncertainty from the noise that the set leaves.
 fn know(sample: &Sample, now: &mut Explained) {
     let Some(old) = sample.sd_of_file else { return };
     let space = now.space(sample);
@@ -110,13 +116,13 @@ fn know(sample: &Sample, now: &mut Explained) {
     now.looseness = ratio(old, (dot(&solved.residual, &solved.residual) / freedom * mean_scale).sqrt());
 }
 
-/// Whether too few rows are left, beyond those unknowns, to see noise by.
+/// Whether too few rows are left, beyond these unknowns, to estimate the noise.
 fn is_few(sample: &Sample) -> bool {
     sample.rows() < sample.terms.len() + 2 + LEAST_FREEDOM
 }
 
-/// The residual without what other coefficients of the file's terms, a shift and a drift would take: a first look at the noise. A shift that is left in looks like errors that follow each other, a gain like
-/// noise that grows. With few rows beyond those unknowns the residual as it is.
+/// The residual after fitting other coefficients of the file's terms, a shift and a drift: a first estimate of the noise. An unexplained shift would
+/// look like correlated errors, a gain like noise that grows. With few rows beyond these unknowns, the residual itself.
 fn plain(sample: &Sample) -> Vec<f64> {
     let rows = sample.rows();
     let residual = sample.residual();
@@ -129,7 +135,8 @@ fn plain(sample: &Sample) -> Vec<f64> {
     solve(&columns, &residual).residual
 }
 
-/// So often the knowledge of the coefficients follows the noise, which follows it: a variance of the noise of the file's rows moves that of the new ones by little.
+/// How often the coefficient uncertainty and the noise are updated in turn. The variance of the file's rows changes that of the new rows only a
+/// little.
 const AGREEING: usize = 2;
 
 fn turns(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, start: Explained, work: &Work<'_>) -> Explained {
@@ -169,7 +176,7 @@ fn scale(noise: Noise, fitted: &[f64]) -> Vec<f64> {
     noise.growth.map_or_else(|| vec![1.0; fitted.len()], |growth| growth.scale(fitted))
 }
 
-/// -2 ln likelihood plus the costs of causes, outliers and noise. A row that is left out counts as one that fits exactly.
+/// -2 ln(likelihood) plus the costs of causes, outliers and noise. A row that is left out counts as one that fits exactly.
 fn score(sample: &Sample, thresholds: &Thresholds, now: &Explained) -> f64 {
     let space = now.space(sample);
     let rows = sample.rows() as f64;
@@ -185,7 +192,8 @@ fn score(sample: &Sample, thresholds: &Thresholds, now: &Explained) -> f64 {
         return f64::INFINITY;
     }
     let noise = now.noise.growth.map_or(0.0, |_| thresholds.growth) + now.noise.rho.map_or(0.0, |_| thresholds.correlation);
-    // Restricted likelihood (Patterson and Thompson 1971): without it a noise that leaves some runs nearly exact looks likely, as soon as there are unknowns enough to fit those runs.
+    // Restricted likelihood (Patterson and Thompson 1971). Otherwise, with enough unknowns to fit some runs nearly exactly, a noise model that gives
+    // these runs a small variance would look likely.
     let even = space_of(sample, &now.kept(), &Shape { scale: vec![1.0; sample.rows()], rho: 0.0 }, now.looseness);
     let gram = |space: &Space| {
         let columns = now.set.iter().flat_map(|it| &it.columns);
@@ -195,7 +203,8 @@ fn score(sample: &Sample, thresholds: &Thresholds, now: &Explained) -> f64 {
     rows * (square / space.rows() as f64).ln() + restricted + space.ln_determinant + scales_left_out + causes + outliers + noise
 }
 
-/// Whether growth is seen beyond a few runs, and growth and correlation beyond what residuals owe to the unknowns that were fitted: each takes a degree of freedom from likelihood ratios.
+/// Whether the growth of noise is visible beyond a few runs, and whether growth and correlation exceed what the fit of the unknowns causes in
+/// residuals. Each costs a degree of freedom in likelihood ratios.
 fn is_noise_proven(sample: &Sample, thresholds: &Thresholds, now: &Explained) -> bool {
     let kept = now.kept();
     let residual: Vec<f64> = kept.iter().map(|row| sample.response[*row] - now.fitted[*row]).collect();
@@ -211,8 +220,8 @@ fn is_noise_proven(sample: &Sample, thresholds: &Thresholds, now: &Explained) ->
     (now.noise.growth.is_none() || grows()) && (now.noise.rho.is_none() || follow())
 }
 
-/// Outlying runs given the causes: the one with the largest studentised residual is left out, again and again, up to a tenth of the runs; those up to the last that is beyond chance are
-/// outliers (Rosner's generalised test, 1983: one outlier does not hide another).
+/// Outlying runs for given causes. The run with the largest studentised residual is left out, repeatedly, up to a tenth of the runs. All runs up to
+/// the last significant one are outliers (Rosner's generalised test, 1983: one outlier does not hide another).
 fn outliers(sample: &Sample, now: &Explained, thresholds: &Thresholds) -> Vec<usize> {
     let rows = sample.rows();
     let shape = Shape { scale: now.scale.clone(), rho: 0.0 };
@@ -226,7 +235,7 @@ fn outliers(sample: &Sample, now: &Explained, thresholds: &Thresholds) -> Vec<us
         let space = space_of(sample, &kept, &shape, now.looseness);
         let (all, freedom) = studentised(sample, &now.set, &space);
         let mut order: Vec<usize> = (0..all.len()).collect();
-        // Of equal ones the last, as a maximum is taken.
+        // Of equal ones the last, as for a maximum.
         order.sort_by(|a, b| all[*b].abs().total_cmp(&all[*a].abs()).then(b.cmp(a)));
         order.truncate(at_once.min(most - removed.len()));
         let mut count = kept.len();
@@ -247,7 +256,7 @@ fn outliers(sample: &Sample, now: &Explained, thresholds: &Thresholds) -> Vec<us
     removed
 }
 
-/// Externally studentised residuals of the rows kept, and their degrees of freedom.
+/// Externally studentised residuals of the rows that count, and their degrees of freedom.
 pub(super) fn studentised(sample: &Sample, set: &[Hypothesis], space: &Space) -> (Vec<f64>, f64) {
     let carried: Vec<Vec<f64>> = set.iter().flat_map(|it| &it.columns).map(|column| space.carried(column)).collect();
     let basis = Basis::of(&carried).directions;
@@ -264,7 +273,7 @@ pub(super) fn studentised(sample: &Sample, set: &[Hypothesis], space: &Space) ->
     ((0..space.rows()).map(of_row).collect(), freedom)
 }
 
-/// Growth and correlation again, from the residuals of the rows that count.
+/// Estimates growth and correlation again, from the residuals of the rows that count.
 fn update_noise(sample: &Sample, now: &mut Explained) {
     let kept = now.kept();
     let residual: Vec<f64> = kept.iter().map(|row| sample.response[*row] - now.fitted[*row]).collect();

@@ -1,6 +1,7 @@
 //! An explanation of a sample (causes, outlying runs, noise) with its least squares solution.
 //!
-//! In: a sample and an explanation. Out: the white space of its rows, the coefficients of its causes, its mean at all rows. Never changes which causes, outliers or noise there are.
+//! In: a sample and an explanation. Out: the whitened space of its rows, the coefficients of its causes, its mean at all rows. Does not change
+//! causes, outliers or noise.
 
 use super::hypotheses::Hypothesis;
 use super::noise::Growth;
@@ -8,29 +9,29 @@ use super::sample::Sample;
 use super::whitening::{Shape, Space};
 use crate::engine::columns::{Solved, solve};
 
-/// The noise as it is taken to be.
+/// The noise model.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Noise {
-    /// How it grows; `None`: it is even.
+    /// How it grows with the response; `None` if it is uniform.
     pub growth: Option<Growth>,
-    /// Correlation of neighbours in the run order; `None`: there is none.
+    /// The correlation of neighbours in the run order; `None` if there is none.
     pub rho: Option<f64>,
 }
 
-/// What explains a sample.
+/// An explanation of a sample.
 #[derive(Debug, Clone)]
 pub struct Explained {
-    /// The causes that move the mean.
+    /// The causes that change the mean.
     pub set: Vec<Hypothesis>,
-    /// Rows that are left out, places in the sample, ascending.
+    /// Rows that are left out, as ascending indices in the sample.
     pub outliers: Vec<usize>,
     /// The noise.
     pub noise: Noise,
-    /// How much less well the file knows its coefficients than `Sample::prior` says: a factor of the variance.
+    /// The factor of the variance by which the file's coefficients are less certain than `Sample::prior` says.
     pub looseness: f64,
-    /// -2 ln likelihood plus costs.
+    /// -2 ln(likelihood) plus costs.
     pub score: f64,
-    /// What the mean becomes at all rows.
+    /// The mean at all rows.
     pub fitted: Vec<f64>,
     /// Relative standard deviation of each row.
     pub scale: Vec<f64>,
@@ -42,24 +43,24 @@ impl Explained {
         (0..self.fitted.len()).filter(|row| !self.outliers.contains(row)).collect()
     }
 
-    /// Scale and correlation of the noise.
+    /// Relative standard deviations and correlation of the noise.
     pub fn shape(&self) -> Shape {
         Shape { scale: self.scale.clone(), rho: self.noise.rho.unwrap_or(0.0) }
     }
 
-    /// The white space of the rows that count.
+    /// The whitened space of the rows that count.
     pub fn space(&self, sample: &Sample) -> Space {
         space_of(sample, &self.kept(), &self.shape(), self.looseness)
     }
 }
 
-/// The white space of some rows.
+/// The whitened space of some rows.
 pub(super) fn space_of(sample: &Sample, kept: &[usize], shape: &Shape, looseness: f64) -> Space {
     let prior: Vec<Vec<f64>> = sample.prior.iter().map(|row| row.iter().map(|value| looseness * value).collect()).collect();
     Space::new(kept, shape, &sample.terms, &prior)
 }
 
-/// Least squares of the set at the rows that count: the fitted mean at all rows.
+/// Fits the set to the rows that count, by least squares, and stores the fitted mean at all rows.
 pub(super) fn settle(sample: &Sample, now: &mut Explained) {
     let space = now.space(sample);
     let solved = solved(sample, &now.set, &space);
@@ -72,7 +73,7 @@ pub(super) fn solved(sample: &Sample, set: &[Hypothesis], space: &Space) -> Solv
     solve(&columns, &space.carried(&sample.residual()))
 }
 
-/// The nominal response with the causes, and with the coefficients moved by what the data say within their uncertainty.
+/// The nominal response plus the causes, with the coefficients changed within their uncertainty by the data.
 fn mean(sample: &Sample, set: &[Hypothesis], solved: &Solved, space: &Space) -> Vec<f64> {
     let mut fitted = sample.nominal.clone();
     let all = set.iter().flat_map(|it| &it.columns).zip(&solved.coefficients);
@@ -86,7 +87,7 @@ fn mean(sample: &Sample, set: &[Hypothesis], solved: &Solved, space: &Space) -> 
     fitted
 }
 
-/// By how much the coefficients of the file move: what is left, against how well the file knows them (the posterior mean).
+/// The change of the file's coefficients: the posterior mean, from the residual and their uncertainty.
 pub(super) fn calibration(sample: &Sample, space: &Space, fitted: &[f64]) -> Vec<f64> {
     let left: Vec<f64> = sample.response.iter().zip(fitted).map(|(y, f)| y - f).collect();
     space.calibration(&left, &sample.terms)

@@ -1,7 +1,8 @@
 //! The extended surface: the model file with the causes, and the offsets that a model file cannot represent.
 //!
-//! In: a sample, its explanation and the estimates. Out: [`Extension`]: a surface and its inputs, for readings as the new data have them, and offsets (drift, blocks) that a model file cannot
-//! hold. Coding, symmetry, reciprocals, knots and support stay. A correction of an input's sensor is applied to powers and knots by exact expansion. Never changes another surface.
+//! In: a sample, its explanation and the estimates. Out: [`Extension`]: a surface and its inputs, for readings as in the new data, and offsets
+//! (drift, blocks) that a model file cannot contain. Coding, symmetry, reciprocals, knots and support stay the same. A correction of an input's
+//! sensor is applied to powers and knots by exact expansion. Never changes another surface.
 
 use std::collections::BTreeMap;
 
@@ -14,32 +15,32 @@ use super::hypotheses::{Claim, Monomial, bias_fits_file};
 use super::sample::Sample;
 use rsm_fit::design::{Design, Physical};
 
-/// What a cause adds that no surface holds.
+/// The effect of a cause that a surface cannot represent.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Offset {
-    /// Proportional to the place in the run order, or to a column: factor, from, span, column.
+    /// Proportional to the run order or to a column.
     Drift {
         /// The change over the span.
         amount: f64,
-        /// Where it is zero.
+        /// The place where it is zero.
         from: f64,
-        /// What it is measured in.
+        /// The length of the span, in the same unit.
         span: f64,
-        /// The column; none for the run order.
+        /// The column; `None` for the run order.
         column: Option<String>,
     },
-    /// Another value before a place in the run order than from it on.
+    /// A different value before some run and from that run on.
     Step {
         /// The first place after the change.
         at: usize,
-        /// Before and after.
+        /// The values before and after.
         values: [f64; 2],
     },
-    /// By levels of a column.
+    /// One offset for each level of a column.
     Block {
         /// The column.
         column: String,
-        /// Level and offset.
+        /// Each level with its offset.
         levels: Vec<(String, f64)>,
     },
 }
@@ -47,19 +48,19 @@ pub enum Offset {
 /// The extension of one surface.
 #[derive(Debug, Clone)]
 pub struct Extension {
-    /// The surface, new inputs appended.
+    /// The surface, with new inputs at the end.
     pub surface: Surface,
     /// Its inputs, in its order.
     pub inputs: Vec<Input>,
-    /// Names of the data's columns for the new inputs, in their order.
+    /// The names of the data columns of the new inputs, in their order.
     pub columns: Vec<String>,
-    /// What no file holds.
+    /// The effects that no file can contain.
     pub offsets: Vec<Offset>,
-    /// Causes that could not be written, and why; and what the reader of the file should know.
+    /// Causes that could not be written, with the reason, and other notes for the reader of the file.
     pub notes: Vec<String>,
 }
 
-/// A column's name as an input of a model file may be called: letters, digits and `_`.
+/// A column's name as an input name of a model file: letters, digits and `_`.
 fn identifier(name: &str, taken: &[Input]) -> String {
     let plain: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     let starts = plain.chars().next().is_some_and(|c| c.is_ascii_alphabetic());
@@ -82,7 +83,7 @@ pub(super) fn extend(sample: &Sample, found: &Explained, estimates: &Estimates, 
     let mut sums = moved_terms(sample, &mut surface, &sensors);
     for (it, numbers) in found.set.iter().zip(&estimates.causes) {
         if it.claim == Claim::ResponseGain {
-            // gain - 1 of the polynomial as it is after the inputs' sensors.
+            // gain - 1, for the polynomial after the corrections of input sensors.
             let gain = 1.0 + numbers.values[0];
             sums.values_mut().for_each(|value| *value *= gain);
         }
@@ -140,7 +141,7 @@ pub(super) fn extend(sample: &Sample, found: &Explained, estimates: &Estimates, 
     Extension { surface, inputs, columns, offsets, notes }
 }
 
-/// (gain, bias) of every input, as far as a file can say them.
+/// (gain, bias) of every input, if a file can represent them.
 fn sensors(sample: &Sample, found: &Explained, estimates: &Estimates, notes: &mut Vec<String>) -> Vec<(f64, f64)> {
     let mut sensors = vec![(1.0, 0.0); sample.inputs.len()];
     for (it, numbers) in found.set.iter().zip(&estimates.causes) {
@@ -171,13 +172,13 @@ fn moved_terms(sample: &Sample, surface: &mut Surface, sensors: &[(f64, f64)]) -
         .map(|factor| {
             let (gain, bias) = sensors[factor.input];
             let (s, o) = line(factor.variable, gain, bias);
-            // A hinge max(0, x - x_k) opens where the truth is at the knot: its knot moves, and it scales.
+            // The hinge max(0, x - x_k) begins where the true input is at the knot, so the knot moves, and the hinge is scaled.
             match factor.shape {
                 Shape::Itself => (s, o),
                 Shape::Hinge { .. } => (s, 0.0),
-                // A sigmoid has no unit: its centre and its width move.
+                // A sigmoid has no unit: only its centre and its width change.
                 Shape::Sigmoid { .. } => (1.0, 0.0),
-                // No correction of such an input is a hypothesis.
+                // A correction of such an input is not a hypothesis.
                 Shape::Wave { .. } => (1.0, 0.0),
             }
         })
@@ -203,12 +204,12 @@ fn moved_terms(sample: &Sample, surface: &mut Surface, sensors: &[(f64, f64)]) -
     sums
 }
 
-/// value times (s x + o)^power, by powers of x.
+/// value times (s x + o)^power, as coefficients of powers of x.
 fn times(value: f64, powers: &[u32], power: u32, s: f64, o: f64) -> Vec<(f64, Vec<u32>)> {
     let mut binomial = 1.0;
     let mut parts = Vec::new();
     for k in 0..=power {
-        // Binomial coefficient of x^(power - k) o^k.
+        // The binomial coefficient of x^(power - k) o^k.
         if k > 0 {
             binomial *= f64::from(power + 1 - k) / f64::from(k);
         }
@@ -222,7 +223,7 @@ fn times(value: f64, powers: &[u32], power: u32, s: f64, o: f64) -> Vec<(f64, Ve
     parts
 }
 
-/// x(truth) = s x(reading) + o where reading = gain truth + bias.
+/// The line x(truth) = s x(reading) + o, where reading = gain truth + bias.
 fn line(variable: Variable, gain: f64, bias: f64) -> (f64, f64) {
     if (gain, bias) == (1.0, 0.0) {
         return (1.0, 0.0);
@@ -252,7 +253,7 @@ fn drift(sample: &Sample, clock: Option<usize>, column: &[f64], amount: f64) -> 
     Offset::Drift { amount, from, span, column: clock.map(|k| sample.extras[k].name.clone()) }
 }
 
-/// Terms, inputs and support of the surface; gives the inputs and the names of the columns of the new ones.
+/// Writes terms, inputs and support of the surface. Returns the inputs and the column names of the new ones.
 fn write(sample: &Sample, surface: &mut Surface, sums: BTreeMap<Monomial, f64>, taken: &[Input]) -> (Vec<Input>, Vec<String>) {
     let mut used: Vec<usize> = sums.keys().filter_map(|it| it.extra.map(|(extra, _)| extra)).collect();
     used.sort_unstable();
@@ -271,7 +272,7 @@ fn write(sample: &Sample, surface: &mut Surface, sums: BTreeMap<Monomial, f64>, 
         all.push(input);
         surface.inputs.push(name);
         columns.push(it.name.clone());
-        // The columns are of z = (value - middle)/half; without coding the file has powers of the value itself.
+        // The columns are functions of z = (value - middle)/half; without coding, the file has powers of the value itself.
         codings.push(if surface.coding == Coding::None { (1.0 / half, -middle / half) } else { (1.0, 0.0) });
     }
     let own = sample.inputs.len();
@@ -295,7 +296,8 @@ fn write(sample: &Sample, surface: &mut Surface, sums: BTreeMap<Monomial, f64>, 
         .iter()
         .map(|term| [&term.powers[..own], &vec![0; used.len()], &term.powers[own..]].concat())
         .collect();
-    // Terms of the file first, in its order; then the new ones by order and first powers highest, as the fitter writes them.
+    // Terms of the file first, in its order; then the new ones by order, with the highest powers of the first factor first, as the fitter writes
+    // them.
     let mut new: Vec<(Vec<u32>, f64)> = terms
         .iter()
         .filter(|(powers, value)| !nominal.contains(powers) && **value != 0.0)
@@ -313,7 +315,7 @@ fn write(sample: &Sample, surface: &mut Surface, sums: BTreeMap<Monomial, f64>, 
     (inputs, columns)
 }
 
-/// What the extended surface rests on.
+/// The evidence of the extended surface.
 fn evidence(sample: &Sample, found: &Explained, estimates: &Estimates) -> Vec<(String, Evidence)> {
     let rows_of_file = sample.rows_of_file.unwrap_or(sample.rows() as f64).round() as i64;
     let labels = found.set.iter().map(|it| Evidence::Text(it.claim.label(sample))).collect();
@@ -327,7 +329,7 @@ fn evidence(sample: &Sample, found: &Explained, estimates: &Estimates) -> Vec<(S
     ]
 }
 
-/// What an evaluator of a surface returns at points: clamped and saturated as the file says.
+/// The result of an evaluator of the surface at points, clamped and saturated as the file states.
 pub(super) fn evaluate(surface: &Surface, inputs: &[Input], points: &[Vec<f64>]) -> Vec<f64> {
     let design = Design::new(surface, inputs, surface.terms.iter().map(|term| term.powers.clone()).collect());
     let rows = points.first().map_or(0, Vec::len);
@@ -343,7 +345,8 @@ pub(super) fn evaluate(surface: &Surface, inputs: &[Input], points: &[Vec<f64>])
 }
 
 impl Offset {
-    /// The offset of a row, given its place in the run order (where that is the one of the diagnosis) and the cell of a column; `None` where the row does not say.
+    /// The offset of a row, from its place in the run order (if that is the order of the diagnosis) and the cell of a column; `None` if the row lacks
+    /// them.
     pub fn at(
         &self,
         place: Option<usize>,

@@ -1,7 +1,8 @@
 //! The gain on holdout rows.
 //!
-//! In: the nominal surface, extensions, and rows that were not used for them: separate files, or folds of the new data. Each fold is left out in turn while everything, including the choice of causes, is
-//! repeated without it. Out: errors before and after. A holdout row is used only for its error.
+//! In: the nominal surface, extensions, and rows that were not used for them: separate files, or folds of the new data. Each fold is left out in
+//! turn, and everything, including the choice of causes, is repeated without it. Out: errors before and after. A holdout row is used only for its
+//! error.
 
 use rsm_core::model::{Input, Model, Surface};
 
@@ -19,45 +20,46 @@ pub(super) use crate::engine::holdout::gone;
 use crate::engine::work::Work;
 use rsm_fit::random::Random;
 
-/// Folds of the cross-validation: a fifth is left out at a time (Hastie, Tibshirani, Friedman, The Elements of Statistical Learning, 7.10).
+/// The number of folds of the cross-validation: a fifth is left out at a time (Hastie, Tibshirani, Friedman, The Elements of Statistical Learning,
+/// 7.10).
 pub const FOLDS: usize = 5;
 
-/// Up to this many rows every kind of noise is tried again in each fold.
+/// Up to this many rows, every noise model is tried again in each fold.
 const ALL_NOISE: usize = 200;
 
 /// Errors of one response on holdout rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Errors {
-    /// Rows.
+    /// The number of rows.
     pub rows: usize,
-    /// Root of the mean square, in the unit of the response.
+    /// The root mean square, in the unit of the response.
     pub rmse: f64,
-    /// That over the noise.
+    /// The same divided by the noise.
     pub noise_ratio: f64,
 }
 
 impl Errors {
-    /// The mean square above the noise, over that of the noise.
+    /// The mean square above the noise, divided by the noise variance.
     pub(super) fn excess(&self) -> f64 {
         above(self.noise_ratio.powi(2))
     }
 }
 
-/// Measured, nominal, extended file, extended file with the offsets that the rows name.
+/// Holdout rows: measured, and computed by the nominal file, by the extended file, and by the extended file with offsets.
 #[derive(Debug, Clone, Default)]
 pub struct Judged {
     /// As measured.
     pub measured: Vec<f64>,
     /// By the nominal file.
     pub nominal: Vec<f64>,
-    /// By the extended file.
+    /// By the extended file alone.
     pub file: Vec<f64>,
-    /// By the extended file and the offsets of drift and blocks, where a row says which.
+    /// By the extended file plus the offsets of drift and blocks, if a row determines them.
     pub extended: Vec<f64>,
 }
 
 impl Judged {
-    /// Errors of one of the columns.
+    /// The errors of one of these lists.
     pub fn errors(&self, computed: &[f64], noise: f64) -> Errors {
         let rows = self.measured.len();
         let square: f64 = self.measured.iter().zip(computed).map(|(y, f)| (y - f).powi(2)).sum();
@@ -65,13 +67,13 @@ impl Judged {
         Errors { rows, rmse, noise_ratio: rmse / noise }
     }
 
-    /// The share of the mean square above the noise that goes away; 0 where there was none above it.
+    /// The removed share of the mean square above the noise; 0 if there was none.
     pub fn gain(&self, noise: f64) -> f64 {
         let [nominal, extended] = [&self.nominal, &self.extended].map(|it| self.errors(it, noise).excess());
         gone(nominal, extended)
     }
 
-    /// Where nothing is wrong the file stays as it is.
+    /// With the verdict "no discrepancy" the file stays as it is.
     pub fn of(self, verdict: Verdict) -> Self {
         match verdict {
             Verdict::NoDiscrepancy => Judged { file: self.nominal.clone(), extended: self.nominal.clone(), ..self },
@@ -87,7 +89,7 @@ impl Judged {
     }
 }
 
-/// Rows of another file, or left out: values of inputs, further columns, places in the run order of the diagnosis.
+/// Rows of another file, or of a fold: values of inputs, further columns, places in the run order of the diagnosis.
 struct Rows<'a> {
     points: Vec<Vec<f64>>,
     response: Vec<f64>,
@@ -123,10 +125,10 @@ fn judge(nominal: (&Surface, &[Input]), extension: &Extension, rows: &Rows<'_>) 
     })
 }
 
-/// On rows of files that were kept for it. Rows outside the box or the support are left out here too.
+/// Evaluates on the rows of holdout files. Rows outside the box or the support are left out here too.
 ///
 /// # Errors
-/// A sentence, when a column is missing that the extension needs, or no row is inside.
+/// If a column is missing that the extension needs, or if no row is inside; as a sentence.
 pub fn on_files(model: &Model, index: usize, extension: &Extension, data: &NewData) -> Result<Judged, String> {
     let response = data.responses[index].as_ref().ok_or("they have no column of the response")?;
     let sample = Sample::new(model, index, &data.inputs, response, &data.extras, Taken::Inside);
@@ -143,8 +145,9 @@ pub fn on_files(model: &Model, index: usize, extension: &Extension, data: &NewDa
     judge((&sample.surface, &sample.inputs), extension, &rows)
 }
 
-/// By cross-validation over rows of the sample. Outlying runs of the explanation of all rows are judged nowhere. With many rows the kind of noise and how well the file knows its coefficients are taken from it, too: they are no causes,
-/// and choosing them again would be seven eighths of the work. Causes are chosen again without each fold, each within its own share of the work.
+/// Evaluates by cross-validation over the rows of the sample. Outlying runs of the explanation of all rows are not evaluated. With many rows, the
+/// noise model and the coefficient uncertainty are taken from that explanation: they are no causes, and estimating them again would be seven eighths
+/// of the work. Causes are chosen again without each fold, each time within its own work limit.
 pub fn by_folds(sample: &Sample, thresholds: &Thresholds, all: &Explained, taken: &[Input], limit: usize) -> Judged {
     let mut rows: Vec<usize> = (0..sample.rows()).filter(|row| !all.outliers.contains(row)).collect();
     Random::new(0xf01d).shuffle(&mut rows);

@@ -1,23 +1,23 @@
 //! The possible faults of a surface and of its data: one hypothesis for each cause and shape.
 //!
-//! In: a [`Sample`]. Out: the list of [`Hypothesis`] values, each with its columns (what it adds to the response, one column for each unknown number) and with what it would write
-//! into the model file. A cause has several shapes if only the data can decide between them: a missing term that the old fit partly absorbed into its coefficients, or a sensor gain of 0.8 or 1.2.
-//! The response is not used.
+//! In: a [`Sample`]. Out: the list of [`Hypothesis`] values. Each has its columns (what it adds to the response, one column for each unknown) and the
+//! terms that it would write into the model file. A cause has several shapes if only the data can decide between them: a missing term that the old
+//! fit partly absorbed into its coefficients, or a sensor gain of 0.8 or 1.2. The response is not used.
 
 use super::sample::Sample;
 use crate::engine::columns::{Basis, dot, solve, subtract};
 use rsm_fit::design::{self, missing_odd_input, terms_up_to};
 
-/// A product of powers of the surface's factors and of a column that the surface lacks.
+/// A product of powers of the surface's factors and of a column that the surface does not have.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Monomial {
-    /// Powers of the surface's factors.
+    /// The powers of the surface's factors.
     pub powers: Vec<u32>,
     /// The extra column and its power.
     pub extra: Option<(usize, u32)>,
 }
 
-/// What of an extra column is missing.
+/// The missing part of an extra column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
     /// Proportional to it.
@@ -33,7 +33,7 @@ pub enum Part {
 pub enum Claim {
     /// A term that the file does not have.
     Term(Vec<u32>),
-    /// All terms of the next order, and those missing below it: many small ones, none of which stands out alone.
+    /// All terms of the next order, and those missing below it: many small ones, of which none is significant alone.
     Order(u32),
     /// Another coefficient of a term that it has.
     Coefficient(usize),
@@ -41,19 +41,19 @@ pub enum Claim {
     Refit,
     /// An extra column acts on the response.
     Input(usize, Part),
-    /// The response moves steadily with the run order, or with an extra column that rises with it.
+    /// The response changes steadily with the run order, or with an extra column that rises with it.
     Drift(Option<usize>),
-    /// The response is another before a row than from it on.
+    /// The response has different values before a row and from that row on.
     Step(usize),
-    /// The response has an offset of its own in each level of an extra column.
+    /// The response has a separate offset in each level of an extra column.
     Block(usize),
-    /// The response reads gain times the truth.
+    /// The response reading is gain times the truth.
     ResponseGain,
-    /// The response reads the truth plus a bias.
+    /// The response reading is the truth plus a bias.
     ResponseBias,
-    /// An input reads gain times the truth.
+    /// The reading of an input is gain times the truth.
     InputGain(usize),
-    /// An input reads the truth plus a bias.
+    /// The reading of an input is the truth plus a bias.
     InputBias(usize),
 }
 
@@ -62,53 +62,53 @@ pub enum Claim {
 pub struct Hypothesis {
     /// What it claims.
     pub claim: Claim,
-    /// What it adds to the response for one unit of each of its unknowns.
+    /// The change of the response for one unit of each of its unknowns.
     pub columns: Vec<Vec<f64>>,
-    /// The same as parts of a polynomial, a list of (factor, product) a column; empty where no model file can say it.
+    /// The same as parts of a polynomial: a list of (factor, product) for each column. Empty if no model file can represent it.
     pub in_file: Vec<Vec<(f64, Monomial)>>,
-    /// The level that has no offset, of a block that keeps one.
+    /// For blocks: the level without an offset, if there is one.
     pub reference: Option<usize>,
-    /// What it costs beyond its unknowns, in units of 2 ln of odds.
+    /// Its prior cost, in addition to that of its unknowns, in units of 2 ln(odds).
     pub prior: f64,
-    /// Shapes of one cause share it.
+    /// All shapes of one cause have the same group.
     pub group: usize,
 }
 
-/// Terms are looked for up to this many orders above the highest of the file,
+/// Terms are tested up to this many orders above the highest order of the file,
 const ORDERS_ABOVE: u32 = 2;
 
-/// as long as there are no more than this many: beyond, all have partners that data of a usual size do not tell them from.
+/// if there are at most this many. With more, data of usual size do not distinguish them.
 const MOST_TERMS: usize = 90;
 
-/// Changes between runs are looked for at no more than this many places; the best is then refined.
+/// Changes between runs are searched at no more than this many places; the best is then refined.
 pub(super) const MOST_CHANGES: usize = 40;
 
-/// Rows on either side of a change.
+/// The smallest number of rows on either side of a change.
 pub(super) const LEAST_SIDE: usize = 3;
 
-/// Gains of an input's sensor around which a hypothesis is straight, less 1: between them the column turns little.
+/// Gains of an input sensor, minus 1, at which a linear hypothesis is made. Between two of them the column changes little.
 const GAINS: [f64; 4] = [-0.2, -0.1, 0.1, 0.25];
 
 /// The same for a bias, as shares of half the input's range.
 const BIASES: [f64; 4] = [-0.35, -0.15, 0.15, 0.35];
 
-/// Two shapes whose columns are this parallel are one.
+/// Two shapes with a cosine above this between their columns count as one.
 const PARALLEL: f64 = 0.9999;
 
-/// A whole order is asked for where there are this many rows for each of its terms.
+/// A complete order is tested if there are at least this many rows for each of its terms.
 const LEAST_ROWS_PER_TERM: usize = 2;
 
-/// Odds of one order more: effects become rarer as their order grows (the hierarchy of effects; Wu, Hamada, Experiments, 4.6). 2 ln e.
+/// The prior cost of one order more: effects are rarer at higher orders (the hierarchy of effects; Wu, Hamada, Experiments, 4.6). 2 ln e.
 const PER_ORDER: f64 = 2.0;
 
-/// Odds of a single coefficient that has changed against a sensor or a term, which each move several: 2 ln sqrt(e).
+/// The prior cost of a change of one coefficient, compared with a sensor or a term, which changes several: 2 ln sqrt(e).
 const SINGLE_COEFFICIENT: f64 = 1.0;
 
-/// That all coefficients have changed says least of all: as much as a further cause of one unknown costs at a usual threshold (chi-squared of 12 has a probability of 5 10^-4), so that two causes with a name
-/// go before it.
+/// The prior cost of a change of all coefficients, the least specific hypothesis. It is as much as a further cause with one unknown costs at a usual
+/// threshold (chi-squared of 12 has a probability of 5 10^-4), so two specific causes are preferred.
 const ALL_COEFFICIENTS: f64 = 12.0;
 
-/// A column of which the inputs leave less than this share is one of them in other words.
+/// A column counts as dependent on the inputs if less than this share of it is independent.
 const SAME: f64 = 1e-7;
 
 /// All hypotheses about a sample.
@@ -122,7 +122,7 @@ pub(super) fn all(sample: &Sample) -> Vec<Hypothesis> {
     list.blocks();
     list.drift();
     list.steps();
-    // Nothing to see at these rows: no hypothesis.
+    // Columns that are zero at these rows give no hypothesis.
     list.found.retain(|it| it.columns.iter().all(|column| column.iter().any(|x| *x != 0.0)));
     list.found
 }
@@ -142,7 +142,7 @@ impl List<'_> {
         vec![0; self.sample.surface.width()]
     }
 
-    /// The constant as a part of the file; nothing where symmetry forbids it.
+    /// The constant as a part of the file; empty if symmetry forbids it.
     fn constant_in_file(&self) -> Vec<(f64, Monomial)> {
         let powers = self.constant();
         match missing_odd_input(&self.sample.surface, &powers) {
@@ -170,15 +170,15 @@ impl List<'_> {
         self.push(group, Claim::ResponseBias, vec![vec![1.0; self.sample.rows()]], in_file, 0.0);
     }
 
-    /// Secants of the polynomial, divided by the change, so that every unknown is gain less 1, or bias.
+    /// Secants of the polynomial, divided by the change, so that every unknown is gain - 1, or bias.
     fn input_sensors(&mut self) {
         for input in 0..self.sample.inputs.len() {
-            // A wave has its phase from the middle of the range: another gain or bias of its input is no wave of the file.
+            // The phase of a wave refers to the middle of the range, so the file cannot represent another gain or bias of its input.
             if self.sample.surface.waves.iter().any(|wave| wave.input == self.sample.inputs[input].name) {
                 continue;
             }
             let half = (self.sample.inputs[input].range[1] - self.sample.inputs[input].range[0]) / 2.0;
-            // 10^-3 of a gain or of half the range: the derivative, to six digits by a central difference.
+            // A step of 10^-3 of a gain or of half the range: the central difference gives the derivative to six digits.
             let gain = |g: f64| [(1.0 + g, 0.0), (1.0, 0.0)];
             let bias = |b: f64| [(1.0, b * half), (1.0, 0.0)];
             let gains: Vec<_> =
@@ -235,7 +235,8 @@ impl List<'_> {
             let own = Monomial { powers: powers.clone(), extra: None };
             let group = self.new_group();
             self.push(group, Claim::Term(powers.clone()), vec![column.clone()], vec![vec![(1.0, own.clone())]], prior);
-            // The old fit has taken into its coefficients what they can imitate of the term: on a design like this one, or on rows spread evenly.
+            // The coefficients of the old fit contain the part of the missing term that they can imitate, for a design like this one or for evenly
+            // spread rows.
             for (terms, there) in [(&self.sample.terms, &column), (&spread_terms, &spread)] {
                 let absorbed = solve(terms, there).coefficients;
                 let mut left = column.clone();
@@ -277,7 +278,7 @@ impl List<'_> {
         }
     }
 
-    /// What the inputs of the model make up of columns: their span, with the constant.
+    /// The span of the model's inputs with the constant.
     fn known(&self) -> Basis {
         let mut known = vec![vec![1.0; self.sample.rows()]];
         known.extend((0..self.sample.inputs.len()).map(|input| self.sample.coded(input)));
@@ -305,12 +306,12 @@ impl List<'_> {
             let may_be_alone = missing_odd_input(&self.sample.surface, &constant).is_none();
             let allowed = |monomial: Monomial| if may_be_alone { vec![(1.0, monomial)] } else { Vec::new() };
             let unit = self.constant_in_file();
-            // In three shapes: about the middle of the new values, about zero, about a value that is not known (then with an offset of its own).
+            // Three shapes: about the middle of the new values, about zero, and about an unknown value (with its own offset).
             let group = self.new_group();
             let linear = Claim::Input(extra, Part::Linear);
             self.push(group, linear.clone(), vec![z.clone()], vec![allowed(power(1))], 0.0);
             let shift = middle / half;
-            // Nearer to the middle, zero is the first shape again.
+            // If the middle is near zero, both shapes are the same.
             if shift.abs() > 0.1 {
                 let raw = z.iter().map(|z| z + shift).collect();
                 let in_file = allowed(power(1)).into_iter().chain(unit.iter().map(|(_, m)| (shift, m.clone()))).collect();
@@ -354,7 +355,7 @@ impl List<'_> {
                 used.iter().map(|level| of.iter().map(|it| f64::from(u8::from(it == level))).collect()).collect();
             let group = self.new_group();
             let nowhere = |columns: &[Vec<f64>]| vec![Vec::new(); columns.len()];
-            // With each level in turn as the one that the model was made on; with many levels none is likely to be it.
+            // Each level in turn as the one for which the model was made. With many levels, probably none is.
             const MOST_REFERENCES: usize = 8;
             if used.len() <= MOST_REFERENCES {
                 for (place, level) in used.iter().enumerate() {
@@ -398,7 +399,8 @@ impl List<'_> {
     fn steps(&mut self) {
         let rows = self.sample.rows();
         let places = step_places(rows);
-        // One of many places: each has its share of the odds of a change at all. Else a change near an end beats a plain offset by choice of place.
+        // The odds of a change are shared by all its places. Otherwise a change near an end would fit better than a plain offset, only by the choice
+        // of its place.
         let prior = 2.0 * (places.len().max(1) as f64).ln();
         for at in places {
             let group = self.new_group();
@@ -409,7 +411,7 @@ impl List<'_> {
     }
 }
 
-/// Rows before which a change is looked for.
+/// The rows before which a change is tested.
 fn step_places(rows: usize) -> Vec<usize> {
     let last = rows.saturating_sub(LEAST_SIDE);
     if last < LEAST_SIDE {
@@ -422,19 +424,19 @@ fn step_places(rows: usize) -> Vec<usize> {
     (0..MOST_CHANGES).map(|k| LEAST_SIDE + k * (count - 1) / (MOST_CHANGES - 1)).collect()
 }
 
-/// A change by 1 before a row: `before`, then `before` + 1.
+/// A change by 1 at a row: `before`, then `before` + 1.
 pub(super) fn step(rows: usize, at: usize, before: f64) -> Vec<f64> {
     (0..rows).map(|row| if row < at { before } else { before + 1.0 }).collect()
 }
 
-/// The polynomial with one input as it truly was when its sensor reads gain times the truth plus bias.
+/// The polynomial at the true value of one input, if its sensor reads gain times the truth plus bias.
 pub(super) fn moved(sample: &Sample, input: usize, (gain, bias): (f64, f64)) -> Vec<f64> {
     let mut points = sample.points.clone();
     points[input].iter_mut().for_each(|xi| *xi = (*xi - bias) / gain);
     sample.polynomial(&points)
 }
 
-/// How lists and reports call a term of the surface: `1`, `speed`, `torque^2*speed`.
+/// The name of a term in lists and reports: `1`, `speed`, `torque^2*speed`.
 pub(super) fn name_of(sample: &Sample, monomial: &Monomial) -> String {
     let own = sample.surface.term_name(&monomial.powers);
     match monomial.extra {
@@ -448,7 +450,7 @@ pub(super) fn name_of(sample: &Sample, monomial: &Monomial) -> String {
 }
 
 impl Claim {
-    /// KIND, or KIND:NAME, as lists of causes write it.
+    /// KIND, or KIND:NAME, as in lists of causes.
     pub fn label(&self, sample: &Sample) -> String {
         let term = |powers: &[u32]| sample.surface.term_name(powers);
         match self {
@@ -467,7 +469,7 @@ impl Claim {
     }
 }
 
-/// Whether an input's bias can stand in a model file: mirrored and inverted variables cannot be shifted.
+/// Whether a model file can contain the bias of an input: mirrored and inverted variables cannot be shifted.
 pub(super) fn bias_fits_file(sample: &Sample, input: usize) -> bool {
     let name = &sample.inputs[input].name;
     let has_waves = sample.surface.waves.iter().any(|wave| wave.input == *name);

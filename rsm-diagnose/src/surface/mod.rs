@@ -10,8 +10,8 @@
 //!       extension: the surface with the causes --holdout--> gain on holdout rows
 //! ```
 //!
-//! In: a checked model, new data. Out: [`Diagnosis`]. Coefficients of the file are estimates. A change within their uncertainty is calibration, not a cause. Thresholds come
-//! from noise drawn on the data's own rows, at most 5 % of false alarms in all. Does not print or write files.
+//! In: a checked model, new data. Out: [`Diagnosis`]. Coefficients of the file are estimates. A change within their uncertainty is calibration, not a
+//! cause. Thresholds come from noise drawn on the data's own rows, with at most 5 % of false alarms in all. Does not print or write files.
 
 mod cause;
 pub mod causes;
@@ -52,120 +52,122 @@ pub use residual_tests::{Floor, Test};
 use rsm_fit::table::MAGNITUDES;
 use sample::{Sample, Taken};
 
-/// False alarms of a whole diagnosis. 5 % are allowed; a fifth is kept back for the draws, which know a threshold to some 15 %.
+/// The probability of a false alarm in a whole diagnosis. The promise is 5 %; a fifth is reserved, because the draws give a threshold only to about
+/// 15 %.
 const FALSE_ALARMS: f64 = 0.04;
 
-/// The search for causes of a response may take this many multiplications, each of two explanations where there are two: some ten seconds. A hundred rows take a hundredth of it.
+/// The limit of multiplications of the search for causes of a response; if there are two explanations, of each: about ten seconds. A hundred rows
+/// take a hundredth of it.
 const MOST_WORK: usize = 6_000_000_000;
 
-/// Each fold of a cross-validation may take this many.
+/// The limit of multiplications of each fold of a cross-validation.
 const MOST_WORK_OF_FOLD: usize = 1_000_000_000;
 
-/// With fewer rows inside there is nothing to test.
+/// With fewer rows inside, nothing is tested.
 const LEAST_ROWS: usize = 6;
 
-/// Numbers of each row inside, for plots: in run order.
+/// Values of each row inside, for plots, in run order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shown {
-    /// Place in the run order.
+    /// The index in the run order.
     pub places: Vec<usize>,
     /// Values of the inputs of the surface, in its order.
     pub points: Vec<Vec<f64>>,
     /// As measured.
     pub measured: Vec<f64>,
-    /// By the file.
+    /// By the nominal file.
     pub nominal: Vec<f64>,
     /// By the explanation.
     pub explained: Vec<f64>,
-    /// Whether the row counts: no outlying run.
+    /// Whether the row counts; false for outlying runs.
     pub counts: Vec<bool>,
-    /// What the mean becomes with each combination of the strongest causes that move it, all else fitted again.
+    /// The mean for each combination of the strongest causes that change it, with all others fitted again.
     pub combinations: Combinations<Vec<f64>>,
 }
 
-/// One response.
+/// The diagnosis of one response.
 #[derive(Debug, Clone)]
 pub struct ResponseDiagnosis {
-    /// The place of its surface in the model.
+    /// The index of its surface in the model.
     pub surface: usize,
-    /// How it ends.
+    /// The verdict.
     pub verdict: Verdict,
-    /// The strongest first.
+    /// Causes, the strongest first.
     pub causes: Vec<Cause>,
     /// Rows inside the box and the support.
     pub rows: usize,
-    /// Places in the run order of rows that are not: left out.
+    /// Indices in the run order of the rows that are outside and left out.
     pub outside: Vec<usize>,
-    /// Rows that made the file, from its evidence; none where it does not say: then as many as the new ones are taken.
+    /// The number of rows from which the file was made, from its evidence. `None` if the file does not state it; then the number of new rows is used.
     pub rows_of_file: Option<usize>,
     /// The noise.
     pub floor: Floor,
-    /// Tests for structure that is left, with the share of false alarms of each.
+    /// Tests for remaining structure.
     pub tests: Vec<Test>,
-    /// What each of them must stay below to be structure.
+    /// A test shows structure if its probability is below this.
     pub threshold_p_structure: f64,
-    /// ln of the probability that a cause must stay below.
+    /// The log probability below which a cause is significant.
     pub ln_p_threshold: f64,
-    /// 2 ln of the likelihood ratio that a cause of one unknown must reach.
+    /// 2 ln of the likelihood ratio that a cause with one unknown needs.
     pub threshold: f64,
-    /// What each hypothesis alone would win: label, 2 ln of the likelihood ratio, ln of the probability by chance.
+    /// The gain of each hypothesis alone: label, 2 ln of the likelihood ratio, ln of the probability by chance.
     pub ranking: Vec<(String, f64, f64)>,
-    /// Where the file is wrong.
+    /// Regions in which the file is wrong.
     pub regions: Vec<Region>,
-    /// Where the explanation is.
+    /// Regions in which the explanation is wrong.
     pub regions_left: Vec<Region>,
-    /// Unseen rows.
+    /// Holdout rows.
     pub judged: Judged,
-    /// On what, in words.
+    /// The source of these rows, in words.
     pub judged_on: String,
-    /// The file's errors there.
+    /// The errors of the file on them.
     pub nominal: Errors,
-    /// Those of the extended file with offsets of drift and blocks, where a row names them.
+    /// The errors of the extended file with offsets of drift and blocks, if a row determines them.
     pub extended: Errors,
-    /// Those of the extended file alone.
+    /// The errors of the extended file alone.
     pub extended_file: Errors,
-    /// The share of the squared error above the noise that goes away there.
+    /// The removed share of the squared error above the noise on these rows.
     pub gain: f64,
-    /// Figures of test rows, where there are any that can judge.
+    /// Figures on test rows, if there are any that can be evaluated.
     pub tested: Option<Tested>,
-    /// Whether the search met its limit of work before every kind of noise and every exchange of causes was tried.
+    /// Whether the work limit was reached before all noise models and all exchanges of causes were tried.
     pub stopped: bool,
-    /// What the reader of the extended file should know.
+    /// Notes for the reader of the extended file.
     pub notes: Vec<String>,
-    /// Whether a part of the explanation (drift, offsets) is of the runs and stands in no file.
+    /// Whether a part of the explanation (drift, offsets) belongs to the runs and is in no file.
     pub has_offsets: bool,
-    /// For plots.
+    /// Values for plots.
     pub shown: Shown,
 }
 
-/// All responses that the data have.
+/// The diagnosis of all responses in the data.
 #[derive(Debug, Clone)]
 pub struct Diagnosis {
-    /// The worst of all responses.
+    /// The worst verdict of all responses.
     pub verdict: Verdict,
-    /// In the order of the model.
+    /// One entry for each response, in the order of the model.
     pub responses: Vec<ResponseDiagnosis>,
     /// The model with the extended surfaces.
     pub extended: Model,
-    /// Pooled over responses.
+    /// The gain over all responses together.
     pub gain: f64,
 }
 
-/// Figures on rows that nothing has seen.
+/// Figures on rows that were not used for anything else.
 #[derive(Debug, Clone)]
 pub struct Tested {
     /// The file's errors there.
     pub nominal: Errors,
-    /// Those of the extended file with offsets of drift and blocks, where a row names them.
+    /// The errors of the extended file with offsets of drift and blocks, if a row determines them.
     pub extended: Errors,
-    /// The share of the squared error above the noise that goes away.
+    /// The removed share of the squared error above the noise.
     pub gain: f64,
 }
 
-/// Diagnoses every response that the data have, without test rows. `progress` hears what is being done.
+/// Diagnoses every response in the data, without test rows. `progress` is called with progress messages.
 ///
 /// # Errors
-/// A sentence, when too few rows are inside.
+/// If too few rows are inside; as a sentence.
 pub fn diagnose(
     checked: &Checked,
     data: &NewData,
@@ -175,10 +177,10 @@ pub fn diagnose(
     diagnose_and_test(checked, data, unseen, None, progress)
 }
 
-/// Diagnoses every response that the data have. Test rows say at the end what the extension gains, and nothing else comes from them.
+/// Diagnoses every response in the data. Test rows are used only at the end, for the gain of the extension.
 ///
 /// # Errors
-/// A sentence, when too few rows are inside.
+/// If too few rows are inside; as a sentence.
 pub fn diagnose_and_test(
     checked: &Checked,
     data: &NewData,
@@ -200,7 +202,7 @@ pub fn diagnose_and_test(
             for input in &extension.inputs[own..] {
                 add_input(&mut attempt, input);
             }
-            // What the compiler would refuse (a knot that moved out of the range, a name of a compensator's argument) is not written.
+            // An extension that the compiler would reject (a knot that moved out of the range, the name of a compensator's argument) is not written.
             match Checked::from_model(&attempt) {
                 Ok(_) => extended = attempt,
                 Err(faults) => {
@@ -223,7 +225,7 @@ pub fn diagnose_and_test(
     } else {
         Verdict::NoDiscrepancy
     };
-    // A row counts as much as any other.
+    // Every row has the same weight.
     let rows = responses.iter().map(|it| it.nominal.rows).sum::<usize>().max(1) as f64;
     let mean = |of: fn(&ResponseDiagnosis) -> &Errors| -> f64 {
         responses.iter().map(of).map(|it| it.rows as f64 / rows * it.excess()).sum()
@@ -232,14 +234,14 @@ pub fn diagnose_and_test(
     Ok(Diagnosis { verdict, responses, extended, gain })
 }
 
-/// Two surfaces may lack the same input: it stands in the file once, with the range that it has in all the data.
+/// Two surfaces may lack the same input. The file then contains it once, with its range in all the data.
 fn add_input(model: &mut Model, input: &Input) {
     if !model.inputs.iter().any(|other| other.name == input.name) {
         model.inputs.push(input.clone());
     }
 }
 
-/// A sample with what explains it.
+/// A sample with its explanation.
 struct Answer {
     sample: Sample,
     hypotheses: Vec<Hypothesis>,
@@ -247,12 +249,12 @@ struct Answer {
     found: Explained,
     estimates: Estimates,
     tests: Vec<Test>,
-    /// Whether the search met its limit of work.
+    /// Whether the search reached its work limit.
     stopped: bool,
 }
 
 impl Answer {
-    /// Thresholds on these rows, the explanation, its numbers, what is left.
+    /// Computes thresholds on these rows, the explanation, its parameters, and the tests of the residual.
     fn new(sample: Sample, alpha: f64, told: &dyn Fn(usize)) -> Self {
         let hypotheses = hypotheses::all(&sample);
         let every: Vec<usize> = (0..sample.rows()).collect();
@@ -269,7 +271,7 @@ impl Answer {
         Answer { sample, hypotheses, thresholds, found, estimates, tests, stopped: work.ran_out() }
     }
 
-    /// What each test must stay below to be structure.
+    /// The probability below which a test shows structure.
     fn threshold_p_structure(&self) -> f64 {
         self.thresholds.alpha_structure / self.tests.len().max(1) as f64
     }
@@ -280,18 +282,19 @@ impl Answer {
     }
 }
 
-/// Rows are chosen by an explanation, which rests on rows: so often in turns.
+/// The explanation selects rows, and it is fitted to these rows. This is the largest number of repetitions.
 const CHOICES: usize = 4;
 
-/// The answer, and the rows that it rests on. A reading beyond the range may be a faulty sensor's of a point inside, and such points (corners of a design) tell most about the sensor. So a second explanation begins
-/// with the rows nearby too; it counts if it names an input's sensor, if the rows that it rests on are those that were inside by what it says of that sensor, and if it leaves nothing unexplained.
+/// The answer, and the rows on which it is based. A reading beyond the range may come from a faulty sensor at a point inside, and such points
+/// (corners of a design) contain the most information about the sensor. So a second explanation starts with nearby rows too. It is used if it names
+/// an input sensor, if its rows are those that are inside after correction of that sensor, and if it leaves nothing unexplained.
 fn answer(sample_of: &dyn Fn(Taken<'_>) -> Sample, alpha: f64, told: &dyn Fn(usize)) -> Answer {
     let inside = sample_of(Taken::Inside);
     let near = sample_of(Taken::Near);
     if near.rows() == inside.rows() {
         return Answer::new(inside, alpha, told);
     }
-    // Two searches: each has half of the false alarms.
+    // There are two searches; each has half of the allowed false alarms.
     let (by_reading, mut places) = (Answer::new(inside, alpha / 2.0, told), near.places.clone());
     for _ in 0..CHOICES {
         let answer = Answer::new(sample_of(Taken::Places(&places)), alpha / 2.0, told);
@@ -345,7 +348,7 @@ fn of_response(
     let floor = residual_tests::floor(&sample, &found);
     let mut causes = causes::all(&sample, &hypotheses, &thresholds, &found, &estimates);
     let extension = extension::extend(&sample, &found, &estimates, taken);
-    // A search that was cut short has not shown that it knows the causes.
+    // A search that reached its work limit has not proved its causes.
     let verdict = if is_structure_left || stopped {
         Verdict::Unexplained
     } else if causes.is_empty() {
@@ -377,7 +380,7 @@ fn of_response(
             (judged, format!("cross-validation in {} parts, causes chosen again without each", holdout::FOLDS))
         }
     };
-    // The last that is done: nothing after it looks at what comes out.
+    // This is the last step: nothing else uses the test rows.
     let tested = test.and_then(|test| match holdout::on_files(model, index, &extension, test) {
         Ok(judged) => {
             let judged = judged.of(verdict);

@@ -1,6 +1,7 @@
-//! Causes in sentences, with their parameters: kind, name, unit, interval.
+//! Sentences and parameters of causes: kind, name, unit, interval.
 //!
-//! In: a sample, its explanation, estimates. Out: the list of [`Cause`]s without rivals; [`super::causes`] adds the confidence and the rivals with the same trace. Decides nothing.
+//! In: a sample, its explanation, estimates. Out: the list of [`Cause`]s without rivals; [`super::causes`] adds the confidence and the rivals with
+//! the same trace. Makes no decision.
 
 use super::cause::{Cause, OutlyingRun, Parameter};
 use super::estimate::Estimates;
@@ -21,11 +22,11 @@ pub(super) struct Narrative<'a> {
     pub sample: &'a Sample,
     /// Their explanation.
     pub found: &'a Explained,
-    /// Its numbers.
+    /// The estimated parameters.
     pub estimates: &'a Estimates,
 }
 
-/// A number in a sentence: four digits.
+/// A number with four digits.
 fn number(value: f64) -> String {
     if value == 0.0 {
         return "0".to_string();
@@ -74,7 +75,7 @@ impl Narrative<'_> {
         if self.unit() == "1" { number(value) } else { format!("{} {}", number(value), self.unit()) }
     }
 
-    /// A cause that moves the mean, of one or several members of the set.
+    /// A cause that changes the mean, from one or several members of the set.
     pub(super) fn cause(&self, members: &[usize]) -> Cause {
         let member = members[0];
         let sample = self.sample;
@@ -184,7 +185,7 @@ impl Narrative<'_> {
         }
     }
 
-    /// A whole missing order, or a change of all coefficients.
+    /// A complete missing order, or a change of all coefficients.
     fn several_terms(&self, member: usize, label: String) -> Cause {
         let sample = self.sample;
         let hypothesis = &self.found.set[member];
@@ -260,7 +261,7 @@ impl Narrative<'_> {
             it.unit,
             words.join(", ")
         );
-        // With an offset of its own: the value of the column at which the file holds.
+        // With its own offset: the value of the column for which the file is valid.
         if let Some(linear) = members.iter().find(|member| self.found.set[**member].claim == Claim::Input(extra, Part::Linear))
             && let [slope, offset] = self.estimates.causes[*linear].values[..]
             && slope != 0.0
@@ -322,7 +323,7 @@ impl Narrative<'_> {
         Cause { subject: Some(("column", it.name.clone())), parameters, details, sentence, ..self.empty("block-offset", label) }
     }
 
-    /// Several level changes between runs: blocks without a column.
+    /// Several changes of level between runs: blocks without a column.
     pub(super) fn change_points(&self, members: &[usize]) -> Cause {
         let mut steps: Vec<(usize, usize)> = members
             .iter()
@@ -360,7 +361,7 @@ impl Narrative<'_> {
         let each = self.found.outliers.iter().map(|row| {
             let residual = self.sample.response[*row] - self.found.fitted[*row];
             let studentised = residual / (self.estimates.sd * self.found.scale[*row]);
-            // Bonferroni over all runs.
+            // Bonferroni correction over all runs.
             let p = (ln_two_sided_t(studentised, self.estimates.freedom).exp() * rows).min(1.0);
             OutlyingRun { place: self.sample.places[*row], residual, studentised, p }
         });
@@ -395,7 +396,7 @@ impl Narrative<'_> {
         let growth = self.found.noise.growth?;
         let (residual, fitted, _) = self.kept();
         let ratio = noise::growth(&residual, &fitted).1.max(1e-9);
-        // The likelihood ratio is the square of estimate over standard error (Wald).
+        // By Wald's approximation, the likelihood ratio is the square of estimate over standard error.
         let error = growth.exponent().abs() / ratio.sqrt();
         let with = |exponent: f64| match growth {
             Growth::Exponential(_) => Growth::Exponential(exponent),

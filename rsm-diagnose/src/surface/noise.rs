@@ -1,24 +1,24 @@
 //! The noise of new data: whether it grows with the response, and whether successive errors are correlated.
 //!
-//! In: residuals, fitted values, places in the run order. Out: the maximum likelihood estimate, and 2 ln of its likelihood ratio against even, independent noise. Never changes
-//! a residual.
+//! In: residuals, fitted values, places in the run order. Out: the maximum likelihood estimate, and 2 ln of its likelihood ratio against uniform,
+//! independent noise. Does not change residuals.
 //!
 //! Sources: Cook and Weisberg 1983 and Carroll and Ruppert 1988 for variance functions; a first-order autoregression for correlated errors, as in Durbin and
 //! Watson 1950, by exact likelihood.
 
 use crate::engine::autoregression::innovations;
 
-/// How the standard deviation of the noise follows the response.
+/// How the standard deviation of the noise depends on the response.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Growth {
-    /// exp(rate u), u from -1 to 1 over the range of fitted values.
+    /// exp(rate u), where u goes from -1 to 1 over the range of fitted values.
     Exponential(f64),
     /// |fitted|^power.
     Power(f64),
 }
 
 impl Growth {
-    /// The standard deviation at fitted values, relative: geometric mean 1 over all of them.
+    /// The relative standard deviation at fitted values, with geometric mean 1.
     pub fn scale(self, fitted: &[f64]) -> Vec<f64> {
         let logs: Vec<f64> = match self {
             Growth::Exponential(rate) => centred(fitted).iter().map(|u| rate * u).collect(),
@@ -28,7 +28,7 @@ impl Growth {
         logs.iter().map(|log| (log - mean).exp()).collect()
     }
 
-    /// Standard deviation at the highest over that at the lowest fitted value.
+    /// The standard deviation at the highest fitted value divided by that at the lowest.
     pub fn ratio(self, fitted: &[f64]) -> f64 {
         match self {
             Growth::Exponential(rate) => (2.0 * rate).exp(),
@@ -39,7 +39,7 @@ impl Growth {
         }
     }
 
-    /// Rate or power.
+    /// The rate or the power.
     pub fn exponent(self) -> f64 {
         match self {
             Growth::Exponential(exponent) | Growth::Power(exponent) => exponent,
@@ -57,14 +57,14 @@ fn centred(fitted: &[f64]) -> Vec<f64> {
     fitted.iter().map(|f| ((f - (low + high) / 2.0) / half).clamp(-1.0, 1.0)).collect()
 }
 
-/// ln |fitted|, not below a thousandth of the largest: nearer to zero a power of it says nothing about noise.
+/// ln |fitted|, with |fitted| limited to at least a thousandth of the largest. Nearer to zero, a power law is not plausible.
 fn logarithms(fitted: &[f64]) -> Vec<f64> {
     let (low, high) = ends(fitted);
     let most = low.abs().max(high.abs()).max(f64::MIN_POSITIVE);
     fitted.iter().map(|f| f.abs().max(1e-3 * most).ln()).collect()
 }
 
-/// The least of a smooth function of one number between bounds: a grid, then the golden section.
+/// The minimum of a smooth function of one number between bounds: a grid, then golden section search.
 fn least(low: f64, high: f64, value: &dyn Fn(f64) -> f64) -> (f64, f64) {
     const GRID: usize = 16;
     let at = |k: usize| low + (high - low) * k as f64 / GRID as f64;
@@ -80,7 +80,7 @@ fn least(low: f64, high: f64, value: &dyn Fn(f64) -> f64) -> (f64, f64) {
     (x, value(x))
 }
 
-/// -2 ln likelihood of residuals with relative standard deviations, the common factor at its best.
+/// -2 ln(likelihood) of residuals with relative standard deviations, with the best common factor.
 fn misfit(residual: &[f64], ln_scale: &dyn Fn(usize) -> f64) -> f64 {
     let rows = residual.len() as f64;
     let (mut square, mut logs) = (0.0, 0.0);
@@ -92,17 +92,17 @@ fn misfit(residual: &[f64], ln_scale: &dyn Fn(usize) -> f64) -> f64 {
     rows * (square / rows).max(f64::MIN_POSITIVE).ln() + 2.0 * logs
 }
 
-/// exp(2 * 3): 400 from the lowest to the highest response.
+/// The largest rate: exp(2 * 3) = 400 from the lowest to the highest response.
 const STEEPEST: f64 = 3.0;
 
-/// The growth that fits best, and 2 ln of its likelihood ratio.
+/// The best growth model, and 2 ln of its likelihood ratio.
 pub(super) fn growth(residual: &[f64], fitted: &[f64]) -> (Growth, f64) {
     let even = misfit(residual, &|_| 0.0);
     let u = centred(fitted);
     let (rate, after) = least(-STEEPEST, STEEPEST, &|rate| misfit(residual, &|row| rate * u[row]));
     let mut best = (Growth::Exponential(rate), even - after);
     let (low, high) = ends(fitted);
-    // A power needs a response that keeps its sign, and one that changes by a good part of itself.
+    // A power law needs a response of one sign whose range is large relative to its size.
     if low * high > 0.0 && (high / low).abs().max((low / high).abs()) > 1.5 {
         let logs = logarithms(fitted);
         let (power, after) = least(-1.0, STEEPEST, &|power| misfit(residual, &|row| power * logs[row]));
@@ -113,7 +113,8 @@ pub(super) fn growth(residual: &[f64], fitted: &[f64]) -> (Growth, f64) {
     best
 }
 
-/// 2 ln of the likelihood ratio of growth with the largest residuals left out, one in fifty and one at least: noise that grows shows itself in more than a few runs, outlying runs do not.
+/// 2 ln of the likelihood ratio of growth without the largest residuals (one in fifty, at least one). Growth of noise is visible in many runs,
+/// outlying runs are few.
 pub(super) fn growth_beyond_few(residual: &[f64], fitted: &[f64]) -> f64 {
     let few = (residual.len() / 50).max(1);
     let mut order: Vec<usize> = (0..residual.len()).collect();
@@ -124,7 +125,7 @@ pub(super) fn growth_beyond_few(residual: &[f64], fitted: &[f64]) -> f64 {
     growth(&of(residual), &of(fitted)).1
 }
 
-/// The correlation of neighbours in the run order that fits best, and 2 ln of its likelihood ratio. `places` ascend.
+/// The best correlation of neighbours in the run order, and 2 ln of its likelihood ratio. `places` must ascend.
 pub(super) fn correlation(residual: &[f64], places: &[usize]) -> (f64, f64) {
     let rows = residual.len() as f64;
     let misfit = |rho: f64| {
@@ -135,7 +136,7 @@ pub(super) fn correlation(residual: &[f64], places: &[usize]) -> (f64, f64) {
         }
         rows * (square / rows).max(f64::MIN_POSITIVE).ln() + logs
     };
-    // Errors that follow each other; that they alternate is nobody's physics.
+    // Only positive correlation: a negative one has no physical cause.
     let (rho, after) = least(0.0, 0.97, &misfit);
     (rho, misfit(0.0) - after)
 }

@@ -1,45 +1,46 @@
 //! The null distribution of the search on the rows of the data.
 //!
-//! In: the columns of the hypotheses in the whitened space, the allowed rate of false alarms. Out: [`Thresholds`]. Pure noise is drawn many times, from a fixed seed, and analysed as
-//! the data are. So the number of hypotheses and their correlation need no formula. The response is not used.
+//! In: the columns of the hypotheses in the whitened space, and the allowed rate of false alarms. Out: [`Thresholds`]. Pure noise is drawn many times
+//! from a fixed seed and analysed like the data, so the number of hypotheses and their correlation need no formula. The response is not used.
 
 use super::noise;
 use crate::engine::columns::{Basis, dot};
 use crate::engine::significance::{f_of, ln_p_of_squares, ln_two_sided_t};
 use rsm_fit::random::Random;
 
-/// Of all false alarms these shares fall to causes that move the mean, to outlying runs, to noise that grows, to errors that follow each other, and to structure left. The mean has by far the
-/// most hypotheses.
+/// The shares of the false alarms for: causes that change the mean, outlying runs, growing noise, correlated errors, and remaining structure. The
+/// mean has by far the most hypotheses.
 const SHARES: [f64; 5] = [0.4, 0.15, 0.15, 0.15, 0.15];
 
-/// Draws for the mean: the 1.6 % point of 2000 draws is known to a fifth of itself.
+/// Draws for the mean: with 2000 draws, the 1.6 % point is accurate to a fifth.
 const DRAWS: usize = 2000;
 
-/// At most this many multiplications; large data have smoother distributions, and fewer draws do.
+/// The limit of multiplications. Large data have smoother distributions, so fewer draws are sufficient.
 const WORK: usize = 1_500_000_000;
 
-/// Draws for the mean of a likelihood ratio, which a factor of 1.1 in a hundred draws knows.
+/// Draws for the mean of a likelihood ratio. A hundred draws give it to a factor of 1.1.
 const RATIO_DRAWS: usize = 200;
 
-/// What evidence a cause must give.
+/// The evidence that a cause needs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Thresholds {
-    /// ln of the probability that a hypothesis about the mean must stay below.
+    /// The log probability below which a hypothesis about the mean is significant.
     pub ln_p_mean: f64,
-    /// The false alarms that are left to outlying runs.
+    /// The allowed false alarms of outlying runs.
     pub alpha_outliers: f64,
-    /// What 2 ln of the likelihood ratio must reach for noise that grows,
+    /// The 2 ln of the likelihood ratio that growing noise needs,
     pub growth: f64,
-    /// and for errors that follow each other.
+    /// and that correlated errors need.
     pub correlation: f64,
-    /// ln of the probability that the tests for structure left must stay below, one for all of them.
+    /// The probability of false alarms for all tests of remaining structure together.
     pub alpha_structure: f64,
 }
 
 impl Thresholds {
-    /// `carried`: the columns of every hypothesis in the white space of all rows; `fitted` the nominal response there; `alpha` the share of false alarms of this response.
+    /// `carried`: the columns of every hypothesis in the whitened space of all rows; `fitted`: the nominal response there; `alpha`: the allowed false
+    /// alarms of this response.
     pub fn new(carried: &[Vec<Vec<f64>>], fitted: &[f64], rows: usize, alpha: f64) -> Self {
-        // A seed is a part of the method: the same data, the same answer.
+        // The seed is fixed, so that the same data give the same answer.
         let mut random = Random::new(0x5eed);
         let bases: Vec<Basis> = carried.iter().map(Basis::of).filter(|it| it.rank() > 0).collect();
         let numbers: usize = bases.iter().map(Basis::rank).sum();
@@ -60,7 +61,7 @@ impl Thresholds {
         }
         least.sort_by(f64::total_cmp);
         let place = (alpha * SHARES[0] * draws as f64).floor() as usize;
-        // Never beyond what a single hypothesis would be allowed.
+        // At most the limit for a single hypothesis.
         let ln_p_mean = least[place.min(draws - 1)].min((alpha * SHARES[0]).ln());
         let mut ratios = [0.0, 0.0];
         for _ in 0..RATIO_DRAWS {
@@ -69,7 +70,7 @@ impl Thresholds {
             ratios[0] += noise::growth(&draw, fitted).1.max(0.0) / RATIO_DRAWS as f64;
             ratios[1] += noise::correlation(&draw, &places).1.max(0.0) / RATIO_DRAWS as f64;
         }
-        // A likelihood ratio of one unknown is chi-squared up to a factor, which its mean gives (Bartlett 1937).
+        // A likelihood ratio with one unknown is chi-squared up to a factor, which its mean gives (Bartlett 1937).
         let ratio = |mean: f64, share: f64| mean.max(1.0) * f_of((alpha * share).ln(), 1.0, 1e7);
         Thresholds {
             ln_p_mean,
@@ -80,7 +81,7 @@ impl Thresholds {
         }
     }
 
-    /// What a hypothesis with `width` unknowns costs in n ln(sum of squares): as much as it wins at the threshold.
+    /// The cost of a hypothesis with `width` unknowns in n ln(sum of squares): its gain at the threshold.
     pub fn cost(&self, width: usize, rows: usize) -> f64 {
         let freedom = rows.saturating_sub(width + 3).max(2) as f64;
         let f = f_of(self.ln_p_mean, width as f64, freedom);
@@ -93,7 +94,7 @@ impl Thresholds {
     }
 }
 
-/// ln of the probability that `width` arbitrary columns take this share of pure noise.
+/// ln of the probability that `width` arbitrary columns explain this share of pure noise.
 fn ln_p_of_share(share: f64, width: usize, rows: usize) -> f64 {
     let freedom = rows.saturating_sub(width).max(1) as f64;
     ln_p_of_squares(share, width as f64, 1.0 - share, freedom)

@@ -1,14 +1,14 @@
 //! The squared error of a surface by region.
 //!
-//! In: a sample, measured minus computed (by the nominal file or after the causes), the rows that count. Out: regions (a third of an input's range, a third of the run order, a level of a further column); those that hold more than their share come first.
-//! No cause is named here.
+//! In: a sample, measured minus computed (by the nominal file or after the causes), the rows that count. Out: regions (a third of an input's range, a
+//! third of the run order, a level of a further column). Regions with more error than their share of rows come first. Names no cause.
 
 use super::sample::Sample;
 
 /// A region of the runs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
-    /// In words.
+    /// The region in words.
     pub region: String,
     /// Its share of the squared error.
     pub share_of_error: f64,
@@ -16,10 +16,10 @@ pub struct Region {
     pub share_of_rows: f64,
 }
 
-/// A region is named when it holds this many times its share of the runs: noise alone scatters by less from some ten runs on.
+/// A region is named if its share of the error is this many times its share of the runs. With ten or more runs, noise alone scatters by less.
 const CONCENTRATED: f64 = 1.25;
 
-/// No more are named.
+/// The largest number of named regions.
 const MOST_REGIONS: usize = 6;
 
 /// The regions.
@@ -43,7 +43,7 @@ pub fn regions(sample: &Sample, residual: &[f64], kept: &[usize]) -> Vec<Region>
             let at = |k: i32| low + (high - low) * f64::from(k) / 3.0;
             let (from, to) = (at(third), at(third + 1));
             let words = format!("{} from {} to {} {}", input.name, short(from), short(to), input.unit);
-            // Readings of a faulty sensor beyond the range belong to the thirds at its ends.
+            // Readings beyond the range, from a faulty sensor, belong to the outer thirds.
             add(words, &|row| (column[row] >= from || third == 0) && (column[row] < to || third == 2));
         }
     }
@@ -67,7 +67,7 @@ pub fn regions(sample: &Sample, residual: &[f64], kept: &[usize]) -> Vec<Region>
     found
 }
 
-/// Four digits: a bound of a region is no measurement.
+/// Four digits are enough for the bound of a region.
 fn short(value: f64) -> String {
     if value == 0.0 {
         return "0".to_string();

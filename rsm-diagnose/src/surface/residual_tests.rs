@@ -1,8 +1,8 @@
 //! Tests of the residual after the causes: is it noise, or structure without an explanation?
 //!
-//! In: a sample and its explanation. Out: a list of tests, each with the probability of as much by chance, and the noise that the data show. Replicates give a lack-of-fit test.
-//! Without replicates, neighbours are compared: where a smooth part is missing, the residuals of near points are alike. The null distribution is that of noise after the same projections, with its first three moments.
-//! Never names a cause.
+//! In: a sample and its explanation. Out: a list of tests, each with the probability that chance gives as much, and the estimated noise. Replicates
+//! give a lack-of-fit test. Without replicates, neighbours are compared: if a smooth part is missing, the residuals of near points are similar. The
+//! null distribution is that of noise after the same projections, through its first three moments. Names no cause.
 
 use rsm_core::model::Evidence;
 
@@ -12,37 +12,37 @@ use crate::engine::columns::{Basis, dot};
 use crate::engine::significance::{ln_p_of_squares, ln_upper_of_moments, lower_gamma, rarest};
 use rsm_fit::random::Random;
 
-/// A test for structure left.
+/// A test for remaining structure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Test {
-    /// What was compared, in words.
+    /// The comparison in words.
     pub what: String,
-    /// ln of the probability of as much by chance.
+    /// ln of the probability that chance gives as much.
     pub ln_p: f64,
 }
 
-/// Draws for the moments of a quadratic form: its standard deviation is then known to 4 %.
+/// Draws for the moments of a quadratic form. They give its standard deviation to 4 %.
 const DRAWS: usize = 300;
 
-/// Beyond this many rows distances of all pairs cost too much, and one input at a time says enough.
+/// With more rows, the distances of all pairs cost too much; then one input at a time is compared.
 const MOST_PAIRED: usize = 3000;
 
-/// Fewer distinct values than this are levels, not an axis along which something bends.
+/// A column with fewer distinct values has levels; it is no axis for a curve.
 const LEAST_DISTINCT: usize = 6;
 
-/// Waves up to this order: sixty-four teeth or turns over the range of an input.
+/// The highest order of waves: sixty-four teeth or periods over the range of an input.
 const HIGHEST_WAVE: usize = 64;
 
-/// The highest order of powers that are asked of a residual.
+/// The highest order of polynomials that are tested on a residual.
 const HIGHEST_BEND: usize = 5;
 
-/// And how many of them: all up to the fifth order of three inputs.
+/// The largest number of monomials: all up to the fifth order of three inputs.
 const MOST_BENDS: usize = 55;
 
-/// A column whose part beyond the known ones is less than this a row holds rounding and nothing else.
+/// A column whose independent part is below this per row is only rounding error.
 const LEAST_NEW: f64 = 1e-6;
 
-/// Pairs of places among the rows kept that are near each other.
+/// Pairs of near rows, as indices among the rows that count.
 type Pairs = Vec<(usize, usize)>;
 
 /// All tests.
@@ -50,7 +50,7 @@ pub(super) fn tests(sample: &Sample, found: &Explained) -> Vec<Test> {
     let space = found.space(sample);
     let kept = found.kept();
     let graphs = graphs(sample, &kept);
-    // Coefficients of the file are free here: what they may be wrong by is judged elsewhere, and structure is what no choice of them removes.
+    // Here the coefficients of the file are free: their errors are tested elsewhere. Structure is what no choice of them removes.
     let columns = sample.terms.iter().chain(found.set.iter().flat_map(|it| &it.columns));
     let basis = Basis::of(&columns.map(|column| space.whitened(column)).collect::<Vec<_>>());
     let without = |mut values: Vec<f64>| {
@@ -62,8 +62,8 @@ pub(super) fn tests(sample: &Sample, found: &Explained) -> Vec<Test> {
     if found.noise.rho.is_none() {
         tests.extend(replicates(sample, found, &kept, dot(&left, &left), basis.rank()));
     }
-    // Errors that follow each other in the run order may be a part of the surface that the runs pass through in order: they are noise only where nothing predicts them. And teeth that are
-    // narrower than the reach of neighbours are seen by their own wave alone.
+    // Correlated errors in the run order may be part of the surface, if the runs go through it in order. They count as noise only where no test
+    // predicts them. Waves shorter than the distance of neighbours are visible only in the test of that wave.
     let predicted = |column: &[f64]| without(space.whitened(column));
     tests.extend(waves(sample, &kept, &left, basis.rank(), &predicted));
     tests.extend(bends(sample, &left, basis.rank(), &predicted));
@@ -87,7 +87,7 @@ pub(super) fn tests(sample: &Sample, found: &Explained) -> Vec<Test> {
     tests
 }
 
-/// Waves of every order over each input and each further column: the one that predicts most, with Bonferroni's share for all that were tried.
+/// Waves of every order over each input and each further column: the most significant one, with Bonferroni's correction for all that were tried.
 fn waves(sample: &Sample, kept: &[usize], left: &[f64], rank: usize, predicted: &dyn Fn(&[f64]) -> Vec<f64>) -> Option<Test> {
     let coded = (0..sample.inputs.len()).map(|input| (sample.inputs[input].name.clone(), sample.coded(input)));
     let extras = sample.extras.iter().filter(|it| !it.clock).filter_map(|it| Some((it.name.clone(), it.values.clone()?)));
@@ -100,7 +100,7 @@ fn waves(sample: &Sample, kept: &[usize], left: &[f64], rank: usize, predicted: 
         if distinct.len() < LEAST_DISTINCT {
             continue;
         }
-        // Two values a wave are the fewest that show it.
+        // A wave needs at least two values per period.
         for order in 1..=(distinct.len() / 2).min(HIGHEST_WAVE) {
             let turns = |x: f64| std::f64::consts::TAU * order as f64 * (x - low) / (high - low);
             let pair = [f64::cos, f64::sin].map(|of| predicted(&column.iter().map(|x| of(turns(*x))).collect::<Vec<_>>()));
@@ -111,10 +111,11 @@ fn waves(sample: &Sample, kept: &[usize], left: &[f64], rank: usize, predicted: 
     Some(Test { what: format!("a wave of order {order} over the range of {name}"), ln_p })
 }
 
-/// Powers of the inputs, all up to the second order, up to the third and so on: what a surface of too low an order lacks. Of these the one that predicts most, with Bonferroni's share.
+/// Monomials of the inputs up to the second order, up to the third and so on: these are missing if the order of a surface is too low. The most
+/// significant one, with Bonferroni's correction.
 fn bends(sample: &Sample, left: &[f64], rank: usize, predicted: &dyn Fn(&[f64]) -> Vec<f64>) -> Option<Test> {
     let coded: Vec<Vec<f64>> = (0..sample.inputs.len()).map(|input| sample.coded(input)).collect();
-    // The monomials of one degree, each with its last input, so that none comes twice.
+    // The monomials of one degree, each with its last input, so that none occurs twice.
     let mut degree: Vec<(Vec<f64>, usize)> = vec![(vec![1.0; sample.rows()], 0)];
     let mut new: Vec<Vec<f64>> = Vec::new();
     let mut tried = Vec::new();
@@ -134,9 +135,10 @@ fn bends(sample: &Sample, left: &[f64], rank: usize, predicted: &dyn Fn(&[f64]) 
     Some(Test { what: format!("powers of the inputs up to the order {order}"), ln_p })
 }
 
-/// The F test of columns that are orthogonal to all that is known: ln of the chance that noise is predicted as well. `None` where they hold nothing new, or too few rows are left.
+/// The F test of columns that are orthogonal to all known columns: ln of the probability that noise is predicted as well. `None` if the columns are
+/// dependent, or too few rows are left.
 fn ln_p_of(left: &[f64], rank: usize, columns: &[Vec<f64>]) -> Option<f64> {
-    // What is left of a column that the known ones make up is rounding.
+    // A column that depends on the known ones leaves only rounding error.
     let length = (left.len() as f64).sqrt();
     let basis = Basis::of(columns.iter().filter(|it| dot(it, it).sqrt() > LEAST_NEW * length));
     let rest = left.len().checked_sub(rank + basis.rank()).filter(|rest| *rest > 0 && basis.rank() > 0)?;
@@ -144,8 +146,9 @@ fn ln_p_of(left: &[f64], rank: usize, columns: &[Vec<f64>]) -> Option<f64> {
     Some(ln_p_of_squares(explained, basis.rank() as f64, dot(left, left) - explained, rest as f64))
 }
 
-/// Whether outlying runs lie beside each other, off to the same side: then they are a place that the surface misses, not errors of single runs. With n runs and k outliers in arbitrary places, some
-/// k (k - 1)/2 * 4/n * 1/2 pairs are among each other's four nearest and of one sign; the count is Poisson's.
+/// Whether outlying runs are neighbours with residuals of the same sign. Then the surface is wrong at that place, and these are not errors of single
+/// runs. With n runs and k outliers at random, about k (k - 1)/2 * 4/n * 1/2 pairs are among each other's four nearest with the same sign; their
+/// number has a Poisson distribution.
 fn outliers_together(sample: &Sample, found: &Explained) -> Option<Test> {
     let (count, rows) = (found.outliers.len(), sample.rows());
     if count < 2 || !(12..=MOST_PAIRED).contains(&rows) {
@@ -157,7 +160,7 @@ fn outliers_together(sample: &Sample, found: &Explained) -> Option<Test> {
         |(i, j): &(usize, usize)| found.outliers.contains(i) && found.outliers.contains(j) && residual(*i) * residual(*j) > 0.0;
     let pairs = nearest(&coded, 4).iter().filter(|pair| is_pair(pair)).count();
     let mean = (count * (count - 1)) as f64 / rows as f64;
-    // P(N >= pairs) of Poisson's distribution is the lower incomplete gamma function.
+    // For a Poisson variable, P(N >= pairs) is the lower incomplete gamma function.
     let ln_p = if pairs == 0 { 0.0 } else { lower_gamma(pairs as f64, mean).max(1e-300).ln() };
     Some(Test { what: "outlying runs beside each other in the inputs".to_string(), ln_p })
 }
@@ -174,7 +177,7 @@ fn graphs(sample: &Sample, kept: &[usize]) -> Vec<(String, Pairs)> {
         })
         .collect();
     if coded.len() > 1 && rows <= MOST_PAIRED {
-        // Four in a plane are the next on every side; the root of the number of rows sees what bends slowly.
+        // In a plane, four neighbours are one on each side. The square root of the number of rows detects slow curvature.
         for count in std::iter::once(4).chain((near > 6).then_some(near)) {
             if count < rows {
                 graphs.push((format!("residuals of the {count} nearest points in the inputs"), nearest(&coded, count)));
@@ -197,7 +200,7 @@ fn graphs(sample: &Sample, kept: &[usize]) -> Vec<(String, Pairs)> {
     graphs
 }
 
-/// Each point with its nearest, every pair once.
+/// Each point with its nearest neighbours; every pair once.
 fn nearest(coded: &[Vec<f64>], count: usize) -> Pairs {
     let rows = coded.first().map_or(0, Vec::len);
     let mut pairs = Vec::new();
@@ -212,7 +215,7 @@ fn nearest(coded: &[Vec<f64>], count: usize) -> Pairs {
     pairs
 }
 
-/// Points with those that follow them in order of a column.
+/// Each point with the following ones in the order of a column.
 fn along(column: &[f64], reach: usize) -> Pairs {
     let mut order: Vec<usize> = (0..column.len()).collect();
     order.sort_by(|a, b| column[*a].total_cmp(&column[*b]).then(a.cmp(b)));
@@ -223,7 +226,7 @@ fn along(column: &[f64], reach: usize) -> Pairs {
     pairs
 }
 
-/// Rows with the same settings of all inputs, groups of at least two, places among the rows kept.
+/// Groups of at least two rows with the same settings of all inputs, as indices among the rows that count.
 fn groups(sample: &Sample, kept: &[usize]) -> Vec<Vec<usize>> {
     let mut groups: std::collections::BTreeMap<Vec<u64>, Vec<usize>> = std::collections::BTreeMap::new();
     for (place, row) in kept.iter().enumerate() {
@@ -245,7 +248,7 @@ fn pure_error(residual: &[f64], groups: &[Vec<usize>]) -> (f64, usize) {
     (square, freedom)
 }
 
-/// Residuals in units of their own scale.
+/// The residuals divided by their relative standard deviations.
 fn even(sample: &Sample, found: &Explained, kept: &[usize]) -> Vec<f64> {
     kept.iter().map(|row| (sample.response[*row] - found.fitted[*row]) / found.scale[*row]).collect()
 }
@@ -267,16 +270,16 @@ fn replicates(sample: &Sample, found: &Explained, kept: &[usize], square: f64, r
 /// The noise of the response.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Floor {
-    /// Its standard deviation, of a mean row.
+    /// Its standard deviation, averaged over the rows.
     pub sd: f64,
-    /// Where it is from, in words.
+    /// Its source, in words.
     pub from: String,
 }
 
-/// Fewer degrees of freedom know a standard deviation worse than to a third.
+/// With fewer degrees of freedom, a standard deviation is uncertain by more than a third.
 const LEAST_FREEDOM: usize = 4;
 
-/// The noise: from replicates, else from neighbours, else from the file's evidence, else from what the explanation leaves.
+/// The noise: from replicates, otherwise from neighbours, otherwise from the file's evidence, otherwise from the residual of the explanation.
 pub(super) fn floor(sample: &Sample, found: &Explained) -> Floor {
     let kept = found.kept();
     let residual = even(sample, found, &kept);

@@ -15,15 +15,15 @@ use rsm_fit::support::Region;
 pub struct Extra {
     /// Its name.
     pub name: String,
-    /// Its unit; `1` where the header has none.
+    /// Its unit; `1` if the header has none.
     pub unit: String,
-    /// Numbers, where every cell is one.
+    /// Its numbers, if every cell is a number.
     pub values: Option<Vec<f64>>,
-    /// The least and the greatest of them in all the data.
+    /// The smallest and the largest number in all the data.
     pub range: [f64; 2],
-    /// Names of levels and the level of each row, where the column may be one of blocks.
+    /// The names of levels and the level of each row, if the column may be one of blocks.
     pub levels: Option<(Vec<String>, Vec<usize>)>,
-    /// The values rise from run to run: a clock or a counter.
+    /// Whether the values rise from run to run: a clock or a counter.
     pub clock: bool,
 }
 
@@ -37,7 +37,7 @@ impl Extra {
         }
     }
 
-    /// Middle and half of the range of the numbers in all the data: the same for every surface that lacks the column.
+    /// The middle and the half range of the numbers in all the data. They are the same for every surface that lacks the column.
     pub fn coding(&self) -> Option<(f64, f64)> {
         let [low, high] = self.values.as_ref().map(|_| self.range)?;
         Some(((low + high) / 2.0, (high - low) / 2.0))
@@ -51,52 +51,52 @@ pub struct Sample {
     pub surface: Surface,
     /// Its inputs, in its order.
     pub inputs: Vec<Input>,
-    /// For every input its values as they were read.
+    /// The values of every input as read.
     pub points: Vec<Vec<f64>>,
-    /// The response as it was read.
+    /// The response as read.
     pub response: Vec<f64>,
-    /// What the file's polynomial says, not saturated.
+    /// The values of the file's polynomial, not saturated.
     pub nominal: Vec<f64>,
     /// Columns of the terms of the file.
     pub terms: Vec<Vec<f64>>,
-    /// Columns that the model does not have.
+    /// Columns that are not in the model.
     pub extras: Vec<Extra>,
-    /// The place of each row among all rows of the data, in run order.
+    /// The index of each row among all rows of the data, in run order.
     pub places: Vec<usize>,
-    /// Covariance of the coefficients of the file, in units of the variance of the noise of its rows.
+    /// Covariance of the coefficients of the file, in units of the noise variance of its rows.
     pub prior: Vec<Vec<f64>>,
-    /// Rows that made the file; none where the file does not say: `prior` is then as of as many as are here.
+    /// The number of rows from which the file was made. `None` if the file does not state it; then `prior` assumes as many rows as here.
     pub rows_of_file: Option<f64>,
-    /// The standard deviation of the noise of those rows, where the file says it.
+    /// The standard deviation of the noise of those rows, if the file states it.
     pub sd_of_file: Option<f64>,
-    /// Points spread evenly over box and support: where the rows that made the file are taken to have been.
+    /// Points spread evenly over box and support, assumed for the rows from which the file was made.
     pub spread: Vec<Vec<f64>>,
-    /// Places of rows outside the box, the support, or where the file saturates.
+    /// Indices of rows outside the box or the support, or where the file saturates.
     pub outside: Vec<usize>,
 }
 
-/// Which rows a sample takes.
+/// The rows that a sample takes.
 #[derive(Debug, Clone, Copy)]
 pub enum Taken<'a> {
-    /// Those whose readings are inside the box and the support,
+    /// Rows whose readings are inside the box and the support.
     Inside,
-    /// or beyond by no more than [`REACH`]: a faulty sensor reads so much too far.
+    /// Also rows beyond by no more than [`REACH`], as a faulty sensor may read.
     Near,
-    /// These places, where they are near.
+    /// These rows, if they are near.
     Places(&'a [usize]),
 }
 
-/// In half ranges: the largest of the biases that a hypothesis is made for, and the gain of 1.25 of an input whose range begins at zero.
+/// In half ranges: the largest bias of a hypothesis, or a gain of 1.25 for an input whose range begins at zero.
 const REACH: f64 = 0.5;
 
-/// This many points know the mean products of terms to two per cent.
+/// This many points give the mean products of terms to two per cent.
 const SPREAD: usize = 2000;
 
-/// A share of the range: beyond it by less is the rounding of a conversion of units.
+/// As a share of the range: a smaller excess is the rounding of a unit conversion.
 const ROUNDING: f64 = 1e-9;
 
 impl Sample {
-    /// Of the surface `index` of a model. `points` and `extras` are of all rows.
+    /// The sample for surface `index` of a model. `points` and `extras` are of all rows.
     pub fn new(model: &Model, index: usize, points: &[Vec<f64>], response: &[f64], extras: &[Extra], taken: Taken<'_>) -> Self {
         let surface = model.surfaces[index].clone();
         let inputs: Vec<Input> = surface
@@ -143,7 +143,7 @@ impl Sample {
         sample.terms = sample.columns_of(&powers, &sample.points);
         sample.nominal = sample.polynomial(&sample.points);
         if let Some([low, high]) = sample.surface.output_range {
-            // Where the evaluator saturates, the data say nothing about the polynomial.
+            // Where the evaluator saturates, the data contain no information about the polynomial.
             let inner: Vec<usize> = (0..sample.rows()).filter(|row| (low..=high).contains(&sample.nominal[*row])).collect();
             let lost = (0..sample.rows()).filter(|row| !inner.contains(row)).map(|row| sample.places[row]);
             let outside: Vec<usize> = sample.outside.iter().copied().chain(lost).collect();
@@ -153,8 +153,9 @@ impl Sample {
         }
         sample.spread = spread(&sample, &region);
         let terms = sample.columns_of(&powers, &sample.spread);
-        // sigma^2 (X'X)^-1 of as many rows as made the file, drawn at random from box and support: in the mean M^-1/(rows - terms - 1), M the mean products (exact where the inverse Wishart distribution is). Designed
-        // experiments know their coefficients better, so this is careful.
+        // sigma^2 (X'X)^-1 for as many rows as made the file, drawn at random from box and support. Its mean is M^-1/(rows - terms - 1), with M the
+        // mean products (exact where the inverse Wishart distribution holds). The coefficients of designed experiments are more accurate, so this is
+        // a cautious value.
         let free = (rows_of_file.unwrap_or(sample.rows() as f64) - terms.len() as f64 - 1.0).max(1.0);
         let share = sample.spread.first().map_or(0, Vec::len) as f64 / free;
         let constant = vec![0.0; sample.spread.first().map_or(0, Vec::len)];
@@ -163,7 +164,7 @@ impl Sample {
         sample
     }
 
-    /// The places of rows that are inside, or were with sensors as they may have been: for each input, what gains and biases are believed.
+    /// The indices of rows that are inside for at least one of the believed sensors: `sensors` has the gains and biases for each input.
     pub fn truly_inside(&self, sensors: &[Vec<(f64, f64)>]) -> Vec<usize> {
         let region = Region::new(&self.surface, &self.inputs);
         let is_inside = |row: &usize| {
@@ -178,12 +179,12 @@ impl Sample {
         (0..self.rows()).filter(is_inside).map(|row| self.places[row]).collect()
     }
 
-    /// How many rows there are.
+    /// The number of rows.
     pub fn rows(&self) -> usize {
         self.response.len()
     }
 
-    /// Measured less computed.
+    /// Measured minus computed.
     pub fn residual(&self) -> Vec<f64> {
         self.response.iter().zip(&self.nominal).map(|(y, f)| y - f).collect()
     }
@@ -208,7 +209,7 @@ impl Sample {
         }
     }
 
-    /// Columns of terms, given by their powers, at points.
+    /// The columns of terms at points; a term is given by its powers.
     pub fn columns_of(&self, powers: &[Vec<u32>], points: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let design = Design::new(&self.surface, &self.inputs, powers.to_vec());
         let rows = points.first().map_or(0, Vec::len);
@@ -232,7 +233,7 @@ impl Sample {
             .collect()
     }
 
-    /// Coded values of an input at the rows, the variable whose powers the terms have.
+    /// Coded values of an input at the rows: the variable of the powers in the terms.
     pub fn coded(&self, input: usize) -> Vec<f64> {
         let factors = rsm_core::basis::Factor::all(&self.surface, &self.inputs);
         let value = |xi: &f64| factors[input].variable.value(rsm_fit::dd::Dd::from(*xi)).to_f64();
@@ -245,7 +246,7 @@ fn is_inside(surface: &Surface, inputs: &[Input], region: &Region, point: &[f64]
     let in_box = inputs.iter().zip(point).all(|(input, value)| {
         let [low, high] = input.range;
         let margin = (ROUNDING + reach / 2.0) * (high - low);
-        // Beyond zero an inverse says nothing about the range.
+        // An inverse is not defined on the other side of zero.
         let is_defined = !surface.reciprocal.contains(&input.name) || value * (low + high) > 0.0;
         is_defined && (low - margin..=high + margin).contains(value)
     });
@@ -257,7 +258,7 @@ fn is_inside(surface: &Surface, inputs: &[Input], region: &Region, point: &[f64]
     }
 }
 
-/// Random points of the box that the support holds; of the box alone, where the support is too thin to be hit.
+/// Random points of the box inside the support; of the box alone if the support is too thin to be hit.
 fn spread(sample: &Sample, region: &Region) -> Vec<Vec<f64>> {
     let mut random = Random::new(0x5b0e);
     let mut points = vec![Vec::with_capacity(SPREAD); sample.inputs.len()];

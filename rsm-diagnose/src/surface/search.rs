@@ -1,39 +1,40 @@
-//! The search for the set of hypotheses that explains a residual, on the matrix of products of their columns.
+//! Searches for the set of hypotheses that explains a residual, on the matrix of inner products of their columns.
 //!
-//! In: hypotheses as columns in the space of [`super::whitening`], the residual there, the cost of each. Out: the set with the least n ln(sum of squares) plus costs. A beam search
-//! grows several sets at once, so two causes that mask each other are found together. The sets are then improved by leaving out and exchanging members. Never
-//! decides how much a cause must gain: the costs give it.
+//! In: hypotheses as columns in the space of [`super::whitening`], the residual there, the cost of each. Out: the set with the smallest n ln(sum of
+//! squares) plus costs. A beam search grows several sets at once, so two causes that mask each other are found together. The sets are then improved
+//! by removing and exchanging members. The costs decide how much a cause must gain.
 
 use crate::engine::columns::subtract;
 use crate::engine::normal::{Normal, symmetric};
 use crate::engine::work::Work;
 
-/// A hypothesis as the search sees it.
+/// A hypothesis in the form that the search uses.
 #[derive(Debug, Clone)]
 pub(super) struct Candidate {
-    /// Its columns, carried.
+    /// Its columns, whitened.
     pub columns: Vec<Vec<f64>>,
-    /// Two of one group are never in a set together.
+    /// Two candidates of one group are never in a set together.
     pub group: usize,
-    /// The row before which a change in the run order lies: two changes are never nearer than [`LEAST_BLOCK`].
+    /// The row of a change in the run order. Two changes are never nearer than [`LEAST_BLOCK`].
     pub change: Option<usize>,
-    /// What it adds to the criterion.
+    /// Its cost in the criterion.
     pub cost: f64,
 }
 
-/// Paths that are followed at once, and continuations of each. Two causes that mask each other need the better one of a pair to be among the first of one of them.
+/// The number of paths that are followed at once, and of continuations of each. For two causes that mask each other, one must be among the first
+/// continuations of the other.
 const BEAM: usize = 5;
 
-/// A set has at most this many: the data of one file cannot distinguish more causes.
+/// The largest size of a set. One data file cannot distinguish more causes.
 const MOST_CAUSES: usize = 9;
 
-/// Rows between two changes in the run order: fewer are outlying runs, each for itself.
+/// The smallest number of rows between two changes in the run order. Fewer rows are single outlying runs.
 pub(super) const LEAST_BLOCK: usize = 3;
 
-/// A pivot below this share of a column's own square is rounding.
+/// A pivot below this share of a column's own square is rounding error.
 const DEPENDENT_PIVOT: f64 = 1e-9;
 
-/// Products of all columns and the residual, before any column is in a set.
+/// The products of all columns and the residual, with no column in the set.
 struct Start {
     width: usize,
     values: Vec<f64>,
@@ -45,16 +46,16 @@ impl Start {
     }
 }
 
-/// The same with some columns swept in: what is left of all others is orthogonal to them. Only the pivots' rows are kept, as of a Cholesky factor, and an entry is worked out where it is asked for:
-/// a sweep costs the width times the columns that are in, not the width squared.
+/// The same with some columns swept in: all others are orthogonal to them. Only the rows of the pivots are kept, as in a Cholesky factor, and an
+/// entry is computed when needed. So a sweep costs the width times the number of swept columns, not the square of the width.
 #[derive(Clone)]
 struct Products<'a> {
     start: &'a Start,
-    /// For each column that is in: its row when it came in, and that over its pivot.
+    /// For each swept column: its row at that time, and the row divided by its pivot.
     swept: Vec<(Vec<f64>, Vec<f64>)>,
-    /// Each column's own square.
+    /// The square of each column.
     own: Vec<f64>,
-    /// Each column's product with the residual.
+    /// The product of each column with the residual.
     with_residual: Vec<f64>,
 }
 
@@ -90,10 +91,10 @@ impl<'a> Products<'a> {
     }
 }
 
-/// Columns that are multiplied with one another side by side: as many sums as fit into the registers.
+/// The number of columns that are multiplied side by side: as many sums as fit into the registers.
 const SIDE_BY_SIDE: usize = 8;
 
-/// Products of all columns with one another, each summed in the order of the rows.
+/// The products of all columns with one another, each summed in the order of the rows.
 fn products(columns: &[&[f64]]) -> Vec<f64> {
     let width = columns.len();
     let mut values = vec![0.0; width * width];
@@ -127,7 +128,7 @@ struct Member {
     cost: f64,
 }
 
-/// The search with everything that does not change.
+/// The constant data of a search.
 pub(super) struct Search {
     candidates: Vec<Member>,
     /// The first column of each candidate.
@@ -137,23 +138,23 @@ pub(super) struct Search {
     rows: f64,
 }
 
-/// A set of candidates, ascending, with what it leaves.
+/// A set of candidates in ascending order, with its criterion.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Found {
-    /// Places among the candidates.
+    /// Indices of the candidates.
     pub set: Vec<usize>,
     /// The criterion.
     pub score: f64,
 }
 
 impl Search {
-    /// How many multiplications the products of a search take.
+    /// The number of multiplications for the products of a search.
     pub(super) fn multiplications(candidates: &[Candidate], rows: usize) -> usize {
         let width: usize = candidates.iter().map(|it| it.columns.len()).sum();
         width * width / 2 * rows
     }
 
-    /// Of a residual.
+    /// A search for the given residual.
     pub(super) fn new(candidates: &[Candidate], residual: &[f64]) -> Self {
         let mut columns: Vec<&[f64]> = candidates.iter().flat_map(|it| it.columns.iter().map(Vec::as_slice)).collect();
         columns.push(residual);
@@ -174,7 +175,7 @@ impl Search {
         Search { candidates, first, own, start, rows: rows as f64 }
     }
 
-    /// The same search among fewer candidates: those at these places, ascending.
+    /// The same search among fewer candidates, given by ascending indices.
     pub(super) fn among(&self, places: &[usize]) -> Search {
         let mut columns: Vec<usize> = places.iter().flat_map(|place| self.columns_of(*place)).collect();
         columns.push(self.start.width - 1);
@@ -185,7 +186,7 @@ impl Search {
 
     fn residual(&self, products: &Products<'_>) -> f64 {
         let last = self.start.width - 1;
-        // Below this share a sum of squares is what rounding of the products leaves of nothing.
+        // A sum of squares below this share is the rounding error of the products.
         products.own[last].max(1e-14 * self.own[last])
     }
 
@@ -208,7 +209,7 @@ impl Search {
         grown
     }
 
-    /// What the residual's square falls to with a candidate.
+    /// The square of the residual after adding a candidate.
     fn square_with(&self, products: &Products<'_>, candidate: usize) -> f64 {
         let last = self.start.width - 1;
         let columns = self.columns_of(candidate);
@@ -219,7 +220,7 @@ impl Search {
             let taken = if own > DEPENDENT_PIVOT * self.own[k] { product * product / own } else { 0.0 };
             return (products.own[last] - taken).max(1e-14 * self.own[last]);
         }
-        // A small matrix of its own: its columns and the residual.
+        // A small separate matrix: its columns and the residual.
         let places: Vec<usize> = columns.clone().chain([last]).collect();
         let width = places.len();
         let values = places.iter().flat_map(|i| places.iter().map(|j| products.at(*i, *j))).collect();
@@ -246,12 +247,12 @@ impl Search {
         self.misfit(self.residual(&self.products_of(set))) + self.cost(set)
     }
 
-    /// The square that a set leaves.
+    /// The square of the residual of a set.
     pub(super) fn square(&self, set: &[usize]) -> f64 {
         self.residual(&self.products_of(set))
     }
 
-    /// The amplitudes of a member of a set.
+    /// The coefficients of a member of a set.
     pub(super) fn coefficients(&self, set: &[usize], member: usize) -> Vec<f64> {
         let rest: Vec<usize> = set.iter().copied().filter(|other| *other != member).collect();
         let products = self.products_of(&rest);
@@ -265,13 +266,13 @@ impl Search {
         set.iter().all(|member| self.agree(*member, candidate))
     }
 
-    /// Whether two may stand in one set.
+    /// Whether two candidates may be in one set.
     fn agree(&self, a: usize, b: usize) -> bool {
         let (a, b) = (&self.candidates[a], &self.candidates[b]);
         a.group != b.group && a.change.zip(b.change).is_none_or(|(a, b)| a.abs_diff(b) >= LEAST_BLOCK)
     }
 
-    /// All candidates that may join a set, with the score that each would give it.
+    /// All candidates that may be added to a set, each with the resulting score.
     pub(super) fn joined(&self, set: &[usize]) -> Vec<(usize, f64)> {
         let products = self.products_of(set);
         self.joined_to(&products, set)
@@ -285,7 +286,7 @@ impl Search {
         (0..self.candidates.len()).filter(|candidate| self.may_join(set, *candidate)).map(of).collect()
     }
 
-    /// The best set; as good as the work that is left finds, where that is not enough.
+    /// The best set. If the work limit is reached, the best one found so far.
     pub(super) fn best(&self, work: &Work<'_>) -> Found {
         let mut best = Found { set: Vec::new(), score: self.score(&[]) };
         let mut paths = vec![(best.clone(), Products::new(&self.start))];
@@ -323,17 +324,18 @@ impl Search {
             if front.score < best.score {
                 best = front.clone();
             } else if depth >= best.set.len() + 3 {
-                // Three causes that are worth nothing singly nor in pairs are not followed.
+                // Three causes that gain nothing alone or in pairs are not searched.
                 break;
             }
         }
         self.improved(best, work)
     }
 
-    /// Leaves out up to two members and takes in up to two others, whichever pays most, while that pays. One at a time is not enough: where a cause was taken in the wrong shape, a second one makes up for the
-    /// difference (a drift that is right in the middle, and a bias), and neither goes without the other.
+    /// Removes up to two members and adds up to two others, whichever gains most, while the criterion falls. One at a time is not enough: if a cause
+    /// was taken with the wrong shape, a second one compensates for the difference (for example a drift that is right in the middle, and a bias), and
+    /// neither can be removed alone.
     fn improved(&self, mut best: Found, work: &Work<'_>) -> Found {
-        // Each round lowers the criterion, and there are finitely many sets; a bound all the same, as rounding might circle.
+        // Each round lowers the criterion, so the number of rounds is finite; the bound is against cycles by rounding.
         for _ in 0..4 * MOST_CAUSES {
             if !work.goes_on() {
                 break;
@@ -346,7 +348,7 @@ impl Search {
                 work.takes(self.candidates.len() * self.candidates.len() / 2 + wide * self.start.width * (rest.len() + 1));
                 let products = self.products_of(&rest);
                 let alone = self.misfit(self.residual(&products)) + self.cost(&rest);
-                // Less than a thousandth is rounding, and would circle.
+                // A change below a thousandth is rounding error and could cycle.
                 let mut consider = |new: &[usize], score: f64| {
                     if score < next.score - 1e-3 && rest.len() + new.len() <= MOST_CAUSES {
                         let mut set: Vec<usize> = rest.iter().chain(new).copied().collect();
@@ -370,8 +372,8 @@ impl Search {
         best
     }
 
-    /// The two candidates that together win most beside a set. A candidate of one column is a row of the products, and two of them are solved by Cramer's rule; those of several columns are swept in,
-    /// and then have all others as partners.
+    /// The two candidates that together gain most, added to a set. A candidate of one column is a row of the products, and two of them are solved by
+    /// Cramer's rule. Those of several columns are swept in, and then combined with all others.
     fn best_pair(&self, products: &Products<'_>, set: &[usize]) -> Option<([usize; 2], f64)> {
         let last = self.start.width - 1;
         let free: Vec<usize> = (0..self.candidates.len()).filter(|candidate| self.may_join(set, *candidate)).collect();
@@ -386,7 +388,7 @@ impl Search {
         };
         let (narrow, wide): (Vec<usize>, Vec<usize>) =
             free.iter().copied().partition(|candidate| self.candidates[*candidate].width == 1);
-        // Logarithms cost more than the rest: for each first one only its best partner of a cost is scored.
+        // Logarithms are expensive: for each first candidate, only the best partner of each cost is scored.
         for (place, a) in narrow.iter().enumerate() {
             let i = self.first[*a];
             let (own, product) = (products.own[i], products.with_residual[i]);
@@ -425,7 +427,7 @@ impl Search {
     }
 }
 
-/// None, each one, each two of this many places.
+/// The empty subset, each single index, and each pair of indices below `count`.
 fn subsets_of_two(count: usize) -> Vec<Vec<usize>> {
     let ones = (0..count).map(|a| vec![a]);
     let twos = (0..count).flat_map(|a| (0..a).map(move |b| vec![b, a]));

@@ -1,7 +1,8 @@
 //! The space in which the residuals of new data are white if nothing is wrong.
 //!
-//! In: the rows that are kept, the scale and the correlation of the noise, the columns of the present terms, and the uncertainty of the file's coefficients. Out: [`Space`],
-//! which transforms a column (one value for each row) into a space where ordinary least squares is optimal. The response is not used.
+//! In: the rows that count, the scale and the correlation of the noise, the columns of the file's terms, and the uncertainty of the file's
+//! coefficients. Out: [`Space`], which transforms a column (one value for each row) into a space where ordinary least squares is optimal. The
+//! response is not used.
 //!
 //! The coefficients of a file are estimates. Their error is assumed normal with a covariance sigma^2 C ([`super::sample`] gives C). The covariance of y - f is then
 //! sigma^2 (I + X C X'), with X the terms at the new rows. With the eigenvectors u of X C X' and their eigenvalues d, its inverse root is I - sum (1 - 1/sqrt(1 + d)) u u'.
@@ -9,16 +10,16 @@
 use crate::engine::autoregression::innovations;
 use crate::engine::columns::{Basis, dot, subtract};
 
-/// What is known of the noise of each row, up to a common factor.
+/// The noise of each row, up to a common factor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shape {
-    /// Standard deviation of each row, relative.
+    /// The relative standard deviation of each row.
     pub scale: Vec<f64>,
-    /// Correlation of neighbours in the run order (a first-order autoregression).
+    /// The correlation of neighbours in the run order (a first-order autoregression).
     pub rho: f64,
 }
 
-/// See the module.
+/// The transformation to whitened space; see the module.
 #[derive(Debug, Clone)]
 pub struct Space {
     kept: Vec<usize>,
@@ -34,7 +35,7 @@ pub struct Space {
 }
 
 impl Space {
-    /// `kept` are places among the rows, ascending; `terms` the columns of the present terms at all rows; `prior` is C.
+    /// `kept`: ascending indices of the rows that count; `terms`: the columns of the file's terms at all rows; `prior`: C.
     pub fn new(kept: &[usize], shape: &Shape, terms: &[Vec<f64>], prior: &[Vec<f64>]) -> Self {
         let scale: Vec<f64> = kept.iter().map(|row| shape.scale[*row]).collect();
         let new = innovations(shape.rho, kept.iter().map(|row| (*row, 0.0)));
@@ -62,7 +63,7 @@ impl Space {
         space
     }
 
-    /// The coefficients' move that a residual makes most likely, C X'(I + X C X')^-1 r.
+    /// The most likely change of the coefficients for a residual, C X'(I + X C X')^-1 r.
     pub fn calibration(&self, residual: &[f64], terms: &[Vec<f64>]) -> Vec<f64> {
         let mut left = self.whitened(residual);
         let parts: Vec<f64> = self.directions.iter().map(|(u, d)| dot(u, &left) * d / (1.0 + d)).collect();
@@ -73,18 +74,18 @@ impl Space {
         self.prior.iter().map(|row| dot(row, &products)).collect()
     }
 
-    /// How many rows are kept.
+    /// The number of rows that count.
     pub fn rows(&self) -> usize {
         self.kept.len()
     }
 
-    /// A column in units of the noise and without its correlation, coefficients still exact.
+    /// A column divided by the noise and decorrelated, with exact coefficients.
     pub fn whitened(&self, column: &[f64]) -> Vec<f64> {
         let values = self.kept.iter().zip(&self.scale).map(|(row, scale)| (*row, column[*row] / scale));
         innovations(self.rho, values).map(|it| it.value / it.sd).collect()
     }
 
-    /// A column in the space.
+    /// A column in whitened space.
     pub fn carried(&self, column: &[f64]) -> Vec<f64> {
         let mut column = self.whitened(column);
         let parts: Vec<f64> = self.directions.iter().map(|(u, d)| (1.0 - 1.0 / (1.0 + d).sqrt()) * dot(u, &column)).collect();

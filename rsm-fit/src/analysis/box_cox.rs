@@ -1,30 +1,30 @@
-//! The power of the response that a linear model with normal noise asks for.
+//! The Box-Cox power of the response, for a linear model with normal noise.
 //!
-//! In: columns and a positive response. Out: the power with its interval. 1 is no transformation, 0.5 the root, 0 the logarithm, -1 the reciprocal. Nothing
-//! is transformed here.
+//! In: columns and a positive response. Out: the power with its interval. 1 is no transformation, 0.5 the square root, 0 the logarithm, -1 the
+//! reciprocal. Nothing is transformed here.
 //!
 //! Source: Box, Cox 1964, An analysis of transformations.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-/// Powers that are looked at.
+/// The range of powers that is searched.
 const RANGE: [f64; 2] = [-3.0, 3.0];
 
 /// Half of the 95 % point of chi squared with one degree of freedom.
 const DROP: f64 = 1.920_729_410_347_062;
 
-/// A power with its 95 % interval by the likelihood.
+/// A power with its 95 % likelihood interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct BoxCox {
-    /// The power with the greatest likelihood.
+    /// The power with the largest likelihood.
     pub power: f64,
-    /// Its interval, cut at -3 and 3.
+    /// Its interval, limited to -3 and 3.
     pub interval: [f64; 2],
 }
 
-/// Looks for the power from -3 to 3. `columns`: those of the model without the constant. `None`: a response is not above 0, all are alike, rows are too few, or
-/// columns have another number of rows.
+/// Finds the power from -3 to 3. `columns`: those of the model without the constant. `None` if a response is not above 0, if all are equal, if there
+/// are too few rows, or if the columns have a different number of rows.
 ///
 /// ```
 /// // exp(x) with a little scatter asks for the logarithm.
@@ -49,7 +49,8 @@ pub fn box_cox(columns: &[Vec<f64>], response: &[f64]) -> Option<BoxCox> {
     let x = DMatrix::from_fn(rows, width, |row, k| if k == 0 { 1.0 } else { columns[k - 1][row] });
     let q = x.qr().q();
     let mean_log = response.iter().map(|y| y.ln()).sum::<f64>() / rows as f64;
-    // -n/2 ln of the residual square of (y^l - 1)/(l g^(l - 1)), with the geometric mean g: y/g in place of y leaves the same but for a constant.
+    // -n/2 ln of the residual sum of squares of (y^l - 1)/(l g^(l - 1)), with the geometric mean g. With y/g in place of y it differs only by a
+    // constant.
     let likelihood = |power: f64| {
         let z = |y: &f64| {
             let log = y.ln() - mean_log;

@@ -1,7 +1,7 @@
 //! The analysis of a linear model: analysis of variance, variance inflation, influence of rows, information criteria, intervals.
 //!
-//! In: groups of columns (blocks, first order, interactions ...) and a response. Out: an [`Analysis`]. Sums are taken
-//! in double-double. Linearly dependent columns are refused. Nothing here chooses a term or changes a coefficient.
+//! In: groups of columns (blocks, first order, interactions ...) and a response. Out: an [`Analysis`]. Sums are computed in double-double. Linearly
+//! dependent columns are rejected. No term is chosen and no coefficient is changed here.
 //!
 //! ```
 //! use rsm_fit::analysis::{Analysis, Group};
@@ -35,10 +35,10 @@ pub use quadratic::{PathPoint, Quadratic};
 pub(crate) use report::of as report;
 pub use report::{Report, RowReport, TermReport};
 
-/// Leverage so near to 1 means that the model goes through the row whatever its response is.
+/// With a leverage this near to 1, the model passes through the row whatever its response is.
 const NO_REST: f64 = 1e-12;
 
-/// Columns that enter together.
+/// Columns that enter the model together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Group {
     name: String,
@@ -46,7 +46,7 @@ pub struct Group {
 }
 
 impl Group {
-    /// Columns under a name, a value a row.
+    /// Columns with a name; each has one value per row.
     #[must_use]
     pub fn new<T: AsRef<[f64]>>(name: impl Into<String>, columns: impl IntoIterator<Item = T>) -> Self {
         let exact = |column: T| column.as_ref().iter().copied().map(Dd::from).collect();
@@ -61,11 +61,11 @@ impl Group {
 /// Why there is no analysis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refusal {
-    /// Columns or weights that have not a value a row.
+    /// The number of values of a column or of the weights differs from the number of rows.
     Lengths,
-    /// A number that is not finite, or a weight that is not above 0.
+    /// A number is not finite, or a weight is not above 0.
     NotFinite,
-    /// Columns that are linearly dependent, or as many columns as rows.
+    /// Columns are linearly dependent, or there are as many columns as rows.
     Dependent,
 }
 
@@ -84,7 +84,7 @@ impl std::error::Error for Refusal {}
 /// A line of an analysis of variance.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Line {
-    /// What it is of.
+    /// The source of variation.
     pub source: String,
     /// Degrees of freedom.
     pub df: usize,
@@ -92,9 +92,9 @@ pub struct Line {
     pub ss: f64,
     /// Mean square.
     pub ms: f64,
-    /// Mean square over that of the residual; of lack of fit over that of pure error.
+    /// Mean square divided by that of the residual; for lack of fit, divided by that of pure error.
     pub f: Option<f64>,
-    /// Probability of such an F when nothing is there.
+    /// The probability of at least this F by chance.
     pub p: Option<f64>,
 }
 
@@ -111,22 +111,22 @@ pub struct Coefficient {
     pub p: f64,
     /// Bounds of the 95 % interval.
     pub interval: [f64; 2],
-    /// How many times the variance is that of a column alone in the model; none of the constant.
+    /// Variance inflation factor: the variance relative to a model with this column alone. `None` for the constant.
     pub vif: Option<f64>,
-    /// The sum of squares that the model loses without this column.
+    /// The increase of the residual sum of squares without this column.
     pub partial_ss: f64,
 }
 
 /// A row of the data.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Influence {
-    /// Response less model.
+    /// Response minus model.
     pub residual: f64,
-    /// How much the row holds its own prediction, from 0 to 1.
+    /// Leverage: the weight of the row in its own prediction, from 0 to 1.
     pub leverage: f64,
-    /// Residual over its standard deviation, with the residual mean square of all rows; none with leverage 1.
+    /// The residual divided by its standard deviation, from the residual mean square of all rows. `None` if the leverage is 1.
     pub standardised: Option<f64>,
-    /// The same with the residual mean square without the row: it follows Student's t.
+    /// The same with the residual mean square without this row: it has Student's t distribution.
     pub studentised: Option<f64>,
     /// Cook's distance: how far the coefficients move without the row.
     pub cook: Option<f64>,
@@ -137,38 +137,38 @@ pub struct Influence {
 pub struct Prediction {
     /// The value.
     pub value: f64,
-    /// Where the mean response lies.
+    /// The interval of the mean response.
     pub confidence: [f64; 2],
-    /// Where one new measurement lies.
+    /// The interval of one new measurement.
     pub prediction: [f64; 2],
 }
 
 /// The analysis of a linear model with a constant.
 #[derive(Debug, Clone)]
 pub struct Analysis {
-    /// The constant and the columns in their order.
+    /// The constant, then the columns in their order.
     pub coefficients: Vec<Coefficient>,
-    /// A line a group, each after those before it; then the residual, and with repeated rows lack of fit and pure error.
+    /// One line for each group, after the groups before it; then the residual and, if rows are repeated, lack of fit and pure error.
     pub sequential: Vec<Line>,
-    /// Rows in their order.
+    /// The rows in their order.
     pub rows: Vec<Influence>,
-    /// Root of the residual mean square.
+    /// The square root of the residual mean square.
     pub residual_sd: f64,
     /// R^2 about the mean.
     pub r2: f64,
-    /// The same with mean squares.
+    /// R^2 from mean squares (adjusted R^2).
     pub r2_adjusted: f64,
-    /// Sum of squares of the errors at rows left out one at a time; none where a row has leverage 1.
+    /// The sum of squared errors of rows left out one at a time; `None` if a row has leverage 1.
     pub press: Option<f64>,
-    /// Logarithm of the likelihood with normal noise.
+    /// The log likelihood for normal noise.
     pub log_likelihood: f64,
-    /// Akaike's criterion; the variance counts as a parameter.
+    /// Akaike's criterion. The variance counts as a parameter.
     pub aic: f64,
-    /// The same with the correction for few rows; none with too few.
+    /// The same with the correction for few rows; `None` if there are too few.
     pub aicc: Option<f64>,
     /// Schwarz's criterion.
     pub bic: f64,
-    /// Durbin's and Watson's d of the rows in their order: 2 without serial correlation, towards 0 where neighbours are alike.
+    /// The Durbin-Watson statistic of the rows in their order: 2 without serial correlation, near 0 if neighbours are similar.
     pub durbin_watson: f64,
     growing: Growing,
     exact: Vec<Dd>,
@@ -176,7 +176,7 @@ pub struct Analysis {
 }
 
 impl Analysis {
-    /// Analyses the model with a constant and these groups, which enter in their order.
+    /// Analyses the model with a constant and these groups, in this order.
     ///
     /// # Errors
     /// A [`Refusal`].
@@ -184,7 +184,7 @@ impl Analysis {
         Analysis::weighted(groups, response, &[])
     }
 
-    /// The same with a weight a row, proportional to 1/sigma^2; none count alike.
+    /// The same with a weight for each row, proportional to 1/sigma^2. Without weights, all rows count equally.
     ///
     /// # Errors
     /// A [`Refusal`].
@@ -283,11 +283,11 @@ impl Analysis {
         })
     }
 
-    /// The model at a point: its columns without the constant, and the level of the intervals, as 0.95. The interval of a new measurement is that of a row
-    /// of weight 1.
+    /// The value of the model at a point, given by its columns without the constant, and the intervals of a level such as 0.95. The interval of a new
+    /// measurement is for a row of weight 1.
     ///
     /// # Panics
-    /// When the point has not a value a column, or the level is not between 0 and 1.
+    /// If the number of values of the point differs from the number of columns, or if the level is not between 0 and 1.
     ///
     /// ```
     /// use rsm_fit::analysis::{Analysis, Group};
@@ -346,7 +346,7 @@ fn rows_of(
     (0..response.len()).map(of_one).collect()
 }
 
-/// Lack of fit and pure error, where rows with the same columns are repeated.
+/// Lack of fit and pure error, if there are repeated rows.
 fn lack_of_fit(
     plain: &dyn Fn(usize) -> Vec<Dd>,
     weight: &dyn Fn(usize) -> Dd,
@@ -356,7 +356,7 @@ fn lack_of_fit(
 ) -> Vec<Line> {
     let mut groups: std::collections::BTreeMap<Vec<u64>, Vec<usize>> = std::collections::BTreeMap::new();
     for row in 0..response.len() {
-        // + 0.0 makes one of the two zeros.
+        // + 0.0 makes both zeros equal.
         let key = plain(row).iter().map(|x| (x.to_f64() + 0.0).to_bits()).collect();
         groups.entry(key).or_default().push(row);
     }

@@ -1,7 +1,7 @@
-//! A surface of second order: its stationary point with axes, and the paths that leave it.
+//! A second-order surface: its stationary point with principal axes, and paths.
 //!
 //! In: y = b0 + b'x + x'Bx in coded variables. Out: the stationary point, the principal axes with their vectors, the path of steepest ascent (ridge
-//! analysis: the greatest response at each distance from the centre) or descent, and the path along a principal axis. Never leaves coded variables.
+//! analysis: the largest response at each distance from the centre) or descent, and the path along a principal axis. All in coded variables.
 //!
 //! Source: Hoerl 1959 and Draper 1963 (ridge analysis); Box, Wilson 1951 (steepest ascent); Myers, Montgomery, Anderson-Cook, chapters 5 and 6.
 
@@ -11,11 +11,11 @@ use serde::Serialize;
 /// A point of a path.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PathPoint {
-    /// Its distance from the start of the path, in coded units; signed along an axis.
+    /// The distance from the start of the path, in coded units; signed along an axis.
     pub distance: f64,
-    /// The point, coded.
+    /// The coded point.
     pub at: Vec<f64>,
-    /// The surface there.
+    /// The value of the surface there.
     pub value: f64,
 }
 
@@ -38,10 +38,11 @@ pub struct Quadratic {
 }
 
 impl Quadratic {
-    /// From the constant, the slopes and the matrix: its diagonal has the pure quadratic coefficients, and off it each half of an interaction.
+    /// A surface from the constant, the slopes and the matrix. The diagonal of the matrix has the pure quadratic coefficients; each element off the
+    /// diagonal is half an interaction.
     ///
     /// # Panics
-    /// When the matrix is not square and of the size of the slopes.
+    /// If the matrix is not square with the size of the slopes.
     #[must_use]
     pub fn new(constant: f64, slope: &[f64], matrix: &[&[f64]]) -> Self {
         let width = slope.len();
@@ -50,7 +51,7 @@ impl Quadratic {
         Quadratic { constant, slope: DVector::from_row_slice(slope), matrix: DMatrix::from_fn(width, width, symmetric) }
     }
 
-    /// From terms of at most second order: powers with coefficients. `None`: a term is of a higher order.
+    /// A surface from terms of at most second order: powers with coefficients. `None` if a term has a higher order.
     #[must_use]
     pub fn of_terms<'a>(width: usize, terms: impl IntoIterator<Item = (&'a [u32], f64)>) -> Option<Self> {
         let (mut constant, mut slope, mut matrix) = (0.0, DVector::zeros(width), DMatrix::zeros(width, width));
@@ -76,19 +77,19 @@ impl Quadratic {
         self.constant + self.slope.dot(&x) + x.dot(&(&self.matrix * &x))
     }
 
-    /// Where the gradient is 0. `None`: nowhere, or along a line.
+    /// The point with zero gradient. `None` if there is none, or a whole line of them.
     #[must_use]
     pub fn stationary_point(&self) -> Option<Vec<f64>> {
         let values = self.axes();
         let most = values.iter().map(|(value, _)| value.abs()).fold(0.0, f64::max);
-        // Rounding of the eigenvalues: 2^-53 of the largest each.
+        // The rounding error of eigenvalues: 2^-53 of the largest.
         if values.is_empty() || values.iter().any(|(value, _)| value.abs() <= 1e-14 * most) {
             return None;
         }
         Some(self.matrix.clone().lu().solve(&(&self.slope * -0.5))?.iter().copied().collect())
     }
 
-    /// The principal axes: curvature and unit vector, the greatest curvature first.
+    /// The principal axes: curvature and unit vector, the largest curvature first.
     #[must_use]
     pub fn axes(&self) -> Vec<(f64, Vec<f64>)> {
         let eigen = SymmetricEigen::new(self.matrix.clone());
@@ -99,8 +100,8 @@ impl Quadratic {
         axes
     }
 
-    /// The points with the greatest value (`ascent`), or the least, at distances from the centre of the coded variables. Of a surface of first order a straight
-    /// line along the gradient.
+    /// The points with the largest value (`ascent`), or the smallest, at distances from the centre of the coded variables. For a first-order surface,
+    /// this is a straight line along the gradient.
     #[must_use]
     pub fn steepest(&self, distances: &[f64], ascent: bool) -> Vec<PathPoint> {
         let sign = if ascent { 1.0 } else { -1.0 };
@@ -116,7 +117,7 @@ impl Quadratic {
             .collect()
     }
 
-    /// The greatest value at a distance r: x(m) = (m I - B)^-1 b/2 with |x| = r and m above all curvatures.
+    /// The point of the largest value at a distance r: x(m) = (m I - B)^-1 b/2 with |x| = r and m above all curvatures.
     fn greatest(&self, axes: &[(f64, Vec<f64>)], distance: f64) -> Vec<f64> {
         let along: Vec<f64> =
             axes.iter().map(|(_, v)| 0.5 * v.iter().zip(self.slope.iter()).map(|(v, b)| v * b).sum::<f64>()).collect();
@@ -130,10 +131,10 @@ impl Quadratic {
             return vec![0.0; axes.len()];
         }
         let scale = slope / distance + axes.iter().map(|(c, _)| (top - c).abs()).fold(0.0, f64::max);
-        // |x| falls from m = top to top + slope/r, where it is at most r.
+        // |x| decreases from m = top to m = top + slope/r, where it is at most r.
         let (mut low, mut high) = (top + 1e-14 * scale, top + slope / distance + 1e-14 * scale);
         if norm(low) < distance {
-            // The slope has no part along the axis of the greatest curvature: the path leaves along it.
+            // The slope has no component along the axis of the largest curvature, so the path continues along this axis.
             let shares: Vec<f64> =
                 axes.iter().zip(&along).map(|((c, _), b)| if top - c > 1e-12 * scale { b / (top - c) } else { 0.0 }).collect();
             let rest = distance * distance - shares.iter().map(|share| share * share).sum::<f64>();
@@ -141,7 +142,7 @@ impl Quadratic {
             shares[0] = rest.max(0.0).sqrt();
             return place(shares);
         }
-        // To the last bit of m.
+        // Up to the last bit of m.
         for _ in 0..200 {
             let middle = 0.5 * (low + high);
             if norm(middle) > distance { low = middle } else { high = middle }
@@ -149,7 +150,7 @@ impl Quadratic {
         place(axes.iter().zip(&along).map(|((c, _), b)| b / (high - c)).collect())
     }
 
-    /// Points along a principal axis (0: that of the greatest curvature) through the stationary point. `None` without one, or without such an axis.
+    /// Points along a principal axis (0: the largest curvature) through the stationary point. `None` if there is no such point or axis.
     #[must_use]
     pub fn along_axis(&self, axis: usize, distances: &[f64]) -> Option<Vec<PathPoint>> {
         let start = self.stationary_point()?;

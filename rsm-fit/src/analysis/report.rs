@@ -1,8 +1,7 @@
-//! The analysis of a fitted surface, as `rsm fit --json` has it.
+//! The analysis of a fitted surface for `rsm fit --json`.
 //!
-//! In: the design of the chosen terms and the fitted rows. Out: a [`Report`]. There is none if it would take too long,
-//! if there is no constant term, or if no degree of freedom is left for the residual. Terms enter by their kind: first
-//! order, interactions, squares, then order by order.
+//! In: the design of the chosen terms and the fitted rows. Out: a [`Report`]. There is none if it would take too long, if there is no constant term,
+//! or if the residual has no degree of freedom. Terms enter by kind: first order, interactions, squares, then order by order.
 
 use serde::Serialize;
 
@@ -11,29 +10,29 @@ use crate::dd::Dd;
 use crate::design::{Design, order};
 use crate::observations::Observations;
 
-/// Multiplications in double-double: 10^8 take a second.
+/// The limit of double-double multiplications: 10^8 take a second.
 const WORK: f64 = 1e8;
 
-/// Rows that are named.
+/// The largest number of named rows.
 const MOST_NAMED: usize = 5;
 
-/// Of each term, in the order of the model.
+/// The figures of a term, in the order of the model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TermReport {
     /// Bounds of the 95 % interval of the coefficient.
     pub interval: [f64; 2],
-    /// Variance inflation; none of the constant.
+    /// The variance inflation factor; `None` for the constant.
     pub vif: Option<f64>,
-    /// The sum of squares that the model loses without this term.
+    /// The increase of the residual sum of squares without this term.
     pub partial_ss: f64,
 }
 
 /// A row with its influence.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RowReport {
-    /// Its place among the fitted rows, from 1.
+    /// Its number among the fitted rows, from 1.
     pub row: usize,
-    /// What it does.
+    /// Its influence.
     #[serde(flatten)]
     pub influence: Influence,
 }
@@ -41,7 +40,7 @@ pub struct RowReport {
 /// The analysis of one response.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
-    /// The analysis of variance, each line after those before it.
+    /// The analysis of variance; each line is after those before it.
     pub sequential: Vec<Line>,
     /// The terms in the order of the model.
     pub terms: Vec<TermReport>,
@@ -51,15 +50,15 @@ pub struct Report {
     pub aicc: Option<f64>,
     /// Schwarz's criterion.
     pub bic: f64,
-    /// Durbin's and Watson's d in the order of the runs, else of the rows.
+    /// The Durbin-Watson statistic in run order if it is known, otherwise in row order.
     pub durbin_watson: Option<f64>,
-    /// The rows with the largest distances of Cook, the largest first.
+    /// The rows with the largest Cook's distances, the largest first.
     pub influential: Vec<RowReport>,
-    /// The power of the response that the residuals ask for; none where a response is not above 0.
+    /// The Box-Cox power of the response; `None` if a response is not above 0.
     pub box_cox: Option<BoxCox>,
 }
 
-/// `places`: the place of each row in the order of the runs; empty where it is not known.
+/// `places`: the place of each row in run order; empty if it is not known.
 pub(crate) fn of(design: &Design, fit: Observations<'_>, places: &[f64]) -> Option<Report> {
     let width = design.width();
     if fit.response.len() as f64 * (width as f64 + 1.0).powi(2) > WORK {
@@ -93,7 +92,7 @@ pub(crate) fn of(design: &Design, fit: Observations<'_>, places: &[f64]) -> Opti
     let groups: Vec<Group> =
         kinds.iter().map(|(name, terms)| Group::exact(name.clone(), terms.iter().map(column).collect())).collect();
     let analysis = Analysis::weighted(&groups, &response, &weights).ok()?;
-    // A residual of nothing has no criteria.
+    // With a zero residual, the criteria are not defined.
     if !(analysis.aic.is_finite() && analysis.residual_sd > 0.0) {
         return None;
     }

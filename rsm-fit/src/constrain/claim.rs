@@ -1,8 +1,8 @@
-//! What a constraint asks of the coefficients: g(x) >= 0 over a piece of the box.
+//! The inequality that a constraint requires of the coefficients: g(x) >= 0 over a piece of the box.
 //!
-//! In: constraints, a surface with its terms. Out: a [`Claim`] for every piece: g is linear in the coefficients, and for each of
-//! them a polynomial of the main coded variables, written exactly. Slopes are per half side of the box, curvatures per square of
-//! it, so that every g has the unit of the response. Never knows values of coefficients.
+//! In: constraints, a surface with its terms. Out: a [`Claim`] for every piece: g is linear in the coefficients, and the factor of each coefficient
+//! is an exact polynomial of the main coded variables. Slopes are per half range of the box, curvatures per square of it, so every g has the unit of
+//! the response. The values of coefficients are not used here.
 //!
 //! ```text
 //! bounds      y - min, max - y; with an odd input also of -y
@@ -25,11 +25,11 @@ use rsm_core::pieces::{self, Piece, Polynomial};
 use crate::dd::Dd;
 use crate::spec::Constraint;
 
-/// g(x) = offset + sum over the terms of coefficient times basis, which shall not be negative for variables in `sides`.
+/// g(x) = offset + sum over the terms of coefficient times basis, which must not be negative for variables in `sides`.
 pub(super) struct Claim {
-    /// The constraint that it comes from.
+    /// The index of its constraint.
     pub constraint: usize,
-    /// Of a curvature: the entry of the direction that is 1. Claims of one piece stand side by side, a claim an entry.
+    /// For a curvature: the entry of the direction that is 1. The claims of one piece follow one another, one for each entry.
     pub largest: Option<usize>,
     /// The range of the main variables, then of the entries of a direction.
     pub sides: Vec<Interval>,
@@ -46,7 +46,7 @@ impl Claim {
         Claim { constraint, largest: None, sides, basis, rounded, offset }
     }
 
-    /// What each coefficient counts at a point.
+    /// The factor of each coefficient at a point.
     pub(super) fn row(&self, point: &[f64]) -> Vec<Dd> {
         let power = |(x, exponent): (&f64, &u32)| (0..*exponent).fold(Dd::ONE, |product, _| product * Dd::from(*x));
         let value = |(powers, coefficient): &(Vec<u32>, Dd)| {
@@ -59,7 +59,7 @@ impl Claim {
         double_double(&self.offset)
     }
 
-    /// g for these coefficients.
+    /// g with these coefficients.
     pub(super) fn monomials(&self, coefficients: &[f64]) -> Vec<Monomial> {
         let mut sums: BTreeMap<Vec<u32>, Rational> = BTreeMap::new();
         let mut add = |powers: &[u32], value: Rational| {
@@ -76,7 +76,7 @@ impl Claim {
         sums.into_iter().map(|(powers, sum)| Monomial { powers, coefficient: Interval::around(&sum) }).collect()
     }
 
-    /// The point at shares of the sides.
+    /// The point at these shares of the sides.
     pub(super) fn point(&self, shares: &[f64]) -> Vec<f64> {
         let at = |(side, share): (&Interval, &f64)| (side.low + share * (side.high - side.low)).clamp(side.low, side.high);
         self.sides.iter().zip(shares).map(at).collect()
@@ -113,7 +113,7 @@ pub(super) fn of(constraints: &[Constraint], surface: &Surface, inputs: &[Input]
     claims
 }
 
-/// The value of the surface itself, a claim a piece.
+/// The value of the surface itself, one claim for each piece.
 pub(super) fn values(surface: &Surface, inputs: &[Input]) -> Vec<Claim> {
     let mut claims = Vec::new();
     for piece in pieces::all(surface, inputs) {
@@ -144,7 +144,7 @@ fn derivative(polynomial: &Polynomial, variable: usize) -> Polynomial {
 }
 
 fn bounds(k: usize, surface: &Surface, piece: &Piece, min: Option<f64>, max: Option<f64>, claims: &mut Vec<Claim>) {
-    // On the other side of an odd input stands -y: it keeps the bounds where y keeps their opposites.
+    // For negative values of an odd input the response is -y. It is within the bounds if y is within the opposite bounds.
     let is_odd = surface.symmetry.iter().any(|(_, kind)| *kind == Symmetry::Odd);
     let tighter = |one: Option<f64>, other: Option<f64>, pick: fn(f64, f64) -> f64| match (one, other.filter(|_| is_odd)) {
         (Some(one), Some(other)) => Some(pick(one, -other)),
@@ -182,8 +182,8 @@ fn convex(k: usize, surface: &Surface, piece: &Piece, halves: &[Rational], sign:
     for largest in 0..inputs {
         let mut sides = piece.sides.clone();
         sides.extend(vec![Interval::new(-1.0, 1.0); inputs - 1]);
-        // Where the entry of the direction for an input stands among the variables; the largest is 1.
-        // mutant `> to >=`: the largest itself has none.
+        // The index among the variables of an input's entry in the direction. The largest entry is 1 and has none.
+        // mutant `> to >=`: the largest entry itself has none.
         let entry = |input: usize| (input != largest).then(|| inputs + input - usize::from(input > largest));
         let basis = terms.iter().map(|term| {
             let mut sum = Polynomial::new();
@@ -205,7 +205,7 @@ fn convex(k: usize, surface: &Surface, piece: &Piece, halves: &[Rational], sign:
     }
 }
 
-/// At a knot the slope across it does not fall.
+/// The slope across a knot does not decrease there.
 fn kinks(k: usize, surface: &Surface, pieces: &[Piece], halves: &[Rational], sign: &Rational, claims: &mut Vec<Claim>) {
     for left in pieces {
         for input in 0..left.place.len() {

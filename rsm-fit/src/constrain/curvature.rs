@@ -1,9 +1,9 @@
-//! The least curvature of a surface over all directions at once: the least eigenvalue of its Hessian.
+//! The smallest curvature of a surface over all directions: the smallest eigenvalue of its Hessian.
 //!
 //! In: the polynomial u'H(x)u of a claim. Out: the entries of H as polynomials of x alone, and a measure of them for
-//! [`rsm_core::bernstein::least_measure`]: the least eigenvalue is concave in H, so it is over a cell at least that of the worst joint Bernstein coefficient. A
-//! search over x and u has twice the variables, and does not end for convex surfaces of order 4 in four inputs. Bounds are proven by interval arithmetic: H - m I has positive
-//! pivots for every matrix in the enclosure. Eigenvalues in f64 only say which m to try.
+//! [`rsm_core::bernstein::least_measure`]. The smallest eigenvalue is concave in H, so over a cell it is at least the smallest over the joint
+//! Bernstein coefficients. A search over x and u has twice the variables and does not terminate for convex surfaces of order 4 in four inputs. Bounds
+//! are proven by interval arithmetic: H - m I has positive pivots for every matrix in the enclosure. Eigenvalues in f64 only suggest the m to try.
 
 use nalgebra::{DMatrix, DVector};
 use rsm_core::bernstein::{Measure, Monomial};
@@ -11,11 +11,13 @@ use rsm_core::interval::Interval;
 
 use super::local_minima::Landscape;
 
-/// Cholesky's factor in f64 is that of a matrix that differs by less than n + 1 roundings of its trace (Rump 2006, Verification of positive definiteness, BIT 46), and
-/// so by n (n + 1) 2^-53 of its largest entry; eigenvalues are found as closely. Eight times that for n up to 6, a row.
+/// Cholesky's factor in f64 is that of a matrix that differs by less than n + 1 roundings of its trace (Rump 2006, Verification of positive
+/// definiteness, BIT 46), so by n (n + 1) 2^-53 of its largest entry. Eigenvalues have the same accuracy. The constant is eight times that for n up
+/// to 6, for each row.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
-/// The entries of H on and above its diagonal, row by row, of u'H(x)u with the first entry of u 1: the other entries of u are the variables behind `inputs`.
+/// The entries of H on and above its diagonal, row by row, from u'H(x)u with the first entry of u equal to 1. The other entries of u are the
+/// variables after `inputs`.
 pub(super) fn entries(monomials: &[Monomial], inputs: usize) -> Vec<Vec<Monomial>> {
     let mut entries = vec![Vec::new(); inputs * (inputs + 1) / 2];
     for Monomial { powers, coefficient } in monomials {
@@ -26,24 +28,25 @@ pub(super) fn entries(monomials: &[Monomial], inputs: usize) -> Vec<Vec<Monomial
             [Some(b), None] => [0, b],
             [Some(a), Some(b)] => [a, b],
         };
-        // Each entry beside the diagonal stands twice in the sum.
+        // Each entry off the diagonal occurs twice in the sum.
         let coefficient = if a == b { *coefficient } else { coefficient.halved() };
         entries[place(a, b, inputs)].push(Monomial { powers: own.to_vec(), coefficient });
     }
     entries
 }
 
-/// Where the entry of row a and column b >= a stands.
+/// The index of the entry in row a and column b >= a.
 fn place(a: usize, b: usize, inputs: usize) -> usize {
     a * inputs - a * (a + 1) / 2 + b
 }
 
-/// At most u'Hu for every direction u whose largest entry is 1, of so many: the square of u is between 1 and their number. u'Hu is at least the eigenvalue, or where that is negative so many times it.
+/// A lower bound of u'Hu over all directions u with `inputs` entries whose largest entry is 1. The square of u is between 1 and `inputs`. So u'Hu is
+/// at least the eigenvalue or, if that is negative, `inputs` times it.
 pub(super) fn of_directions(eigenvalue: f64, inputs: usize) -> f64 {
     eigenvalue.min(eigenvalue * inputs as f64)
 }
 
-/// The least eigenvalue of symmetric matrices with so many rows.
+/// The smallest eigenvalue of symmetric matrices with this many rows.
 pub(super) struct LeastEigenvalue(pub usize);
 
 impl LeastEigenvalue {
@@ -51,7 +54,7 @@ impl LeastEigenvalue {
         values[place(a.min(b), a.max(b), self.0)]
     }
 
-    /// The least eigenvalue of the middle matrix and its direction, in f64.
+    /// The smallest eigenvalue of the middle matrix and its direction, in f64.
     pub(super) fn of_middle(&self, values: &[Interval], rows: &[usize]) -> (f64, DVector<f64>) {
         let middle = |a: usize, b: usize| {
             let entry = self.entry(values, rows[a], rows[b]);
@@ -62,7 +65,8 @@ impl LeastEigenvalue {
         (found.eigenvalues[least], found.eigenvectors.column(least).into_owned())
     }
 
-    /// The direction of the least curvature at shares of the sides: its largest entry, and the others for a largest entry of 1 as shares of [-1, 1].
+    /// The direction of the smallest curvature at a point given by shares of the sides: the index of its largest entry, and the other entries, for a
+    /// largest entry of 1, as shares of [-1, 1].
     pub(super) fn worst(&self, entries: &[Vec<Monomial>], sides: &[Interval], shares: &[f64]) -> (usize, Vec<f64>) {
         let sides: Vec<[f64; 2]> = sides.iter().map(|side| [side.low, side.high]).collect();
         let value = |entry: &Vec<Monomial>| Interval::point(Landscape::new(entry, sides.clone()).value(shares));
@@ -75,17 +79,18 @@ impl LeastEigenvalue {
     }
 }
 
-/// A symmetric matrix in the middle of its enclosure.
+/// The middle matrix of an enclosure.
 struct Middle {
     size: usize,
     /// Row by row.
     entries: Vec<f64>,
-    /// No eigenvalue of a matrix in the enclosure is further from one of the middle, and no computed pivot from a true one.
+    /// The largest difference between an eigenvalue of a matrix in the enclosure and one of the middle matrix, and between a computed and a true
+    /// pivot.
     margin: f64,
 }
 
 impl Middle {
-    /// Of these rows and columns. None where an entry may be infinite.
+    /// The middle of these rows and columns. `None` if an entry may be infinite.
     fn of(of: &LeastEigenvalue, values: &[Interval], rows: &[usize]) -> Option<Self> {
         let size = rows.len();
         let (mut entries, mut radius, mut largest) = (Vec::new(), 0f64, 0f64);
@@ -102,7 +107,7 @@ impl Middle {
         margin.is_finite().then_some(Middle { size, entries, margin })
     }
 
-    /// Whether every eigenvalue of every matrix in the enclosure is at least m: Cholesky's factor of the middle less m and the margin exists in f64.
+    /// Whether every eigenvalue of every matrix in the enclosure is at least m: Cholesky's factor of the middle minus m and the margin exists in f64.
     fn is_above(&self, m: f64) -> bool {
         let size = self.size;
         let mut left = self.entries.clone();
@@ -130,7 +135,7 @@ impl Measure for LeastEigenvalue {
         let nothing = Interval::point(0.0);
         let is_live = |a: &usize| (0..self.0).any(|b| self.entry(values, *a, b) != nothing);
         let rows: Vec<usize> = (0..self.0).filter(is_live).collect();
-        // An input in which nothing bends has the eigenvalue 0, to the bit.
+        // An input without curvature has the eigenvalue 0 exactly.
         let most = if rows.len() < self.0 { 0.0 } else { f64::INFINITY };
         if rows.is_empty() {
             return most;
@@ -143,13 +148,13 @@ impl Measure for LeastEigenvalue {
             return than.min(most);
         }
         let least = DMatrix::from_row_slice(middle.size, middle.size, &middle.entries).symmetric_eigenvalues().min();
-        // The pivots take one margin, the eigenvalue in f64 another.
+        // One margin is for the pivots, the other for the eigenvalue in f64.
         let proven = least - 2.0 * middle.margin;
         if middle.is_above(proven) { proven.min(most) } else { f64::NEG_INFINITY }
     }
 
     fn high(&self, values: &[Interval]) -> f64 {
-        // mutant `any to all`: of one infinite entry the sum below is infinite too.
+        // mutant `any to all`: with one infinite entry, the sum below is infinite too.
         if values.iter().any(|entry| !entry.magnitude().is_finite()) {
             return f64::INFINITY;
         }
@@ -167,9 +172,9 @@ impl Measure for LeastEigenvalue {
     }
 }
 
-/// At least every quotient of a number and a positive one.
+/// An upper bound of every quotient of a number and a positive number.
 fn most_of_quotient(number: Interval, positive: Interval) -> f64 {
-    // mutant `< to <=`: 0 over either is 0.
+    // mutant `< to <=`: 0 divided by either is 0.
     (number.high / if number.high < 0.0 { positive.high } else { positive.low }).next_up()
 }
 

@@ -1,33 +1,33 @@
-//! The local minima of a claim: all places where it may be violated.
+//! The local minima of a claim: the points where it may be violated.
 //!
-//! In: a claim with its coefficients and points to begin from. Out: where a descent from each of them ends. Values are plain f64 and
-//! prove nothing: [`rsm_core::bernstein::least`] alone does. If a round of exchange added only the worst point, the next local
-//! minimum would become the worst one: each digit would cost as many rounds as there are local minima.
+//! In: a claim with its coefficients, and starting points. Out: the end of a descent from each of them. Values are plain f64 and prove nothing; only
+//! [`rsm_core::bernstein::least`] does. If a round of exchange added only the worst point, the next local minimum would become the worst one, and
+//! each digit would cost as many rounds as there are local minima.
 
 use rsm_core::bernstein::Monomial;
 
-/// The first step of a descent, as a share of a side: local minima of a polynomial of order 5 are wider.
+/// The first step of a descent, as a share of a side. Local minima of a polynomial of order 5 are wider.
 const FIRST_STEP: f64 = 1.0 / 16.0;
 
-/// The last step. The vertex of the parabola through the last three values then leaves some 10^-9 of the depth.
+/// The last step. The vertex of the parabola through the last three values then leaves about 10^-9 of the depth.
 const LAST_STEP: f64 = 1.0 / 2048.0;
 
-/// Moves of a descent; twenty are usual.
+/// The largest number of moves of a descent; twenty are usual.
 const MOST_MOVES: usize = 400;
 
-/// Minima nearer than this share of every side are one place.
+/// Minima nearer than this share of every side count as one.
 const APART: f64 = 0.01;
 
-/// A polynomial over shares of its sides, for many values: a round of exchange asks for millions of them.
+/// A polynomial over shares of its sides, prepared for millions of evaluations in a round of exchange.
 pub(super) struct Landscape {
-    /// Of each term the coefficient and where its factors stand among the powers of all variables; a variable that it does not have is left out.
+    /// For each term, the coefficient and the indices of its factors among the powers of all variables. Variables that do not occur are left out.
     terms: Vec<(f64, Vec<usize>)>,
     sides: Vec<[f64; 2]>,
-    /// Powers kept of each variable, 0 to the largest.
+    /// The number of powers of each variable, from 0 to the largest.
     kept: usize,
 }
 
-/// A place and the value there.
+/// A point with its value.
 #[derive(Debug, Clone)]
 pub(super) struct Valley {
     pub value: f64,
@@ -47,8 +47,8 @@ impl Landscape {
     }
 
     pub(super) fn value(&self, shares: &[f64]) -> f64 {
-        // mutant `* to +`: room, which grows where it is too little.
-        // mutant `* to /`: likewise.
+        // mutant `* to +`: capacity, which grows if it is too small.
+        // mutant `* to /`: the same.
         let mut powers = Vec::with_capacity(self.sides.len() * self.kept);
         for ([low, high], share) in self.sides.iter().zip(shares) {
             let x = low + share * (high - low);
@@ -58,7 +58,7 @@ impl Landscape {
         self.terms.iter().map(|(coefficient, places)| coefficient * product(places)).sum()
     }
 
-    /// The local minima below a value that descents from `starts` reach, the lowest first, each place once.
+    /// The local minima below a value that descents from `starts` reach, the lowest first, without duplicates.
     pub(super) fn below(&self, most: f64, starts: &[Vec<f64>], is_inside: &dyn Fn(&[f64]) -> bool) -> Vec<Valley> {
         let inside = starts.iter().filter(|start| is_inside(start));
         let mut found: Vec<Valley> = inside.map(|start| self.descent(start, is_inside)).collect();
@@ -74,12 +74,12 @@ impl Landscape {
         apart
     }
 
-    /// Along one side after the other to a lower value; where no step helps, to the vertex of a parabola, and on with half the step.
+    /// Moves along one side after the other to a lower value. If no step helps, moves to the vertex of a parabola and halves the step.
     fn descent(&self, start: &[f64], is_inside: &dyn Fn(&[f64]) -> bool) -> Valley {
         let mut at = Valley { value: self.value(start), shares: start.to_vec() };
         let mut step = FIRST_STEP;
-        // mutant `0 up`: one move less of hundreds that no descent is known to need.
-        // mutant `MOST_MOVES doubled`: more of them.
+        // mutant `0 up`: one move less of hundreds, which no known descent needs.
+        // mutant `MOST_MOVES doubled`: more moves than needed.
         for _ in 0..MOST_MOVES {
             let mut has_moved = false;
             let before = at.shares.clone();
@@ -98,18 +98,18 @@ impl Landscape {
                     (at, has_moved) = (lowest, true);
                 } else if vertex.is_finite() {
                     let vertex = tried(vertex);
-                    // mutant `< to <=`: of two places of one value either does.
+                    // mutant `< to <=`: of two points with one value, either is right.
                     if vertex.value < at.value {
                         at = vertex;
                     }
                 }
             }
-            // Once more as far the same way, along a valley that lies across the sides (Hooke, Jeeves 1961, J. ACM 8).
+            // Repeats the same move, along a valley that is oblique to the sides (Hooke, Jeeves 1961, J. ACM 8).
             let further: Vec<f64> =
                 at.shares.iter().zip(&before).map(|(now, before)| (2.0 * now - before).clamp(0.0, 1.0)).collect();
             if is_inside(&further) {
                 let value = self.value(&further);
-                // mutant `< to <=`: of two places of one value either does.
+                // mutant `< to <=`: of two points with one value, either is right.
                 if value < at.value {
                     at = Valley { value, shares: further };
                 }

@@ -1,16 +1,17 @@
-//! Constraints that hold over the whole supported region, and not only at points.
+//! Constraints that hold over the whole supported region, not only at points.
 //!
-//! In: a surface with its least-squares coefficients, the constraints, the solved problem. Out: coefficients that keep the
-//! constraints at the least cost in the residual sum of squares, with the proof that they do; or that there are none. Coefficients
-//! that keep them anyway are left as they are, to the bit. Never chooses terms, never looks beyond the support.
+//! In: a surface with its least-squares coefficients, the constraints, the solved problem. Out: coefficients that meet the constraints with the
+//! smallest increase of the residual sum of squares, with a proof; or that there are none. Coefficients that already meet them are not changed. Does
+//! not choose terms, and does not use points outside the support.
 //!
-//! A semi-infinite program by exchange (Hettich, Kortanek 1993, SIAM Review 35): the constraints are enforced at points, then
-//! [`bernstein::least`] looks for the worst place of the whole region and either proves that there is none or gives it as a new
-//! point, with the other local minima where a constraint is broken (`local_minima.rs`); points that no longer hold are dropped (`points.rs`). At the points a constraint is enforced [`SHIFT`]
-//! inside, so that the dips between them, which shrink with the square of their distance, end at 0 and not only tend to it. Where
-//! they still have not after `SHIFTED_ROUNDS`, or only the proof is missing, the shift grows up to `MOST_SHIFT`. Convexity is searched and proven in all
-//! directions at once (`curvature.rs`). What a search neither breaks nor proves is proven by sums of squares (`squares.rs`). Region: the
-//! box cut by the support; a cell of the search that the support's edge cuts counts as a whole once it is small.
+//! A semi-infinite program, solved by exchange (Hettich, Kortanek 1993, SIAM Review 35). The constraints are enforced at points. Then
+//! [`bernstein::least`] searches the whole region for the worst point. It either proves that no constraint is violated, or returns a new point, which
+//! is added with the other local minima where a constraint is violated (`local_minima.rs`). Points that are no longer active are dropped
+//! (`points.rs`). At the points a constraint is enforced with a margin, [`SHIFT`], so that the minima between them, which shrink with the square of
+//! the distance of points, become at least 0 after finitely many rounds. If they do not within `SHIFTED_ROUNDS`, or if only the proof is missing, the
+//! shift grows up to `MOST_SHIFT`. Convexity is searched and proven in all directions at once (`curvature.rs`). A claim that a search neither
+//! violates nor proves is proven by sums of squares (`squares.rs`). The region is the box cut by the support. A small cell of the search that the
+//! edge of the support cuts counts as inside.
 
 mod claim;
 mod curvature;
@@ -39,120 +40,120 @@ use program::Solution;
 use squares::Work;
 pub use unproven::{NotProven, Stop, Unproven};
 
-/// How far inside a constraint is enforced at first, as a share of the spread of the response.
+/// The first margin of the constraints at points, as a share of the spread of the response.
 pub const SHIFT: f64 = 1e-7;
 
-/// What a proof may miss, as a share of that spread: where a surface is 0 whatever its coefficients, rounding leaves so much.
+/// The tolerance of a proof, as a share of that spread. Where a surface is 0 for all coefficients, rounding leaves an error of this size.
 pub const SLACK: f64 = 1e-12;
 
-/// Rounds with the first shift, unless one finds no further place before. Each later one takes [`GROWTH`] times the shift of the one
-/// before it.
+/// The number of rounds with the first shift, unless one finds no new point earlier. Each later round multiplies the shift by [`GROWTH`].
 const SHIFTED_ROUNDS: usize = 25;
 
-/// Ten rounds for a digit: exchange gains a digit faster than that, so the two meet near where it stands when the shift begins to grow.
+/// The factor gives ten rounds for a digit. Exchange gains a digit faster, so both meet soon after the shift begins to grow.
 const GROWTH: f64 = 1.25;
 
-/// The same where all places are known, and only the proof is missing: cells of half the width have a quarter of the excess.
+/// The factor if all points are known and only the proof is missing: cells of half the width have a quarter of the excess.
 const GROWTH_OF_PROOF: f64 = 2.0;
 
-/// The largest shift: below the noise of usual measurements. Beyond it the outcome is "not proven".
+/// The largest shift: below the noise of usual measurements. Above it, the outcome is "not proven".
 const MOST_SHIFT: f64 = 1e-4;
 
-/// Work of all certificates for one surface, in multiplications: some two minutes. Beyond it, what a search alone does not prove is "not proven".
+/// The limit of multiplications of all certificates for one surface: about two minutes. Above it, a claim that a search does not prove is "not
+/// proven".
 const MOST_WORK: u64 = 1_000_000_000_000;
 
-/// A certificate may take this share of it: the shift doubles ten times from the first to the largest.
+/// One certificate may use one part in this many of the limit. The shift doubles ten times from the first to the largest.
 const WORK_SHARES: u64 = 10;
 
-/// What is told of the constraints on a surface.
+/// The report on the constraints of a surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ConstraintStatistics {
     /// Whether they changed the coefficients.
     pub active: bool,
-    /// Every constraint.
+    /// The report of every constraint.
     pub constraints: Vec<ConstraintReport>,
-    /// How far inside they are enforced at points, in the unit of the response.
+    /// The margin at points, in the unit of the response.
     pub shift: f64,
-    /// Rounds of exchange.
+    /// The number of rounds of exchange.
     pub rounds: usize,
-    /// Root of the residual mean square without constraints.
+    /// The square root of the residual mean square without constraints.
     pub residual_sd_without: Option<f64>,
-    /// The errors on unseen data without constraints.
+    /// The errors on validation rows without constraints.
     pub validation_without: Option<ValidationStatistics>,
-    /// Where the surface was changed most, over the supported region.
+    /// The largest change of the surface over the supported region.
     pub largest_change: Option<Change>,
 }
 
-/// A constraint and how it stands.
+/// The report of a constraint.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ConstraintReport {
     /// In the words of the specification.
     pub constraint: String,
-    /// Proven: over the whole supported region the surface keeps this distance from the bound, the slope (per half range of the
-    /// input) or the curvature (per half range squared) this distance from 0; in the unit of the response.
+    /// The proven distance over the whole supported region, in the unit of the response: from the surface to its bound, or from the slope (per half
+    /// range of the input) or curvature (per half range squared) to 0.
     pub distance: f64,
-    /// Where it holds the surface.
+    /// The points at which it is active.
     pub points: Vec<Named<f64>>,
 }
 
 /// The largest change of a surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Change {
-    /// With constraints less without.
+    /// The value with constraints minus the value without.
     pub value: f64,
-    /// Where.
+    /// The point.
     pub at: Named<f64>,
 }
 
-/// What became of the coefficients.
+/// The outcome for the coefficients.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Constrained {
-    /// They keep the constraints as they are.
+    /// The given coefficients meet the constraints.
     Inactive {
-        /// Every constraint, as it stands.
+        /// The report of every constraint.
         constraints: Vec<ConstraintReport>,
     },
-    /// Others keep them.
+    /// Changed coefficients meet the constraints.
     Active {
-        /// The others.
+        /// The changed coefficients.
         coefficients: Vec<f64>,
-        /// Every constraint, as it stands.
+        /// The report of every constraint.
         constraints: Vec<ConstraintReport>,
-        /// Rounds of exchange.
+        /// The number of rounds of exchange.
         rounds: usize,
-        /// How far inside they are enforced at points, as a share of the spread.
+        /// The margin at points, as a share of the spread.
         shift: f64,
-        /// Where the surface was changed most.
+        /// The largest change of the surface.
         largest_change: Change,
     },
-    /// None do.
+    /// No coefficients meet the constraints.
     Infeasible {
-        /// Constraints that contradict each other, or the terms.
+        /// Constraints that contradict one another or the terms.
         constraints: Vec<String>,
     },
-    /// Some may, but there is no proof.
+    /// Coefficients may exist, but there is no proof.
     NotProven(NotProven),
 }
 
-/// A surface whose coefficients are sought.
+/// A surface whose coefficients are to be constrained.
 pub struct Task<'a> {
-    /// With its terms, their least-squares coefficients and its support.
+    /// The surface with its terms, their least-squares coefficients and its support.
     pub surface: &'a Surface,
     /// Its inputs.
     pub inputs: &'a [Input],
-    /// What to keep.
+    /// The constraints.
     pub constraints: &'a [Constraint],
     /// The solved problem, with the terms in the order of the surface.
     pub problem: &'a Growing,
-    /// Largest less least measured response.
+    /// The largest minus the smallest measured response.
     pub spread: f64,
 }
 
-/// What one search says of a claim.
+/// The result of one search over a claim.
 struct Found {
     bound: f64,
     seen: f64,
-    /// Where it was seen, shares of the sides of the claim.
+    /// The point of the smallest value, as shares of the sides of the claim.
     shares: Vec<f64>,
 }
 
@@ -177,7 +178,7 @@ impl Task<'_> {
         if let Err(constraint) = points.first() {
             return Constrained::Infeasible { constraints: vec![self.constraints[constraint].to_string()] };
         }
-        // mutant `0 up`: any seed does.
+        // mutant `0 up`: any seed gives a valid result.
         let mut random = Random::new(0);
         let mut rounds = Rounds { count: 0, shift: SHIFT };
         let mut is_complete = false;
@@ -203,7 +204,7 @@ impl Task<'_> {
             let mut local_minima = Vec::new();
             if !self.is_proven(&found) {
                 local_minima = points.local_minima(&coefficients, &active, &mut random);
-                // A proof is sought where no place is known that would break it.
+                // A proof is attempted if no violated point is known.
                 if local_minima.is_empty() && self.is_unbroken(&found) {
                     found = self.proof(&claims, &coefficients, found, &mut work);
                 }
@@ -219,7 +220,7 @@ impl Task<'_> {
                 return Constrained::Active { coefficients, constraints, rounds: rounds.count, shift, largest_change };
             }
             match points.exchange(&active, &found, &local_minima) {
-                // A shift that grows leaves the proof more room.
+                // A larger shift gives the proof more margin.
                 Ok(is_new) => is_complete = !is_new,
                 Err(constraint) => {
                     return Constrained::Infeasible { constraints: vec![self.constraints[constraint].to_string()] };
@@ -230,8 +231,8 @@ impl Task<'_> {
         Constrained::NotProven(NotProven::new(self, &claims, &found, &rounds, spent, stopped_by))
     }
 
-    /// The constraints that contradict each other at these points: without any one of them the others do not. None where they do so only with a shift
-    /// that has grown: what needs a larger one than the first may be possible.
+    /// A set of constraints that contradict one another at these points, such that without any one of them the others do not. `None` if they
+    /// contradict only with a grown shift, because the constraints may then be feasible.
     fn contradiction(&self, points: &Points<'_>) -> Option<Vec<String>> {
         let contradict = |constraints: &[usize]| {
             let is_asked = |k: &usize| constraints.contains(&points.claims[points.points[*k].claim].constraint);
@@ -258,7 +259,7 @@ impl Task<'_> {
         indices.into_iter().map(|k| self.constraints[k].to_string()).collect()
     }
 
-    /// What a proof may miss, in the unit of the response, below zero.
+    /// The tolerance of a proof below zero, in the unit of the response.
     fn enough(&self) -> f64 {
         -SLACK * self.spread
     }
@@ -267,12 +268,12 @@ impl Task<'_> {
         found.iter().all(|found| found.bound >= self.enough())
     }
 
-    /// Whether no place was seen where a claim is broken.
+    /// Whether no violated point of a claim is known.
     fn is_unbroken(&self, found: &[Found]) -> bool {
         found.iter().all(|found| found.seen >= self.enough())
     }
 
-    /// The least value of every claim over the region, with the usual work.
+    /// The smallest value of every claim over the region, with the usual work.
     fn search(&self, claims: &[Claim], coefficients: &[f64]) -> Vec<Found> {
         let mut found = Vec::new();
         for claim in claims {
@@ -286,7 +287,7 @@ impl Task<'_> {
         found
     }
 
-    /// A certificate for every claim whose bound is not enough.
+    /// A certificate for every claim whose bound is not sufficient.
     fn proof(&self, claims: &[Claim], coefficients: &[f64], mut found: Vec<Found>, work: &mut Work) -> Vec<Found> {
         let inputs = self.inputs.len();
         for (k, claim) in claims.iter().enumerate() {
@@ -310,8 +311,8 @@ impl Task<'_> {
         found
     }
 
-    /// What one search for the least curvature says of the claims of all directions in a piece: each has its bound, and the worst place belongs to the one whose entry is the
-    /// largest of that direction.
+    /// The result of one search for the smallest curvature, for the claims of all directions in a piece. All have the same bound. The worst point
+    /// belongs to the claim whose entry is the largest of its direction.
     fn least_curvature(&self, first: &Claim, coefficients: &[f64]) -> Vec<Found> {
         let inputs = self.inputs.len();
         let (measure, hessian) = (LeastEigenvalue(inputs), curvature::entries(&first.monomials(coefficients), inputs));
@@ -337,7 +338,7 @@ impl Task<'_> {
         Found { bound: found.bound, seen: found.seen, shares: found.at }
     }
 
-    /// Where a cell of a claim, given as shares of its sides, lies in the support.
+    /// The position of a cell of a claim, given as shares of its sides, relative to the support.
     fn place(&self, claim: &Claim, cell: &[[f64; 2]]) -> Place {
         let variable = |(side, shares): (&Interval, &[f64; 2])| {
             let at = |share: f64| {
@@ -373,7 +374,7 @@ impl Task<'_> {
             let mut points: Vec<Named<f64>> = Vec::new();
             for (claim, point) in held {
                 let point = self.natural(point);
-                // Neighbours of one place, as exchange leaves them, are told once.
+                // Exchange may leave neighbouring points for one minimum; they are reported once.
                 if claims[*claim].constraint == k && !points.iter().any(|known| self.are_close(known, &point)) {
                     points.push(point);
                 }
@@ -408,7 +409,7 @@ impl Task<'_> {
                     .map(|term| bernstein::Monomial { coefficient: term.coefficient * Interval::point(sign), ..term.clone() })
                     .collect();
                 let found = self.least(&claim, &turned, f64::INFINITY);
-                // mutant `< to <=`: of two changes of one size either is the largest.
+                // mutant `< to <=`: of two changes with one size, either is the largest.
                 if found.seen.is_finite() && found.seen < -f64::abs(largest.0) {
                     largest = (sign * found.seen, claim.point(&found.shares));
                 }
@@ -418,14 +419,14 @@ impl Task<'_> {
     }
 }
 
-/// Rounds of exchange, and how far inside each enforces the constraints.
+/// The rounds of exchange, and the margin of each.
 struct Rounds {
     count: usize,
     shift: f64,
 }
 
 impl Rounds {
-    /// The shift of the next round. `is_complete`: all places are known, and only the proof is missing. None where it would be too large.
+    /// The shift of the next round; `None` if it would be too large. `is_complete`: all points are known, and only the proof is missing.
     fn next(&mut self, is_complete: bool) -> Option<f64> {
         self.count += 1;
         self.shift *= match (is_complete, self.count > SHIFTED_ROUNDS) {
@@ -437,13 +438,13 @@ impl Rounds {
     }
 }
 
-/// Cells of the support's edge no wider than this share of a side count as a whole: some thousand of them with each number of inputs.
+/// Cells at the support's edge that are no wider than this share of a side count as inside: some thousand cells for any number of inputs.
 fn finest(inputs: usize) -> f64 {
     const OF_INPUTS: [f64; 6] = [1.0 / 1024.0, 1.0 / 1024.0, 1.0 / 1024.0, 1.0 / 64.0, 1.0 / 16.0, 1.0 / 8.0];
     OF_INPUTS[inputs.min(OF_INPUTS.len() - 1)]
 }
 
-/// xi of x, within the range of the input; of a symmetric one its magnitude.
+/// xi for x, within the range of the input; for a symmetric input its magnitude.
 fn natural(variable: Variable, Coded(x): Coded, input: &Input) -> f64 {
     let centred = |low: f64, high: f64| (low + high) / 2.0 + x * (high - low) / 2.0;
     let xi = match variable {

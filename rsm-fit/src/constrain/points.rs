@@ -1,7 +1,7 @@
-//! The points at which constraints are enforced, and how they are exchanged.
+//! The points at which constraints are enforced, and their exchange.
 //!
-//! In: claims, the solved problem. Out: the rows of the least-distance program, and after each round the points that no longer matter dropped and the
-//! places where a claim is broken added. Never solves, never proves.
+//! In: claims, the solved problem. Out: the rows of the least-distance program. After each round, inactive points are dropped and points where a
+//! claim is violated are added. Does not solve the program and proves nothing.
 
 use rsm_core::bernstein::Place;
 
@@ -12,22 +12,21 @@ use super::{Found, Task};
 use crate::dd::Dd;
 use crate::random::Random;
 
-/// Points drawn in each round and claim, from which a descent looks for a place where the claim is broken. The points that hold the
-/// surface are further ones.
+/// The number of random points for each round and claim from which a descent searches for a violation. Further descents start from the active points.
 const DRAWN: usize = 48;
 
-/// Places that a round adds for one claim at most.
+/// The largest number of points added for one claim in a round.
 const MOST_PLACES: usize = 48;
 
-/// A point that has not held the surface for so many rounds is dropped: the residual sum of squares rises from round to round, so
-/// that the points of an earlier round do not come back for ever.
+/// A point that has been inactive for this many rounds is dropped. The residual sum of squares rises from round to round, so points of an earlier
+/// round do not return forever.
 const IDLE_ROUNDS: usize = 6;
 
-/// Points of the first round, all claims together. A search takes a millisecond and gives the worst place; the program takes ten
+/// The number of points of the first round, for all claims together. A search takes a millisecond and gives the worst point; the program takes ten
 /// times as long with a thousand rows as with a hundred.
 const FIRST_POINTS: usize = 150;
 
-/// A row counts as long from the share 1/100 of the longest row of its claim.
+/// A row with at least 1/100 of the length of its claim's longest row gets the full shift.
 const NEAR_ZERO: f64 = 100.0;
 
 /// The points at which claims are enforced.
@@ -49,14 +48,14 @@ pub(super) struct Point {
     normal: Vec<Dd>,
     least: Dd,
     gain: Dd,
-    /// Rounds in which it did not hold the surface.
+    /// The number of rounds in which it was inactive.
     idle: usize,
-    /// One of the grid, which stays.
+    /// Whether it belongs to the first grid, which is kept.
     is_first: bool,
 }
 
 impl Points<'_> {
-    /// A grid for every claim. An error names the constraint that no coefficient can meet.
+    /// Creates a grid for every claim. An error has the index of a constraint that no coefficients can meet.
     pub(super) fn first(&mut self) -> Result<(), usize> {
         for (k, claim) in self.claims.iter().enumerate() {
             let points = self.grid(claim);
@@ -69,11 +68,11 @@ impl Points<'_> {
         Ok(())
     }
 
-    /// Points of a grid over the sides of a claim that lie in the region, as shares of the sides.
+    /// The points of a grid over the sides of a claim that are in the region, as shares of the sides.
     fn grid(&self, claim: &Claim) -> Vec<Vec<f64>> {
         let axes = claim.sides.len();
         let wanted = FIRST_POINTS / self.claims.len();
-        // mutant `3 down`: two steps are the least.
+        // mutant `3 down`: two steps are the smallest number.
         let steps = (3..=16usize).take_while(|steps| steps.pow(axes as u32) <= wanted).last().unwrap_or(2);
         let mut shares = vec![Vec::new()];
         for _ in 0..axes {
@@ -86,19 +85,19 @@ impl Points<'_> {
         shares
     }
 
-    /// Whether a place of a claim may lie in the region.
+    /// Whether a point of a claim may be in the region.
     fn is_inside(&self, claim: &Claim, shares: &[f64]) -> bool {
         let cell: Vec<[f64; 2]> = shares.iter().map(|share| [*share, *share]).collect();
         self.task.place(claim, &cell) != Place::Outside
     }
 
-    /// What the program is asked.
+    /// The rows of the program.
     pub(super) fn rows(&self, shift: f64) -> Vec<Row> {
         let row = |point: &Point| Row { normal: point.normal.clone(), distance: point.least + Dd::from(shift) * point.gain };
         self.points.iter().map(row).collect()
     }
 
-    /// The local minima where a claim is broken: descents begin at the points that hold the surface and at random ones.
+    /// The local minima where a claim is violated. Descents start from the active points and from random points.
     pub(super) fn local_minima(&self, coefficients: &[f64], active: &[usize], random: &mut Random) -> Vec<(usize, Vec<f64>)> {
         let mut found = Vec::new();
         for (k, claim) in self.claims.iter().enumerate() {
@@ -106,18 +105,18 @@ impl Points<'_> {
             let held = active.iter().map(|point| &self.points[*point]).filter(|point| point.claim == k);
             let mut starts: Vec<Vec<f64>> = held.map(|point| point.shares.clone()).collect();
             // mutant `0 up`: one start less of many.
-            // mutant `DRAWN doubled`: more of them; what they miss the search finds, a round later.
+            // mutant `DRAWN doubled`: more starts. The search finds what they miss, one round later.
             starts.extend((0..DRAWN).map(|_| sides.iter().map(|_| random.share()).collect()));
             let landscape = Landscape::new(&claim.monomials(coefficients), sides);
             let broken = landscape.below(self.task.enough(), &starts, &|shares| self.is_inside(claim, shares));
-            // mutant `MOST_PLACES doubled`: the others come in the next round.
+            // mutant `MOST_PLACES doubled`: the others are added in the next round.
             found.extend(broken.into_iter().take(MOST_PLACES).map(|valley| (k, valley.shares)));
         }
         found
     }
 
-    /// Drops points that no longer matter and adds places where claims are broken: the worst ones that a search found and further
-    /// ones. Whether there is a new one among them.
+    /// Drops inactive points, and adds points where claims are violated: the worst ones from a search, and the local minima. Returns whether any of
+    /// them is new.
     pub(super) fn exchange(
         &mut self,
         active: &[usize],
@@ -143,13 +142,13 @@ impl Points<'_> {
         let claim = &self.claims[k];
         let row = claim.row(&claim.point(&shares));
         let value: Dd = row.iter().zip(self.free).map(|(x, b)| *x * *b).sum::<Dd>() + claim.offset();
-        // Where a claim hardly depends on the coefficients (a surface without constant term, near the origin), the shift gets small
-        // with it.
+        // Where a claim hardly depends on the coefficients (for example near the origin, for a surface without constant term), the shift is reduced
+        // in proportion.
         let share = (NEAR_ZERO * norm(&row) / self.lengths[k]).min(1.0);
         let projected = self.task.problem.projected(row);
         let length = projected.iter().map(|x| *x * *x).sum::<Dd>().sqrt();
         if length == Dd::ZERO {
-            // No coefficient counts here: it holds or it does not.
+            // The claim does not depend on the coefficients here: it is met or not.
             let holds = value.to_f64() >= self.task.enough();
             return if holds { Ok(()) } else { Err(claim.constraint) };
         }

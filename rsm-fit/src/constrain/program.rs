@@ -1,9 +1,8 @@
 //! The least-distance program: the shortest c with n_k . c >= d_k for every row k.
 //!
-//! In: rows of unit normals in double-double. Out: c in double-double with the rows that hold it, or that there is none. The
-//! interior-point solver clarabel finds which rows are active, to some 10 digits; the answer itself then solves the equations of
-//! the active rows in double-double, and every sign and every other row is checked. So the last bit of a coefficient does not
-//! hang on the path of the solver.
+//! In: rows of unit normals in double-double. Out: c in double-double with the active rows, or that there is none. The interior-point solver clarabel
+//! finds the active rows with about 10 digits. The answer then solves the equations of the active rows in double-double, and every sign and every
+//! other row is checked. So the last bit of a coefficient does not depend on the solver.
 //!
 //! Source: Lawson, Hanson, Solving Least Squares Problems, chapter 23 (constrained least squares as least distance).
 
@@ -19,30 +18,30 @@ pub(super) struct Row {
     pub distance: Dd,
 }
 
-/// What became of a program.
+/// The result of a program.
 #[derive(Debug)]
 pub(super) enum Solution {
-    /// The shortest c, and the rows that hold it.
+    /// The shortest c, and the active rows.
     Shortest { c: Vec<Dd>, active: Vec<usize> },
-    /// There is none: rows contradict each other.
+    /// There is none: the rows contradict one another.
     Infeasible,
-    /// The solver gave up.
+    /// The solver failed.
     Failed,
 }
 
-/// Gap and feasibility at which the solver stops: three digits beyond what picks the active rows.
+/// The gap and the infeasibility at which the solver stops: three digits beyond what is needed to select the active rows.
 const TOLERANCE: f64 = 1e-10;
 
-/// A multiplier below this share of the largest is none.
+/// A multiplier below this share of the largest counts as zero.
 const NO_MULTIPLIER: f64 = 1e-6;
 
-/// Changes of the active rows before they are given up: as many as there are rows at most are usual, ten of them often.
+/// The largest number of changes of the active rows. Usually there are at most as many as rows, often ten.
 const MOST_CHANGES: usize = 300;
 
-/// A row may be missed by this share of the largest distance: the double-double equations leave 10^-25 of it.
+/// The allowed violation of a row, as a share of the largest distance. The double-double equations have an error of 10^-25 of it.
 const MISSED: f64 = 1e-16;
 
-/// A pivot below this is what rounding leaves of zero: the row depends on the others.
+/// A pivot below this is rounding error: the row depends on the others.
 const NO_PIVOT: f64 = 1e-24;
 
 /// Solves the program.
@@ -51,11 +50,11 @@ pub(super) fn shortest(rows: &[Row], width: usize) -> Solution {
     if largest == 0.0 {
         return Solution::Shortest { c: vec![Dd::ZERO; width], active: Vec::new() };
     }
-    // What the solver finds is a guess of the active rows, which is polished: a little more or less of its digits changes no answer.
+    // The solver's result is only a guess of the active rows, which is refined. A few digits more or less change nothing.
     let settings = DefaultSettingsBuilder::default()
         .verbose(false) // mutant `false to true`: prints.
-        // mutant `1 up`: how many threads share the work changes no result of this size.
-        // mutant `1 down`: likewise, 0 leaves the number to the solver.
+        // mutant `1 up`: the number of threads changes no result of this size.
+        // mutant `1 down`: likewise, 0 lets the solver choose the number.
         .max_threads(1)
         .tol_gap_abs(TOLERANCE) // mutant `TOLERANCE doubled`: a guess, see above.
         .tol_gap_rel(TOLERANCE) // mutant `TOLERANCE doubled`: likewise.
@@ -71,9 +70,9 @@ pub(super) fn shortest(rows: &[Row], width: usize) -> Solution {
     solver.solve();
     let found = &solver.solution;
     let heaviest = found.z.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    // mutant `> to >=`: a multiplier of just the share, to the last bit, of a solver whose ninth digit is not right.
-    // mutant `NO_MULTIPLIER doubled`: multipliers of rows that matter lie far above it, those of others far below.
-    // mutant `* to /`: the heaviest is about 1, and a guess is polished.
+    // mutant `> to >=`: a multiplier exactly at the limit, from a solver that is accurate to eight digits.
+    // mutant `NO_MULTIPLIER doubled`: multipliers of active rows are far above the limit, others far below.
+    // mutant `* to /`: the largest is about 1, and the guess is refined.
     let is_heavy = |k: &usize| found.z[*k] > NO_MULTIPLIER * heaviest;
     match found.status {
         SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => Solution::Infeasible,
@@ -91,7 +90,7 @@ pub(super) fn shortest(rows: &[Row], width: usize) -> Solution {
     }
 }
 
-/// The matrix of -normal by columns.
+/// The matrix of -normal, stored by columns.
 fn negated(rows: &[Row], width: usize) -> CscMatrix<f64> {
     let (mut starts, mut places, mut values) = (vec![0], Vec::new(), Vec::new());
     for column in 0..width {
@@ -107,11 +106,11 @@ fn negated(rows: &[Row], width: usize) -> CscMatrix<f64> {
     CscMatrix::new(rows.len(), width, starts, places, values)
 }
 
-/// From a guess of the active rows to the exact ones: a row with a negative multiplier leaves, a row that is missed comes in, in exchange for another where
-/// the active ones already hold its direction. None when that does not end, or the rows contradict each other.
+/// Refines a guess of the active rows: a row with a negative multiplier is removed, and a violated row is added, in exchange for another one if it
+/// depends on the active rows. `None` if that does not end, or if the rows contradict one another.
 fn polished(rows: &[Row], width: usize, mut active: Vec<usize>, largest: f64) -> Option<(Vec<Dd>, Vec<usize>)> {
-    // mutant `0 up`: one change of very many that no program is known to need.
-    // mutant `MOST_CHANGES doubled`: more of them.
+    // mutant `0 up`: one change less of very many, which no known program needs.
+    // mutant `MOST_CHANGES doubled`: more changes than needed.
     for _ in 0..MOST_CHANGES {
         let factor = Factor::of(rows, &mut active);
         let multipliers = factor.solved(active.iter().map(|k| rows[*k].distance));
@@ -143,13 +142,13 @@ fn polished(rows: &[Row], width: usize, mut active: Vec<usize>, largest: f64) ->
     None
 }
 
-/// The active row that leaves for one whose normal is the sum of these shares of theirs: as the new multiplier grows, theirs fall by the shares, and the one that
-/// reaches 0 first leaves, so that none gets negative and c only gets longer (Goldfarb, Idnani 1983, Math. Programming 27). None where no share is positive: then the
-/// rows contradict each other.
+/// The active row to exchange for a row whose normal is the sum of these shares of the active normals. As the new multiplier grows, the others fall
+/// in proportion to the shares. The one that reaches 0 first is removed, so that none becomes negative and c only becomes longer (Goldfarb, Idnani
+/// 1983, Math. Programming 27). `None` if no share is positive: then the rows contradict one another.
 fn leaving(multipliers: &[Dd], shares: &[Dd]) -> Option<usize> {
     let until = |k: &usize| (multipliers[*k] / shares[*k]).to_f64();
-    // A share below the root of a pivot is what rounding leaves of zero.
-    // mutant `> to >=`: a share of just so much, to the last bit.
+    // A share below the square root of a pivot is rounding error.
+    // mutant `> to >=`: a share exactly at the limit.
     let falls = |k: &usize| shares[*k].to_f64() > NO_PIVOT.sqrt();
     (0..shares.len()).filter(falls).min_by(|a, b| until(a).total_cmp(&until(b)))
 }
@@ -158,17 +157,17 @@ fn product(a: &[Dd], b: &[Dd]) -> Dd {
     a.iter().zip(b).map(|(x, y)| *x * *y).sum()
 }
 
-/// Cholesky's factor of the products of the active rows' normals, a line a row.
+/// Cholesky's factor of the inner products of the active normals, row by row.
 struct Factor(Vec<Vec<Dd>>);
 
 impl Factor {
-    /// Rows that depend on earlier ones are dropped.
+    /// The factor of these rows. Rows that depend on earlier ones are removed from `active`.
     fn of(rows: &[Row], active: &mut Vec<usize>) -> Self {
         let mut factor = Factor(Vec::new());
         let mut kept: Vec<usize> = Vec::new();
         for k in active.iter() {
             let (mut line, pivot) = factor.line(rows, &kept, *k);
-            // mutant `> to >=`: a pivot of just so much, to the last bit.
+            // mutant `> to >=`: a pivot exactly at the limit.
             if pivot.to_f64() > NO_PIVOT {
                 line.push(pivot.sqrt());
                 factor.0.push(line);
@@ -179,7 +178,7 @@ impl Factor {
         factor
     }
 
-    /// The line of one more row, and the square of the part of its normal that the others do not hold.
+    /// The line of one more row, and the square of the component of its normal that is independent of the others.
     fn line(&self, rows: &[Row], active: &[usize], k: usize) -> (Vec<Dd>, Dd) {
         let mut line: Vec<Dd> = Vec::new();
         for (j, other) in active.iter().enumerate() {
@@ -190,18 +189,19 @@ impl Factor {
         (line, pivot)
     }
 
-    /// Whether the normal of a row depends on those of the active ones.
+    /// Whether the normal of a row depends on the active normals.
     fn holds(&self, rows: &[Row], active: &[usize], k: usize) -> bool {
-        // mutant `<= to <`: a pivot of just so much, to the last bit.
+        // mutant `<= to <`: a pivot exactly at the limit.
         self.line(rows, active, k).1.to_f64() <= NO_PIVOT
     }
 
-    /// The shares of the active rows' normals whose sum is nearest to the normal of a row.
+    /// The shares of the active normals whose sum is nearest to the normal of a row.
     fn shares(&self, rows: &[Row], active: &[usize], k: usize) -> Vec<Dd> {
         self.solved(active.iter().map(|other| product(&rows[*other].normal, &rows[k].normal)))
     }
 
-    /// The solution of the system with these products: with the rows' distances on the right, the multipliers that put every active row at its distance.
+    /// The solution of the system with this right-hand side. With the rows' distances, it gives the multipliers for which every active row is met
+    /// exactly.
     fn solved(&self, right: impl Iterator<Item = Dd>) -> Vec<Dd> {
         let factor = &self.0;
         let mut solved: Vec<Dd> = Vec::new();

@@ -1,19 +1,19 @@
-//! A proof that a symmetric matrix of polynomials is positive semidefinite over a region: weighted sums of squares.
+//! A proof by weighted sums of squares that a symmetric matrix of polynomials is positive semidefinite over a region.
 //!
-//! In: the entries of H(x), the box and the half-spaces of the region. Out: a number that no eigenvalue of H(x) is below anywhere in the region, or none. Never looks for a place where H is not positive
-//! semidefinite, never knows where H comes from.
+//! In: the entries of H(x), the box and the half-spaces of the region. Out: a lower bound of all eigenvalues of H(x) in the region, or `None`. Does
+//! not search for points where H is not positive semidefinite.
 //!
-//! Branch and bound encloses H in cells. Where its least eigenvalue is close to 0 along whole curves and surfaces of x,
-//! the number of cells grows with a power of 1/distance from 0. A sum of squares needs no cells: with x = c + h t, so
-//! that every t_k lies in [-1, 1],
+//! Branch and bound encloses H in cells. If its smallest eigenvalue is close to 0 along whole curves or surfaces of x, the number of cells grows with
+//! a power of 1/distance from 0. A sum of squares needs no cells. With x = c + h t, so that every t_k is in [-1, 1],
 //!
 //! ```text
 //! u'(H(x) - m I)u = sum over k of g_k(t) v_k'X_k v_k + u'R(t)u,    v_k = u times every monomial of t up to a degree
 //! ```
 //!
-//! with weights g_k that are not negative in the region (`region.rs`) and X_k that are positive semidefinite: m less the norm of R is a bound. For a matrix that is positive definite over the region there are such sums once
-//! the degree is high enough (Putinar 1993, Indiana Univ. Math. J. 42; of matrices Scherer, Hol 2006, Math. Programming 107). The largest m of a degree is a semidefinite program (Parrilo 2003, Math. Programming 96; `moments.rs`).
-//! Where the least degree and the next one do not suffice, the region is halved, and each half gets squares of its own.
+//! with weights g_k that are not negative in the region (`region.rs`) and positive semidefinite X_k: m minus the norm of R is a bound. For a matrix
+//! that is positive definite over the region such sums exist if the degree is high enough (Putinar 1993, Indiana Univ. Math. J. 42; for matrices
+//! Scherer, Hol 2006, Math. Programming 107). The largest m of a degree is a semidefinite program (Parrilo 2003, Math. Programming 96; `moments.rs`).
+//! If the lowest degree and the next one are not sufficient, the region is halved, and each half gets its own squares.
 
 mod matrix;
 mod moments;
@@ -26,15 +26,16 @@ use rsm_core::model::HalfSpace;
 use moments::{Outcome, Program};
 use region::{Polynomial, Scaling};
 
-/// Cells of one proof; those of four inputs that were seen took 11 at most.
+/// The largest number of cells of one proof. Tested surfaces of four inputs took at most 11.
 const MOST_CELLS: usize = 64;
 
-/// Multiplications that may still be made, about: a step of a program counts the cube of its unknown moments.
+/// The remaining multiplications, approximately. A step of a program counts the cube of its number of unknown moments.
 pub(super) struct Work {
     pub left: u64,
 }
 
-/// No eigenvalue of the matrix with these entries (on and above its diagonal, row by row) is below the number in the part of the box in which the half-spaces hold. The number is at least `aim`; none where the work did not do for that.
+/// A lower bound of the eigenvalues of the matrix with these entries (on and above its diagonal, row by row), over the part of the box in which the
+/// half-spaces hold. It is at least `aim`; `None` if the work was not sufficient for that.
 pub(super) fn least_eigenvalue(
     entries: &[Vec<Monomial>],
     sides: &[Interval],
@@ -45,7 +46,7 @@ pub(super) fn least_eigenvalue(
     in_cells(entries, sides, spaces, aim, work, MOST_CELLS)
 }
 
-/// The same in so many cells.
+/// The same with a limited number of cells.
 fn in_cells(
     entries: &[Vec<Monomial>],
     sides: &[Interval],
@@ -60,7 +61,7 @@ fn in_cells(
         match of_cell(entries, &cell, spaces, aim, work) {
             Outcome::Bound(bound) => least = least.min(bound),
             Outcome::Open(spreads) => {
-                // Both halves come to those that wait.
+                // Both halves are added to the waiting cells.
                 left = left.checked_sub(2)?;
                 let axis = widest(&cell, sides, &spreads)?;
                 let middle = cell[axis].low.midpoint(cell[axis].high);
@@ -76,7 +77,7 @@ fn in_cells(
     Some(least)
 }
 
-/// The variable that varies most in a cell, as a share of its side; of equal ones the first.
+/// The variable with the largest variation in a cell, as a share of its side; of equal ones the first.
 fn widest(cell: &[Interval], sides: &[Interval], spreads: &[(usize, f64)]) -> Option<usize> {
     let share = |k: usize| (cell[k].high - cell[k].low) / (sides[k].high - sides[k].low);
     let variance = |(k, of_cell): &(usize, f64)| of_cell * share(*k).powi(2);
@@ -84,13 +85,13 @@ fn widest(cell: &[Interval], sides: &[Interval], spreads: &[(usize, f64)]) -> Op
     Some(*axis)
 }
 
-/// Rows of a symmetric matrix with so many entries on and above its diagonal.
+/// The number of rows of a symmetric matrix with this many entries on and above its diagonal.
 fn rows_of(entries: usize) -> usize {
-    // mutant `1 down`: no matrix is without entries.
+    // mutant `1 down`: every matrix has an entry.
     (1..).find(|rows| rows * (rows + 1) / 2 == entries).expect("a matrix has a size")
 }
 
-/// Where an entry of a symmetric matrix stands among those on and above its diagonal, row by row.
+/// The index of an entry of a symmetric matrix among those on and above its diagonal, row by row.
 fn place(size: usize, a: usize, b: usize) -> usize {
     let (row, column) = (a.min(b), a.max(b));
     row * size - row * (row + 1) / 2 + column
@@ -102,14 +103,14 @@ fn of_cell(entries: &[Vec<Monomial>], sides: &[Interval], spaces: &[HalfSpace], 
     let entries: Vec<Polynomial> = entries.iter().map(|entry| scaling.polynomial(entry)).collect();
     let entry = |a: usize, b: usize| &entries[place(size, a, b)];
     let live: Vec<usize> = (0..size).filter(|a| (0..size).any(|b| !entry(*a, b).is_empty())).collect();
-    // An input in which nothing bends has the eigenvalue 0, to the bit.
+    // An input without curvature has the eigenvalue 0 exactly.
     let most = if live.len() < size { 0.0 } else { f64::INFINITY };
     if most < aim {
         return Outcome::Stopped;
     }
     let powers = |k: usize| entries.iter().flat_map(|entry| entry.keys()).map(move |powers| powers[k]);
     let axes: Vec<usize> = (0..sides.len()).filter(|k| powers(*k).any(|power| power > 0)).collect();
-    // On other variables nothing depends: a half-space across one of them is left out.
+    // H depends on no other variables, so a half-space with one of them is left out.
     let kept = |powers: &Vec<u32>| axes.iter().map(|k| powers[*k]).collect::<Vec<u32>>();
     let of_live = |(k, a): (usize, &usize)| live[k..].iter().map(|b| entry(*a, *b)).collect::<Vec<_>>();
     let matrix: Vec<Polynomial> = live
@@ -121,7 +122,7 @@ fn of_cell(entries: &[Vec<Monomial>], sides: &[Interval], spaces: &[HalfSpace], 
     let Some(weights) = scaling.weights(spaces, &axes) else { return Outcome::Bound(f64::INFINITY) };
     let degree = matrix.iter().flat_map(|entry| entry.keys()).map(|powers| powers.iter().sum::<u32>()).max();
     let Some(degree) = degree else { return Outcome::Bound(most) };
-    // mutant `1 down`: what has degree 0 has no variables, and then only the monomial 1 at every degree.
+    // mutant `1 down`: a matrix of degree 0 has no variables, and then only the monomial 1 at every degree.
     let least = degree.div_ceil(2).max(1);
     let mut outcome = Outcome::Stopped;
     for half in [least, least + 1] {

@@ -1,7 +1,7 @@
-//! Why a constraint ended without a proof.
+//! The report on a constraint without a proof.
 //!
-//! In: what the last search says of the claims, how the rounds ended. Out: for every constraint without a proof what was bounded, how far the bound is from what was asked,
-//! and the limit of work that ended the search, in words and as data.
+//! In: the last search over the claims, the rounds. Out: for every constraint without a proof: the bounded quantity, the difference between the bound
+//! and the requirement, and the limit of work that ended the search, in words and as data.
 
 use serde::Serialize;
 
@@ -10,18 +10,18 @@ use super::{Found, MOST_SHIFT, SHIFT, Task};
 use crate::observations::Named;
 use crate::spec::Constraint;
 
-/// How a search for a proof ended.
+/// The end of a search without a proof.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct NotProven {
     /// The constraints without a proof.
     pub constraints: Vec<Unproven>,
-    /// What ended the search.
+    /// The limit that ended the search.
     pub stopped_by: Stop,
-    /// How far inside the constraints were enforced at last, as a share of the spread of the response.
+    /// The last margin of the constraints, as a share of the spread of the response.
     pub shift: f64,
-    /// Rounds of exchange.
+    /// The number of rounds of exchange.
     pub rounds: usize,
-    /// The share of the work for proofs that was spent, 0 to 1.
+    /// The used share of the work for proofs, from 0 to 1.
     pub work: f64,
 }
 
@@ -30,32 +30,32 @@ pub struct NotProven {
 pub struct Unproven {
     /// In the words of the specification.
     pub constraint: String,
-    /// What is bounded.
+    /// The bounded quantity.
     pub quantity: &'static str,
-    /// It was proven to be nowhere less than this, in the unit of the response; 0 was to be proven. Minus infinity, which is null in JSON, where no search ended.
+    /// The proven lower bound, in the unit of the response; the constraint requires 0. Minus infinity (null in JSON) if no search was completed.
     pub bound: f64,
     /// The same as a share of the spread of the response.
     pub share_of_spread: f64,
-    /// The least value that was seen: not negative where only the proof is missing. Null where none was.
+    /// The smallest value found; not negative if only the proof is missing. Null if there is none.
     pub seen: Option<f64>,
-    /// Where.
+    /// The point of that value.
     pub at: Option<Named<f64>>,
 }
 
-/// What ended a search.
+/// The limit that ended a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Stop {
-    /// The constraints are enforced as far inside as they may be.
+    /// The margin of the constraints reached its largest value.
     LargestShift,
-    /// Enforced so far inside, the points leave no coefficients; nearer to the bound they do.
+    /// With this margin no coefficients exist; with a smaller one they do.
     NoneSoFarInside,
     /// The quadratic program found no solution within its own limits.
     Program,
 }
 
 impl NotProven {
-    /// From the last search.
+    /// The report from the last search.
     pub(super) fn new(
         task: &Task<'_>,
         claims: &[Claim],
@@ -82,7 +82,7 @@ impl NotProven {
             (bound < task.enough()).then_some(told)
         };
         let constraints = task.constraints.iter().enumerate().filter_map(of_one).collect();
-        // The shift that a round was denied is not one at which anything was enforced.
+        // The last shift was rejected, so nothing was enforced with it.
         let shift = rounds.shift.min(MOST_SHIFT);
         NotProven { constraints, stopped_by, shift, rounds: rounds.count, work }
     }

@@ -1,9 +1,9 @@
-//! Chooses the form of a response: powers of its inputs alone, sigmoids of them as well, or waves over an input with a period.
+//! Chooses the form of a response: powers of its inputs, also sigmoids of them, or waves over a periodic input.
 //!
-//! In: a response, its rows, how its terms are chosen. Out: the sigmoids to add, if any, with what was tried and why. Sigmoids are found on the rows to
-//! fit ([`sigmoids`]), orders of waves too ([`waves`]). Both forms are then fitted without each of five parts of the rows in turn: the sigmoids are
-//! refined, the terms are chosen again, and the errors on the part that was left out are counted. Sigmoids are accepted where these errors fall
-//! clearly. Test rows choose nothing.
+//! In: a response, its rows, the method of choosing terms. Out: the sigmoids to add, if any, with a report of what was tried. Sigmoids are found on
+//! the rows to fit ([`sigmoids`]), orders of waves too ([`waves`]). Both forms are then fitted without each of five parts of the rows in turn: the
+//! sigmoids are refined, the terms are chosen again, and the errors on the omitted part are computed. Sigmoids are accepted if these errors are
+//! clearly smaller. Test rows are not used.
 
 mod sigmoids;
 mod waves;
@@ -21,25 +21,26 @@ use crate::spec::{Form, Method};
 use crate::split;
 use crate::statistics::{FormsReport, Judged, Observations, Tried};
 
-/// Rows are left out in so many parts.
+/// The number of parts that are left out in turn.
 const PARTS: usize = 5;
 
-/// The error with sigmoids must be at most this share of that of powers alone: less is no clear gain, and costs operations.
+/// The error with sigmoids must be at most this share of the error with powers alone. A smaller gain is not worth the operations.
 const CLEAR: f64 = 0.85;
 
-/// In so many parts at least the sigmoids must be better: a single lucky part is no evidence (with five parts chance gives 4 or 5 in 19 %).
+/// The number of parts in which sigmoids must be better. One part may be better by chance (with five parts, 4 or 5 are better by chance in 19 % of
+/// cases).
 const MOST_PARTS: usize = 4;
 
-/// Fewer rows to fit than this say nothing of a bend.
+/// With fewer rows to fit, no bend can be found.
 const LEAST_ROWS: usize = 40;
 
-/// More inputs than this have too many places for a step.
+/// With more inputs, there are too many places for a sigmoid.
 const MOST_INPUTS: usize = 4;
 
-/// So many candidate terms at most: two operations each, and seven or eight a sigmoid, are some 150.
+/// The largest number of candidate terms: two operations each, plus seven or eight for each sigmoid, are about 150.
 const MOST_CANDIDATES: usize = 52;
 
-/// A draw of rows, at most so many, with the roots of their weights and their responses times these.
+/// A random sample of at most `most` rows, with the square roots of their weights, and their responses times these.
 fn drawn(sample: &Sample, most: usize) -> (Vec<usize>, Vec<f64>, DVector<f64>) {
     let mut picked: Vec<usize> = (0..sample.rows()).collect();
     if picked.len() > most {
@@ -52,7 +53,7 @@ fn drawn(sample: &Sample, most: usize) -> (Vec<usize>, Vec<f64>, DVector<f64>) {
     (picked, roots, response)
 }
 
-/// A response whose form is chosen.
+/// A response with the data for the choice of its form.
 pub(crate) struct Forms<'a> {
     pub surface: &'a Surface,
     pub inputs: &'a [Input],
@@ -60,24 +61,24 @@ pub(crate) struct Forms<'a> {
     pub is_constrained: bool,
     pub fit: &'a Sample,
     pub validate: Option<&'a Sample>,
-    /// Of each input, where it has one.
+    /// The period of each input that has one.
     pub periods: Vec<Option<f64>>,
-    /// Whether sigmoids may be looked for without being asked for.
+    /// Whether sigmoids may be tried without a request.
     pub is_open: bool,
 }
 
-/// What was taken.
+/// The accepted form.
 pub(crate) struct Taken {
     pub sigmoids: Vec<Sigmoid>,
     pub waves: Vec<Wave>,
     /// The highest order of a candidate term.
     pub order: u32,
-    /// The errors on rows left out, and the number of parts.
+    /// The errors on omitted rows, and the number of parts.
     pub judged: Option<(Judged, usize)>,
 }
 
 impl Forms<'_> {
-    /// What to add, and what is told of it; neither where no other form was looked at.
+    /// The form to add and the report; neither if no other form was tried.
     pub(crate) fn choose(&self, wanted: Option<&[Form]>) -> (Option<Taken>, Option<FormsReport>) {
         let Some(highest) = self.highest_order() else { return (None, None) };
         let may = |form| wanted.is_none_or(|forms| forms.contains(&form));
@@ -117,7 +118,7 @@ impl Forms<'_> {
         (taken, Some(said))
     }
 
-    /// A form that was found against powers alone. `again`: the same form from other rows.
+    /// Compares a form with powers alone. `again` finds the same form from other rows.
     fn compared(
         &self,
         form: Form,
@@ -168,7 +169,7 @@ impl Forms<'_> {
         FormsReport { tried, chosen: Form::Polynomial, why }
     }
 
-    /// The highest order of candidate terms; none where terms were given.
+    /// The highest order of candidate terms; `None` if terms were given.
     fn highest_order(&self) -> Option<u32> {
         match self.method {
             Method::Fixed(_) => None,
@@ -177,7 +178,7 @@ impl Forms<'_> {
         }
     }
 
-    /// The errors on each part of powers alone and of the form, found again without it.
+    /// The errors on each part, for powers alone and for the form found again without that part.
     fn judged(&self, order: u32, again: &dyn Fn(&Sample) -> Option<Surface>) -> Option<Vec<[Judged; 2]>> {
         let part_of = split::parts(&self.fit.groups, PARTS, 3);
         let count = part_of.iter().max().map_or(0, |most| most + 1);
@@ -187,14 +188,14 @@ impl Forms<'_> {
         let round = |part: usize| {
             let (rest, out) = (self.fit.chosen(|row| part_of[row] != part), self.fit.chosen(|row| part_of[row] == part));
             let powers = self.errors(self.surface, self.highest_order()?, &rest, &out)?;
-            // Without the form, where these rows do not show it.
+            // Without the form, if these rows do not show it.
             let other = again(&rest).unwrap_or_else(|| self.surface.clone());
             Some([powers, self.errors(&other, order, &rest, &out)?])
         };
         (0..count).map(round).collect()
     }
 
-    /// The errors on some rows of what is chosen and fitted on others.
+    /// The errors on some rows of a model chosen and fitted on others.
     fn errors(&self, surface: &Surface, order: u32, fit: &Sample, out: &Sample) -> Option<Judged> {
         let all = Design::new(surface, self.inputs, design::terms_up_to(surface, order));
         let (method, output_range) = (self.method, surface.output_range);

@@ -1,9 +1,9 @@
-//! Finds where a response bends: centres and widths of sigmoids, by variable projection.
+//! Finds where a response bends: the centres and widths of sigmoids, by variable projection.
 //!
-//! In: rows to fit. Out: sigmoids, or none. For given centres and widths the coefficients are linear, so only the former are searched: the square
-//! that least squares leaves is a function of them alone (G. Golub, V. Pereyra, 1973). One sigmoid after another is added: candidate centres and
-//! widths are tried at every input, the best are refined by Levenberg-Marquardt with Kaufman's derivative (1975), all sigmoids
-//! together. It ends when generalised cross-validation (P. Craven, G. Wahba, 1979), which counts centres and widths as coefficients, falls no more.
+//! In: rows to fit. Out: sigmoids, or none. For given centres and widths the coefficients are a linear problem, so the residual sum of squares is a
+//! function of centres and widths alone, and only these are searched (G. Golub, V. Pereyra, 1973). Sigmoids are added one at a time: candidate
+//! centres and widths are tried at every input, the best are refined by Levenberg-Marquardt with Kaufman's derivative (1975), all sigmoids together.
+//! The search ends when generalised cross-validation (P. Craven, G. Wahba, 1979), which counts centres and widths as coefficients, no longer falls.
 
 use nalgebra::{DMatrix, DVector};
 use rsm_core::basis::{Factor, Shape};
@@ -13,34 +13,34 @@ use super::drawn;
 use crate::design;
 use crate::selection::Sample;
 
-/// Sigmoids of one input, at most.
+/// The largest number of sigmoids of one input.
 const MOST_OF_AN_INPUT: usize = 3;
 
-/// Sigmoids in all, at most.
+/// The largest number of sigmoids.
 const MOST: usize = 5;
 
-/// More rows than this say no more about centres and widths, and cost time: a draw of them is taken.
+/// With more rows, a random sample is used: more rows cost time and hardly improve centres and widths.
 const MOST_ROWS: usize = 1500;
 
-/// Each sigmoid must take this share of the criterion.
+/// Each sigmoid must reduce the criterion by this share.
 const LEAST_GAIN: f64 = 0.05;
 
-/// All of them must take this share of that of powers alone, before anything else is asked.
+/// All sigmoids together must reduce the criterion of powers alone by this share; otherwise nothing else is tried.
 const WORTH: f64 = 0.25;
 
-/// Candidate widths, in parts of the range.
+/// Candidate widths, as shares of the range.
 const WIDTHS: [f64; 4] = [0.5, 0.15, 0.05, 0.015];
 
-/// Candidate centres: quantiles of the input in the rows.
+/// The number of candidate centres: quantiles of the input in the rows.
 const CENTRES: usize = 11;
 
-/// Steps of Levenberg-Marquardt.
+/// The largest number of Levenberg-Marquardt steps.
 const STEPS: usize = 30;
 
-/// Of the candidates of an input the best is refined; of all inputs so many.
+/// The best candidate of each input is considered; this many of them are refined.
 const REFINED: usize = 2;
 
-/// What is searched.
+/// The data of the search.
 pub(super) struct Search<'a> {
     pub surface: &'a Surface,
     pub inputs: &'a [Input],
@@ -49,17 +49,17 @@ pub(super) struct Search<'a> {
     pub most_candidates: usize,
 }
 
-/// What was found.
+/// The result.
 pub(super) struct Found {
     pub sigmoids: Vec<Sigmoid>,
-    /// The highest order at which the candidate terms are not too many.
+    /// The highest order with an acceptable number of candidate terms.
     pub order: u32,
 }
 
-/// Centre in parts of the range, and the logarithm of the width in these.
+/// The centre as a share of the range, and the logarithm of the width in the same unit.
 type Place = [f64; 2];
 
-/// A sigmoid under search.
+/// A sigmoid during the search.
 #[derive(Clone, Debug)]
 struct Step {
     input: usize,
@@ -68,17 +68,17 @@ struct Step {
 
 /// Rows in f64, with factors of powers.
 struct Rows {
-    /// The inputs, of symmetric ones the magnitude.
+    /// The inputs; of symmetric ones the magnitude.
     inputs: Vec<Vec<f64>>,
     /// The factors of the surface without sigmoids.
     factors: Vec<Vec<f64>>,
     response: DVector<f64>,
     roots: Vec<f64>,
-    /// With an odd response the sign of each row.
+    /// The sign of each row, for an odd response.
     signs: Vec<f64>,
 }
 
-/// A linear fit at given sigmoids.
+/// A linear fit for given sigmoids.
 struct Fitted {
     q: DMatrix<f64>,
     coefficients: DVector<f64>,
@@ -95,7 +95,7 @@ impl Fitted {
 }
 
 impl Search<'_> {
-    /// The sigmoids, where they are worth a second look; `anyway`: where they are not, too.
+    /// The sigmoids, if they are good enough for a comparison; with `anyway`, also if they are not.
     pub(super) fn run(&self, sample: &Sample, anyway: bool) -> Option<Found> {
         let rows = self.rows(sample);
         let order = (1..=self.highest).rev().find(|order| self.count(*order, 2) <= self.most_terms(&rows, 4))?;
@@ -139,20 +139,20 @@ impl Search<'_> {
         Some(self.as_sigmoids(&self.levenberg(&rows, steps, order)?.0))
     }
 
-    /// Low end and length of an input as a sigmoid sees it.
+    /// The lower end and the length of an input's range for sigmoids.
     fn side(&self, input: usize) -> (f64, f64) {
         let [low, high] = self.inputs[input].range;
         let low = if self.surface.is_symmetric(&self.inputs[input].name) { 0.0 } else { low };
         (low, high - low)
     }
 
-    /// With as many digits as can matter, so that the file stays small: a part of 10^5 of the width.
+    /// Rounds to 10^-5 of the width, so that the file has no meaningless digits.
     fn as_sigmoids(&self, steps: &[Step]) -> Vec<Sigmoid> {
         let sigmoid = |step: &Step| {
             let (low, span) = self.side(step.input);
             let width = step.place[1].exp() * span;
             let unit = 10f64.powi((width.log10() - 4.0).floor() as i32);
-            // Through decimals: a multiple of a power of ten is not the nearest number to its decimals.
+            // Through decimal text, because a multiple of a power of ten is not always the nearest number to its decimal.
             let digits = (-unit.log10()).round().max(0.0) as usize;
             let rounded = |value: f64| {
                 let whole = (value / unit).round() * unit;
@@ -167,7 +167,7 @@ impl Search<'_> {
         steps.iter().map(sigmoid).collect()
     }
 
-    /// A count of terms with so many sigmoids an input, at most.
+    /// An upper limit of the number of terms with this many sigmoids for each input.
     fn count(&self, order: u32, of_an_input: usize) -> usize {
         let steps = self.inputs.iter().flat_map(|input| (0..of_an_input).map(move |k| (input, k)));
         let sigmoids = steps.map(|(input, k)| Sigmoid { input: input.name.clone(), at: k as f64, width: 1.0 }).collect();
@@ -237,7 +237,7 @@ impl Search<'_> {
         coefficients.iter().all(|b| b.is_finite()).then_some(Fitted { q, coefficients, rest, terms, steps: values })
     }
 
-    /// One sigmoid more, all refined.
+    /// Adds one sigmoid and refines all.
     fn one_more(&self, rows: &Rows, chosen: &[Step], order: u32) -> Option<(Vec<Step>, Fitted)> {
         let base = self.fitted(rows, chosen, order)?;
         let mut starts: Vec<(f64, Step)> = Vec::new();
@@ -252,14 +252,14 @@ impl Search<'_> {
         refined.min_by(|a, b| a.1.square().total_cmp(&b.1.square()))
     }
 
-    /// The candidate of an input that takes most from what is left, with what it takes.
+    /// The best candidate of an input, with its reduction of the residual.
     fn best_start(&self, rows: &Rows, chosen: &[Step], base: &Fitted, order: u32, input: usize) -> Option<(f64, Step)> {
         let (low, span) = self.side(input);
         let mut sorted = rows.inputs[input].clone();
         sorted.sort_by(f64::total_cmp);
         let quantile = |k: usize| (sorted[(sorted.len() - 1) * k / (CENTRES - 1)] - low) / span;
         let mut centres: Vec<f64> = (0..CENTRES).map(quantile).collect();
-        // Friction, dead bands and the like are about 0.
+        // Friction, dead bands and similar effects are centred at 0.
         centres.push(-low / span);
         centres.retain(|centre| (0.0..=1.0).contains(centre));
         centres.dedup();
@@ -293,7 +293,7 @@ impl Search<'_> {
         best
     }
 
-    /// The least width that the rows can show, in parts of the range: half of the median distance of neighbouring values.
+    /// The smallest width that the rows can show, as a share of the range: half of the median distance of neighbouring values.
     fn narrowest(&self, rows: &Rows, input: usize) -> f64 {
         let (_, span) = self.side(input);
         let mut sorted = rows.inputs[input].clone();
@@ -322,7 +322,7 @@ impl Search<'_> {
                 let Some(move_by) = matrix.cholesky().map(|factor| factor.solve(&gradient)) else { break };
                 let mut moved = steps.clone();
                 for (k, step) in moved.iter_mut().enumerate() {
-                    // No farther than a width or so: the line holds no longer there.
+                    // At most about one width in a step, because the linear approximation is not valid further away.
                     let width = step.place[1].exp();
                     let centre = step.place[0] + move_by[2 * k].clamp(-2.0 * width, 2.0 * width);
                     let logarithm = step.place[1] + move_by[2 * k + 1].clamp(-1.0, 1.0);
@@ -344,7 +344,7 @@ impl Search<'_> {
         Some((steps, fit))
     }
 
-    /// What the rest changes by with each centre and width, the coefficients following (Kaufman).
+    /// The derivatives of the residual with respect to each centre and width, with the coefficients refitted (Kaufman).
     fn slopes(&self, rows: &Rows, steps: &[Step], fit: &Fitted) -> DMatrix<f64> {
         let mut slopes = DMatrix::zeros(rows.len(), 2 * steps.len());
         for (k, step) in steps.iter().enumerate() {
@@ -376,7 +376,7 @@ impl Rows {
     }
 }
 
-/// Generalised cross-validation with so many numbers beside the coefficients.
+/// Generalised cross-validation with this many parameters in addition to the coefficients.
 fn criterion(fit: &Fitted, rows: &Rows, beside: usize) -> f64 {
     let n = rows.len() as f64;
     let free = 1.0 - (fit.terms.len() + beside) as f64 / n;

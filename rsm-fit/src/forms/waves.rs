@@ -1,9 +1,9 @@
 //! Finds the orders of waves over inputs with a period.
 //!
-//! In: rows to fit. Out: a surface with waves, or none. Every order up to a limit is tried: cosine and sine together, beside the powers of the other inputs and the
-//! orders that were taken before (orthogonal matching pursuit; a Lomb-Scargle periodogram is its first step). The order
-//! that reduces the residual most is accepted while it is significant: among as many orders of pure noise, the largest
-//! reduction is as large in one of a thousand cases only.
+//! In: rows to fit. Out: a surface with waves, or none. Every order up to a limit is tried: cosine and sine together, in addition to the powers of
+//! the other inputs and the accepted orders (orthogonal matching pursuit; a Lomb-Scargle periodogram is its first step). The order that reduces the
+//! residual most is accepted if it is significant: with pure noise and the same number of orders, the largest reduction is as large in only one of a
+//! thousand cases.
 
 use nalgebra::DVector;
 use rsm_core::basis::Factor;
@@ -16,16 +16,16 @@ use crate::selection::Sample;
 /// The highest order that is tried.
 const HIGHEST: u32 = 200;
 
-/// Orders that are taken, at most: each costs two terms and up to a dozen operations.
+/// The largest number of accepted orders. Each costs two terms and up to a dozen operations.
 const MOST: usize = 6;
 
-/// More rows than this say no more about orders, and cost time.
+/// With more rows, a random sample is used: more rows cost time and hardly improve the orders.
 const MOST_ROWS: usize = 6000;
 
-/// Rows that an order needs: two a period tell it from its alias.
+/// The number of rows for each order; two rows per period are needed to exclude aliases.
 const ROWS_PER_ORDER: usize = 4;
 
-/// Powers of other inputs beside the waves, in the search alone.
+/// The highest power of other inputs in the search.
 const BESIDE: u32 = 2;
 
 pub(super) struct Search<'a> {
@@ -36,11 +36,11 @@ pub(super) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The surface with the waves that stand above the noise; none where there is none.
+    /// The surface with the significant waves; `None` if there is none.
     pub(super) fn run(&self, sample: &Sample) -> Option<Surface> {
         let (picked, roots, mut rest) = drawn(sample, MOST_ROWS);
         let count = picked.len();
-        // Powers of the inputs that have no period.
+        // Powers of the inputs that are not periodic.
         let factors = Factor::all(self.surface, self.inputs);
         let is_periodic = |factor: &Factor| self.periods[factor.input].is_some();
         let mut terms = design::terms_up_to(self.surface, self.highest.min(BESIDE));
@@ -88,7 +88,7 @@ impl Search<'_> {
             let best = (0..gains.len()).max_by(|a, b| gains[*a].total_cmp(&gains[*b]))?;
             let freedom = count.saturating_sub(basis.len() + 2);
             let noise = (rest.norm_squared() - gains[best]).max(0.0) / freedom.max(1) as f64;
-            // Twice an exponential variable for each order: its largest of N passes 2 (ln N + 6.9) once in a thousand.
+            // Each order has twice an exponential variable; the largest of N exceeds 2 (ln N + 6.9) once in a thousand cases.
             let threshold = 2.0 * ((candidates.len() as f64).ln() + 6.9) * noise;
             if freedom == 0 || gains[best].is_nan() || gains[best] <= threshold {
                 break;
@@ -107,7 +107,7 @@ impl Search<'_> {
     }
 }
 
-/// A column becomes a direction of the basis, and what lies along it leaves the rest. Orthogonalised twice: then it is to rounding.
+/// Adds a column to the orthonormal basis, and projects the residual. Orthogonalised twice, for accuracy to rounding.
 fn take(basis: &mut Vec<DVector<f64>>, rest: &mut DVector<f64>, mut column: DVector<f64>) {
     let before = column.norm();
     for _ in 0..2 {

@@ -1,14 +1,13 @@
-//! Columns with what is known of them: an input with its unit and range, a response with what its surface shall be.
+//! Columns with their properties: an input with its unit and range, a response with the requirements on its surface.
 //!
-//! In: names, numbers and choices, one method each. Out: the parts of a specification. Never judges them: that is done once, when the fit
-//! is asked for.
+//! In: names, numbers and choices, one method for each. Out: the parts of a specification. They are checked together when the fit is started.
 
 use rsm_core::model::{Coding, Knot, Outside, Sigmoid, Surface, Symmetry, Wave};
 
 use super::Select;
 use crate::spec::{Constraint, FACES, Form, InputSpec, MOST_FACES, ResponseSpec, SupportSpec, Weights};
 
-/// An input: its values, a row each, and what is known of it.
+/// An input: one value for each row, and its properties.
 ///
 /// ```
 /// use rsm_fit::Input;
@@ -26,7 +25,7 @@ pub struct Input {
 }
 
 impl Input {
-    /// An input with its values, one a row. Its unit is `1` and its range that of the values, unless other methods say more.
+    /// An input with one value for each row. The defaults are the unit `1` and the range of the values.
     #[must_use]
     pub fn new(name: impl Into<String>, values: impl AsRef<[f64]>) -> Self {
         Input { name: Some(name.into()), ..Input::unnamed(values.as_ref().to_vec()) }
@@ -50,14 +49,14 @@ impl Input {
         self
     }
 
-    /// The values repeat with this period: readings are brought into one, from the bottom of the range or from 0 on.
+    /// The values repeat with this period. Readings are converted to one period, from the lower end of the range or from 0.
     #[must_use]
     pub fn period(mut self, period: f64) -> Self {
         self.period = Some(period);
         self
     }
 
-    /// Outside the range an evaluator uses the polynomial as it is, in place of the nearest bound.
+    /// Outside the range an evaluator extrapolates the polynomial, instead of using the nearest bound.
     #[must_use]
     pub fn extrapolated(mut self) -> Self {
         self.outside = Outside::Extrapolate;
@@ -81,9 +80,9 @@ impl Input {
     }
 }
 
-/// A response: its values, a row each, and what its surface shall be.
+/// A response: one value for each row, and the requirements on its surface.
 ///
-/// What is not said here is taken from [`crate::Fit`], or left as a specification without the key has it.
+/// Settings that are not given here are those of [`crate::Fit`] or the defaults of a specification.
 ///
 /// ```
 /// use rsm_fit::{Constraint, Response, Select};
@@ -109,7 +108,7 @@ pub struct Response {
     forms: Option<Vec<Form>>,
 }
 
-/// How much each row counts.
+/// The weights of the rows.
 #[derive(Debug, Clone)]
 pub(super) enum RowWeights {
     Weights(Vec<f64>),
@@ -117,7 +116,7 @@ pub(super) enum RowWeights {
 }
 
 impl Response {
-    /// A response with its values, one a row. Its surface is a function of all inputs, and its unit is `1`, unless other methods say more.
+    /// A response with one value for each row. The defaults are a surface of all inputs and the unit `1`.
     #[must_use]
     pub fn new(name: impl Into<String>, values: impl AsRef<[f64]>) -> Self {
         Response { name: Some(name.into()), ..Response::unnamed(values.as_ref().to_vec()) }
@@ -145,28 +144,28 @@ impl Response {
         self
     }
 
-    /// The inputs of this surface, in the order of its arguments and powers. Without it: all.
+    /// The inputs of this surface, in the order of its arguments and powers. The default is all inputs.
     #[must_use]
     pub fn inputs<T: Into<String>>(mut self, names: impl IntoIterator<Item = T>) -> Self {
         self.inputs = Some(names.into_iter().map(Into::into).collect());
         self
     }
 
-    /// How the terms of this response are chosen, in place of what the fit says for all.
+    /// How the terms of this response are chosen, instead of the setting of the fit.
     #[must_use]
     pub fn select(mut self, select: Select) -> Self {
         self.select = Some(select);
         self
     }
 
-    /// What the powers are powers of; coded variables from -1 to 1 where nothing is said.
+    /// The variables of the powers. The default is coded variables from -1 to 1.
     #[must_use]
     pub fn coding(mut self, coding: Coding) -> Self {
         self.surface.coding = coding;
         self
     }
 
-    /// The response is the same for both signs of this input, or changes its sign with it. The range of the input must be symmetric about 0.
+    /// The response is even or odd in this input. The range of the input must be symmetric about 0.
     #[must_use]
     pub fn symmetry(mut self, input: impl Into<String>, symmetry: Symmetry) -> Self {
         self.surface.symmetry.push((input.into(), symmetry));
@@ -194,7 +193,7 @@ impl Response {
         self
     }
 
-    /// The forms that may be taken; without it powers, and sigmoids where they are clearly better.
+    /// The allowed forms. The default is powers, and sigmoids if they are clearly better.
     #[must_use]
     pub fn forms(mut self, forms: impl IntoIterator<Item = Form>) -> Self {
         self.forms = Some(forms.into_iter().collect());
@@ -215,35 +214,35 @@ impl Response {
         self
     }
 
-    /// A weight a row, proportional to 1/sigma^2. Only ratios count.
+    /// One weight for each row, proportional to 1/sigma^2. Only ratios matter.
     #[must_use]
     pub fn weights(mut self, weights: impl AsRef<[f64]>) -> Self {
         self.weights = Some(RowWeights::Weights(weights.as_ref().to_vec()));
         self
     }
 
-    /// The standard error sigma of each row. Only ratios count.
+    /// The standard error sigma of each row. Only ratios matter.
     #[must_use]
     pub fn standard_errors(mut self, sigma: impl AsRef<[f64]>) -> Self {
         self.weights = Some(RowWeights::StandardErrors(sigma.as_ref().to_vec()));
         self
     }
 
-    /// What the surface must keep over its whole supported region; it is proved, or there is no surface.
+    /// A constraint on the surface over its whole supported region. It is proved; otherwise there is no surface.
     #[must_use]
     pub fn constraint(mut self, constraint: Constraint) -> Self {
         self.constraints.push(constraint);
         self
     }
 
-    /// The model says where the data support the surface: in half-spaces that hold all rows to fit, this far beyond them in coded units.
+    /// The model contains the region supported by the data: half-spaces that contain all fitted rows, with this margin in coded units.
     #[must_use]
     pub fn supported_by_data(mut self, margin: f64) -> Self {
         self.support = Some(SupportSpec { margin, faces: self.support.map_or(FACES, |support| support.faces) });
         self
     }
 
-    /// With two inputs, at most so many half-spaces: 8 where nothing is said. It belongs to [`Response::supported_by_data`].
+    /// For two inputs: the largest number of half-spaces, 8 by default. Used with [`Response::supported_by_data`].
     #[must_use]
     pub fn support_faces(mut self, faces: usize) -> Self {
         let margin = self.support.map_or(0.0, |support| support.margin);
@@ -251,7 +250,8 @@ impl Response {
         self
     }
 
-    /// `all`: how the fit chooses where nothing is said here. `None` when both terms and something that chooses them were given.
+    /// The specification of this response. `all`: the method of the fit, used if none is given here. `None` if both terms and a method to choose them
+    /// were given.
     pub(super) fn specification(&self, name: &str, all: &[InputSpec], select: &Select) -> Option<ResponseSpec> {
         let inputs = self.inputs.clone().unwrap_or_else(|| all.iter().map(|input| input.name.clone()).collect());
         let surface = Surface { name: name.to_string(), unit: self.unit.clone(), inputs, ..self.surface.clone() };
@@ -284,8 +284,7 @@ impl Response {
         range.chain(knots).chain(steps).chain(bounds).chain(margin)
     }
 
-    /// What is wrong with it beyond what the rules of a specification find: what a file could not even say.
-    /// `inputs`: how many the fit has.
+    /// Faults that a specification file cannot have, in addition to those of its rules. `inputs`: the number of inputs of the fit.
     pub(super) fn faults(&self, inputs: usize, select: &Select) -> Vec<String> {
         let mut faults = Vec::new();
         faults.extend(self.select.as_ref().unwrap_or(select).faults());

@@ -1,8 +1,7 @@
-//! Fits rows that are in memory: the front door of the library.
+//! Fits rows that are in memory: the main interface of the library.
 //!
-//! In: inputs and responses as slices, nalgebra matrices or named columns; what the surfaces shall be, one method each. Out: the same
-//! [`Outcome`] as from files, because the same code fits: a specification in TOML and CSV files are another way to these types. Never
-//! reads or writes a file.
+//! In: inputs and responses as slices, nalgebra matrices or named columns; settings, one method for each. Out: the same [`Outcome`] as from files,
+//! because the same code makes the fit. Reads and writes no file.
 //!
 //! ```
 //! use rsm_fit::{Fit, Input, Response};
@@ -36,10 +35,10 @@ use crate::spec::{IN_MEMORY, InputSpec, Specification, Split, Together, Validati
 use crate::table::magnitude_fault;
 use columns::RowWeights;
 
-/// The column of the groups, as the specification calls it.
+/// The name of the column of groups in the specification.
 const GROUPS: &str = "groups";
 
-/// A fit of rows in memory. Nothing is judged before [`Fit::fit`], which tells all faults at once.
+/// A fit of rows in memory. Nothing is checked before [`Fit::fit`], which reports all faults together.
 ///
 /// ```
 /// use rsm_fit::Fit;
@@ -74,7 +73,7 @@ enum Apart {
 }
 
 impl Fit {
-    /// A fit of responses to inputs, a row an observation. See [`Inputs`] for what holds the numbers.
+    /// A fit of responses to inputs, with one row for each observation. See [`Inputs`] for the possible types.
     ///
     /// ```
     /// use nalgebra::{DMatrix, DVector};
@@ -100,35 +99,35 @@ impl Fit {
         }
     }
 
-    /// The name of the model, the prefix of emitted names; `model` where nothing is said.
+    /// The name of the model and the prefix of emitted names; `model` by default.
     #[must_use]
     pub fn name(mut self, name: impl Into<String>) -> Self {
         self.name = name.into();
         self
     }
 
-    /// How the terms are chosen, for every response that has no [`Response::select`] of its own. The three methods below are short for it.
+    /// How the terms are chosen, for every response without its own [`Response::select`]. The three methods below are shortcuts.
     #[must_use]
     pub fn select(mut self, select: Select) -> Self {
         self.select = select;
         self
     }
 
-    /// All terms up to this order; with [`Fit::ladder`], the highest order of a candidate. 2 where nothing is said.
+    /// All terms up to this order; with [`Fit::ladder`], the highest order of a candidate. The default is 2.
     #[must_use]
     pub fn order(mut self, order: u32) -> Self {
         self.select.order = Some(order);
         self
     }
 
-    /// A ladder chooses the terms: they grow in number until the confidence C, in percent, is reached.
+    /// A ladder chooses the terms: it adds terms until the confidence C, in percent, is reached.
     #[must_use]
     pub fn ladder(mut self, confidence: f64) -> Self {
         self.select.confidence = Some(confidence);
         self
     }
 
-    /// These terms and no others: of each term a power for every input, then one for every knot.
+    /// Exactly these terms. Each has a power for every input, then one for every knot.
     ///
     /// ```
     /// use rsm_fit::Fit;
@@ -144,21 +143,22 @@ impl Fit {
         self
     }
 
-    /// Rows by which a ladder chooses; where terms are given they are unseen. The same columns as those to fit, in the same order.
+    /// Validation rows: a ladder chooses terms with them; if terms are given, they are not used for the fit. The same columns as those to fit, in the
+    /// same order.
     #[must_use]
     pub fn validate(mut self, inputs: impl Into<Inputs>, responses: impl Into<Responses>) -> Self {
         self.validation = Apart::Rows(inputs.into(), responses.into());
         self
     }
 
-    /// Sets a share of the rows aside, between 0 and 1, for the ladder to choose by. One seed gives one split, on every machine.
+    /// Sets a share of the rows, between 0 and 1, aside as validation rows. A seed gives the same split on every machine.
     #[must_use]
     pub fn validate_share(mut self, share: f64, seed: u64) -> Self {
         self.validation = Apart::Share(share, seed);
         self
     }
 
-    /// Rows that judge at the very end and choose nothing. The same columns as those to fit, in the same order.
+    /// Test rows, used only for the final errors. The same columns as those to fit, in the same order.
     ///
     /// ```
     /// use rsm_fit::Fit;
@@ -176,7 +176,7 @@ impl Fit {
         self
     }
 
-    /// Sets a share of the rows aside, between 0 and 1, that judge at the very end. It leaves before that of [`Fit::validate_share`].
+    /// Sets a share of the rows, between 0 and 1, aside as test rows, before that of [`Fit::validate_share`].
     #[must_use]
     pub fn test_share(mut self, share: f64, seed: u64) -> Self {
         self.test = Apart::Share(share, seed);
@@ -190,14 +190,14 @@ impl Fit {
         self
     }
 
-    /// Rows that agree in all inputs but for the sign of these stay together, too: a map whose halves were made from each other.
+    /// Rows whose inputs differ only in the sign of these inputs also stay together, for a map with mirrored halves.
     #[must_use]
     pub fn mirror<T: Into<String>>(mut self, inputs: impl IntoIterator<Item = T>) -> Self {
         self.mirror = inputs.into_iter().map(Into::into).collect();
         self
     }
 
-    /// The place of each row in the order in which the runs were made: a drift of the residual is then looked for.
+    /// The place of each row in run order. The residual is then tested for drift.
     #[must_use]
     pub fn run_order(mut self, order: impl AsRef<[f64]>) -> Self {
         self.run_order = Some(order.as_ref().to_vec());
@@ -207,8 +207,8 @@ impl Fit {
     /// Fits.
     ///
     /// # Errors
-    /// Every fault of what was asked for and of the rows; then those that only both together show, such as fewer rows than terms. A
-    /// numerical outcome (a confidence that is not reached) is no error: [`Outcome::responses`] has a verdict each.
+    /// Every fault of the settings and of the rows; if there are none, those that need both, such as fewer rows than terms. A numerical outcome (a
+    /// confidence that is not reached) is no error: each of [`Outcome::responses`] has a verdict.
     ///
     /// ```
     /// use rsm_fit::Fit;
@@ -223,7 +223,7 @@ impl Fit {
         self.fit_with(&mut |_| {})
     }
 
-    /// Fits, and tells how far it is.
+    /// Fits, and reports progress.
     ///
     /// # Errors
     /// As [`Fit::fit`].
@@ -273,7 +273,7 @@ impl Fit {
             faults.push(fault.help(format!("the inputs are {}", known.join(", "))));
         }
         if !is_whole || self.inputs.ragged.is_some() || self.responses.ragged.is_some() {
-            // The rules would complain of parts that were refused already.
+            // Parts with faults would cause further faults in the rules.
             return None;
         }
         let together =
@@ -304,7 +304,7 @@ impl Fit {
                 let mut records =
                     self.records(&format!("{key} rows: "), (inputs, responses), &format!("{key} rows in memory"), faults);
                 records.weights = vec![Vec::new(); self.responses.columns.len()];
-                // Rows of their own are in no group with those to fit.
+                // Separate rows are in no group with those to fit.
                 records.labels = self.groups.iter().map(|_| (0..records.rows()).map(|row| row.to_string()).collect()).collect();
                 Some(records)
             }
@@ -314,7 +314,7 @@ impl Fit {
         Data { fit, validate, test, units: Units::default() }
     }
 
-    /// Columns as records, with a fault for each number that cannot be fitted. `who`: which rows, in messages.
+    /// Converts columns to records, with a fault for each number that cannot be fitted. `who`: the name of the rows in messages.
     fn records(&self, who: &str, (inputs, responses): (&Inputs, &Responses), name: &str, faults: &mut Collector) -> Records {
         let mut columns = Vec::new();
         for (k, known) in self.input_names().into_iter().enumerate() {
@@ -363,7 +363,7 @@ impl Fit {
     }
 }
 
-/// How messages call rows that are kept apart.
+/// The name of validation rows in messages.
 const VALIDATE: &str = "validation";
 const TEST: &str = "test";
 
@@ -379,7 +379,7 @@ impl Apart {
     }
 }
 
-/// The given names; where there is none, a letter, with a number from 1 where asked.
+/// The given names; a column without one gets a letter, with a number from 1 if `numbered`.
 fn names<'a>(given: impl Iterator<Item = &'a Option<String>>, letter: &str, numbered: bool) -> Vec<String> {
     let own = |k: usize| if numbered { format!("{letter}{}", k + 1) } else { letter.to_string() };
     given.enumerate().map(|(k, name)| name.clone().unwrap_or_else(|| own(k))).collect()

@@ -1,14 +1,14 @@
-//! Rows of numbers in memory, in the shapes in which programs hold them.
+//! Rows of numbers in memory, in the types that programs use.
 //!
-//! In: slices, arrays, vectors, nalgebra matrices, or columns with names. Out: [`Inputs`] and [`Responses`]: named columns. Always one row
-//! an observation, as in a CSV: `&[[f64; 2]]` holds points of two inputs. Never judges a number.
+//! In: slices, arrays, vectors, nalgebra matrices, or columns with names. Out: [`Inputs`] and [`Responses`]: named columns. Each row is one
+//! observation, as in a CSV: `&[[f64; 2]]` holds points of two inputs. Numbers are not checked here.
 
 use nalgebra::{Dim, Matrix, RawStorage};
 
 use super::{Input, Response};
 use crate::plan::{Plan, PlanFactor};
 
-/// The columns of the inputs. Made by `into()` from what holds the numbers:
+/// The columns of the inputs. Created by `into()` from:
 ///
 /// | holds | one row is |
 /// |---|---|
@@ -19,22 +19,22 @@ use crate::plan::{Plan, PlanFactor};
 /// | `&`[`Plan`] | a run |
 /// | [`Input`], `[Input; N]`, `Vec<Input>` | as the columns say |
 ///
-/// Columns without a name are called `x1`, `x2`, ...
+/// Columns without a name are named `x1`, `x2`, ...
 #[derive(Debug, Clone)]
 pub struct Inputs {
     pub(super) columns: Vec<Input>,
     pub(super) ragged: Option<Ragged>,
 }
 
-/// The columns of the responses. Made from the same shapes as [`Inputs`], with [`Response`] for `Input`. Columns without a name are
-/// called `y`, or `y1`, `y2`, ... where there are several.
+/// The columns of the responses. Created from the same types as [`Inputs`], with [`Response`] in place of `Input`. Columns without a name are named
+/// `y`, or `y1`, `y2`, ... if there are several.
 #[derive(Debug, Clone)]
 pub struct Responses {
     pub(super) columns: Vec<Response>,
     pub(super) ragged: Option<Ragged>,
 }
 
-/// A row with another number of values than the first.
+/// A row whose number of values differs from that of the first row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ragged {
     /// Its number, from 1.
@@ -43,7 +43,7 @@ pub(super) struct Ragged {
     pub expected: usize,
 }
 
-/// Columns of rows that all have a length known to the compiler.
+/// The columns of rows with a length known to the compiler.
 fn of_points<const N: usize>(points: &[[f64; N]]) -> Vec<Vec<f64>> {
     (0..N).map(|k| points.iter().map(|point| point[k]).collect()).collect()
 }
@@ -144,7 +144,7 @@ macro_rules! columns {
     };
 }
 
-/// The settings of a plan: names and units are those of its factors.
+/// The settings of a plan, with the names and units of its factors.
 ///
 /// ```
 /// use rsm_fit::Fit;

@@ -1,10 +1,10 @@
-//! How the terms of a surface are chosen, said in one place.
+//! How the terms of a surface are chosen.
 //!
-//! In: a way and its numbers. Out: a [`Select`], for a fit or for one response. Never judges the numbers before the fit is asked for.
+//! In: a method and its numbers. Out: a [`Select`], for a fit or for one response. The numbers are checked when the fit starts.
 
 use crate::spec::{Direction, Method, Search, SearchBy};
 
-/// The order of a surface of which nobody said one: that of a quadratic response surface.
+/// The default order: that of a quadratic response surface.
 const DEFAULT_ORDER: u32 = 2;
 
 /// How terms are chosen.
@@ -34,43 +34,43 @@ impl Select {
         Select { order: Some(order), ..Select::default() }
     }
 
-    /// These terms and no others: of each term a power for every input, then one for every knot.
+    /// Exactly these terms. Each has a power for every input, then one for every knot.
     #[must_use]
     pub fn terms<T: Into<Vec<u32>>>(terms: impl IntoIterator<Item = T>) -> Self {
         Select { terms: Some(terms.into_iter().map(Into::into).collect()), ..Select::default() }
     }
 
-    /// A ladder: terms up to this order grow in number until the confidence C, in percent, is reached.
+    /// A ladder: terms up to this order are added until the confidence C, in percent, is reached.
     #[must_use]
     pub fn ladder(max_order: u32, confidence: f64) -> Self {
         Select { order: Some(max_order), confidence: Some(confidence), ..Select::default() }
     }
 
-    /// Steps in both directions among all terms up to this order; rows left out in turn say how many.
+    /// Stepwise selection in both directions among all terms up to this order. Cross-validation chooses the number of terms.
     #[must_use]
     pub fn stepwise(max_order: u32) -> Self {
         Select::search(Search::new(SearchBy::Stepwise(Direction::Both), max_order))
     }
 
-    /// The best subset of each size among all terms up to this order, at most 40; rows left out in turn say how many.
+    /// The best subset of each size among all terms up to this order, at most 40. Cross-validation chooses the size.
     #[must_use]
     pub fn best_subset(max_order: u32) -> Self {
         Select::search(Search::new(SearchBy::BestSubset, max_order))
     }
 
-    /// The LASSO among all terms up to this order; rows left out in turn say which penalty, and how far coefficients are drawn towards 0.
+    /// The LASSO with all terms up to this order. Cross-validation chooses the penalty and the shrinkage of the coefficients.
     #[must_use]
     pub fn lasso(max_order: u32) -> Self {
         Select::search(Search::new(SearchBy::Lasso, max_order))
     }
 
-    /// A search with another criterion, with heredity, or with the rule of one standard error.
+    /// A search with other settings: another criterion, heredity, or the one-standard-error rule.
     #[must_use]
     pub fn search(search: Search) -> Self {
         Select { search: Some(search), ..Select::default() }
     }
 
-    /// `None`: terms were given, and something that chooses them too.
+    /// `None` if both terms and a method to choose them were given.
     pub(super) fn method(&self) -> Option<Method> {
         match (&self.terms, self.order, self.confidence, self.search) {
             (None, None, None, Some(search)) => Some(Method::Search(search)),
@@ -84,7 +84,7 @@ impl Select {
         }
     }
 
-    /// What a file could not even say.
+    /// Faults that a specification file cannot have.
     pub(super) fn faults(&self) -> Vec<String> {
         let mut faults = Vec::new();
         let highest = rsm_core::model_file::HIGHEST_POWER;

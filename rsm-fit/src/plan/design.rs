@@ -1,31 +1,31 @@
-//! Factors, designs and conditions: what a plan is made of.
+//! Factors, designs and conditions: the parts of a plan.
 
 use super::fraction::Fraction;
 
-/// More runs than any bench makes; a plan of a million points by a slip of the keys is refused.
+/// The largest number of runs. Larger plans, usually a typing error, are rejected.
 pub const MOST_RUNS: usize = 100_000;
 
 /// A factor of the experiment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Factor {
-    /// Its name, the name of its column.
+    /// Its name and the name of its column.
     pub name: String,
     /// Its unit.
     pub unit: String,
-    /// The values at which it is set, in the order of the file; of designs with a range none.
+    /// Its levels, in the order of the file; empty for designs with a range.
     pub levels: Vec<f64>,
-    /// Where the coded -1 and 1 lie: the range, or the least and the greatest level.
+    /// The values of coded -1 and 1: the range, or the smallest and the largest level.
     pub range: [f64; 2],
 }
 
-/// What an optimal design is best at.
+/// The criterion of an optimal design.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Criterion {
-    /// The determinant of X'X: the volume of the confidence region of all coefficients is least.
+    /// D-optimal: the largest determinant of X'X, so the smallest volume of the confidence region of all coefficients.
     D,
-    /// The mean variance of a prediction over the region.
+    /// I-optimal: the smallest mean variance of a prediction over the region.
     I,
-    /// The mean variance of a coefficient.
+    /// A-optimal: the smallest mean variance of a coefficient.
     A,
 }
 
@@ -41,63 +41,63 @@ impl Criterion {
     }
 }
 
-/// Which points.
+/// The design.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Design {
     /// Every combination of levels: of all factors, or within each block.
     FullFactorial {
-        /// The levels of each factor, block by block; one block where the file has none.
+        /// The levels of each factor, block by block; one block if the file has none.
         blocks: Vec<Vec<Vec<f64>>>,
     },
-    /// Cube, axial points, centre.
+    /// Corners, axial points and centre.
     CentralComposite {
         /// The coded distance of the axial points.
         alpha: f64,
     },
-    /// Middles of edges, centre.
+    /// Middles of edges and centre.
     BoxBehnken,
     /// One run in each slice of each factor.
     LatinHypercube {
-        /// How many.
+        /// The number of runs.
         runs: usize,
     },
-    /// A Latin hypercube of slice middles whose least distance between two runs is as large as a search makes it.
+    /// A Latin hypercube of slice middles, with the smallest distance between two runs maximised by a search.
     MaximinHypercube {
-        /// How many.
+        /// The number of runs.
         runs: usize,
     },
     /// Points of Sobol's sequence, shifted by random bits.
     Sobol {
-        /// How many.
+        /// The number of runs.
         runs: usize,
     },
-    /// Independent points, equally likely everywhere.
+    /// Independent points, uniformly distributed.
     Random {
-        /// How many.
+        /// The number of runs.
         runs: usize,
     },
     /// A fraction of the corners.
     FractionalFactorial(Fraction),
-    /// Three levels; main effects are clear of all effects of second order.
+    /// Three levels; main effects are not aliased with any second-order effect.
     DefinitiveScreening,
-    /// The runs that tell given terms apart best.
+    /// The best runs to estimate given terms.
     Optimal(Optimum),
 }
 
-/// What an optimal design is to be. Points are in the units of the factors.
+/// The requirements on an optimal design. Points are in the units of the factors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Optimum {
     /// What it is best at.
     pub criterion: Criterion,
-    /// How many runs, `mandatory` among them.
+    /// The number of runs, including `mandatory`.
     pub runs: usize,
-    /// How many runs each block has; empty: there are no blocks.
+    /// The number of runs in each block; empty without blocks.
     pub block_sizes: Vec<usize>,
-    /// Points that are run whatever the criterion says.
+    /// Points that must be in the design.
     pub mandatory: Vec<Vec<f64>>,
-    /// The only points that may be run; none where any within the ranges and `where` may.
+    /// The only allowed points; `None` if all points within the ranges and `where` are allowed.
     pub candidates: Option<Vec<Vec<f64>>>,
-    /// Searches from a new start; none where their number is left to the search.
+    /// The number of searches from a new start; `None` for the default.
     pub restarts: Option<usize>,
 }
 
@@ -118,12 +118,12 @@ impl Design {
         }
     }
 
-    /// Whether it is made for terms of first order.
+    /// Whether it is a design for first-order terms.
     pub(super) fn is_of_first_order(&self) -> bool {
         matches!(self, Design::FullFactorial { .. } | Design::FractionalFactorial(_) | Design::DefinitiveScreening)
     }
 
-    /// How many different points were asked for; `None` where the design itself says how many there are, of which `where` keeps some.
+    /// The number of different points requested; `None` if the design defines its points, of which `where` keeps some.
     #[must_use]
     pub fn runs(&self) -> Option<usize> {
         match self {
@@ -144,11 +144,11 @@ impl Design {
 /// A half-space in the units of the factors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Condition {
-    /// A weight a factor.
+    /// One weight for each factor.
     pub weights: Vec<f64>,
-    /// The weighted sum is at most this,
+    /// The upper bound of the weighted sum,
     pub at_most: Option<f64>,
-    /// and at least this.
+    /// and the lower bound.
     pub at_least: Option<f64>,
 }
 

@@ -1,6 +1,6 @@
 //! Designs from values in memory: factors, a design, and a plan of runs.
 //!
-//! In: [`Factor`]s and choices, one method each. Out: the same [`Plan`] as from a specification in TOML, because the same code makes it.
+//! In: [`Factor`]s and settings, one method for each. Out: the same [`Plan`] as from a specification in TOML, because the same code makes it.
 //! Never reads or writes a file.
 
 use rsm_core::source::{Collector, Fault, Faults};
@@ -14,10 +14,10 @@ use crate::design::{count_of_terms, monomials_up_to};
 use crate::spec::MOST_TERMS;
 use crate::units;
 
-/// Where the axial points of a central composite design lie.
+/// The axial points of a central composite design.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Alpha {
-    /// Where the variance of a prediction depends on the distance from the centre alone: the fourth root of 2^factors.
+    /// Rotatable: the variance of a prediction depends only on the distance from the centre; alpha is the fourth root of 2^factors.
     Rotatable,
     /// On the faces of the cube, at the ends of the range.
     FaceCentred,
@@ -25,7 +25,7 @@ pub enum Alpha {
     At(f64),
 }
 
-/// What to run, from values in memory. Nothing is judged before [`Experiment::plan`], which tells all faults at once.
+/// An experiment from values in memory. Nothing is checked before [`Experiment::plan`], which reports all faults together.
 ///
 /// ```
 /// use rsm_fit::plan::{Alpha, Experiment, Factor};
@@ -48,7 +48,7 @@ pub struct Experiment {
     order: u32,
 }
 
-/// Which design.
+/// The requested design.
 #[derive(Debug, Clone)]
 enum Wanted {
     FullFactorial(Vec<Vec<(String, Vec<f64>)>>),
@@ -71,7 +71,7 @@ struct Sum {
 }
 
 impl Factor {
-    /// A factor that is set anywhere within a range, for every design but the full factorial: coded -1 and 1 lie at its ends.
+    /// A factor with a continuous range, for every design except the full factorial. Coded -1 and 1 are at its ends.
     #[must_use]
     pub fn within(name: impl Into<String>, unit: impl Into<String>, range: [f64; 2]) -> Self {
         Factor { name: name.into(), unit: unit.into(), levels: Vec::new(), range }
@@ -80,7 +80,7 @@ impl Factor {
     /// A factor that is set at these levels, for the full factorial.
     #[must_use]
     pub fn at(name: impl Into<String>, unit: impl Into<String>, levels: impl Into<Vec<f64>>) -> Self {
-        // + 0.0: one of the two zeros.
+        // + 0.0 makes both zeros equal.
         let levels: Vec<f64> = levels.into().into_iter().map(|level| level + 0.0).collect();
         let least = levels.iter().copied().fold(f64::INFINITY, f64::min);
         let greatest = levels.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -129,7 +129,7 @@ impl Experiment {
         Experiment::new(factors, Wanted::BoxBehnken)
     }
 
-    /// So many runs, one in each slice of each factor (McKay, Beckman, Conover 1979).
+    /// This many runs, one in each slice of each factor (McKay, Beckman, Conover 1979).
     ///
     /// ```
     /// use rsm_fit::plan::{Experiment, Factor};
@@ -144,19 +144,19 @@ impl Experiment {
         Experiment::new(factors, Wanted::LatinHypercube(runs))
     }
 
-    /// So many independent runs, equally likely everywhere.
+    /// This many independent, uniformly distributed runs.
     #[must_use]
     pub fn random(factors: impl IntoIterator<Item = Factor>, runs: usize) -> Self {
         Experiment::new(factors, Wanted::Random(runs))
     }
 
-    /// So many points of Sobol's sequence, shifted by random bits: they fill the region evenly.
+    /// This many points of Sobol's sequence, shifted by random bits: they fill the region evenly.
     #[must_use]
     pub fn sobol(factors: impl IntoIterator<Item = Factor>, runs: usize) -> Self {
         Experiment::new(factors, Wanted::Sobol(runs))
     }
 
-    /// A Latin hypercube whose least distance between two runs is as large as a search makes it (Morris, Mitchell 1995).
+    /// A Latin hypercube with the smallest distance between two runs maximised by a search (Morris, Mitchell 1995).
     #[must_use]
     pub fn maximin_hypercube(factors: impl IntoIterator<Item = Factor>, runs: usize) -> Self {
         Experiment::new(factors, Wanted::MaximinHypercube(runs))
@@ -168,7 +168,7 @@ impl Experiment {
         Experiment::new(factors, Wanted::DefinitiveScreening)
     }
 
-    /// The runs that tell the terms of a model apart best: those of second order, or of [`Experiment::order`].
+    /// The best runs to estimate the terms of a model: those of second order, or of [`Experiment::order`].
     ///
     /// ```
     /// use rsm_fit::plan::{Criterion, Experiment, Factor};
@@ -183,28 +183,28 @@ impl Experiment {
         Experiment::new(factors, Wanted::Optimal(runs, criterion))
     }
 
-    /// All terms up to an order are the model that an optimal design is for; 2 where nothing is said.
+    /// The model of an optimal design has all terms up to this order; 2 by default.
     #[must_use]
     pub fn order(mut self, order: u32) -> Self {
         self.order = order;
         self
     }
 
-    /// The seed of the run order and of random points; 1 where nothing is said. One seed gives one plan, on every machine.
+    /// The seed of the run order and of random points; 1 by default. A seed gives the same plan on every machine.
     #[must_use]
     pub fn seed(mut self, seed: u64) -> Self {
         self.seed = seed;
         self
     }
 
-    /// Every point is run so many times.
+    /// The number of runs of every point.
     #[must_use]
     pub fn replicates(mut self, count: usize) -> Self {
         self.replicates = count;
         self
     }
 
-    /// The centre of all factors is run so many times, spread over the run order.
+    /// The number of runs of the centre point, spread over the run order.
     #[must_use]
     pub fn centre_points(mut self, count: usize) -> Self {
         self.centre_points = count;
@@ -240,7 +240,7 @@ impl Experiment {
     /// Makes the runs.
     ///
     /// # Errors
-    /// Every fault of what was asked for; then those of [`Plan::make`].
+    /// Every fault of the settings; if there are none, those of [`Plan::make`].
     ///
     /// ```
     /// use rsm_fit::plan::{Experiment, Factor};

@@ -1,16 +1,17 @@
 //! Fractional factorials of two levels: generators, the defining relation, aliases.
 //!
-//! In: how many factors, and generators or a number of runs. Out: points of -1 and 1, and which effects cannot be told apart. An effect is the set of its factors, a bit
-//! each; the product of two effects is their symmetric difference, because the square of a column is one (Box, Hunter 1961). Never knows a name.
+//! In: the number of factors, and generators or a number of runs. Out: points of -1 and 1, and the aliased effects. An effect is the set of its
+//! factors, one bit for each. The product of two effects is their symmetric difference, because the square of a column is one (Box, Hunter 1961).
+//! Names are not used here.
 
 use std::cmp::Reverse;
 
 use super::points::{Points, full_factorial};
 
-/// A set of factors, a bit each, and whether its product is -1.
+/// A set of factors as bits, and whether its product is -1.
 pub type Effect = (u32, bool);
 
-/// Sets of generators that are tried for the least aberration; beyond it they are chosen one after the other.
+/// The largest number of generator sets tried for minimum aberration; with more, generators are chosen one at a time.
 const MOST_SETS: u64 = 300_000;
 
 /// A fraction of the two-level factorial.
@@ -18,13 +19,13 @@ const MOST_SETS: u64 = 300_000;
 pub struct Fraction {
     /// How many factors there are.
     pub factors: usize,
-    /// Each generated factor, with the effect of other factors that it is equal to.
+    /// Each generated factor, with the effect of other factors that it equals.
     pub generators: Vec<(usize, Effect)>,
 }
 
 impl Fraction {
-    /// The fraction of 2^`base` runs with the least aberration: the shortest words of the defining relation as long as can be, and as few of them as can be (Fries,
-    /// Hunter 1980). The first `base` factors are its own, the others are generated. None where there are no such generators.
+    /// The fraction of 2^`base` runs with minimum aberration: the shortest words of the defining relation are as long as possible, and as few as
+    /// possible (Fries, Hunter 1980). The first `base` factors are independent, the others are generated. `None` if there are no such generators.
     pub(super) fn least_aberration(factors: usize, base: usize) -> Option<Fraction> {
         let wanted = factors.checked_sub(base)?;
         let effects: Vec<u32> = (1u32..1 << base).rev().filter(|set| set.count_ones() >= 2).collect();
@@ -62,7 +63,7 @@ impl Fraction {
         Some(of(&chosen))
     }
 
-    /// The effects that are constant over the runs, the empty one left out.
+    /// The words of the defining relation: the effects that are constant over the runs, without the empty one.
     #[must_use]
     pub fn words(&self) -> Vec<Effect> {
         let mut words: Vec<Effect> = vec![(0, false)];
@@ -75,13 +76,13 @@ impl Fraction {
         words
     }
 
-    /// The length of the shortest word; none of the whole factorial.
+    /// The resolution: the length of the shortest word; `None` for the full factorial.
     #[must_use]
     pub fn resolution(&self) -> Option<u32> {
         self.words().iter().map(|(set, _)| set.count_ones()).min()
     }
 
-    /// How many words there are of each length.
+    /// The number of words of each length.
     fn pattern(&self) -> Vec<usize> {
         let mut pattern = vec![0; self.factors + 1];
         for (set, _) in self.words() {
@@ -90,7 +91,7 @@ impl Fraction {
         pattern
     }
 
-    /// The effects of one and of two factors that cannot be told apart: each class with its members, main effects first, the sign beside each against the first. Classes of
+    /// Classes of aliased main effects and two-factor interactions, main effects first. Each member has its sign relative to the first. Classes with
     /// one member are left out.
     #[must_use]
     pub fn aliases(&self) -> Vec<Vec<Effect>> {
@@ -113,7 +114,7 @@ impl Fraction {
         classes
     }
 
-    /// The points, the factors of the fraction's own in standard order.
+    /// The points, with the independent factors in standard order.
     pub(super) fn points(&self) -> Points {
         let generated = |k: &usize| self.generators.iter().any(|(factor, _)| factor == k);
         let own: Vec<usize> = (0..self.factors).filter(|k| !generated(k)).collect();

@@ -1,28 +1,27 @@
-//! What `where` leaves of a design whose points are given: a factorial, a central composite, a Box-Behnken design.
+//! The effect of `where` on a design with fixed points: a factorial, a central composite or a Box-Behnken design.
 //!
-//! In: the points of the whole design and those that fulfil `where`. Out: how many points were removed, and what the
-//! design lost with them. The properties of such a design belong to the whole set of its points: without some of them
-//! factors are correlated, and the variance is not that of the textbook. Never makes a point.
+//! In: the points of the whole design and those that fulfil `where`. Out: the number of removed points, and the lost properties. The properties of
+//! such a design belong to the whole set of its points. Without some of them factors are correlated, and the variance of a prediction changes.
 
 use nalgebra::DMatrix;
 
 use super::Design;
 
-/// What is left of a design.
+/// The remaining part of a design.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Kept {
-    /// Different points of the whole design, without centre points.
+    /// The number of different points of the whole design, without centre points.
     pub of: usize,
-    /// Those that fulfil `where`.
+    /// The number of points that fulfil `where`.
     pub points: usize,
-    /// The largest correlation of the settings of two factors, in the whole design and in what is left of it; 0 where there is one factor.
+    /// The largest correlation between the settings of two factors, in the whole design and in the remaining one; 0 for a single factor.
     pub correlation: [f64; 2],
-    /// Whether the whole design was rotatable: any point less, and the variance of a prediction depends on the direction.
+    /// Whether the whole design was rotatable. With fewer points, the variance of a prediction depends on the direction.
     pub was_rotatable: bool,
 }
 
 impl Kept {
-    /// `all` and `kept`: points with a setting a factor. `lost`: the terms that the whole design tells apart and what is left does not.
+    /// `all` and `kept`: points with one setting for each factor. `lost`: the terms that only the whole design can estimate.
     pub(super) fn of(
         design: &Design,
         all: &[Vec<f64>],
@@ -47,17 +46,17 @@ impl Kept {
         (Kept { of: all.len(), points: kept.len(), correlation, was_rotatable }, lost)
     }
 
-    /// How many points fell away.
+    /// The number of removed points.
     #[must_use]
     pub fn left_out(&self) -> usize {
         self.of - self.points
     }
 
-    /// What it means, in a sentence.
+    /// A sentence for the user.
     #[must_use]
     pub fn words(&self, design: &str) -> String {
         let [whole, left] = self.correlation;
-        // A thousandth is beyond what rounding makes, and below what matters.
+        // A thousandth is above rounding and below what matters.
         let correlated = if left > whole + 1e-3 {
             format!("two factors are correlated by {left:.2} (by {whole:.2} in the whole design)")
         } else {
@@ -71,7 +70,7 @@ impl Kept {
     }
 }
 
-/// In units of the whole design's half ranges from its middle.
+/// Points relative to the middle, in half ranges of the whole design.
 fn scaled(points: &[Vec<f64>], all: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let ends = |k: usize| {
         let of = |pick: fn(f64, f64) -> f64, from: f64| all.iter().map(|point| point[k]).fold(from, pick);
@@ -84,7 +83,7 @@ fn scaled(points: &[Vec<f64>], all: &[Vec<f64>]) -> Vec<Vec<f64>> {
     points.iter().map(|point| point.iter().enumerate().map(coded).collect()).collect()
 }
 
-/// How many terms up to an order, 1 or 2, the points tell apart.
+/// The number of terms up to an order, 1 or 2, that the points can estimate.
 fn rank(points: &[Vec<f64>], order: usize) -> usize {
     let row = |point: &Vec<f64>| {
         let mut terms = vec![1.0];
@@ -97,11 +96,12 @@ fn rank(points: &[Vec<f64>], order: usize) -> usize {
     let rows: Vec<Vec<f64>> = points.iter().map(row).collect();
     let Some(first) = rows.first() else { return 0 };
     let matrix = DMatrix::from_row_iterator(rows.len(), first.len(), rows.iter().flatten().copied());
-    // Entries are of the size of 1: what is dependent leaves some 1e-15 times the root of their number, what is not at least some hundredths.
+    // The entries are of size 1. A dependent column leaves about 1e-15 times the square root of their number, an independent one at least some
+    // hundredths.
     matrix.rank(1e-9 * (rows.len() as f64).sqrt())
 }
 
-/// Of the settings of any two factors, its size.
+/// The largest magnitude of the correlation between any two factors.
 fn largest_correlation(points: &[Vec<f64>]) -> f64 {
     let Some(factors) = points.first().map(Vec::len) else { return 0.0 };
     let n = points.len() as f64;

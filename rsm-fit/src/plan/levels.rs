@@ -1,23 +1,23 @@
 //! Levels of a factor from `from`, `to` and a step or a count.
 //!
-//! In: the numbers of a specification. Out: levels that are the decimals a person would write (0.1, 0.2, 0.3), not sums of binary
-//! fractions, or what is wrong. Never reads TOML.
+//! In: the numbers of a specification. Out: levels as the decimals that a person would write (0.1, 0.2, 0.3), not sums of binary fractions; or a
+//! message about a fault.
 
-/// A finite number as its shortest decimal: digits and how many of them stand behind the point.
+/// A finite number as its shortest decimal: the digits, and the number of decimal places.
 struct Decimal {
     digits: i128,
     places: usize,
 }
 
-/// Behind the point: with more, a level would be an odd number anyway, and the integers below run out.
+/// The largest number of decimal places. With more, the integers below would overflow.
 const MOST_PLACES: usize = 15;
 
-/// Beyond this the digits of two levels times a count no longer fit.
+/// Above this, the digits of two levels times a count would overflow.
 const LARGEST: f64 = 1e15;
 
 impl Decimal {
     fn of(value: f64) -> Option<Self> {
-        // Without an exponent, and as short as reads back to the same bits.
+        // Without an exponent, and as short as possible for the same bits.
         let text = format!("{value}");
         let places = text.split_once('.').map_or(0, |(_, behind)| behind.len());
         let digits = text.replace('.', "").parse().ok()?;
@@ -33,7 +33,7 @@ impl Decimal {
     }
 }
 
-/// `from`, `from + step`, ... up to `to`, which must be hit.
+/// `from`, `from + step`, ... to `to`, which must be reached exactly.
 pub(super) fn stepped(from: f64, to: f64, step: f64, most: usize) -> Result<Vec<f64>, String> {
     if step == 0.0 {
         return Err("`step`: found 0, expected the distance between two levels".to_string());
@@ -58,10 +58,10 @@ pub(super) fn stepped(from: f64, to: f64, step: f64, most: usize) -> Result<Vec<
     levels.collect::<Option<Vec<f64>>>().ok_or_else(odd)
 }
 
-/// `count` levels from `from` to `to`, equally far apart, both ends included.
+/// `count` equidistant levels from `from` to `to`, both included.
 pub(super) fn counted(from: f64, to: f64, count: usize) -> Vec<f64> {
     let last = (count - 1) as f64;
-    // Weights in place of steps: both ends are exact, and 0 to 1 in ten gives 0.3, not 3 * 0.1.
+    // With weights instead of steps both ends are exact, and 0 to 1 in ten steps gives 0.3, not 3 * 0.1.
     (0..count).map(|k| (from * (last - k as f64) + to * k as f64) / last).collect()
 }
 

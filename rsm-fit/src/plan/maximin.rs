@@ -1,22 +1,23 @@
-//! Latin hypercubes with the largest least distance between two runs.
+//! Latin hypercubes that maximise the smallest distance between two runs.
 //!
-//! In: factors, runs, a stream of random numbers. Out: points in the middles of the slices. Two runs swap their slices of one factor; a swap stays where it makes the sum of
-//! the distances' inverse powers smaller, or, early in the search, a little larger (Morris, Mitchell 1995; thresholds in place of chances: Dueck, Scheuer 1990). Squares of
-//! distances are whole numbers, in slices, and no function of a library is used: the same design on every machine.
+//! In: factors, runs, a stream of random numbers. Out: points in the middles of the slices. Two runs exchange their slices of one factor. An exchange
+//! is kept if it reduces the sum of the inverse powers of the distances or, early in the search, increases it a little (Morris, Mitchell 1995;
+//! thresholds instead of probabilities: Dueck, Scheuer 1990). Squares of distances are integers, in slices, and no library function is used, so the
+//! design is the same on every machine.
 
 use super::points::Points;
 use crate::random::Random;
 
-/// Distances between two runs that are worked out, in all: about two seconds.
+/// The largest number of computed distances, in all: about two seconds.
 const WORK: usize = 60_000_000;
 
-/// Swaps of a search at most.
+/// The largest number of exchanges in a search.
 const SWAPS: usize = 300_000;
 
-/// Searches from a new start.
+/// The number of searches from a new start.
 const STARTS: usize = 8;
 
-/// At first, a swap may make the sum larger by this share.
+/// The share by which an exchange may increase the sum at first.
 const THRESHOLD: f64 = 2.0;
 
 pub(super) fn hypercube(factors: usize, runs: usize, random: &mut Random) -> Points {
@@ -44,7 +45,7 @@ fn search(factors: usize, runs: usize, swaps: usize, random: &mut Random) -> (Ve
     if runs < 3 || factors < 2 {
         return (slices, 0.0);
     }
-    // In units of the square that n points of equal distance would have: the powers stay near 1.
+    // In units of the squared distance of n equidistant points, so that the powers stay near 1.
     let unit = factors as f64 * (runs * (runs + 1)) as f64 / 6.0;
     let mut sum: f64 = (0..runs).map(|run| share(&slices, run, run, unit)).sum::<f64>() / 2.0;
     let (mut best, mut best_sum) = (slices.clone(), sum);
@@ -77,7 +78,7 @@ fn exchange(slices: &mut [Vec<u32>], one: usize, other: usize, factor: usize) {
     slices[other][factor] = kept;
 }
 
-/// The sum of d^-16 of a run to every run but itself and `but`.
+/// The sum of d^-16 between a run and all runs except itself and `but`.
 fn share(slices: &[Vec<u32>], run: usize, but: usize, unit: f64) -> f64 {
     let of = |other: &Vec<u32>| {
         let ratio = unit / square(&slices[run], other) as f64;

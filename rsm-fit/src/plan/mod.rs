@@ -1,12 +1,10 @@
-//! Plans: which settings to run, in which order.
+//! Plans: the runs of an experiment and their order.
 //!
-//! In: a [`DesignSpecification`], or a plan file. Out: a [`Plan`], a run a row, whose order is random where it comes from a
-//! specification; its CSV `run[1],factor[unit],...`. The same specification gives the same bytes on every machine. Never runs
-//! anything.
+//! In: a [`DesignSpecification`], or a plan file. Out: a [`Plan`] with one row for each run, in random order if it is made from a specification; its
+//! CSV `run[1],factor[unit],...`. The same specification gives the same bytes on every machine.
 //!
-//! The run order is random so that what drifts during the experiment does not look like an effect of a factor; centre points
-//! stand at equal distances in it, at its start and at its end, where they show such a drift (Montgomery, Design and Analysis
-//! of Experiments, 6.8).
+//! The run order is random, so that a drift during the experiment does not look like the effect of a factor. Centre points are equally spaced in it,
+//! including its start and its end, where they show such a drift (Montgomery, Design and Analysis of Experiments, 6.8).
 
 mod design;
 mod experiment;
@@ -42,10 +40,10 @@ use crate::units::Conversion;
 /// The column of the run order.
 const RUN: &str = "run";
 
-/// The column of the blocks, behind that of the run order.
+/// The column of the blocks, after that of the run order.
 const BLOCK: &str = "block";
 
-/// Draws a wanted point before `where` is held to leave nothing of the box.
+/// The number of draws for each requested point after which the region of `where` counts as empty.
 const MOST_DRAWS: usize = 1_000_000;
 
 /// The runs of an experiment, in the order in which they are made.
@@ -53,13 +51,13 @@ const MOST_DRAWS: usize = 1_000_000;
 pub struct Plan {
     /// The number of every run.
     pub runs: Vec<u32>,
-    /// The factors with a setting a run.
+    /// The factors, with one setting for each run.
     pub factors: Vec<PlanFactor>,
-    /// What `where` took from a design of given points; none where it took nothing.
+    /// The effect of `where` on a design with fixed points; `None` if no point was removed.
     pub kept: Option<Kept>,
     /// The block of every run, counted from 1; empty where there are no blocks. A column `block` of the file.
     pub blocks: Vec<u32>,
-    /// Where it was read; none where it was made.
+    /// Its file; `None` if it was made in memory.
     place: Option<Place>,
 }
 
@@ -70,7 +68,7 @@ pub struct PlanFactor {
     pub name: String,
     /// The unit of its settings.
     pub unit: String,
-    /// A setting a run.
+    /// One setting for each run.
     pub values: Vec<f64>,
 }
 
@@ -86,8 +84,8 @@ impl Plan {
     /// Makes the runs of a specification.
     ///
     /// # Errors
-    /// When `where` leaves no point, fewer than `runs`, or of a design of given points so few that they do not tell its terms apart: those of first order of a factorial,
-    /// of second order of the others.
+    /// If `where` leaves no point or fewer than `runs`; for a design with fixed points, if the rest cannot estimate its terms: those of first order
+    /// for a factorial, of second order for the others.
     pub fn make(specification: &DesignSpecification) -> Result<Plan, Faults> {
         if let Design::Optimal(wanted) = &specification.design {
             return optimum::plan(specification, wanted, &Existing::default());
@@ -145,8 +143,8 @@ impl Plan {
         faults.finish(Some(Plan { runs, factors, kept, blocks: Vec::new(), place: None }))
     }
 
-    /// Reads a plan from its CSV. Every column but `run` is a factor and has a unit; runs are numbered upward from 1, with gaps
-    /// where rows were taken out.
+    /// Reads a plan from its CSV. Every column except `run` is a factor with a unit. Runs have ascending numbers from 1, with gaps where rows were
+    /// removed.
     ///
     /// # Errors
     /// Every fault of the file.
@@ -187,7 +185,7 @@ impl Plan {
         faults.finish(Some(Plan { runs, factors, kept: None, blocks: blocks.unwrap_or_default(), place: Some(place) }))
     }
 
-    /// The factor of a name.
+    /// The factor with this name.
     #[must_use]
     pub fn factor(&self, name: &str) -> Option<&PlanFactor> {
         self.factors.iter().find(|factor| factor.name == name)
@@ -196,7 +194,7 @@ impl Plan {
     /// The settings of a factor in a unit.
     ///
     /// # Errors
-    /// A fault at the header: the plan has no such factor, or its unit measures something else.
+    /// A fault at the header: the plan has no such factor, or its unit is of another kind.
     pub fn settings(&self, name: &str, unit: &str) -> Result<Vec<f64>, Fault> {
         let Some(factor) = self.factor(name) else {
             let known: Vec<String> = self.factors.iter().map(|factor| format!("`{}`", factor.name)).collect();
@@ -208,7 +206,7 @@ impl Plan {
         Ok(factor.values.iter().map(|value| conversion.apply(*value)).collect())
     }
 
-    /// A fault at a row, counted from 0: a setting that cannot be run.
+    /// A fault at a row, counted from 0: a setting that is not possible.
     #[must_use]
     pub fn fault(&self, row: usize, what: impl Into<String>) -> Fault {
         match &self.place {
@@ -217,7 +215,7 @@ impl Plan {
         }
     }
 
-    /// A fault at the header: a factor that is missing, or one that cannot be set.
+    /// A fault at the header: a missing factor, or one that cannot be set.
     #[must_use]
     pub fn fault_of_header(&self, what: String) -> Fault {
         match &self.place {
@@ -226,7 +224,7 @@ impl Plan {
         }
     }
 
-    /// How many different settings there are.
+    /// The number of different settings.
     #[must_use]
     pub fn points(&self) -> usize {
         let setting = |row: usize| self.factors.iter().map(|factor| factor.values[row].to_bits()).collect::<Vec<u64>>();
@@ -259,7 +257,7 @@ impl Plan {
             }
             for factor in &self.factors {
                 text += ",";
-                // As short as reads back to the same bits.
+                // As short as possible for the same bits.
                 text += &factor.values[row].to_string();
             }
             text += "\n";
@@ -286,10 +284,10 @@ fn list(point: &[f64]) -> String {
     point.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }
 
-/// xi = mid + half x, (22) turned around; the ends of the range exactly.
+/// xi = mid + half x, the inverse of (22); exact at the ends of the range.
 fn physical(factor: &Factor, coded: f64) -> f64 {
     let [low, high] = factor.range;
-    // Weights that sum to 1: at -1 and 1 one of them is 0. + 0.0: one of the two zeros.
+    // The weights sum to 1, and at -1 and 1 one of them is 0. + 0.0 makes both zeros equal.
     low * ((1.0 - coded) / 2.0) + high * ((1.0 + coded) / 2.0) + 0.0
 }
 
@@ -314,7 +312,7 @@ fn all_points(specification: &DesignSpecification, design: &Design, random: &mut
     coded.into_iter().map(of_point).collect()
 }
 
-/// Draws points until so many fulfil the conditions; fewer where the conditions leave next to nothing of the box.
+/// Draws points until enough fulfil the conditions; fewer if the conditions leave almost nothing of the box.
 fn random_points(
     specification: &DesignSpecification,
     runs: usize,
@@ -326,7 +324,7 @@ fn random_points(
     (0..runs).map_while(|_| next()).collect()
 }
 
-/// The first points of Sobol's sequence that fulfil the conditions; fewer where the conditions leave next to nothing of the box.
+/// The first points of Sobol's sequence that fulfil the conditions; fewer if the conditions leave almost nothing of the box.
 fn sobol_points(
     specification: &DesignSpecification,
     runs: usize,
@@ -339,10 +337,9 @@ fn sobol_points(
     (0..MOST_DRAWS).map(|_| next()).filter(|point| holds(point)).take(runs).collect()
 }
 
-/// A Latin hypercube of which exactly `runs` points fulfil the conditions: one of more slices, as many as it takes. What is left out of a
-/// hypercube thins its slices, and each slice of the larger one still holds at most one run. The number of points that stay hardly ever hits `runs`
-/// at once: slices are added until there are enough, and the few points too many are left out at random. Fewer points where no number of slices
-/// leaves enough.
+/// A Latin hypercube of which exactly `runs` points fulfil the conditions, made from one with more slices. Removing points leaves at most one run in
+/// each slice of the larger hypercube. The number of remaining points is rarely exactly `runs`, so slices are added until there are enough, and the
+/// surplus points are removed at random. Fewer points if no number of slices leaves enough.
 fn hypercube_within(
     specification: &DesignSpecification,
     runs: usize,
@@ -359,7 +356,7 @@ fn hypercube_within(
             points.truncate(runs);
             return points;
         }
-        // The share that stays says how many slices it takes, and one more so that it ends.
+        // The remaining share gives the number of slices; one more ensures termination.
         let wanted = if points.is_empty() { 4 * slices } else { slices * runs / points.len() + 1 };
         if points.len() > best.len() {
             best = points;
@@ -372,23 +369,23 @@ fn hypercube_within(
     best
 }
 
-/// Hypercubes that are tried for a region, each with more slices than the one before.
+/// The largest number of hypercubes tried for a region, each with more slices than the one before.
 const MOST_HYPERCUBES: usize = 60;
 
-/// No hypercube has more slices: a region of a thousandth of the box still gets a hundred runs.
+/// The largest number of slices of a hypercube: a region of a thousandth of the box still gets a hundred runs.
 const MOST_SLICES: usize = MOST_RUNS;
 
-/// Puts `count` centre points among the others at equal distances, the first and the last run included; a single one in the middle.
+/// Inserts `count` centre points at equal distances, including the first and the last run; a single one is in the middle.
 fn spread(order: &mut Vec<Vec<f64>>, centre: &[f64], count: usize) {
     let all = order.len() + count;
     let place = |k: usize| if count == 1 { all / 2 } else { k * (all - 1) / (count - 1) };
-    // Ascending, so that what stands before a place is final when the place is filled.
+    // In ascending order, so that positions before the current one are final.
     for k in 0..count {
         order.insert(place(k), centre.to_vec());
     }
 }
 
-/// The column `block` right behind the number of the run, if it has no dimension and holds whole numbers; else it is a factor of that name.
+/// The column `block` directly after the run number, if it is dimensionless and has integers; otherwise it is a factor with that name.
 fn blocks_of(table: &Table) -> Option<Vec<u32>> {
     let place = table.columns.iter().position(|column| column.name == BLOCK)?;
     let column = &table.columns[place];
@@ -397,7 +394,7 @@ fn blocks_of(table: &Table) -> Option<Vec<u32>> {
     (stands && column.values.iter().all(is_whole)).then(|| column.values.iter().map(|value| *value as u32).collect())
 }
 
-/// Whole numbers from 1 upward, each once.
+/// Ascending integers from 1 without duplicates.
 fn run_numbers(table: &Table, faults: &mut Collector) -> Vec<u32> {
     let column = table.column(RUN).expect("a wanted column is in the table");
     let mut runs: Vec<u32> = Vec::new();

@@ -1,6 +1,7 @@
-//! The plan of an optimal design: from factors in their units to coded variables and back.
+//! The plan of an optimal design: conversion of factors to coded variables and back.
 //!
-//! In: a specification that asks for one, and runs that were made. Out: a [`Plan`] of exactly the wanted number of runs, or why there is none. Never searches by itself.
+//! In: a specification of an optimal design, and runs already made. Out: a [`Plan`] with exactly the requested number of runs, or a reason why there
+//! is none.
 
 use std::path::Path;
 
@@ -12,18 +13,19 @@ use super::read_optimal::read_points;
 use super::{DesignSpecification, Plan, columns, list, physical};
 use crate::random::Random;
 
-/// Work of a search at most, in exchanges of a run along a factor times the square of the number of terms: some ten seconds.
+/// The limit of work of a search, in exchanges of a run along a factor times the square of the number of terms: about ten seconds.
 const WORK: usize = 2_000_000_000;
 
-/// Searches from a new start, and draws of some runs without a gain before the next one. Five and thirty find the best-known design of each of 36 published problems of up
-/// to five factors that may be set anywhere. Among finitely many points the local optima are many, and new starts find more than draws.
+/// The number of searches from a new start, and of redraws without a gain before the next start. With five and thirty, the best-known design of each
+/// of 36 published problems with up to five continuous factors is found. With a finite set of points there are many local optima, and new starts find
+/// more than redraws.
 const ANYWHERE: (usize, usize) = (5, 30);
 const FINITE: (usize, usize) = (100, 10);
 
-/// Conditions are kept by this much of a half range, so that they hold in the units of the factors too, whatever is rounded on the way there.
+/// Conditions are tightened by this part of a half range, so that they also hold in the units of the factors after rounding.
 const MARGIN: f64 = 1e-9;
 
-/// Runs that were made already, in the units of the factors.
+/// Runs that were already made, in the units of the factors.
 ///
 /// ```no_run
 /// use rsm_core::source::Source;
@@ -36,26 +38,26 @@ const MARGIN: f64 = 1e-9;
 /// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Existing {
-    /// A setting a factor, run by run.
+    /// For each run, one setting for each factor.
     pub points: Vec<Vec<f64>>,
 }
 
 impl Existing {
-    /// Reads the columns of the factors of a table; others may stand in it.
+    /// Reads the columns of the factors from a table; the table may have others.
     ///
     /// # Errors
-    /// Every fault of the file: a factor that is not there, a unit that measures something else.
+    /// Every fault of the file: a missing factor, or a unit of another kind.
     pub fn read(path: &Path, specification: &DesignSpecification) -> Result<Existing, Faults> {
         Ok(Existing { points: read_points(path, &specification.factors)? })
     }
 }
 
 impl Plan {
-    /// The best runs to add to those that were made: an optimal design of which they are a part. The new runs alone are in the plan, numbered after the others. Where the
-    /// specification has blocks, the runs that were made are a block of their own.
+    /// The best runs to add to those already made: an optimal design that contains these. The plan has only the new runs, numbered after the others.
+    /// If the specification has blocks, the existing runs are a separate block.
     ///
     /// # Errors
-    /// When the specification asks for another design, and those of [`Plan::make`].
+    /// If the specification is for another design, and the errors of [`Plan::make`].
     pub fn augment(specification: &DesignSpecification, existing: &Existing) -> Result<Plan, Faults> {
         match &specification.design {
             Design::Optimal(wanted) => plan(specification, wanted, existing),
@@ -67,7 +69,7 @@ impl Plan {
     }
 }
 
-/// The coded setting; of a factor without a width 0.
+/// The coded setting; 0 for a factor without a range.
 pub(super) fn coded(factors: &[Factor], point: &[f64]) -> Vec<f64> {
     factors.iter().zip(point).map(|(factor, xi)| coded_setting(factor, *xi)).collect()
 }
@@ -130,7 +132,7 @@ pub(super) fn plan(specification: &DesignSpecification, wanted: &Optimum, existi
         let what = format!("`where`: the mandatory point {} ({}) does not fulfil it", k + 1, list(point));
         faults.push(specification.fault("where", what));
     }
-    // The block of each run, the blocks in turns, so that mandatory points spread over them.
+    // The blocks of the runs alternate, so that mandatory points spread over them.
     let mut blocks = Vec::new();
     let mut left = if wanted.block_sizes.is_empty() { vec![wanted.runs] } else { wanted.block_sizes.clone() };
     while blocks.len() < wanted.runs {
@@ -174,7 +176,7 @@ pub(super) fn plan(specification: &DesignSpecification, wanted: &Optimum, existi
         faults.push(specification.fault("runs", what).help("ask for more runs, or for fewer `terms`"));
     }
     faults.finish(Some(()))?;
-    // A sweep over all runs, of which a search takes about ten.
+    // The work of a sweep over all runs; a search needs about ten.
     let tries = space.candidates.as_ref().map_or(specification.factors.len(), Vec::len);
     let sweep = 10usize.saturating_mul(task.blocks.len()).saturating_mul(tries).saturating_mul(width * width).max(1);
     let searches = WORK / sweep;
@@ -203,7 +205,7 @@ pub(super) fn plan(specification: &DesignSpecification, wanted: &Optimum, existi
     let of_coded = |point: &Vec<f64>| -> Vec<f64> {
         let setting = |(factor, x): (&Factor, &f64)| match factor.levels.is_empty() {
             true => physical(factor, *x),
-            // The level as it was written, not what is left of it on the way to the code and back.
+            // The level as written, without the rounding of the coding.
             false => nearest(&factor.levels, physical(factor, *x)),
         };
         specification.factors.iter().zip(point).map(setting).collect()
@@ -215,7 +217,7 @@ pub(super) fn plan(specification: &DesignSpecification, wanted: &Optimum, existi
     };
     let points = wanted.mandatory.iter().cloned().chain(found.iter().map(given));
     let mut all: Vec<(usize, Vec<f64>)> = blocks.into_iter().zip(points).collect();
-    // At random within each block; blocks one after the other.
+    // In random order within each block; the blocks follow one another.
     random.shuffle(&mut all);
     all.sort_by_key(|(block, _)| *block);
     if all.len() != wanted.runs || all.iter().any(|(_, point)| !specification.allows(point)) {

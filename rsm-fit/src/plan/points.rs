@@ -1,7 +1,7 @@
 //! The points of the standard designs, in coded variables.
 //!
-//! In: the number of factors and what the design asks. Out: points with one coded number a factor, in standard order (the first
-//! factor changes fastest). Never knows units, levels or the order of runs.
+//! In: the number of factors and the parameters of the design. Out: points with one coded number for each factor, in standard order (the first factor
+//! changes fastest). Units, levels and run order are not used here.
 //!
 //! Sources: Box, Wilson 1951 (central composite); Box, Hunter 1957 (the rotatable axial distance F^(1/4) for F factorial
 //! points); Box, Behnken 1960 (designs of three levels, with their incomplete blocks); McKay, Beckman, Conover 1979 (Latin
@@ -9,7 +9,7 @@
 
 use crate::random::Random;
 
-/// Coded points: one number a factor.
+/// Coded points: one number for each factor.
 pub(super) type Points = Vec<Vec<f64>>;
 
 /// Every combination of the levels of each factor.
@@ -23,13 +23,13 @@ pub(super) fn full_factorial(levels: &[Vec<f64>]) -> Points {
     points
 }
 
-/// The axial distance that makes the variance of prediction depend on the distance from the centre alone.
+/// The axial distance for which the variance of a prediction depends only on the distance from the centre.
 pub(super) fn rotatable_alpha(factors: usize) -> f64 {
-    // The fourth root of 2^factors; square roots are rounded correctly on every machine, powers are not.
+    // The fourth root of 2^factors. Square roots are correctly rounded on every machine; powers are not.
     f64::from(1u32 << factors).sqrt().sqrt()
 }
 
-/// The corners of the cube and two axial points a factor.
+/// The corners of the cube, and two axial points for each factor.
 pub(super) fn central_composite(factors: usize, alpha: f64) -> Points {
     let mut points = full_factorial(&vec![vec![-1.0, 1.0]; factors]);
     for factor in 0..factors {
@@ -42,13 +42,13 @@ pub(super) fn central_composite(factors: usize, alpha: f64) -> Points {
     points
 }
 
-/// The groups of factors that change together; the others rest at their centre. None for a number without such a design here.
+/// The groups of factors that change together, while the others stay at their centre. `None` if no such design for this number is known here.
 pub(super) fn box_behnken_groups(factors: usize) -> Option<Vec<Vec<usize>>> {
     match factors {
         3..=5 => Some((0..factors).flat_map(|a| (a + 1..factors).map(move |b| vec![a, b])).collect()),
-        // Cyclic: every factor stands in three groups.
+        // Cyclic: every factor is in three groups.
         6 => Some((0..6).map(|k| vec![k, (k + 1) % 6, (k + 3) % 6]).collect()),
-        // The lines of the projective plane of order 2: every pair of factors stands in one group.
+        // The lines of the projective plane of order 2: every pair of factors is in one group.
         7 => Some((0..7).map(|k| vec![k, (k + 1) % 7, (k + 3) % 7]).collect()),
         _ => None,
     }
@@ -69,14 +69,14 @@ pub(super) fn box_behnken(factors: usize) -> Option<Points> {
     Some(points)
 }
 
-/// Pairs of runs that may be measured in the search for the best hypercube: about a second.
+/// The largest number of pairs whose distance is computed in the search for the best hypercube: about a second.
 const PAIRS: usize = 20_000_000;
 
-/// Candidates in that search; beyond some dozens the least distance hardly grows.
+/// The largest number of candidates in that search; more hardly increase the smallest distance.
 const CANDIDATES: usize = 100;
 
-/// Of several Latin hypercubes that with the largest least distance between two runs. Each of the `runs` equal slices of a factor
-/// holds one run, at a random place in the slice.
+/// Of several Latin hypercubes, the one with the largest smallest distance between two runs. Each of the `runs` equal slices of a factor has one run,
+/// at a random place in the slice.
 pub(super) fn latin_hypercube(factors: usize, runs: usize, random: &mut Random) -> Points {
     let tries = (PAIRS / (runs * runs).max(1)).clamp(1, CANDIDATES);
     let mut best = (f64::NEG_INFINITY, Vec::new());
@@ -100,7 +100,7 @@ fn hypercube(factors: usize, runs: usize, random: &mut Random) -> Points {
     (0..runs).map(|run| columns.iter().map(|column| column[run]).collect()).collect()
 }
 
-/// The square of the least distance between two points.
+/// The square of the smallest distance between two points.
 pub(super) fn least_distance(points: &Points) -> f64 {
     let mut least = f64::INFINITY;
     for (k, one) in points.iter().enumerate() {
@@ -111,7 +111,7 @@ pub(super) fn least_distance(points: &Points) -> f64 {
     least
 }
 
-/// A point that is equally likely everywhere in the cube.
+/// A uniformly distributed random point of the cube.
 pub(super) fn anywhere(factors: usize, random: &mut Random) -> Vec<f64> {
     (0..factors).map(|_| 2.0 * random.share() - 1.0).collect()
 }

@@ -1,7 +1,6 @@
 //! Reads the keys of a design specification.
 //!
-//! In: the text. Out: a [`Draft`] whose parts fit together, and a fault for everything else. The format stands at the head of
-//! [`super::spec`].
+//! In: the text. Out: a [`Draft`] whose parts fit together, and every fault. The format is described in [`super::spec`].
 
 use std::ops::Range;
 use std::path::Path;
@@ -20,7 +19,7 @@ use super::read_optimal::{Around, read_fraction, read_optimum, read_support, rea
 use super::rules::{MOST_FACTORS, check_names, check_size};
 use crate::units;
 
-/// What of the text has the right shape.
+/// The parts of the text with the right shape.
 pub(super) struct Draft {
     pub plan: String,
     pub seed: u64,
@@ -32,7 +31,7 @@ pub(super) struct Draft {
     pub conditions: Vec<Condition>,
 }
 
-/// The words of `design`.
+/// The values of `design`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     FullFactorial,
@@ -46,7 +45,7 @@ enum Kind {
     Optimal,
 }
 
-/// The words of `criterion`.
+/// The values of `criterion`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Best {
     Optimal(Criterion),
@@ -72,7 +71,7 @@ const KINDS: [(&str, Kind); 9] = [
     ("optimal", Kind::Optimal),
 ];
 
-/// `None` when there is a fault.
+/// `None` if there is a fault.
 pub(super) fn read(source: &Source, folder: &Path, faults: &mut Collector) -> Option<(Draft, Places)> {
     let document = toml_reader::parse(source, faults)?;
     let mut top = TableReader::document(source, &document);
@@ -106,7 +105,7 @@ pub(super) fn read(source: &Source, folder: &Path, faults: &mut Collector) -> Op
         faults.push(source.fault(places.place("factors"), "`factors`: found none, expected at least one"));
     }
     check_names(&factors, &|path, what| source.fault(places.place(path), what), faults);
-    // What names factors cannot be judged while some of them are not known.
+    // Names of factors cannot be checked if some factors have faults.
     let all_known = !places.has_broken_under("factors");
     let conditions = match conditions {
         Some(value) if all_known => {
@@ -135,7 +134,7 @@ pub(super) fn read(source: &Source, folder: &Path, faults: &mut Collector) -> Op
         _ => None,
     };
     for key in ["block_sizes", "mandatory", "candidates", "restarts", "generators"] {
-        // Known, so that of another design the fault says where they belong.
+        // A known key: for another design, the fault explains where it belongs.
         let _ = top.optional(key);
     }
     let belongs = |key: &str, to: &[Kind], faults: &mut Collector| {
@@ -250,7 +249,7 @@ fn read_name(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<String
     Some(plan)
 }
 
-/// `Some(None)`: absent; `None`: refused.
+/// `Some(None)` if absent; `None` if there is a fault.
 fn read_count(top: &mut TableReader<'_>, key: &'static str, least: i64, faults: &mut Collector) -> Option<Option<usize>> {
     let Some(value) = top.optional(key) else { return Some(None) };
     let count = top.whole(&format!("`{key}`"), value, least, MOST_RUNS as i64, faults)?;
@@ -320,7 +319,7 @@ fn read_factor(
     Some(Factor { name: name.to_string(), unit: unit?, levels, range })
 }
 
-/// A list of different numbers, or a table of `from`, `to` and one of `step`, `count`.
+/// A list of different numbers, or a table with `from`, `to` and either `step` or `count`.
 fn read_levels(what: &str, value: Value<'_>, reader: &TableReader<'_>, faults: &mut Collector) -> Option<Vec<f64>> {
     match value.get_ref() {
         DeValue::Array(_) => {
@@ -335,7 +334,7 @@ fn read_levels(what: &str, value: Value<'_>, reader: &TableReader<'_>, faults: &
                     faults.push(reader.fault(items[k].span(), format!("{what}: {level} stands twice")));
                 }
             }
-            // + 0.0: one of the two zeros.
+            // + 0.0 makes both zeros equal.
             Some(levels.into_iter().map(|level| level + 0.0).collect())
         }
         DeValue::Table(_) => {
@@ -379,7 +378,7 @@ fn read_levels(what: &str, value: Value<'_>, reader: &TableReader<'_>, faults: &
     }
 }
 
-/// The index of a factor that is named somewhere, or a fault.
+/// The index of a named factor, or a fault.
 fn factor_named(
     who: &str,
     name: &str,

@@ -1,6 +1,6 @@
-//! Reads what an optimal design is to be, the terms of a model, the generators of a fraction.
+//! Reads the requirements on an optimal design, the terms of a model, and the generators of a fraction.
 //!
-//! In: the keys of a design specification, and the files that they name. Out: an [`Optimum`], terms, a [`Fraction`], conditions, and a fault for everything else.
+//! In: the keys of a design specification, and the files that they name. Out: an [`Optimum`], terms, a [`Fraction`], conditions, and every fault.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use crate::spec::{MOST_TERMS, Method, Specification};
 use crate::table::{Table, Wanted};
 use crate::units::Conversion;
 
-/// What the keys refer to.
+/// The data to which the keys refer.
 pub(super) struct Around<'a> {
     pub factors: &'a [Factor],
     pub folder: &'a Path,
@@ -35,14 +35,14 @@ impl Around<'_> {
     }
 }
 
-/// Faults of another file, as they are.
+/// Reports the faults of another file unchanged.
 fn tell(other: &Faults, faults: &mut Collector) {
     for fault in other.list() {
         faults.push(fault.clone());
     }
 }
 
-/// `order`, `terms` or `terms_of`; second order where none of them stands.
+/// Reads `order`, `terms` or `terms_of`; second order if there is none of them.
 pub(super) fn read_terms(top: &mut TableReader<'_>, around: &Around<'_>, faults: &mut Collector) -> Option<Vec<Vec<u32>>> {
     let (order, terms, of) = (top.optional("order"), top.optional("terms"), top.optional("terms_of"));
     if [order, terms, of].iter().flatten().count() > 1 {
@@ -58,7 +58,7 @@ pub(super) fn read_terms(top: &mut TableReader<'_>, around: &Around<'_>, faults:
         }
         (order, ..) => {
             let order = order.map_or(Some(2), |value| top.whole("`order`", value, 1, i64::from(MOST_ORDER), faults))? as u32;
-            // Their number before they are made: of 16 factors and order 8 there are 735,471.
+            // Check their number before they are created: 16 factors and order 8 have 735,471.
             let count = count_of_terms(around.factors.len(), order);
             if count > MOST_TERMS {
                 let what = format!("the model has {count} terms, at most {MOST_TERMS} are accepted");
@@ -105,7 +105,7 @@ enum File {
     Response(Box<Specification>, usize),
 }
 
-/// `{ file = "motor.toml", surface = "angle" }`; the name may be left out where there is one.
+/// `{ file = "motor.toml", surface = "angle" }`; the name may be omitted if there is only one.
 fn read_file(value: Value<'_>, key: &str, top: &TableReader<'_>, around: &Around<'_>, faults: &mut Collector) -> Option<File> {
     let mut reader = TableReader::of(top.source(), value, format!("`{key}`"), faults)?;
     let (file, name) = (reader.text("file", faults), reader.optional_text("surface", faults));
@@ -219,7 +219,7 @@ pub(super) fn read_support(top: &mut TableReader<'_>, around: &Around<'_>, fault
     found.support(around).map_err(|reason| faults.push(top.fault(value.span(), format!("`support_of`: {reason}")))).ok()
 }
 
-/// The keys of an optimal design but `runs`.
+/// The keys of an optimal design, except `runs`.
 pub(super) fn read_optimum(
     top: &mut TableReader<'_>,
     runs: usize,
@@ -272,14 +272,14 @@ pub(super) fn read_optimum(
     Some(Optimum { criterion, runs, block_sizes, mandatory, candidates, restarts })
 }
 
-/// The settings of the factors in a table, a point a row, in the units of the factors.
+/// The settings of the factors in a table, one point for each row, in the units of the factors.
 pub(super) fn read_points(path: &Path, factors: &[Factor]) -> Result<Vec<Vec<f64>>, Faults> {
     let names = factors.iter().map(|factor| factor.name.clone()).collect();
     let table = Table::read(&Source::read(path)?, &Wanted { numbers: names, ..Wanted::default() })?;
     let mut faults = Collector::new();
     let mut columns = Vec::new();
     for factor in factors {
-        // A table of candidates may leave units out: they are those of the factors.
+        // A table of candidates may omit units; they are then those of the factors.
         match table.values_in(&factor.name, Some(&factor.unit)) {
             Ok((values, _)) => columns.push(values),
             Err(fault) => faults.push(fault),
@@ -291,7 +291,7 @@ pub(super) fn read_points(path: &Path, factors: &[Factor]) -> Result<Vec<Vec<f64
     faults.finish(Some(if is_whole { (0..rows).map(point).collect() } else { Vec::new() }))
 }
 
-/// `generators = { d = "a*b*c", e = "-a*b" }`, or the fraction of least aberration with so many runs.
+/// `generators = { d = "a*b*c", e = "-a*b" }`, or the minimum aberration fraction with this many runs.
 pub(super) fn read_fraction(
     top: &mut TableReader<'_>,
     runs: Option<usize>,

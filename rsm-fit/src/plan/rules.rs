@@ -1,4 +1,4 @@
-//! The rules that the factors and the size of a design keep, wherever they come from. One rule is one function.
+//! The rules for the factors and the size of a design from any source. Each rule is one function.
 //!
 //! In: factors or a whole design, and how to make a fault at one of its parts. Out: faults. Never makes a point.
 
@@ -7,10 +7,10 @@ use rsm_core::source::{Collector, Fault};
 
 use super::design::{Design, Factor, MOST_RUNS};
 
-/// A cube of more has 2^factors corners beyond [`MOST_RUNS`].
+/// The largest number of factors. With more, the 2^factors corners of a cube exceed [`MOST_RUNS`].
 pub(super) const MOST_FACTORS: usize = 16;
 
-/// No bench measures enough runs for a higher one.
+/// The highest order. A higher one would need more runs than a bench can make.
 pub(super) const MOST_ORDER: u32 = 8;
 
 /// A fault at a part of the specification, by its dotted path.
@@ -30,7 +30,7 @@ pub(super) fn check_names(factors: &[Factor], fault: At<'_>, faults: &mut Collec
     }
 }
 
-/// A plan of more runs than [`MOST_RUNS`] is refused before its points are made.
+/// Rejects a plan with more runs than [`MOST_RUNS`] before its points are created.
 pub(super) fn check_size(
     (design, factors): (&Design, usize),
     (replicates, centre_points): (usize, usize),

@@ -1,12 +1,13 @@
 //! Definitive screening designs: three levels, 2 m + 1 runs for an even number m of factors.
 //!
-//! In: the number of factors. Out: points of -1, 0 and 1. Main effects are clear of squares and of interactions, and no two effects of second order are wholly aliased
-//! (Jones, Nachtsheim 2011). The folded rows of a conference matrix C, with C C' = (m - 1) I (Xiao, Lin, Bai 2012); an odd number of factors leaves a column out.
-//! The matrices are those of Paley 1933 for a prime or 9, and of twice the order of a skew one for 16.
+//! In: the number of factors. Out: points of -1, 0 and 1. Main effects are not aliased with squares and interactions, and no two second-order effects
+//! are completely aliased (Jones, Nachtsheim 2011). The rows of a conference matrix C, with C C' = (m - 1) I, and their mirror images (Xiao, Lin, Bai
+//! 2012); for an odd number of factors one column is omitted. The matrices are Paley's of 1933 for a prime or 9, and for 16 the doubling of a skew
+//! one.
 
 use super::points::Points;
 
-/// The points: rows, their mirror images, the centre. None for fewer than 3 factors or more than 16.
+/// The points: rows, their mirror images, the centre. `None` for fewer than 3 or more than 16 factors.
 pub(super) fn points(factors: usize) -> Option<Points> {
     let order = (factors + factors % 2).max(4);
     let matrix = (factors >= 3).then(|| conference(order)).flatten()?;
@@ -19,7 +20,7 @@ pub(super) fn points(factors: usize) -> Option<Points> {
     Some(points)
 }
 
-/// Zeros on the diagonal, -1 and 1 beside it, rows at right angles.
+/// A matrix with zeros on the diagonal, -1 and 1 elsewhere, and orthogonal rows.
 fn conference(order: usize) -> Option<Vec<Vec<i8>>> {
     match order {
         4 | 6 | 8 | 10 | 12 | 14 => Some(paley(order - 1)),
@@ -42,7 +43,7 @@ fn conference(order: usize) -> Option<Vec<Vec<i8>>> {
     }
 }
 
-/// Bordered with ones: the entry of two elements of the field of `q` is 1 where their difference is a square, -1 where it is none.
+/// Paley's matrix with a border of ones: the entry of two elements of the field of `q` is 1 if their difference is a square, otherwise -1.
 fn paley(q: usize) -> Vec<Vec<i8>> {
     // The field of 9: a + 3 b is a + b i, and i^2 = -1.
     let minus = |a: usize, b: usize| match q {
@@ -54,7 +55,7 @@ fn paley(q: usize) -> Vec<Vec<i8>> {
         _ => a * a % q,
     };
     let squares: Vec<usize> = (1..q).map(square).collect();
-    // Where -1 is no square, the matrix is skew: the border has two signs.
+    // If -1 is not a square, the matrix is skew, and the border has two signs.
     let border = if q % 4 == 3 { -1 } else { 1 };
     let entry = |i: usize, j: usize| match (i, j) {
         (0, 0) => 0,

@@ -1,10 +1,10 @@
 //! Points of Sobol's sequence.
 //!
-//! In: the number of factors, a seed. Out: points one after the other, in [-1, 1). Any first 2^m of them fill the cube more evenly than random points. Every coordinate
-//! is shifted by random bits, which keeps the evenness (Cranley, Patterson 1976, in base 2: L'Ecuyer, Lemieux 2002), so that seeds give different designs. Never more than
-//! 16 factors.
+//! In: the number of factors, a seed. Out: successive points in [-1, 1). The first 2^m of them fill the cube more evenly than random points. Every
+//! coordinate is shifted by random bits, which keeps the evenness (Cranley, Patterson 1976, in base 2: L'Ecuyer, Lemieux 2002), so that different
+//! seeds give different designs. At most 16 factors.
 //!
-//! Direction numbers: Joe, Kuo 2008 (new-joe-kuo-6), whose first lines stand below. Order of points: Antonov, Saleev 1979.
+//! Direction numbers: Joe, Kuo 2008 (new-joe-kuo-6); its first lines are below. Order of points: Antonov, Saleev 1979.
 
 use crate::random::Random;
 
@@ -51,7 +51,7 @@ impl Sobol {
 
     /// The next point.
     pub(super) fn next(&mut self) -> Vec<f64> {
-        // In the middle of its cell of 2^-32.
+        // The middle of its cell of 2^-32.
         let point = self.now.iter().map(|bits| 2.0 * ((f64::from(*bits) + 0.5) / 4_294_967_296.0) - 1.0).collect();
         let bit = self.index.trailing_ones() as usize;
         self.index = self.index.wrapping_add(1);

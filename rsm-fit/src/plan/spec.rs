@@ -1,7 +1,6 @@
 //! The specification of a designed experiment.
 //!
-//! In: a TOML file. Out: a [`DesignSpecification`] whose parts fit together, or every fault with line and column and what is
-//! accepted. Never makes a point.
+//! In: a TOML file. Out: a [`DesignSpecification`] whose parts fit together, or every fault with line and column and what is accepted.
 //!
 //! ```toml
 //! format = 1
@@ -40,31 +39,31 @@ use rsm_core::source::{Collector, Fault, Faults, Source};
 use super::design::{Condition, Design, Factor};
 use super::read;
 
-/// What to run.
+/// The specification of an experiment.
 #[derive(Debug)]
 pub struct DesignSpecification {
     /// The name of the plan.
     pub plan: String,
     /// The seed of the run order and of random points.
     pub seed: u64,
-    /// Which points.
+    /// The design.
     pub design: Design,
     /// The factors, in the order of the file.
     pub factors: Vec<Factor>,
-    /// Every point is run so many times.
+    /// The number of runs of every point.
     pub replicates: usize,
-    /// The centre of all factors is run so many times.
+    /// The number of runs of the centre point.
     pub centre_points: usize,
-    /// What every point fulfils.
+    /// The conditions on every point.
     pub conditions: Vec<Condition>,
-    /// The terms of the model that the runs are for: a power of each coded factor. Second order where the file has none.
+    /// The terms of the model: a power of each coded factor. Second order if the file has none.
     pub terms: Vec<Vec<u32>>,
-    /// Its text; none when it was made in memory.
+    /// Its text; `None` if it was made in memory.
     source: Option<Source>,
     places: Places,
 }
 
-/// How faults call a design that was asked for in memory.
+/// The name of a design in memory in messages.
 pub(super) const IN_MEMORY: &str = "design";
 
 impl DesignSpecification {
@@ -86,7 +85,7 @@ impl DesignSpecification {
         Self::from_source_in(source, Path::new(""))
     }
 
-    /// The same; files that it names (`candidates`, `terms_of`, `support_of`) lie relative to a folder.
+    /// The same; files in it (`candidates`, `terms_of`, `support_of`) are relative to a folder.
     ///
     /// # Errors
     /// Every fault of the text and of those files.

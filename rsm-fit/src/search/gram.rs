@@ -1,9 +1,9 @@
-//! Sums of products of candidates and response, and the sweep operator that puts candidates into a least-squares fit and takes them out.
+//! Sums of products of candidates and response, and the sweep operator that adds candidates to a least-squares fit and removes them.
 //!
-//! In: rows of a sample. Out: [`Gram`]: X'X of all candidates and the response, in plain f64, of columns that are centred and scaled once for all
-//! rows; parts of the rows add up and leave. [`Swept`]: the same matrix with some candidates fitted. Only the choice of terms rests on it: the
-//! coefficients of a model are computed again in double-double. A candidate counts as linearly dependent on the others if its part that is
-//! orthogonal to them is below 1e-5 of its norm: sums of products in f64 resolve no more.
+//! In: rows of a sample. Out: [`Gram`]: X'X of all candidates and the response in f64. Columns are centred and scaled once for all rows; matrices of
+//! parts of the rows can be added and subtracted. [`Swept`]: the same matrix with some candidates fitted. Only the choice of terms uses it; the
+//! coefficients of the model are computed again in double-double. A candidate counts as linearly dependent on the others if its orthogonal component
+//! is below 1e-5 of its norm: sums of products in f64 do not resolve less.
 //!
 //! Source: Goodnight 1979, A tutorial on the SWEEP operator.
 
@@ -11,25 +11,25 @@ use crate::design::Design;
 use crate::selection::Sample;
 use crate::statistics::Observations;
 
-/// The share of its square that a candidate must have for itself: 1e-5 of the norm. Sums of products carry 1e-16 of the square each, and a
-/// margin of 10^6 covers sums of some thousand rows and the sweeps before.
+/// The smallest orthogonal component of a candidate, as a share of its square: 1e-5 of the norm. Sums of products have errors of 1e-16 of the square,
+/// and the margin of 10^6 covers sums over some thousand rows and previous sweeps.
 const OWN: f64 = 1e-10;
 
-/// How columns are centred and scaled: z = (x - middle)/scale. The response is the last.
+/// The centring and scaling of columns: z = (x - middle)/scale. The response is the last.
 #[derive(Debug, Clone)]
 pub(super) struct Scales {
     pub middles: Vec<f64>,
     pub scales: Vec<f64>,
-    /// The candidate that is the constant, if there is one: it is neither centred nor scaled.
+    /// The candidate that is the constant, if there is one. It is neither centred nor scaled.
     pub constant: Option<usize>,
 }
 
 impl Scales {
-    /// Of all rows that will be summed.
+    /// The scales from all rows that will be summed.
     pub(super) fn of(design: &Design, sample: &Sample, constant: Option<usize>) -> Self {
         let width = design.width();
         let (mut sums, mut squares, mut weight) = (vec![0.0; width + 1], vec![0.0; width + 1], 0.0);
-        // About the first row: sums of squares of values far from 0 would lose their digits.
+        // Relative to the first row, because sums of squares of values far from 0 would lose accuracy.
         let mut first: Vec<f64> = Vec::new();
         rows_of(design, sample, true, |row, w| {
             if first.is_empty() {
@@ -56,7 +56,7 @@ impl Scales {
         Scales { middles, scales, constant }
     }
 
-    /// Coefficients of the columns as they are, from those of scaled ones. `terms` and `coefficients` without zeros.
+    /// Coefficients of unscaled columns from those of scaled ones. Zeros are left out of `terms` and `coefficients`.
     pub(super) fn natural(&self, terms: &[usize], coefficients: &[f64]) -> Vec<f64> {
         let response = self.middles.len() - 1;
         let of = |(term, b): (&usize, &f64)| b * self.scales[response] / self.scales[*term];
@@ -75,7 +75,7 @@ impl Scales {
     }
 }
 
-/// Calls with every row of candidates and response, and its weight.
+/// Calls `act` with every row of candidates and response, and its weight.
 fn rows_of(design: &Design, sample: &Sample, as_measured: bool, mut act: impl FnMut(&[f64], f64)) {
     sample.observed(|rows: Observations<'_>| {
         let mut values = Vec::with_capacity(design.width() + 1);
@@ -90,7 +90,7 @@ fn rows_of(design: &Design, sample: &Sample, as_measured: bool, mut act: impl Fn
     });
 }
 
-/// Every row, scaled, with the root of its weight in it.
+/// Every row, scaled, multiplied by the square root of its weight.
 pub(super) fn scaled_rows(design: &Design, sample: &Sample, scales: &Scales) -> Vec<Vec<f64>> {
     let mut all = Vec::with_capacity(sample.rows());
     rows_of(design, sample, true, |row, weight| {
@@ -115,7 +115,7 @@ impl Gram {
         Gram { width, sums: vec![0.0; width * width], rows: 0, weight: 0.0 }
     }
 
-    /// `as_measured`: else as an evaluator sees the points, clamped.
+    /// `as_measured`: points as measured; otherwise clamped as by an evaluator.
     pub(super) fn of(design: &Design, sample: &Sample, scales: &Scales, as_measured: bool) -> Self {
         let width = design.width() + 1;
         let mut gram = Gram::nothing(width);
@@ -126,7 +126,7 @@ impl Gram {
             }
             for (k, own) in z.iter().enumerate() {
                 let own = own * weight;
-                // The upper triangle; the lower is filled below.
+                // The upper triangle; the lower one is filled in below.
                 for (sum, other) in gram.sums[k * width + k..(k + 1) * width].iter_mut().zip(&z[k..]) {
                     *sum += own * other;
                 }
@@ -151,7 +151,7 @@ impl Gram {
         self.sums[row * self.width + column]
     }
 
-    /// sum w (y - z b)^2 of some candidates; never below 0.
+    /// sum w (y - z b)^2 for some candidates; at least 0.
     pub(super) fn square(&self, terms: &[usize], coefficients: &[f64]) -> f64 {
         let response = self.width - 1;
         let mut square = self.at(response, response);
@@ -164,7 +164,7 @@ impl Gram {
     }
 }
 
-/// A Gram matrix with some candidates swept in. With A swept in: G_AA^-1, G_AA^-1 G_AB, -G_BA G_AA^-1, and what A leaves of G_BB.
+/// A Gram matrix with some candidates swept in. For a set A: G_AA^-1, G_AA^-1 G_AB, -G_BA G_AA^-1, and the Schur complement of G_BB.
 #[derive(Debug, Clone)]
 pub(super) struct Swept {
     pub width: usize,
@@ -183,12 +183,12 @@ impl Swept {
         self.entries[row * self.width + column]
     }
 
-    /// Whether a candidate that is not fitted is linearly independent of those that are.
+    /// Whether a candidate that is not fitted is linearly independent of the fitted ones.
     pub(super) fn has_own_part(&self, candidate: usize) -> bool {
         self.at(candidate, candidate) > OWN * self.squares[candidate]
     }
 
-    /// Puts a candidate in, or takes it out.
+    /// Adds a candidate to the fit, or removes it.
     pub(super) fn sweep(&mut self, pivot: usize) {
         let width = self.width;
         let own: Vec<f64> = self.entries[pivot * width..(pivot + 1) * width].to_vec();
@@ -212,24 +212,24 @@ impl Swept {
         self.is_in[pivot] = !self.is_in[pivot];
     }
 
-    /// What the candidates that are in leave of the response.
+    /// The residual sum of squares of the response.
     pub(super) fn left(&self) -> f64 {
         self.at(self.width - 1, self.width - 1).max(0.0)
     }
 
-    /// What one more would take from it.
+    /// Its reduction by adding a candidate.
     pub(super) fn gain(&self, candidate: usize) -> f64 {
         let product = self.at(candidate, self.width - 1);
         product * product / self.at(candidate, candidate)
     }
 
-    /// What it would grow by without one that is in.
+    /// Its increase by removing a fitted candidate.
     pub(super) fn loss(&self, candidate: usize) -> f64 {
         let b = self.at(candidate, self.width - 1);
         b * b / self.at(candidate, candidate)
     }
 
-    /// The candidates that are in, by number.
+    /// The fitted candidates by number.
     pub(super) fn terms(&self) -> Vec<usize> {
         (0..self.width - 1).filter(|k| self.is_in[*k]).collect()
     }

@@ -1,7 +1,7 @@
-//! The ladder of figure 1 for problems whose way in double-double takes minutes: the same steps, with sums of products in f64.
+//! The ladder of figure 1 for large problems, where double-double would take minutes: the same steps with sums of products in f64.
 //!
-//! In: Gram matrices of the rows to fit and of the rows that judge. Out: the chosen terms with C. The rules are those of `crate::ladder`, which
-//! says them; two terms are not exchanged for one here.
+//! In: Gram matrices of the rows to fit and of the judge's rows. Out: the chosen terms with C. The rules are those of `crate::ladder`, except that
+//! two terms are not exchanged for one.
 
 use super::gram::{Gram, Scales, Swept};
 use super::paths::{Heredity, Model, Path, Steps};
@@ -11,11 +11,11 @@ use crate::ladder::most_terms;
 use crate::selection::ChosenBy;
 use crate::spec::Method;
 
-/// Multiplications in double-double of one climb from which a ladder climbs here: there it takes some 20 seconds with ten parts. Five inputs at order four
-/// are below it.
+/// From this number of double-double multiplications of one climb, this ladder is used: in double-double that takes about 20 seconds with ten parts.
+/// Five inputs at order four are below it.
 const LARGE: f64 = 3e7;
 
-/// A model must leave less than the best by this share to be preferred over a smaller one; less is rounding.
+/// A larger model is preferred only if it reduces the error by at least this share; less is rounding.
 const LEAST_GAIN: f64 = 1e-9;
 
 pub(super) fn is_large(width: usize, rows: usize) -> bool {
@@ -24,7 +24,7 @@ pub(super) fn is_large(width: usize, rows: usize) -> bool {
     width * rows * width.min(rows) > LARGE
 }
 
-/// Rows that judge, and the sums of the rows that are fitted for them.
+/// The judge's rows, and the sums of the rows that are fitted for them.
 struct Judge<'a> {
     fit: Gram,
     rows: &'a Gram,
@@ -37,7 +37,7 @@ struct Ratings {
 }
 
 impl Ratings {
-    /// C, and C about the mean where there is a spread.
+    /// C, and C about the mean if there is a spread.
     fn of(&self, left: f64) -> (f64, Option<f64>) {
         let share = |whole: f64| 100.0 - 100.0 * left / whole;
         (share(self.about_zero), (self.about_mean > 0.0).then(|| share(self.about_mean)))
@@ -50,7 +50,7 @@ impl Ratings {
 }
 
 impl Searcher<'_> {
-    /// A ladder's climb.
+    /// The climb of a ladder.
     pub(super) fn climbed(&self, scales: &Scales, total: &Gram, parts: &[&Part], held: Option<&[&Part]>) -> Option<Found> {
         let Method::Ladder { confidence: wanted, .. } = *self.method else { return None };
         let constant = self.constant();
@@ -65,7 +65,7 @@ impl Searcher<'_> {
         let most = most_terms(least_rows.min(total.rows)).min(self.design.width());
         let steps = Steps { constant, heredity: &heredity, most };
         let full = steps.by_rungs(total, &rungs);
-        // Held-out rows judge one and the same fit: its path is made once.
+        // Validation rows evaluate the same fit, so its path is computed once.
         let paths: Vec<Path> = match held {
             Some(_) => vec![full.clone(); judges.len()],
             None => judges.iter().map(|judge| steps.by_rungs(&judge.fit, &rungs)).collect(),
@@ -96,7 +96,7 @@ impl Searcher<'_> {
         Some(Found { climb: Some(ratings.of(left)), ..self.as_found(scales, &model, by, None) })
     }
 
-    /// The spreads of the judging rows: about zero and about their mean, in the scale of the sums.
+    /// The spreads of the judge's rows about zero and about their mean, in the scale of the sums.
     fn ratings(&self, scales: &Scales, judges: &[Judge<'_>], wanted: f64) -> Ratings {
         let response = self.design.width();
         let of = |judge: &Judge<'_>| {
@@ -132,10 +132,10 @@ fn fitted(gram: &Gram, terms: &[usize]) -> Swept {
     swept
 }
 
-/// What a judge needs to know of the model without each of its terms, brought up to date as terms leave. With the fitted inverse V, its column v of
-/// a term, b its coefficient and s = b/v_own: b - s v are the coefficients without it, and e + s X v the errors on the judging rows.
+/// The data to evaluate a model without each of its terms, updated as terms are removed. With the fitted inverse V, its column v for a term, its
+/// coefficient b and s = b/v_own, the coefficients without the term are b - s v, and the errors on the judge's rows are e + s X v.
 struct Without {
-    /// V, and V G V with G of the judging rows; of the terms in their order.
+    /// V, and V G V with G of the judge's rows, for the terms in their order.
     inverse: Vec<Vec<f64>>,
     judged: Vec<Vec<f64>>,
     coefficients: Vec<f64>,
@@ -170,7 +170,7 @@ impl Without {
         self.coefficients[out] / self.inverse[out][out]
     }
 
-    /// The square of the errors without a term.
+    /// The sum of squared errors without a term.
     fn left_without(&self, out: usize) -> f64 {
         let share = self.share(out);
         self.left + 2.0 * share * self.slopes[out] + share * share * self.judged[out][out]
@@ -195,7 +195,7 @@ impl Without {
     }
 }
 
-/// Takes out terms one at a time, the least missed first, while C is still reached.
+/// Removes terms one at a time while C is still reached, the least important first.
 fn pruned(terms: &[usize], constant: Option<usize>, judges: &[Judge<'_>], ratings: &Ratings) -> (Vec<usize>, f64) {
     let mut all: Vec<Without> = judges.iter().map(|judge| Without::of(judge, terms)).collect();
     let mut stays = vec![true; terms.len()];
@@ -208,7 +208,7 @@ fn pruned(terms: &[usize], constant: Option<usize>, judges: &[Judge<'_>], rating
         all.iter_mut().for_each(|one| one.leave(out));
     }
     let kept: Vec<usize> = terms.iter().zip(&stays).filter(|(_, stays)| **stays).map(|(term, _)| *term).collect();
-    // Again from the sums: no rounding of many terms that left.
+    // Computed again from the sums, to avoid the rounding errors of many removed terms.
     let of_one = |judge: &Judge<'_>| judge.rows.square(&kept, &fitted(&judge.fit, &kept).coefficients(&kept));
     let left = judges.iter().map(of_one).sum();
     (kept, left)

@@ -14,22 +14,22 @@ use super::paths::{Heredity, Model, Path};
 /// The shares of shrinkage.
 pub(super) const SHARES: [f64; 3] = [1.0, 0.5, 0.0];
 
-/// Penalties from the largest, at which no term is in, to a ten-thousandth of it.
+/// The number of penalties, from the largest, at which no term is active, to a ten-thousandth of it.
 const PENALTIES: usize = 80;
 const LEAST_PENALTY: f64 = 1e-4;
 
 pub(super) struct Lasso<'a> {
     pub constant: Option<usize>,
-    /// Per candidate: its scale where the penalty is on the coefficient as it is, else 1.
+    /// For each candidate: its scale if the penalty is on the unscaled coefficient, otherwise 1.
     pub units: &'a [f64],
-    /// The penalties, a row's share each, falling.
+    /// The penalties per row, falling.
     pub penalties: &'a [f64],
     pub most: usize,
-    /// Where terms ask for others, they are added, and least squares alone is left.
+    /// With heredity, required terms are added, and only least squares is used.
     pub heredity: Option<&'a Heredity>,
 }
 
-/// The grid of penalties for some rows: the same for all parts of them.
+/// The grid of penalties for some rows; the same for all parts of them.
 pub(super) fn penalties(gram: &Gram, constant: Option<usize>, units: &[f64]) -> Vec<f64> {
     let mut swept = Swept::new(gram);
     if let Some(constant) = constant {
@@ -40,16 +40,16 @@ pub(super) fn penalties(gram: &Gram, constant: Option<usize>, units: &[f64]) -> 
     (0..PENALTIES).map(|k| largest * LEAST_PENALTY.powf(k as f64 / (PENALTIES - 1) as f64)).collect()
 }
 
-/// A share of the square of a candidate below which its slope is rounding.
+/// A slope below this share of a candidate's square is rounding error.
 const ROUNDING: f64 = 1e-12;
 
 impl Lasso<'_> {
-    /// Keys: the penalty times the number of shares, plus the share.
+    /// The path. The key of a model is the index of its penalty times the number of shares, plus the index of its share.
     pub(super) fn path(&self, gram: &Gram) -> Path {
         let mut path: Path = vec![None; self.penalties.len() * SHARES.len()];
         let response = gram.width - 1;
         let width = gram.width - 1;
-        // Columns in the units of the penalty: one matrix, scaled once.
+        // Columns in the units of the penalty: the matrix is scaled once.
         let mut scaled = gram.clone();
         for row in 0..gram.width {
             for column in 0..gram.width {
@@ -87,13 +87,13 @@ impl Lasso<'_> {
                 swept.sweep(term);
                 active += 1;
             }
-            // With the penalty falling by d, b grows by d direction and the slopes fall by d fall.
+            // When the penalty falls by d, b changes by d direction and the slopes by d fall.
             let mut direction = vec![0.0; width];
             let mut fall = vec![0.0; width];
             for term in (0..width).filter(|k| signs[*k] != 0.0) {
                 let row = &swept.entries[term * gram.width..term * gram.width + width];
                 for ((k, entry), is_in) in row.iter().enumerate().zip(&swept.is_in) {
-                    // Symmetric where both are in; else what the active ones make of the other.
+                    // Symmetric if both are active; otherwise the projection of the other on the active ones.
                     *if *is_in { &mut direction[k] } else { &mut fall[k] } += entry * signs[term];
                 }
             }
@@ -161,7 +161,7 @@ impl Lasso<'_> {
         }
     }
 
-    /// Least squares on more terms than are in; none where they are too many.
+    /// Least squares with additional terms; `None` if there are too many.
     fn refitted(&self, swept: &Swept, terms: &[usize]) -> Option<Model> {
         let mut more = swept.clone();
         for term in terms {

@@ -1,8 +1,8 @@
-//! Chooses terms by steps, by best subsets or by the LASSO, and repeats the whole choice without rows that judge it.
+//! Chooses terms by stepwise selection, best subsets or the LASSO, and repeats the whole choice for cross-validation.
 //!
-//! In: a design of all candidates and rows. Out: the chosen terms, with coefficients where these are drawn towards 0; and the errors on rows that
-//! took no part in the choice. Ladders of much work climb here too: with sums of products in f64, which [`gram`] holds, a choice among 495 terms takes a
-//! second where double-double takes minutes. Never lets a row judge a choice in which it took part.
+//! In: a design of all candidates, and rows. Out: the chosen terms, with coefficients if these are shrunken; and the errors on rows that were not
+//! used for the choice. Large ladders are climbed here too, with sums of products in f64 ([`gram`]): a choice among 495 terms takes a second, in
+//! double-double minutes. A row never evaluates a choice for which it was used.
 
 mod gram;
 mod ladder;
@@ -24,27 +24,27 @@ use gram::{Gram, Scales};
 use lasso::{Lasso, SHARES};
 use paths::{Heredity, Model, Path, Steps};
 
-/// Multiplications of all paths of a nested search from which there are five parts: 3 * 10^9 take some two seconds.
+/// From this number of multiplications of all paths of a nested search, five parts are used: 3 * 10^9 take about two seconds.
 const LARGE_WORK: f64 = 3e9;
 const FEWER_PARTS: usize = 5;
 
-/// Nodes of a search for best subsets: with 40 candidates a second.
+/// The largest number of nodes of a search for best subsets: a second with 40 candidates.
 const NODES: usize = 20_000;
 
-/// Multiplications in double-double for which a round of cross-validation is solved in double-double; beyond it in f64.
+/// Up to this number of double-double multiplications, a round of cross-validation is solved in double-double, otherwise in f64.
 const EXACT_WORK: f64 = 2e7;
 
-/// What a search found.
+/// The result of a search.
 pub(crate) struct Found {
-    /// In the order of the candidates.
+    /// The terms, in the order of the candidates.
     pub terms: Vec<usize>,
-    /// Where they are not those of least squares.
+    /// The coefficients, if they are not those of least squares.
     pub shrunk: Option<Vec<f64>>,
-    /// Of f64 sums, for a large problem.
+    /// The coefficients from f64 sums, for a large problem.
     coefficients: Vec<f64>,
     pub by: ChosenBy,
     pub report: Option<SelectionReport>,
-    /// C and C about the mean, of a ladder.
+    /// C and C about the mean, for a ladder.
     pub climb: Option<(f64, Option<f64>)>,
 }
 
@@ -52,28 +52,28 @@ pub(crate) struct Found {
 struct Part {
     rows: Sample,
     gram: Gram,
-    /// Groups of replicates by their means, for a ladder's C.
+    /// Groups of replicates by their means, for the C of a ladder.
     judge: Option<Gram>,
     /// Scaled rows, for PRESS.
     scaled: Vec<Vec<f64>>,
 }
 
-/// A response whose terms are searched.
+/// A response with the data of the search.
 pub(crate) struct Searcher<'a> {
     pub design: &'a Design,
     pub method: &'a Method,
     pub coding: Coding,
     pub output_range: Option<[f64; 2]>,
-    /// Where coefficients are held by constraints they cannot be drawn towards 0 as well.
+    /// Coefficients with constraints cannot be shrunken as well.
     pub least_squares_only: bool,
     pub fit: &'a Sample,
     pub validate: Option<&'a Sample>,
-    /// Where the rows to fit and those to validate were drawn from one lot: the share of the latter, and their weights.
+    /// If the rows to fit and the validation rows were split from the same data: the share of the validation rows, and their weights.
     pub lot: Option<(f64, &'a [f64])>,
 }
 
 impl Searcher<'_> {
-    /// Whether this method is searched here: every search, and a ladder whose way in double-double would take minutes.
+    /// Whether this method is handled here: every search, and a ladder that would take minutes in double-double.
     pub(crate) fn is_for(method: &Method, width: usize, rows: usize) -> bool {
         match method {
             Method::Search(_) => true,
@@ -103,7 +103,7 @@ impl Searcher<'_> {
         if work > LARGE_WORK { wanted.min(FEWER_PARTS) } else { wanted }
     }
 
-    /// Chooses the terms; none where rows are too few to choose by.
+    /// Chooses the terms; `None` if there are too few rows for a choice.
     pub(crate) fn choose(&self) -> Option<Found> {
         let scales = self.scales();
         let parts = self.parts(&scales, self.fit, self.wanted_parts(), true);
@@ -120,7 +120,7 @@ impl Searcher<'_> {
         Scales::of(self.design, self.fit, self.constant())
     }
 
-    /// `as_measured`: rows to fit; else rows that an evaluator sees.
+    /// `as_measured`: rows to fit; otherwise rows as an evaluator sees them.
     fn parts(&self, scales: &Scales, rows: &Sample, wanted: usize, as_measured: bool) -> Vec<Part> {
         let part_of = split::parts(&rows.groups, wanted, 1);
         let count = part_of.iter().max().map_or(0, |most| most + 1);
@@ -138,7 +138,7 @@ impl Searcher<'_> {
         Part { gram: Gram::of(self.design, &rows, scales, as_measured), rows, judge, scaled }
     }
 
-    /// The choice by these parts of the rows to fit, and by parts that are held out.
+    /// The choice with these parts of the rows to fit, and with parts that are held out.
     fn found(&self, scales: &Scales, parts: &[&Part], held: Option<&[&Part]>) -> Option<Found> {
         let total = self.sum(parts, None);
         let Some(search) = self.search() else { return self.climbed(scales, &total, parts, held) };
@@ -148,7 +148,7 @@ impl Searcher<'_> {
             _ => total.rows,
         };
         let most = match criterion {
-            // A residual needs a row, and AICc two.
+            // A residual needs one row more than terms, and AICc two.
             Criterion::Aicc => least_rows.saturating_sub(3).max(1),
             Criterion::Press => rating::most_for_press(total.rows).min(most_terms(total.rows)),
             _ => most_terms(least_rows),
@@ -206,7 +206,7 @@ impl Searcher<'_> {
 
     fn as_found(&self, scales: &Scales, model: &Model, by: ChosenBy, report: Option<SelectionReport>) -> Found {
         let coefficients = scales.natural(&model.terms, &model.coefficients);
-        // Terms that the LASSO left at 0 are no terms; the constant is the last that stays.
+        // Terms with a LASSO coefficient of 0 are removed; the constant always stays.
         let is_kept = |k: &usize| !model.is_shrunk || coefficients[*k] != 0.0;
         let kept: Vec<usize> = (0..model.terms.len()).filter(is_kept).collect();
         let terms: Vec<usize> = kept.iter().map(|k| model.terms[*k]).collect();
@@ -220,11 +220,11 @@ impl Searcher<'_> {
         rest.fold(Gram::nothing(self.design.width() + 1), |sum, (_, part)| sum.and(&part.gram))
     }
 
-    /// The errors on rows that took no part in the choice, and the number of parts. None where there are too few rows.
+    /// The errors on rows that were not used for the choice, and the number of parts. `None` if there are too few rows.
     pub(crate) fn cross_validated(&self, chosen: usize) -> Option<(Judged, usize)> {
         let scales = self.scales();
         match (self.criterion(), self.validate, self.lot) {
-            // The rows to fit are the same in each round, as they are for the model; a part of those that choose judges.
+            // The rows to fit are the same in each round, as for the model. A part of the validation rows evaluates.
             (Criterion::HeldOut, Some(validate), None) => {
                 let whole = self.part(&scales, self.fit.clone(), true);
                 let held = self.parts(&scales, validate, PARTS, false);
@@ -235,7 +235,7 @@ impl Searcher<'_> {
                 };
                 rounds(held.len(), round)
             }
-            // Rows to fit and rows that choose come from one lot: the lot is drawn again from what is left.
+            // Rows to fit and validation rows come from the same data, so the split is repeated with the remaining rows.
             (Criterion::HeldOut, Some(validate), Some((share, weights))) => {
                 let groups = validate.groups.iter().map(|group| group + self.fit.rows()).collect();
                 let all = self.fit.and(&Sample { weights: weights.to_vec(), groups, ..validate.clone() });
@@ -261,7 +261,7 @@ impl Searcher<'_> {
                 let round = |out: usize| {
                     let rest: Vec<&Part> = (0..parts.len()).filter(|k| *k != out).map(|k| &parts[k]).collect();
                     let found = self.found(&scales, &rest, None)?;
-                    // With fewer rows than terms the errors would be those of another surface.
+                    // With fewer rows than terms the model would be a different one.
                     let rows: usize = rest.iter().map(|part| part.gram.rows).sum();
                     if found.shrunk.is_none() && most_terms(rows) < chosen {
                         return None;
@@ -273,7 +273,7 @@ impl Searcher<'_> {
         }
     }
 
-    /// The errors on some rows of what was found by others.
+    /// The errors on some rows of a result from other rows.
     fn judged(&self, found: &Found, fitted: &[&Part], rows: &Sample) -> Option<Judged> {
         let design = self.design.only(&found.terms);
         let all = fitted.iter().skip(1).fold(fitted.first()?.rows.clone(), |all, part| all.and(&part.rows));
@@ -293,7 +293,7 @@ impl Searcher<'_> {
     }
 }
 
-/// The sum of all rounds, on as many threads as there are; none where a round gives none.
+/// The sum of all rounds, run on all available threads; `None` if any round fails.
 fn rounds(count: usize, round: impl Fn(usize) -> Option<Judged> + Sync) -> Option<(Judged, usize)> {
     if count < 2 {
         return None;
@@ -305,7 +305,7 @@ fn rounds(count: usize, round: impl Fn(usize) -> Option<Judged> + Sync) -> Optio
         let workers: Vec<_> = (0..threads).map(|thread| scope.spawn(move || of_thread(thread))).collect();
         workers.into_iter().flat_map(|worker| worker.join().expect("a round does not panic")).collect()
     });
-    // In the order of the rounds, so that sums are the same with any number of threads.
+    // In the order of the rounds, so that sums do not depend on the number of threads.
     all.sort_by_key(|(k, _)| *k);
     let mut sum = Judged::NOTHING;
     for (_, judged) in all {
@@ -314,7 +314,7 @@ fn rounds(count: usize, round: impl Fn(usize) -> Option<Judged> + Sync) -> Optio
     Some((sum, count))
 }
 
-/// What makes a path of models from rows.
+/// The methods that make a path of models from rows.
 struct Paths {
     by: SearchBy,
     constant: Option<usize>,

@@ -1,7 +1,7 @@
-//! Paths of models, a model a size: by steps, and the best of each size by branch and bound.
+//! Paths of models, one for each size: stepwise, and the best of each size by branch and bound.
 //!
-//! In: a Gram matrix. Out: a [`Path`]: for each number of terms a model, or none. The constant is in every model. With heredity a term stands
-//! only where those of one power less stand (x^2 z asks for x z and x^2), so that a shift of the zero of an input gives the same model.
+//! In: a Gram matrix. Out: a [`Path`]: for each number of terms a model, or none. The constant is in every model. With heredity, a term requires the
+//! terms with one power less (x^2 z requires x z and x^2), so that a shift of an input's zero gives the same model.
 //!
 //! Sources: Efroymson 1960 and Pudil, Novovicova, Kittler 1994 (steps in both directions); Furnival, Wilson 1974, Regressions by leaps and
 //! bounds (a subset leaves at least what its superset leaves).
@@ -9,19 +9,19 @@
 use super::gram::{Gram, Swept};
 use crate::spec::Direction;
 
-/// Terms with coefficients of scaled columns.
+/// Terms with the coefficients of scaled columns.
 #[derive(Debug, Clone)]
 pub(super) struct Model {
     pub terms: Vec<usize>,
     pub coefficients: Vec<f64>,
-    /// The coefficients are drawn towards 0.
+    /// Whether the coefficients are shrunken.
     pub is_shrunk: bool,
 }
 
-/// Models by their key: the same key means the same amount of model, whatever the rows.
+/// Models by key. The same key means the same model size, for any rows.
 pub(super) type Path = Vec<Option<Model>>;
 
-/// Which term asks for which.
+/// The terms that each term requires.
 #[derive(Debug, Clone)]
 pub(super) struct Heredity {
     parents: Vec<Vec<usize>>,
@@ -29,7 +29,7 @@ pub(super) struct Heredity {
 }
 
 impl Heredity {
-    /// `is_asked`: else no term asks for another.
+    /// `is_asked`: whether heredity applies; otherwise no term requires another.
     pub(super) fn of(terms: &[Vec<u32>], is_asked: bool) -> Self {
         let mut parents = vec![Vec::new(); terms.len()];
         let mut children = vec![Vec::new(); terms.len()];
@@ -38,7 +38,7 @@ impl Heredity {
                 for place in (0..powers.len()).filter(|place| powers[*place] > 0) {
                     let mut lower = powers.clone();
                     lower[place] -= 1;
-                    // Odd symmetry has no lower one; the constant is in every model.
+                    // With odd symmetry there may be no lower term; the constant is in every model.
                     if let Some(parent) = terms.iter().position(|other| *other == lower) {
                         parents[k].push(parent);
                         children[parent].push(k);
@@ -61,7 +61,7 @@ impl Heredity {
         (0..is_in.len()).all(|term| !is_in[term] || self.may_enter(term, is_in))
     }
 
-    /// The terms with all that they ask for.
+    /// The terms with all the terms that they require.
     pub(super) fn closed(&self, terms: &[usize]) -> Vec<usize> {
         let mut is_in = vec![false; self.parents.len()];
         let mut open: Vec<usize> = terms.to_vec();
@@ -75,7 +75,7 @@ impl Heredity {
     }
 }
 
-/// The best of each size so far.
+/// The best model of each size so far.
 struct Best {
     left: Vec<f64>,
     models: Path,
@@ -97,7 +97,7 @@ impl Best {
 pub(super) struct Steps<'a> {
     pub constant: Option<usize>,
     pub heredity: &'a Heredity,
-    /// The most terms.
+    /// The largest number of terms.
     pub most: usize,
 }
 
@@ -112,7 +112,7 @@ impl Steps<'_> {
         (swept, best)
     }
 
-    /// The term that takes most, the first of equals.
+    /// The term with the largest gain, the first of equal ones.
     fn enters(&self, swept: &Swept, is_open: impl Fn(usize) -> bool) -> Option<usize> {
         let open = (0..swept.is_in.len())
             .filter(|k| !swept.is_in[*k] && is_open(*k) && self.heredity.may_enter(*k, &swept.is_in) && swept.has_own_part(*k));
@@ -120,14 +120,14 @@ impl Steps<'_> {
         gains.reduce(|best, other| if other.1 > best.1 { other } else { best }).map(|(k, _)| k)
     }
 
-    /// The term that is missed least.
+    /// The term with the smallest loss.
     fn leaves(&self, swept: &Swept) -> Option<(usize, f64)> {
         let removable = (0..swept.is_in.len())
             .filter(|k| swept.is_in[*k] && Some(*k) != self.constant && self.heredity.may_leave(*k, &swept.is_in));
         removable.map(|k| (k, swept.loss(k))).reduce(|best, other| if other.1 < best.1 { other } else { best })
     }
 
-    /// Puts in the best of the first rung that has one; `rungs`: the order of each term.
+    /// Adds the best term of the lowest rung that has one; `rungs`: the order of each term.
     pub(super) fn by_rungs(&self, gram: &Gram, rungs: &[u32]) -> Path {
         let (mut swept, mut best) = self.start(gram);
         let mut rung = rungs.iter().copied().filter(|order| *order > 0).min().unwrap_or(1);
@@ -145,7 +145,7 @@ impl Steps<'_> {
         best.models
     }
 
-    /// By steps in one direction, or in both.
+    /// Stepwise selection in one direction, or in both.
     pub(super) fn by_steps(&self, gram: &Gram, direction: Direction) -> Path {
         let (swept, best) = self.stepped(gram, direction);
         if direction == Direction::Backward { self.backward(swept, best).models } else { best.models }
@@ -153,7 +153,7 @@ impl Steps<'_> {
 
     fn stepped(&self, gram: &Gram, direction: Direction) -> (Swept, Best) {
         let (mut swept, mut best) = self.start(gram);
-        // Steps back are steps forth again: a bound on all of them keeps the work that of a few paths.
+        // The number of backward steps is limited, because each is followed by forward steps.
         let mut steps_back = 2 * self.most;
         let mut size = swept.terms().len();
         while size < self.most {
@@ -163,7 +163,7 @@ impl Steps<'_> {
             best.note(&swept);
             while direction == Direction::Both && steps_back > 0 && size > 2 {
                 let Some((out, loss)) = self.leaves(&swept).filter(|(out, _)| *out != term) else { break };
-                // Only where the smaller model is better than any of its size so far; the share is rounding.
+                // Only if the smaller model is better than any of its size so far; the factor is for rounding.
                 if swept.left() + loss >= best.left[size - 2] * (1.0 - 1e-9) {
                     break;
                 }
@@ -176,7 +176,7 @@ impl Steps<'_> {
         (swept, best)
     }
 
-    /// From the largest model down. Where rows are fewer than terms, that is the largest that steps forward reach.
+    /// From the largest model down. If there are fewer rows than terms, that is the largest model that forward steps reach.
     fn backward(&self, mut swept: Swept, best: Best) -> Best {
         let mut down = Best { left: vec![f64::INFINITY; self.most], models: vec![None; self.most] };
         down.note(&swept);
@@ -184,15 +184,15 @@ impl Steps<'_> {
             swept.sweep(out);
             down.note(&swept);
         }
-        // The constant alone.
+        // The model with the constant only.
         down.models[0] = down.models[0].take().or_else(|| best.models.into_iter().next().flatten());
         down
     }
 
-    /// The best of each size, and whether it is proved: the search ends after so many nodes.
+    /// The best model of each size, and whether it is proved. The search ends after this many nodes.
     pub(super) fn best_subsets(&self, gram: &Gram, nodes: usize) -> (Path, bool) {
         let (swept, mut best) = self.stepped(gram, Direction::Both);
-        // The largest model down: good bounds before the search begins.
+        // A backward path first gives good bounds for the search.
         let down = self.backward(swept.clone(), Best { left: Vec::new(), models: Vec::new() });
         for (k, model) in down.models.into_iter().enumerate() {
             if model.is_some() && down.left[k] < best.left[k] {
@@ -207,14 +207,14 @@ impl Steps<'_> {
         (best.models, is_whole && left_nodes > 0)
     }
 
-    /// All subsets without some of `free`, which are in.
+    /// All subsets without some of the fitted terms `free`.
     fn branch(&self, swept: &Swept, mut free: Vec<usize>, best: &mut Best, nodes: &mut usize) {
-        // The one that is missed most first: its many subsets are cut off at once.
+        // The term with the largest loss first, because its many subsets can be excluded at once.
         free.sort_by(|a, b| swept.loss(*b).total_cmp(&swept.loss(*a)).then(a.cmp(b)));
         let size = swept.terms().len();
         for (k, out) in free.iter().enumerate() {
             let left = swept.left() + swept.loss(*out);
-            // Sizes that the subsets without it can have.
+            // The sizes of the subsets without it.
             let smallest = (size - 1).saturating_sub(free.len() - k - 1).max(1);
             let may_help = (smallest..size).any(|size| best.left.get(size - 1).is_some_and(|found| left < *found));
             if !may_help {

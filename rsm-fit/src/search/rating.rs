@@ -1,8 +1,8 @@
-//! Rates the models of a path, and picks one.
+//! Rates the models of a path, and selects one.
 //!
-//! In: models by key, and rows that judge them. Out: for each key a rating: the mean square error on rows that were left out or held out with its standard
-//! error, AICc, or PRESS. A key that some part of the rows has no model for is not rated. The least wins, and of equals the fewest terms; by the
-//! rule of one standard error the fewest terms within a standard error of the least.
+//! In: models by key, and rows that evaluate them. Out: a rating for each key: the mean square error of cross-validation or on validation rows with
+//! its standard error, AICc, or PRESS. A key without a model for some part of the rows has no rating. The smallest rating wins, and of equal ones
+//! that with the fewest terms. With the one-standard-error rule, the fewest terms within one standard error of the smallest rating win.
 //!
 //! Sources: Allen 1974 (PRESS); Hurvich, Tsai 1989 (AICc); Breiman, Friedman, Olshen, Stone 1984, 3.4.3 (one standard error).
 
@@ -11,23 +11,23 @@ use super::paths::Path;
 use crate::spec::Criterion;
 use crate::statistics::SizeReport;
 
-/// Errors below this share of the response's square are rounding of f64 sums.
+/// Errors below this share of the response's square are rounding errors of f64 sums.
 const ROUNDING: f64 = 1e-13;
 
-/// A smaller model is preferred unless it leaves more by this share.
+/// A larger model is preferred only if it reduces the error by at least this share.
 const LEAST_GAIN: f64 = 1e-9;
 
-/// Multiplications of PRESS over all sizes.
+/// The limit of multiplications of PRESS over all sizes.
 const PRESS_WORK: f64 = 3e8;
 
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rating {
     pub value: f64,
-    /// Of a mean over parts.
+    /// The standard error of a mean over parts.
     pub standard_error: Option<f64>,
 }
 
-/// For each key the sum of squares on some rows, and how many rows.
+/// For each key, the sum of squares on some rows, and the number of rows.
 pub(super) struct Errors {
     squares: Vec<Option<f64>>,
     weight: f64,
@@ -38,7 +38,7 @@ pub(super) fn errors(path: &Path, judge: &Gram) -> Errors {
     Errors { squares: path.iter().map(of_one).collect(), weight: judge.weight }
 }
 
-/// `square`: of the response over all rows, in whose rounding an error may vanish.
+/// `square`: that of the response over all rows; errors far below it are rounding errors.
 pub(super) fn by_parts(parts: &[Errors], full: &Path, square: f64) -> Vec<Option<Rating>> {
     let weight: f64 = parts.iter().map(|part| part.weight).sum();
     let count = parts.len() as f64;
@@ -60,7 +60,7 @@ pub(super) fn by_aicc(full: &Path, total: &Gram) -> Vec<Option<Rating>> {
     let of_one = |model: &Option<super::Model>| {
         let model = model.as_ref()?;
         let left = total.square(&model.terms, &model.coefficients).max(ROUNDING * square);
-        // The variance is a parameter too.
+        // The variance counts as a parameter too.
         let parameters = model.terms.len() as f64 + 1.0;
         let value = rows * (left / rows).ln() + 2.0 * parameters * rows / (rows - parameters - 1.0);
         (value.is_finite() && rows > parameters + 1.0).then_some(Rating { value, standard_error: None })
@@ -68,18 +68,18 @@ pub(super) fn by_aicc(full: &Path, total: &Gram) -> Vec<Option<Rating>> {
     full.iter().map(of_one).collect()
 }
 
-/// The most terms for which PRESS is computed.
+/// The largest number of terms for which PRESS is computed.
 pub(super) fn most_for_press(rows: usize) -> usize {
     (3.0 * PRESS_WORK / rows.max(1) as f64).cbrt() as usize
 }
 
-/// `rows`: all rows, scaled, with their weight's root in them.
+/// `rows`: all rows, scaled, multiplied by the square root of their weight.
 pub(super) fn by_press(full: &Path, total: &Gram, rows: &[&Vec<f64>]) -> Vec<Option<Rating>> {
     let square = total.at(total.width - 1, total.width - 1);
     let of_one = |model: &Option<super::Model>| {
         let model = model.as_ref()?;
         let size = model.terms.len();
-        // Only these terms: a small matrix.
+        // A small matrix with only these terms.
         let mut small = Gram::nothing(size + 1);
         for (row, term) in model.terms.iter().enumerate() {
             for (column, other) in model.terms.iter().enumerate() {
@@ -98,7 +98,7 @@ pub(super) fn by_press(full: &Path, total: &Gram, rows: &[&Vec<f64>]) -> Vec<Opt
                 .map(|(k, own)| own * z.iter().enumerate().map(|(j, z)| z * inverse.at(k, j)).sum::<f64>())
                 .sum();
             let rest = 1.0 - leverage;
-            // Left out, nothing would hold some term.
+            // Without the row, some term would not be determined.
             if rest <= 1e-9 {
                 return None;
             }
@@ -109,7 +109,7 @@ pub(super) fn by_press(full: &Path, total: &Gram, rows: &[&Vec<f64>]) -> Vec<Opt
     full.iter().map(of_one).collect()
 }
 
-/// The key that wins.
+/// The key of the selected model.
 pub(super) fn chosen(ratings: &[Option<Rating>], full: &Path, one_standard_error: bool) -> Option<usize> {
     let size = |key: usize| full[key].as_ref().map_or(usize::MAX, |model| model.terms.len());
     let rated = || ratings.iter().enumerate().filter_map(|(key, rating)| Some((key, (*rating)?)));
@@ -126,7 +126,7 @@ pub(super) fn chosen(ratings: &[Option<Rating>], full: &Path, one_standard_error
     }
 }
 
-/// The criterion by the number of terms, in the unit of the response where it is an error.
+/// The criterion by number of terms; an error is in the unit of the response.
 pub(super) fn by_size(ratings: &[Option<Rating>], full: &Path, criterion: Criterion, scale: f64) -> Vec<SizeReport> {
     let mut list: Vec<SizeReport> = Vec::new();
     for (rating, model) in ratings.iter().zip(full) {

@@ -1,7 +1,7 @@
 //! Reads the keys of a fit specification.
 //!
-//! In: the text. Out: a [`Draft`] of everything that has the right shape, the place of each part, and a fault for everything
-//! else. Whether the parts fit together is judged in [`super::rules`].
+//! In: the text. Out: a [`Draft`] of the parts with the right shape, the position of each part, and every fault. [`super::rules`] checks whether the
+//! parts fit together.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ use toml::de::DeValue;
 
 use super::{Criterion, Direction, InputSpec, Method, ResponseSpec, Search, SearchBy, Split, Validation, Weights, shape};
 
-/// What of the text has the right shape.
+/// The parts of the text with the right shape.
 pub(super) struct Draft {
     pub model: String,
     pub data: Vec<String>,
@@ -25,7 +25,7 @@ pub(super) struct Draft {
     pub places: Places,
 }
 
-/// Reads the whole text. `None` when nothing can be judged further; then there is a fault.
+/// Reads the whole text. `None` if nothing more can be checked; then there is a fault.
 pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<Draft> {
     let document = toml_reader::parse(source, faults)?;
     let mut top = TableReader::document(source, &document);
@@ -145,7 +145,7 @@ fn read_input(
     })
 }
 
-/// A number above 0, or a text such as "2*pi", "pi/6". `Some(None)`: absent; `None`: refused.
+/// A number above 0, or a text such as "2*pi", "pi/6". `Some(None)` if absent; `None` if there is a fault.
 fn read_period(path: &str, reader: &mut TableReader<'_>, places: &mut Places, faults: &mut Collector) -> Option<Option<f64>> {
     let Some(value) = reader.optional("period") else { return Some(None) };
     let span = value.span();
@@ -162,7 +162,7 @@ fn read_period(path: &str, reader: &mut TableReader<'_>, places: &mut Places, fa
     found.map(Some)
 }
 
-/// `a*pi/b`, of which a and b may be absent.
+/// `a*pi/b`, where a and b may be omitted.
 fn multiple_of_pi(text: &str) -> Option<f64> {
     let text = text.replace(' ', "");
     let (before, after) = text.split_once("pi")?;
@@ -171,7 +171,7 @@ fn multiple_of_pi(text: &str) -> Option<f64> {
     Some(factor * std::f64::consts::PI / divisor)
 }
 
-/// `Some(None)`: absent; `None`: refused.
+/// `Some(None)` if absent; `None` if there is a fault.
 fn optional_text(
     key: &'static str,
     path: &str,
@@ -184,7 +184,7 @@ fn optional_text(
     if stands && text.is_none() { None } else { Some(text) }
 }
 
-/// `Some(None)`: absent; `None`: refused.
+/// `Some(None)` if absent; `None` if there is a fault.
 fn optional_range(
     key: &'static str,
     path: &str,
@@ -196,7 +196,7 @@ fn optional_range(
     places.range(path, key, value, reader, faults).map(Some)
 }
 
-/// Notes a key that is read elsewhere; whether it is there.
+/// Records the position of a key that is read elsewhere. Returns whether it is present.
 fn note_key(places: &mut Places, path: impl Into<String>, key: &str, reader: &TableReader<'_>) -> bool {
     let found = reader.entries().find(|(name, _, _)| *name == key);
     if let Some((_, _, value)) = &found {
@@ -267,7 +267,7 @@ fn read_response(
     })
 }
 
-/// Keys of the format for which this version has no method. Ignoring them would give another model than the one asked for.
+/// Rejects keys of the format that this version does not support. Ignoring them would give a different model.
 fn refuse_later_work(reader: &mut TableReader<'_>, faults: &mut Collector) {
     if let Some(value) = reader.optional("loss") {
         let is_least_squares = matches!(value.get_ref(), DeValue::String(word) if word == "least-squares");
@@ -278,7 +278,7 @@ fn refuse_later_work(reader: &mut TableReader<'_>, faults: &mut Collector) {
     }
 }
 
-/// `Some(None)`: absent.
+/// `Some(None)` if absent.
 fn read_weights(
     path: &str,
     reader: &mut TableReader<'_>,
@@ -328,7 +328,7 @@ fn read_terms<'a>(
     terms.into_iter().collect()
 }
 
-/// `terms`: those of the response, if there are any; `terms_broken`: there are, but of the wrong shape.
+/// `terms`: those of the response, if there are any; `terms_broken`: they have the wrong shape.
 fn read_select<'a>(
     value: Value<'a>,
     terms: Option<Vec<Vec<u32>>>,
@@ -341,7 +341,7 @@ fn read_select<'a>(
     let mut reader = TableReader::of(response.source(), value, format!("{}: `select`", response.who()), faults)?;
     let method_path = format!("{path}.select.method");
     let is_named = note_key(places, &method_path, "method", &reader);
-    // On fresh rows the LASSO had the least error: docs/decisions/062.
+    // On new rows the LASSO had the smallest error: docs/decisions/062.
     let method = if is_named { reader.text("method", faults)? } else { "lasso".to_string() };
     let method_place = places.place(&method_path);
     let mut order = |key: &'static str, reader: &mut TableReader<'a>, faults: &mut Collector| {
@@ -409,7 +409,7 @@ fn read_select<'a>(
         other => {
             let fault = reader.fault(method_place.clone(), format!("`method`: \"{other}\" is not a method"));
             faults.push(fault.help("accepted: \"ladder\", \"stepwise\", \"best-subset\", \"lasso\", \"fixed\""));
-            // The keys that belong to it cannot be judged.
+            // The keys of an unknown method cannot be checked.
             return None;
         }
     };
@@ -417,7 +417,7 @@ fn read_select<'a>(
     selected
 }
 
-/// The keys that every search has.
+/// Reads the keys of every search.
 fn read_search(
     mut search: Search,
     path: &str,

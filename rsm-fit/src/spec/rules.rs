@@ -1,7 +1,7 @@
-//! The rules that the parts of a fit specification keep. One rule is one function.
+//! The rules for the parts of a fit specification. Each rule is one function.
 //!
-//! In: a [`Specification`] of the right shape. Out: faults. Rules that need the ranges run twice: here for those that are
-//! written down, and in the fit for those that come from the data.
+//! In: a [`Specification`] of the right shape. Out: faults. Rules that need the ranges run twice: here for ranges in the specification, and in the
+//! fit for ranges from the data.
 
 use rsm_core::model::{Outside, Symmetry};
 use rsm_core::names;
@@ -131,7 +131,7 @@ fn check_responses(specification: &Specification, faults: &mut Collector) {
     }
 }
 
-/// Symmetry, knots, sigmoids and reciprocals name inputs of the response, each once.
+/// Symmetry, knots, sigmoids and reciprocals must name inputs of the response, each once.
 fn check_basis(specification: &Specification, faults: &mut Collector) {
     for response in &specification.responses {
         let surface = &response.surface;
@@ -306,7 +306,7 @@ fn check_terms(specification: &Specification, response: &ResponseSpec, terms: &[
     }
 }
 
-/// What symmetry, knots, sigmoids and reciprocals ask of the ranges; `ranges` has one an input, where it is known.
+/// The requirements of symmetry, knots, sigmoids and reciprocals on the ranges; `ranges` has one entry for each input, if it is known.
 pub(crate) fn check_basis_against_ranges(specification: &Specification, ranges: &[Option<[f64; 2]>], faults: &mut Collector) {
     let range_of = |name: &str| {
         let index = specification.inputs.iter().position(|input| input.name == name);

@@ -1,7 +1,7 @@
-//! What a response may look like, and where: the keys `constraints` and `support`.
+//! The keys `constraints` and `support` of a response.
 //!
-//! In: the table of a response. Out: [`Constraint`]s and a [`SupportSpec`] of the right shape; then, given the response, faults
-//! where they do not fit it. Never looks at data.
+//! In: the table of a response. Out: [`Constraint`]s and a [`SupportSpec`] of the right shape; then, with the response, faults if they do not fit it.
+//! Data are not used.
 
 use rsm_core::model::Symmetry;
 use rsm_core::places::Places;
@@ -11,27 +11,27 @@ use toml::de::DeValue;
 
 use super::{Form, Method, ResponseSpec, Specification};
 
-/// Faces of a support without `faces`: those of a box and of four cut corners.
+/// The default number of half-spaces of a support: those of a box and of four cut corners.
 pub(crate) const FACES: usize = 8;
 
-/// With more faces the support test costs more than the surface.
+/// The largest number. With more half-spaces the support test costs more than the surface.
 pub(crate) const MOST_FACES: usize = 32;
 
-/// What must hold over the whole supported region.
+/// A constraint over the whole supported region.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Constraint {
-    /// The response lies between two values.
+    /// The response is between two values.
     Bounds {
-        /// The least,
+        /// The lower bound,
         min: Option<f64>,
-        /// and the greatest.
+        /// and the upper bound.
         max: Option<f64>,
     },
-    /// The response never falls, or never rises, with an input.
+    /// The response is monotone in an input.
     Monotone {
         /// The input.
         input: String,
-        /// Never falls.
+        /// True if the response must not decrease, false if it must not increase.
         increasing: bool,
     },
     /// The response is convex in all inputs together,
@@ -41,7 +41,7 @@ pub enum Constraint {
 }
 
 impl Constraint {
-    /// What is wrong with it whatever the response is, as a file and a fit in memory say it.
+    /// A fault that does not depend on the response, for files and for fits in memory.
     pub(crate) fn fault(&self) -> Option<String> {
         match self {
             Constraint::Bounds { min: None, max: None } => {
@@ -72,16 +72,16 @@ impl std::fmt::Display for Constraint {
     }
 }
 
-/// A support that is made from the data.
+/// A support from the data.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SupportSpec {
-    /// So far beyond the data, in coded units.
+    /// The margin beyond the data, in coded units.
     pub margin: f64,
-    /// At most so many half-spaces, with two inputs.
+    /// The largest number of half-spaces, for two inputs.
     pub faces: usize,
 }
 
-/// Reads `constraints`; none where the key is absent.
+/// Reads `constraints`; empty if the key is absent.
 pub(super) fn read_constraints(
     path: &str,
     reader: &mut TableReader<'_>,
@@ -134,7 +134,7 @@ fn read_constraint(reader: &mut TableReader<'_>, faults: &mut Collector) -> Opti
     }
 }
 
-/// A choice among fixed words that must be there.
+/// A required choice among fixed words.
 fn required_choice<T: Copy>(
     key: &'static str,
     options: &[(&str, T)],
@@ -149,7 +149,7 @@ fn required_choice<T: Copy>(
 
 const KINDS: &str = "accepted: \"bounds\", \"monotone\", \"convex\", \"concave\"";
 
-/// Reads `forms`. `Some(None)`: absent.
+/// Reads `forms`. `Some(None)` if absent.
 pub(super) fn read_forms(
     path: &str,
     reader: &mut TableReader<'_>,
@@ -179,7 +179,7 @@ pub(super) fn read_forms(
     Some(Some(forms))
 }
 
-/// Reads `support`. `Some(None)`: absent.
+/// Reads `support`. `Some(None)` if absent.
 pub(super) fn read_support(
     path: &str,
     reader: &mut TableReader<'_>,
@@ -222,7 +222,7 @@ fn read_margin(reader: &TableReader<'_>, value: Value<'_>, faults: &mut Collecto
     Some(margin)
 }
 
-/// Constraints speak of inputs of their response, and ask nothing that its form excludes; faces are counted with two inputs.
+/// Constraints must name inputs of their response and be possible for its form; `faces` needs two inputs.
 pub(super) fn check(specification: &Specification, faults: &mut Collector) {
     for response in &specification.responses {
         let faces = format!("responses.{}.support.faces", response.surface.name);
@@ -245,7 +245,7 @@ pub(super) fn check(specification: &Specification, faults: &mut Collector) {
     }
 }
 
-/// What stands against sigmoids that the data would choose, and what to do.
+/// A reason against sigmoids chosen by the data, and what to do.
 fn unwanted_form(response: &ResponseSpec) -> Option<(String, &'static str)> {
     response.forms.as_ref().filter(|forms| forms.contains(&Form::Sigmoid))?;
     if let Method::Fixed(_) = response.method {
@@ -259,7 +259,7 @@ fn unwanted_form(response: &ResponseSpec) -> Option<(String, &'static str)> {
     reciprocal.map(|input| (format!("\"sigmoid\", and `{input}` enters by its reciprocal"), "leave out one of the two"))
 }
 
-/// What is wrong with a constraint, and what to do.
+/// The fault of a constraint, and what to do.
 fn contradiction(response: &ResponseSpec, constraint: &Constraint) -> Option<(String, String)> {
     let surface = &response.surface;
     let symmetry_of = |name: &str| surface.symmetry.iter().find(|(input, _)| input == name).map(|(_, kind)| *kind);

@@ -1,13 +1,13 @@
-//! Errors on rows that were not fitted: sums of them, which add up over parts, and their figures.
+//! Errors on rows that were not fitted, as sums that can be added over parts, and their figures.
 //!
-//! In: a model as it is written, saturated, and rows. Out: [`Judged`]. A row counts by its place in the range, as an evaluator sees it. Never
+//! In: a model as written, with saturation, and rows. Out: [`Judged`]. A row is clamped to the range, as in an evaluator. Fits nothing.
 //! fits anything.
 
 use super::{Observations, ValidationStatistics, lack, value};
 use crate::dd::Dd;
 use crate::design::Design;
 
-/// Sums of the errors of a model on rows that were not fitted. Sums of several parts add up.
+/// Sums of the errors of a model on rows that were not fitted. Sums of several parts can be added.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Judged {
     rows: usize,
@@ -20,7 +20,7 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// Nothing judged yet.
+    /// Sums without rows.
     pub const NOTHING: Judged = Judged {
         rows: 0,
         absolute: Dd::ZERO,
@@ -31,7 +31,7 @@ impl Judged {
         about_mean: Dd::ZERO,
     };
 
-    /// The errors of a model as it is written, saturated, on some rows. `mean`: what would be predicted without a surface.
+    /// The errors of a model as written, with saturation, on some rows. `mean`: the prediction without a surface.
     #[must_use]
     pub fn of(
         design: &Design,
@@ -63,7 +63,7 @@ impl Judged {
         judged
     }
 
-    /// Both together.
+    /// The sum of both.
     #[must_use]
     pub fn and(self, other: Judged) -> Self {
         Judged {
@@ -77,15 +77,15 @@ impl Judged {
         }
     }
 
-    /// The share of the spread about the mean that the surface explains, replicates taken by their means; negative where the mean alone
-    /// does better. `None` where there is no spread, as without rows.
+    /// The explained share of the spread about the mean, with replicates replaced by their means; negative if the mean alone is better. `None`
+    /// without a spread or without rows.
     #[must_use]
     pub fn explained(&self) -> Option<f64> {
         let explained = (Dd::ONE - self.lack / self.about_mean).to_f64();
         explained.is_finite().then_some(explained)
     }
 
-    /// The figures. None without rows.
+    /// The figures; `None` without rows.
     #[must_use]
     pub fn statistics(&self) -> Option<ValidationStatistics> {
         let count = Dd::from(self.rows as f64);

@@ -1,8 +1,7 @@
 //! Serial correlation of the errors, and standard errors that allow for it.
 //!
-//! In: the fitted rows with their errors, in the order of the runs where it is known, else in the order in which they
-//! stand. Out: the correlation of neighbours with its probability under random orders; where they are correlated,
-//! standard errors and intervals by Newey and West. Changes no coefficient.
+//! In: the fitted rows with their errors, in run order if it is known, otherwise in the order of the rows. Out: the correlation of neighbours with
+//! its probability for random orders; if they are correlated, standard errors and intervals by Newey and West. Changes no coefficient.
 //!
 //! ```text
 //! u_t = (X'WX)^-1 x_t w_t e_t                       what row t does to the coefficients
@@ -25,33 +24,34 @@ use crate::observations::Observations;
 use crate::qr::Growing;
 use crate::random::Random;
 
-/// Fewer rows say nothing of their order.
+/// With fewer rows, no test is made.
 const LEAST_ROWS: usize = 8;
 
-/// Orders against which the order of the rows is held: with 999 the largest of all has a probability of 1/1000.
+/// The number of random orders for comparison: if the actual order has the largest correlation of all, its probability is 1/1000.
 const ORDERS: u64 = 999;
 
-/// From here on the correlation of neighbours in a random order is normal with mean -1/(n - 1) and variance 1/(n - 1), to some 1/n (Wald, Wolfowitz 1943).
+/// From this number of rows, the correlation of neighbours in a random order is normal with mean -1/(n - 1) and variance 1/(n - 1), to about 1/n
+/// (Wald, Wolfowitz 1943).
 const MANY_ROWS: usize = 500;
 
-/// The correlation that the rule of the lags is given at most (Andrews, Monahan 1992).
+/// The largest correlation used in the rule of the lags (Andrews, Monahan 1992).
 const MOST_ALIKE: f64 = 0.97;
 
-/// Multiplications: in double-double 10^8 take a second, in double precision a tenth of it.
+/// The limit of multiplications: in double-double 10^8 take a second, in double precision a tenth of it.
 const WORK: f64 = 1e8;
 
-/// Errors of neighbours that are alike, and what holds then.
+/// Correlated errors of neighbours, and standard errors for this case.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Serial {
-    /// "run-order", or "rows" where no order of the runs is known.
+    /// "run-order", or "rows" if the run order is not known.
     pub order: &'static str,
     /// The correlation of the errors of neighbours.
     pub correlation: f64,
-    /// The probability of as much in a random order.
+    /// The probability of such a correlation in a random order.
     pub p: f64,
-    /// L, how many rows apart errors still count as related; none without standard errors.
+    /// L: up to this distance in rows, errors count as correlated; `None` without standard errors.
     pub lags: Option<usize>,
-    /// Newey's and West's standard error of each term; empty where constraints or a penalty hold coefficients, and for large fits.
+    /// The Newey-West standard error of each term; empty if constraints or a penalty affect the coefficients, and for large fits.
     pub standard_errors: Vec<f64>,
     /// Bounds of the 95 % intervals with them.
     pub intervals: Vec<[f64; 2]>,
@@ -65,7 +65,7 @@ impl Serial {
     }
 }
 
-/// The correlation of neighbours and its probability in a random order. None with too few rows.
+/// The correlation of neighbours and its probability in a random order. `None` with too few rows.
 pub(crate) fn of_neighbours(errors: &[f64]) -> Option<(f64, f64)> {
     let count = errors.len() as f64;
     if errors.len() < LEAST_ROWS {
@@ -82,9 +82,9 @@ pub(crate) fn of_neighbours(errors: &[f64]) -> Option<(f64, f64)> {
         // mutant `> to >=`: at 0 both are a half.
         return Some((found, if z > 0.0 { p } else { 1.0 - p }));
     }
-    // mutant `1 up`, mutant `1 down`: other orders say the same, to what so many orders say.
+    // mutant `1 up`, mutant `1 down`: other random orders give the same within their accuracy.
     let mut random = Random::new(1);
-    // mutant `0 up`: so do orders but one.
+    // mutant `0 up`: so does one order less.
     let as_much = (0..ORDERS).filter(|_| {
         random.shuffle(&mut errors);
         serial(&errors) >= found
@@ -96,24 +96,25 @@ pub(crate) fn of_neighbours(errors: &[f64]) -> Option<(f64, f64)> {
 fn lags(correlation: f64, rows: usize) -> usize {
     let r = correlation.clamp(0.0, MOST_ALIKE);
     let alpha = 4.0 * r * r / ((1.0 - r).powi(2) * (1.0 + r).powi(2));
-    // mutant: with all rows but one apart every product counts already.
+    // mutant: with all rows but one apart every product already counts.
     ((1.1447 * (alpha * rows as f64).cbrt()) as usize).min(rows - 1)
 }
 
-/// The variance of a sum whose parts stand in their order, parts up to `lags` apart being related.
+/// The variance of a sum of ordered parts, if parts up to `lags` apart are correlated.
 fn variance_of_sum(parts: &[f64], lags: usize) -> f64 {
     let apart = |lag: usize| parts[lag..].iter().zip(parts).map(|(here, before)| here * before).sum::<f64>();
     let weight = |lag: usize| 1.0 - lag as f64 / (lags as f64 + 1.0);
     apart(0) + 2.0 * (1..=lags).map(|lag| weight(lag) * apart(lag)).sum::<f64>()
 }
 
-/// Whether what each row does (double-double) or the sums over lags (double precision) would take more than about a second.
+/// Whether the influences of the rows (double-double) or the sums over lags (double precision) would take more than about a second.
 fn takes_too_long(rows: usize, width: usize, lags: usize) -> bool {
     let each = rows as f64 * width as f64;
     each * width as f64 > WORK || each * lags as f64 > 10.0 * WORK
 }
 
-/// How many lags, with a standard error a term. `places`: the rows in their order; `errors`: sqrt(w) (y - yhat), by row. None where it would take too long.
+/// The number of lags, with a standard error for each term. `places`: the rows in their order; `errors`: sqrt(w) (y - yhat), by row. `None` if it
+/// would take too long.
 pub(crate) fn newey_west(
     design: &Design,
     solved: &Growing,
@@ -138,7 +139,7 @@ pub(crate) fn newey_west(
         }
     }
     let few = rows as f64 / freedom.get() as f64;
-    // Rounding may leave less than nothing of a variance of nothing.
+    // By rounding, a variance of zero may become negative.
     Some((lags, parts.iter().map(|parts| (few * variance_of_sum(parts, lags)).max(0.0).sqrt()).collect()))
 }
 

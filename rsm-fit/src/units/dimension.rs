@@ -1,7 +1,7 @@
-//! What a unit measures: exponents of the seven base units, and its size in them.
+//! The dimension of a unit: the exponents of the seven base units, and its size in them.
 //!
-//! For whoever computes with units and not with numbers that have them: two sides of an equation, a product. Every size comes from the library;
-//! what stands here are the exponents of the units that the SI names (BIPM, 9th edition, table 4), by which the library's names are recognised.
+//! For code that computes with units instead of numbers: two sides of an equation, a product. Every size comes from the library. Here are only the
+//! exponents of the units that the SI names (BIPM, 9th edition, table 4), by which the library's names are recognised.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
@@ -10,18 +10,18 @@ use rsm_core::number::{Precision, Rational};
 
 use super::{convert, words};
 
-/// What a unit measures, and how large it is.
+/// The dimension and the size of a unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dimension {
     /// The exponents of kg, m, s, A, K, mol and cd. The radian is 1.
     pub exponents: [i32; 7],
-    /// One of the unit in these.
+    /// The size of the unit in base units.
     pub factor: f64,
-    /// Whether zero of the unit is not zero in these: degrees Celsius and Fahrenheit.
+    /// Whether zero of the unit is not zero in base units: degrees Celsius and Fahrenheit.
     pub has_offset: bool,
 }
 
-/// Units by which a name is recognised, the frequent ones first.
+/// Units for recognising a name, the frequent ones first.
 const KNOWN: &[(&str, [i32; 7])] = &[
     ("rad", [0, 0, 0, 0, 0, 0, 0]),
     ("m", [0, 1, 0, 0, 0, 0, 0]),
@@ -54,10 +54,10 @@ const KNOWN: &[(&str, [i32; 7])] = &[
     ("N*s", [1, 1, -1, 0, 0, 0, 0]),
 ];
 
-/// Names that were recognised before: the library is asked once.
+/// A cache of recognised names.
 static FOUND: Mutex<Option<HashMap<String, Option<Dimension>>>> = Mutex::new(None);
 
-/// What a unit measures.
+/// The dimension of a unit.
 ///
 /// ```
 /// use rsm_fit::units::dimension;
@@ -71,7 +71,7 @@ static FOUND: Mutex<Option<HashMap<String, Option<Dimension>>>> = Mutex::new(Non
 /// ```
 ///
 /// # Errors
-/// A sentence: not a unit, or one that none of the SI's named units measures.
+/// If it is not a unit, or if no named unit of the SI has its dimension; as a sentence.
 pub fn dimension(text: &str) -> Result<Dimension, String> {
     let words = words(text)?;
     let mut reader = Reader { words: &words, at: 0, text };
@@ -137,7 +137,7 @@ fn times(a: Dimension, b: Dimension, sign: i32) -> Dimension {
     for (exponent, other) in exponents.iter_mut().zip(b.exponents) {
         *exponent += sign * other;
     }
-    // A product with a temperature is one with a difference of temperatures.
+    // In a product, a temperature counts as a difference of temperatures.
     Dimension { exponents, factor: if sign > 0 { a.factor * b.factor } else { a.factor / b.factor }, has_offset: false }
 }
 

@@ -1,21 +1,21 @@
-//! Other people's spellings of units, where they have one meaning.
+//! Other spellings of units with a single meaning.
 //!
-//! In: a text as it stands in somebody's header. Out: the same unit in the grammar of [`super`]. A spelling that could mean two units is not
-//! in the table and is refused as before: `rad/s` from a bare `1/min`, a torque from `lb-ft`, gravity from `g`.
+//! In: a text from a file's header. Out: the same unit in the grammar of [`super`]. A spelling that could mean two units is not in the table and is
+//! rejected: a bare `1/min` for `rad/s`, `lb-ft` for a torque, `g` for gravity.
 //!
-//! What stands here are meanings, not factors: those come from the library.
+//! The table has meanings, not factors; these come from the library.
 
 use std::borrow::Cow;
 
-/// Whole texts.
+/// Complete texts.
 const TEXTS: &[(&str, &str)] = &[
     ("-", "1"),
-    // Turns a minute. A bare `1/min` may count anything and stays what it is.
+    // Revolutions per minute. A bare `1/min` may count anything and is not changed.
     ("r/min", "rpm"),
     ("rev/min", "rpm"),
     ("U/min", "rpm"),
     ("tr/min", "rpm"),
-    // Moments of inertia: without a power, `kgm` is not in the table of names, since a power behind it would belong to the metre alone.
+    // Moments of inertia. Without a power, `kgm` is not in the table of names, because a power after it would belong only to the metre.
     ("kgm^2", "kg*m^2"),
     ("kgm2", "kg*m^2"),
     ("gcm^2", "g*cm^2"),
@@ -27,8 +27,8 @@ const TEXTS: &[(&str, &str)] = &[
     ("ft-lbf", "lbf*ft"),
 ];
 
-/// Names, and expressions that the library can evaluate. One that is a product or a quotient stands in parentheses, so that `V/Nm` is
-/// V/(N*m); no power may follow it, since `Nm^2` is N*m^2 to one reader and (N*m)^2 to another.
+/// Names, and expressions that the library can evaluate. A product or a quotient is in parentheses, so that `V/Nm` is V/(N*m). No power may follow
+/// it, because `Nm^2` may be read as N*m^2 or as (N*m)^2.
 const NAMES: &[(&str, &str)] = &[
     ("Nm", "(N*m)"),
     ("mNm", "(mN*m)"),
@@ -59,7 +59,7 @@ const NAMES: &[(&str, &str)] = &[
     ("Ohms", "Ω"),
 ];
 
-/// The text in the grammar: signs of products and of minus, powers that are raised or follow a name.
+/// The text in the grammar: signs of products and of minus, and powers that are superscripts or follow a name.
 pub(super) fn text(original: &str) -> Cow<'_, str> {
     let original = original.trim();
     let mut out = String::new();
@@ -81,7 +81,7 @@ pub(super) fn text(original: &str) -> Cow<'_, str> {
             ('⁻' | '−', _) => out.push('-'),
             ('·' | '⋅' | '×', _) => out.push('*'),
             ('.', _) if between_letters() => out.push('*'),
-            // Two signs of one prefix and two of one unit.
+            // Two characters for the same prefix, and two for the same unit.
             ('μ', _) => out.push('µ'),
             ('\u{2126}', _) => out.push('\u{3a9}'),
             (other, _) => out.push(other),
@@ -93,12 +93,12 @@ pub(super) fn text(original: &str) -> Cow<'_, str> {
     if out == original { Cow::Borrowed(original) } else { Cow::Owned(out) }
 }
 
-/// What a name means, where it is a spelling of the table.
+/// The meaning of a name, if it is in the table.
 pub(super) fn name(name: &str) -> Option<&'static str> {
     NAMES.iter().find(|(spelling, _)| *spelling == name).map(|(_, meaning)| *meaning)
 }
 
-/// A name with a power behind it (`s2`, `m3`), cut in two. Square and cube only: nothing else is written so.
+/// A name with a power after it (`s2`, `m3`), split in two. Only square and cube; nothing else is written like this.
 pub(super) fn with_power(name: &str) -> Option<(&str, &str)> {
     let cut = name.len().checked_sub(1)?;
     let (base, power) = (name.get(..cut)?, name.get(cut..)?);

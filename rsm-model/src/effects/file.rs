@@ -1,6 +1,7 @@
 //! The file of an effect.
 //!
-//! In: a text of format 1. Out: [`Effect`], or every fault with line and column. Roles and units can be checked only at a site: `rewrite` reports those faults.
+//! In: a text of format 1. Out: [`Effect`], or every fault with line and column. Roles and units can be checked only at a site, so `rewrite` reports
+//! those faults.
 
 use std::ops::Range;
 
@@ -10,30 +11,30 @@ use rsm_core::toml_reader::{TableReader, Value, parse};
 use super::site::{SiteKind, expression};
 use crate::syntax::tree::{Expression, Kind};
 
-/// A number of an effect.
+/// A parameter of an effect.
 #[derive(Debug, Clone)]
 pub struct Number {
     /// Its name in a plant file.
     pub name: String,
-    /// The kind of site on which it is taken; `None` for all.
+    /// The kind of site on which the effect has it; `None` for all.
     pub on: Option<SiteKind>,
-    /// Its unit on a kind of site, or on all; `{role}` stands for the unit of a role.
+    /// Its unit on a kind of site, or on all. `{role}` is replaced by the unit of a role.
     pub(crate) units: Vec<(Option<SiteKind>, String)>,
-    /// No value is below.
+    /// The smallest value.
     pub min: Option<f64>,
-    /// No value is above.
+    /// The largest value.
     pub max: Option<f64>,
     /// Whether `min` itself is excluded.
     pub is_above_min: bool,
-    /// Whether it must be a whole number.
+    /// Whether it must be an integer.
     pub is_whole: bool,
-    /// What it is where a plant file leaves it out; without one it must be there.
+    /// The value if a plant file omits it; without one it is required.
     pub(crate) default: Option<Expression>,
-    /// The value with which the effect changes nothing, if there is one.
+    /// The value at which the effect changes nothing, if there is one.
     pub(crate) neutral: Option<Expression>,
-    /// Whether it is a phase: a quarter of a turn further the effect is another one.
+    /// Whether it is a phase: then a shift by a quarter period gives an independent effect.
     pub is_phase: bool,
-    /// Where a search begins on a kind of site, or on all, in scales of the records.
+    /// First guesses on a kind of site, or on all, in scales of the records.
     pub(crate) guesses: Vec<(Option<SiteKind>, Expression)>,
 }
 
@@ -47,41 +48,41 @@ pub(crate) struct State {
     pub rate: Expression,
 }
 
-/// What an effect does to a role.
+/// A change that an effect makes to a role.
 #[derive(Debug, Clone)]
 pub(crate) enum Change {
     /// Adds to the balance of the site.
     Balance(Expression),
     /// Adds to the load, which acts against forward motion.
     Load(Expression),
-    /// Puts a law in the place of a role.
+    /// Replaces a role by a law.
     Replace(String, Expression),
-    /// Puts laws in the place of roles, inside the equation that gives another role.
+    /// Replaces roles by laws, inside the equation that defines another role.
     Inside(String, Vec<(String, Expression)>),
-    /// Gives a role by another equation.
+    /// Defines a role by another equation.
     Define(String, Expression),
-    /// Changes what outputs say of a role.
+    /// Changes the readings of a role by outputs.
     Reading(String, Expression),
-    /// A signal comes later, in s.
+    /// Delays a signal, in s.
     Delay(Expression),
-    /// Puts a law in the place of a role in what the text demands of the start.
+    /// Replaces a role by a law in the initial equations.
     Start(String, Expression),
 }
 
-/// What is said of an effect.
+/// The texts of an effect.
 #[derive(Debug, Clone, Default)]
 pub struct Words {
-    /// What a report says; `{name}` stands for a number with its unit, `{site}` for the site.
+    /// The sentence of a report. `{name}` is replaced by a parameter with its unit, `{site}` by the site.
     pub sentence: String,
-    /// What an engineer measures to be sure.
+    /// What to measure to confirm the effect.
     pub check: String,
-    /// Other kinds of effects, or things, that look like it.
+    /// Other effects, or other things, that look like it.
     pub looks_like: Vec<String>,
-    /// By what it is told apart from them.
+    /// How it can be distinguished from them.
     pub told_apart: String,
 }
 
-/// A helper: an expression, one for each kind of site where they differ. With a unit it is a constant.
+/// A helper: an expression, possibly different for each kind of site. With a unit it is a constant.
 #[derive(Debug, Clone)]
 pub(crate) struct Helper {
     pub name: String,
@@ -90,7 +91,7 @@ pub(crate) struct Helper {
 }
 
 impl Helper {
-    /// What it is on a kind of site.
+    /// Its expression on a kind of site.
     pub(crate) fn on(&self, kind: SiteKind) -> Option<&Expression> {
         self.list.iter().find(|it| it.0.is_none_or(|on| on == kind)).map(|it| &it.1)
     }
@@ -101,21 +102,21 @@ impl Helper {
 pub struct Effect {
     /// Its name in plant files.
     pub kind: String,
-    /// Where it can stand.
+    /// The kinds of sites on which it is possible.
     pub sites: Vec<SiteKind>,
-    /// Where its law is from.
+    /// The source of its law.
     pub reference: String,
     /// Its numbers.
     pub numbers: Vec<Number>,
-    /// What is said of it.
+    /// Its texts.
     pub words: Words,
     /// The effect that it contains as a special case, if the file names one.
     pub generalises: Option<String>,
-    /// Whether it acts on what others of its kind of site have made.
+    /// Whether it acts after all other effects on its kind of site.
     pub is_outermost: bool,
-    /// Whether a reading tells the truth that it was made of. One that is rounded or clipped does not: it is taken for the truth then.
+    /// Whether the true value can be computed from a reading. If not, because it is rounded or clipped, the reading is used as the true value.
     pub reads_back: bool,
-    /// The number to whose multiples a reading is rounded: along it a simulation has no derivative.
+    /// The parameter to whose multiples a reading is rounded. A simulation has no derivative with respect to it.
     pub rounds_to: Option<String>,
     pub(crate) helpers: Vec<Helper>,
     pub(crate) states: Vec<State>,
@@ -197,12 +198,12 @@ impl Effect {
         faults.finish(whole)
     }
 
-    /// The numbers that it takes on a kind of site.
+    /// The parameters that it has on a kind of site.
     pub fn numbers_on(&self, kind: SiteKind) -> impl Iterator<Item = &Number> {
         self.numbers.iter().filter(move |number| number.on.is_none_or(|on| on == kind))
     }
 
-    /// Whether all it does is to give a parameter another value: then no equation changes.
+    /// Whether it only changes the value of a parameter, so that no equation changes.
     #[must_use]
     pub fn is_value(&self) -> bool {
         let is_number = |law: &Expression| {
@@ -216,13 +217,13 @@ impl Effect {
             && matches!(&self.changes[..], [Change::Replace(role, law)] if role == "signal" && is_number(law))
     }
 
-    /// Whether a number may be left out.
+    /// Whether a parameter may be omitted.
     #[must_use]
     pub fn has_default(&self, number: &str) -> bool {
         self.numbers.iter().any(|it| it.name == number && it.default.is_some())
     }
 
-    /// What it changes on a site: changes of roles that the site does not have are left out.
+    /// Its changes on a site. Changes of roles that the site does not have are left out.
     pub(super) fn changes_on<'e>(&'e self, has: &'e dyn Fn(&str) -> bool) -> impl Iterator<Item = &'e Change> {
         self.changes.iter().filter(move |change| match change {
             Change::Balance(_) | Change::Load(_) | Change::Delay(_) => true,
@@ -234,7 +235,7 @@ impl Effect {
         })
     }
 
-    /// The names that its laws hold on a site, those of helpers that they use included.
+    /// The names in its laws on a site, including those in the helpers that they use.
     pub(super) fn names(&self, kind: SiteKind, has: &dyn Fn(&str) -> bool) -> Vec<String> {
         let mut names = Vec::new();
         for change in self.changes_on(has) {
@@ -274,7 +275,7 @@ impl Effect {
     }
 }
 
-/// A unit, or one for each kind of site.
+/// One unit, or one for each kind of site.
 fn units(source: &Source, value: Value<'_>, faults: &mut Collector) -> Option<Vec<(Option<SiteKind>, String)>> {
     if let Some(unit) = value.get_ref().as_str() {
         return Some(vec![(None, unit.to_string())]);
@@ -288,19 +289,19 @@ fn units(source: &Source, value: Value<'_>, faults: &mut Collector) -> Option<Ve
 }
 
 impl Number {
-    /// Its unit on a kind of site; `{role}` in it stands for the unit of a role.
+    /// Its unit on a kind of site. `{role}` in it is to be replaced by the unit of a role.
     #[must_use]
     pub fn unit(&self, kind: SiteKind) -> &str {
         self.units.iter().find(|(on, _)| on.is_none_or(|on| on == kind)).map_or("", |it| &it.1)
     }
 
-    /// Whether it is a factor: 1 changes nothing.
+    /// Whether it is a factor, with 1 as the value that changes nothing.
     #[must_use]
     pub fn scales_from_one(&self) -> bool {
         self.neutral.as_ref().is_some_and(|it| matches!(it.kind, Kind::Number(value, _) if value == 1.0))
     }
 
-    /// What is wrong with a value, if something is.
+    /// What is wrong with a value, or `None`.
     #[must_use]
     pub fn refuses(&self, value: f64) -> Option<String> {
         let bound = |what: String| Some(format!("found {value}, expected {what}"));

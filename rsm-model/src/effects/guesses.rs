@@ -11,8 +11,9 @@ use super::site::SiteKind;
 use crate::flat::{Basic, Flat, Options, Value};
 use crate::syntax::tree::Expression;
 
-/// Scales that guesses may name beside the roles of the site: effort that the inputs can cause at the site; typical speed, largest position or level or twist; largest value and spread
-/// of the reading, its step and its noise; largest input; heat that flows; sample period and length of the longest record in s; a resonance as a share of the sample rate.
+/// Scales that guesses may use in addition to the roles of the site. In order: the effort that the inputs can cause at the site; typical speed;
+/// largest position, level or twist; largest value and spread of the reading, its step and its noise; largest input; heat flow; sample period and
+/// length of the longest record in s; a resonance frequency as a share of the sample rate.
 pub const SCALES: [&str; 12] = [
     "effort_scale",
     "speed_scale",
@@ -28,19 +29,19 @@ pub const SCALES: [&str; 12] = [
     "share",
 ];
 
-/// Numbers of an effect at which a search begins.
+/// A starting point for the parameters of an effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Start {
-    /// Each number by its name. Numbers that are left out have their defaults.
+    /// Each parameter with its name and value. Omitted ones have their defaults.
     pub numbers: Vec<(String, f64)>,
-    /// The number that scales the effect, by its place, and its value without effect.
+    /// The index of the parameter that scales the effect, and its value without effect.
     pub neutral: Option<(usize, f64)>,
-    /// The place of the number that is a phase.
+    /// The index of the parameter that is a phase.
     pub phase: Option<usize>,
 }
 
 impl Effect {
-    /// Where a search for its numbers begins on a kind of site: every combination of the guesses of its file. `scales` gives [`SCALES`] and the roles of the site.
+    /// The starting points on a kind of site: every combination of the guesses in its file. `scales` gives [`SCALES`] and the roles of the site.
     ///
     /// ```
     /// use rsm_model::effects::{Catalogue, SiteKind};
@@ -55,7 +56,7 @@ impl Effect {
     /// ```
     ///
     /// # Errors
-    /// A guess that names what is not given, or that has no finite value.
+    /// If a guess uses a name that is not given, or has no finite value.
     pub fn starts(&self, kind: SiteKind, scales: &[(&str, f64)]) -> Result<Vec<Start>, Faults> {
         let mut scratch = Flat::read(&Source::new("", "model Scales\nend Scales;\n"), &Options::default())?;
         let given: HashMap<String, f64> = scales.iter().map(|(name, value)| ((*name).to_string(), *value)).collect();

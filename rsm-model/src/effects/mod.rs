@@ -1,11 +1,12 @@
-//! Effects: physics that the equations of a plant may lack. They are files, and rewrite the equations.
+//! Effects: physics that the equations of a plant may lack. Each effect is a file that changes the equations.
 //!
 //! ```text
 //! effects/*.toml --file--> Effect      [sites] --site--> Site
 //!         Flat + sites + placed effects --rewrite--> Extended (Flat, delays)
 //! ```
 //!
-//! In: the equations of a plant, its sites, effects with the numbers that they have there. Out: equations again. No code here depends on the name of an effect or a plant.
+//! In: the equations of a plant, its sites, effects with their parameters there. Out: changed equations. No code here depends on the name of an
+//! effect or a plant.
 
 mod file;
 mod guesses;

@@ -1,6 +1,6 @@
 //! The data that a search needs about each place where effects can act: the possible effects, their units, and the scales of the quantities there.
 //!
-//! In: equations, sites, a catalogue. Out: [`Places`]. Never evaluates anything.
+//! In: equations, sites, a catalogue. Out: [`Places`]. Evaluates no expression.
 
 use rsm_core::source::Faults;
 
@@ -12,38 +12,38 @@ use super::rewrite::Standing;
 use super::shipped::Catalogue;
 use super::site::{Site, SiteKind};
 
-/// A role of a site: its values in time tell how large it is.
+/// A role of a site. Its values over time give its scale.
 #[derive(Debug, Clone)]
 pub struct RoleValue {
     /// The name of the role.
     pub role: String,
     /// Its parts, one for each element of a vector: expressions of [`Places::flat`].
     pub parts: Vec<Id>,
-    /// Its unit, as the text writes it; empty where it has none.
+    /// Its unit as written in the text; empty if it has none.
     pub unit: String,
 }
 
-/// An effect at a place.
+/// An effect that is possible at a place.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Offer {
     /// Its kind.
     pub kind: String,
-    /// The unit of each number that it takes there, in their order.
+    /// The unit of each of its parameters there, in their order.
     pub units: Vec<String>,
 }
 
-/// A place at which effects can stand.
+/// A place at which effects can act.
 #[derive(Debug, Clone)]
 pub struct Place {
     /// The name for `at`.
     pub at: String,
-    /// What it is.
+    /// Its kind.
     pub kind: SiteKind,
-    /// The effects whose roles it has.
+    /// The effects for which it has all roles.
     pub effects: Vec<Offer>,
     /// Its roles.
     pub roles: Vec<RoleValue>,
-    /// The terms of its balance, each in the unit of an effort or a flow at the site. The term with the derivative is among them.
+    /// The terms of its balance, each in the unit of an effort or a flow at the site. The term with the derivative is included.
     pub terms: Vec<Id>,
 }
 
@@ -57,7 +57,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// The places of a plant and what a catalogue offers there. States by themselves are left out.
+    /// The places of a plant with the possible effects of a catalogue. States that are not sites are left out.
     ///
     /// ```
     /// use rsm_core::source::Source;
@@ -75,7 +75,7 @@ impl Places {
     /// ```
     ///
     /// # Errors
-    /// Sites that the equations do not bear out.
+    /// If the equations contradict the sites.
     pub fn of(flat: &Flat, sites: &[Site], catalogue: &Catalogue) -> Result<Places, Faults> {
         let mut standing = Standing::new(flat, sites)?;
         let mut list = Vec::new();

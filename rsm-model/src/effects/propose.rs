@@ -1,6 +1,7 @@
 //! Proposes sites of a plant, and lists the effects that can act at each place.
 //!
-//! In: equations with units. Out: proposals, ready to paste into a plant file, and lists of kinds. The user declares the sites: units and forms of equations show what a part may be, not what it is.
+//! In: equations with units. Out: proposed sites as text for a plant file, and lists of effects. The user must declare the sites, because units and
+//! equations show only what a part may be.
 
 use std::fmt::Write as _;
 
@@ -39,7 +40,7 @@ impl Proposal {
     }
 }
 
-/// Where effects can stand: a site, input, output, parameter or state, and the kinds of effects that its roles suffice for.
+/// A place where effects can act (a site, input, output, parameter or state), with the effects for which it has all roles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Room {
     /// The name for `at`.
@@ -50,10 +51,11 @@ pub struct Room {
     pub effects: Vec<String>,
 }
 
-/// The effects of a catalogue that can stand on a plant, by place. Parameters and states, where an effect stands in the same way on each, are left out.
+/// The effects of a catalogue that are possible on a plant, by place. Parameters and states are left out, because the same effects are possible on
+/// each of them.
 ///
 /// # Errors
-/// Sites that the equations do not bear out.
+/// If the equations contradict the sites.
 pub fn rooms(flat: &Flat, sites: &[Site], catalogue: &Catalogue) -> Result<Vec<Room>, Faults> {
     let standing = Standing::new(flat, sites)?;
     let mut rooms = Vec::new();
@@ -65,7 +67,7 @@ pub fn rooms(flat: &Flat, sites: &[Site], catalogue: &Catalogue) -> Result<Vec<R
     Ok(rooms)
 }
 
-/// Sites that units and the form of equations suggest, beside those that are declared.
+/// Sites that units and the form of equations suggest, without those already declared.
 ///
 /// ```
 /// use rsm_core::source::Source;
@@ -127,10 +129,10 @@ fn body(flat: &mut Flat, derivatives: &[(Symbol, Symbol)], derivative: Symbol, s
         "m" | "m3" | "Pa" | "kg" => SiteKind::Storage,
         _ => return None,
     };
-    // The balance: the derivative times numbers of the plant, and more than one signal beside it.
+    // The balance: the derivative times a constant of the plant, and more than one signal besides.
     let found = (0..flat.equations.len()).find_map(|k| {
         let (left, right) = (flat.equations[k].left, flat.equations[k].right);
-        // A variable that only says what the derivative is has no balance: an acceleration.
+        // An equation that only defines the derivative, as an acceleration, is no balance.
         let says = |side| {
             terms::symbol_of(flat, side).is_some_and(|it| {
                 let variable = flat.variable(it);
@@ -175,7 +177,7 @@ fn body(flat: &mut Flat, derivatives: &[(Symbol, Symbol)], derivative: Symbol, s
     Some(Proposal { name, kind, roles })
 }
 
-/// A spring: an effort that one equation gives from a twist and its rate.
+/// A spring: one equation gives an effort from a twist and its rate.
 fn joint(flat: &Flat, derivatives: &[(Symbol, Symbol)], equation: usize) -> Option<Proposal> {
     let it = &flat.equations[equation];
     let effort = terms::symbol_of(flat, it.left)?;
@@ -188,7 +190,7 @@ fn joint(flat: &Flat, derivatives: &[(Symbol, Symbol)], equation: usize) -> Opti
         flat.pool.symbols(it.right).into_iter().filter(|it| flat.variable(*it).role == Role::Unknown).collect();
     let of = |wanted: &str| variables.iter().copied().find(|it| unit(flat, *it) == wanted);
     let (twist, rate) = (of(units.0)?, of(units.1)?);
-    // A spring has nothing but its twist and the rate of that; a twist is a difference and no state of its own.
+    // A spring depends only on its twist and the rate of the twist. A twist is a difference, not a state.
     let is_state = |symbol: Symbol| derivatives.iter().any(|it| it.1 == symbol);
     if variables.len() != 2 || is_state(twist) || is_state(rate) {
         return None;

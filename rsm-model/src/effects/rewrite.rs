@@ -1,10 +1,10 @@
-//! Rewrites the equations of a plant by effects.
+//! Adds effects to the equations of a plant.
 //!
-//! In: flat equations, sites, placed effects. Out: flat equations that hold the effects, with a parameter for each of their numbers, and the delays, which equations cannot express.
+//! In: flat equations, sites, placed effects. Out: flat equations with the effects, with a parameter for each of their numbers; and the delays, which
+//! equations cannot express.
 //!
-//! Input signals are changed first, then the inner laws, then the readings. Within each group, effects
-//! act in the order of the file. A law that replaces a role refers to the role as it was before, so that later effects
-//! enclose earlier ones.
+//! Input signals are changed first, then the inner laws, then the readings. Within each group, effects act in the order of the file. A law that
+//! replaces a role refers to the role before the change, so later effects enclose earlier ones.
 
 mod laws;
 mod places;
@@ -23,38 +23,38 @@ use super::site::{Site, SiteKind};
 use super::terms;
 use places::Bound;
 
-/// An effect where it stands.
+/// An effect at its place.
 #[derive(Debug, Clone)]
 pub struct Placed<'e> {
     /// The effect.
     pub effect: &'e Effect,
-    /// The site, input, output, parameter or state; `None` where only one fits.
+    /// The site, input, output, parameter or state; `None` if only one is possible.
     pub at: Option<String>,
     /// Its numbers.
     pub numbers: Vec<(String, f64)>,
     /// The file that places it.
     pub source: Source,
-    /// Where that file does.
+    /// The position in that file.
     pub place: Range<usize>,
 }
 
-/// A signal that acts later: an input of the extended plant that follows another signal.
+/// A delayed signal: an input of the extended plant that follows another signal.
 #[derive(Debug, Clone, Copy)]
 pub struct Delay {
-    /// The input that the equations hold.
+    /// The delayed input in the equations.
     pub late: Symbol,
-    /// The signal that it follows: an input, or a variable that a `when` gives.
+    /// The signal that it follows: an input, or a variable that a `when` assigns.
     pub of: Symbol,
-    /// By how much, in s: an expression of parameters.
+    /// The delay in s: an expression of parameters.
     pub delay: Id,
 }
 
-/// An output that is read late.
+/// An output with a delayed reading.
 #[derive(Debug, Clone, Copy)]
 pub struct LateReading {
     /// The output.
     pub output: Symbol,
-    /// By how much, in s: an expression of parameters.
+    /// The delay in s: an expression of parameters.
     pub delay: Id,
 }
 
@@ -63,30 +63,30 @@ pub struct LateReading {
 pub struct Extended {
     /// The equations.
     pub flat: Flat,
-    /// Signals that act later.
+    /// Delayed signals.
     pub delays: Vec<Delay>,
-    /// Outputs that are read late.
+    /// Outputs with delayed readings.
     pub late_readings: Vec<LateReading>,
-    /// Outputs whose first reading is that of another variable: what is read of that cannot be turned back.
+    /// Outputs whose first reading is that of another variable, because the true value cannot be computed from the reading.
     pub read_of: Vec<(Symbol, Symbol)>,
-    /// Of each placed effect: where it stands, and its numbers with the parameters that hold them.
+    /// For each placed effect: its place, and its numbers with the parameters that hold them.
     pub placed: Vec<(String, Vec<(String, Symbol)>)>,
 }
-/// What a change of an effect needs to know.
+/// The data for the changes of an effect.
 #[derive(Clone, Copy)]
 struct Context<'c> {
     placed: &'c Placed<'c>,
     site: &'c Bound,
-    /// Where places of the effect's file begin.
+    /// The offset of positions in the effect's file.
     base: usize,
     names: &'c HashMap<String, Value>,
-    /// Items of roles whose value from before has a name of its own.
+    /// For each role, which elements have a separate name for the value before the change.
     apart: &'c HashMap<String, Vec<bool>>,
 }
 
 struct Rewriter {
     flat: Flat,
-    /// The equations, and those of the start, from which on they are the own ones of the effect that is placed: they speak of roles as they were before.
+    /// The first equation, and the first initial equation, that belong to the effect being placed. They refer to roles before the change.
     own: (usize, usize),
     sites: Vec<Bound>,
     delays: Vec<Delay>,
@@ -95,7 +95,7 @@ struct Rewriter {
     placed: Vec<(String, Vec<(String, Symbol)>)>,
 }
 
-/// Puts effects into the equations of a plant.
+/// Adds effects to the equations of a plant.
 ///
 /// ```
 /// use rsm_core::source::Source;
@@ -114,7 +114,7 @@ struct Rewriter {
 /// ```
 ///
 /// # Errors
-/// A site that the equations do not bear out; an effect that cannot stand where it is placed; a number that is missing, unknown or out of its bounds.
+/// If the equations contradict a site, if an effect is not possible at its place, or if a number is missing, unknown or out of its bounds.
 pub fn extend(flat: &Flat, sites: &[Site], placed: &[Placed<'_>]) -> Result<Extended, Faults> {
     let mut rewriter = Rewriter::new(flat, placed.len());
     rewriter.bind_all(sites)?;
@@ -130,18 +130,18 @@ pub fn extend(flat: &Flat, sites: &[Site], placed: &[Placed<'_>]) -> Result<Exte
     faults.finish(Some(Extended { flat, delays, late_readings, read_of, placed }))
 }
 
-/// Sites of a plant, bound to its equations: for whoever asks what can stand where.
+/// The sites of a plant, bound to its equations, to find the possible effects.
 pub(super) struct Standing {
     rewriter: Rewriter,
 }
 
-/// What one place offers.
+/// What one place has.
 pub(super) struct Offer {
     bound: Bound,
 }
 
 impl Offer {
-    /// Whether an effect finds its roles here.
+    /// Whether the place has all roles of an effect.
     pub(super) fn stands(&self, effect: &Effect) -> bool {
         self.bound.missing(effect).is_none()
     }
@@ -179,7 +179,7 @@ impl Standing {
         Some(Bound { name: at.to_string(), kind, usual_for: Vec::new(), roles: vec![("signal".to_string(), value)] })
     }
 
-    /// The units of an effect's numbers at a place; `None` where the place lacks a role that it needs.
+    /// The units of an effect's numbers at a place; `None` if the place lacks a role that the effect needs.
     pub(super) fn units(&mut self, effect: &Effect, at: &str, kind: SiteKind) -> Option<Vec<String>> {
         let site = self.bound(at, kind).filter(|it| it.missing(effect).is_none())?;
         Some(effect.numbers_on(kind).map(|number| self.rewriter.unit(number.unit(kind), &site)).collect())
@@ -197,7 +197,7 @@ impl Standing {
         site.roles.iter().map(one).collect()
     }
 
-    /// The terms of the balance of a declared site, where it has one.
+    /// The terms of the balance of a declared site, if it has one.
     pub(super) fn balance(&mut self, at: &str) -> Option<Vec<Id>> {
         let site = self.rewriter.sites.iter().find(|it| it.name == at)?.clone();
         let (state, inertia, _) = site.kind.balance()?;
@@ -233,7 +233,7 @@ impl Standing {
     }
 }
 
-/// From the record inwards, and out again.
+/// The order of application: from the record to the inner laws, then to the readings.
 fn level(effect: &Effect) -> usize {
     let has = |wanted: &dyn Fn(&Change) -> bool| effect.changes.iter().any(wanted);
     let stands = |kind: SiteKind| effect.sites.contains(&kind);
@@ -248,7 +248,7 @@ fn level(effect: &Effect) -> usize {
     } else if stands(SiteKind::Output) {
         6
     } else if has(&|it| matches!(it, Change::Replace(role, _) if role == "load")) {
-        // A body that is split off takes the whole load with it.
+        // A separated second body takes the whole load.
         5
     } else if effect.is_outermost {
         5
@@ -287,7 +287,7 @@ impl Rewriter {
         let numbers = self.numbers(placed, &site, &label, &mut names)?;
         self.placed[number] = (site.name.clone(), numbers);
         let has = |role: &str| site.role(role).is_some();
-        // Roles that are given by an equation of their own: what they were before has a name of its own.
+        // Roles that an equation defines: the value before the change gets a separate name.
         let mut apart: HashMap<String, Vec<bool>> = HashMap::new();
         for change in effect.changes_on(&has) {
             if let Change::Replace(role, _) = change
@@ -372,7 +372,7 @@ impl Rewriter {
         faults.finish(Some(list))
     }
 
-    /// A unit with the units of roles in it.
+    /// A unit with the units of roles inserted.
     fn unit(&self, unit: &str, site: &Bound) -> String {
         let mut text = unit.to_string();
         for (role, value) in &site.roles {
@@ -526,7 +526,7 @@ impl Rewriter {
         })
     }
 
-    /// Gives what a role was before a name of its own, where an equation gives the role.
+    /// Gives the value of a role before the change a separate name, if an equation defines the role.
     fn set_apart(&mut self, site: &Bound, role: &str, names: &mut HashMap<String, Value>) -> Vec<bool> {
         let Some(value) = site.role(role).cloned() else { return Vec::new() };
         let mut items = value.items.clone();
@@ -544,7 +544,7 @@ impl Rewriter {
             (it.left, it.right) = (own(it.left), own(it.right));
             (*item, *is_apart) = (before, true);
         }
-        // A number of the effect may have the role's own name.
+        // A number of the effect may have the same name as the role.
         if which.contains(&true) || !names.contains_key(role) {
             names.insert(role.to_string(), Value { items, ..value });
         }

@@ -1,4 +1,4 @@
-//! The catalogue: effects that come with the project, and a user's own.
+//! The catalogue: the effects of the project, and a user's own effects.
 
 use std::sync::{Arc, OnceLock};
 
@@ -16,7 +16,7 @@ mod files {
 /// Effects by kind.
 #[derive(Debug, Clone)]
 pub struct Catalogue {
-    /// Shared: a plant file is read often, and rarely adds one.
+    /// Shared between clones: plant files are read often and rarely add an effect.
     effects: Arc<Vec<Effect>>,
 }
 
@@ -34,7 +34,7 @@ impl Catalogue {
         Catalogue { effects: READ.get_or_init(|| Arc::new(files::EFFECTS.iter().map(read).collect())).clone() }
     }
 
-    /// Adds a user's effects. They have the same rights; a kind that is there already is refused.
+    /// Adds a user's effects. They are treated like the project's own; a kind that already exists is rejected.
     ///
     /// # Errors
     /// All faults of all files.
@@ -68,7 +68,7 @@ impl Catalogue {
     }
 }
 
-/// The file with the sites of a model that comes with the project, and with what a record decides of it.
+/// The file of a model of the project: its sites, and which parameters a record sets.
 #[must_use]
 pub fn shipped_file(model: &str) -> Option<Source> {
     let (name, text) = files::SITES.iter().find(|(name, _)| *name == model)?;

@@ -17,7 +17,7 @@ use rsm_core::toml_reader::{TableReader, Value as Toml};
 
 use crate::syntax::tree::Expression;
 
-/// What a part of the equations can be.
+/// The kind of a part of the equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum SiteKind {
     /// A body that turns.
@@ -36,28 +36,28 @@ pub enum SiteKind {
     Heat,
     /// A vehicle on its wheels.
     Vehicle,
-    /// A signal that comes in.
+    /// An input signal.
     Input,
-    /// A signal that is read.
+    /// An output signal.
     Output,
-    /// A number of the plant.
+    /// A parameter of the plant.
     Parameter,
     /// The balance of any state.
     State,
 }
 
-/// What a site's role is when the plant file does not name it.
+/// The value of a role that the plant file does not name.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Otherwise {
     /// The plant file must name it.
     Required,
-    /// This number.
+    /// This constant.
     Number(f64),
-    /// An effect that needs it cannot stand there.
+    /// None: an effect that needs the role is not possible there.
     Absent,
 }
 
-/// A role: its name, and what it is where a plant file does not name it.
+/// A role: its name, and its value if a plant file does not name it.
 type RoleOf = (&'static str, Otherwise);
 
 const BODY: &[RoleOf] = &[
@@ -130,7 +130,7 @@ impl SiteKind {
         }
     }
 
-    /// The role whose derivative a balance holds, the role that multiplies it, and what an effect calls that which it adds.
+    /// The role whose derivative is in the balance, the role that multiplies it, and the name of an added term in effect files.
     pub(crate) fn balance(self) -> Option<(&'static str, Option<&'static str>, &'static str)> {
         match self {
             SiteKind::Rotation | SiteKind::Translation => Some(("speed", Some("inertia"), "effort")),
@@ -150,18 +150,18 @@ pub struct Site {
     pub name: String,
     /// What it is.
     pub kind: SiteKind,
-    /// Kinds of effects that stand here where a plant file does not say where.
+    /// Kinds of effects that act here if a plant file does not give their place.
     pub(crate) usual_for: Vec<String>,
-    /// The roles that the file names: expressions, several for a vector.
+    /// The roles in the file: expressions, several for a vector.
     pub(crate) roles: Vec<(String, Vec<Expression>, bool)>,
-    /// The text that the roles stand in.
+    /// The file with the roles.
     pub(crate) source: Source,
-    /// Where it stands there.
+    /// The position in that file.
     pub(crate) place: Range<usize>,
 }
 
 impl Site {
-    /// Reads a table of sites. What cannot be read is told in `faults`.
+    /// Reads a table of sites. Faults go to `faults`.
     pub fn read_all<'a>(source: &'a Source, value: Toml<'a>, faults: &mut Collector) -> Vec<Site> {
         let Some(table) = TableReader::of(source, value, "[sites]", faults) else { return Vec::new() };
         table.entries().filter_map(|(name, place, value)| Self::read(source, name, place, value, faults)).collect()
@@ -191,7 +191,7 @@ impl Site {
     }
 }
 
-/// An expression that a TOML file holds as a text, or as a number.
+/// An expression in a TOML file, given as a text or as a number.
 pub(crate) fn expression(source: &Source, value: Toml<'_>, faults: &mut Collector) -> Option<Expression> {
     let span = value.span();
     let place = match value.get_ref().as_str() {

@@ -1,6 +1,6 @@
 //! Finds the equation of a role: the equation that defines a variable, or the balance that contains a derivative.
 //!
-//! In: flat equations, a symbol. Out: the place of the equation, with what multiplies the derivative. Never changes an equation.
+//! In: flat equations, a symbol. Out: the index of the equation, and the factor of the derivative. Changes no equation.
 
 use std::collections::HashSet;
 
@@ -9,13 +9,13 @@ use crate::flat::{Flat, Role};
 
 /// The balance of a derivative.
 pub(super) struct Balance {
-    /// Which equation.
+    /// The index of the equation.
     pub equation: usize,
-    /// What multiplies the derivative in `left - right`, over the site's inertia or capacity; `None` where that is 1.
+    /// The factor of the derivative in `left - right`, divided by the site's inertia or capacity; `None` if that is 1.
     pub share: Option<Id>,
 }
 
-/// The symbol that an expression is, if it is one.
+/// The symbol, if an expression is only a symbol.
 pub(super) fn symbol_of(flat: &Flat, id: Id) -> Option<Symbol> {
     match flat.pool.node(id) {
         Node::Symbol(symbol) => Some(symbol),
@@ -23,8 +23,8 @@ pub(super) fn symbol_of(flat: &Flat, id: Id) -> Option<Symbol> {
     }
 }
 
-/// The equation that gives a symbol: it has the symbol alone on a side, and not on the other. One that only says that two symbols are equal gives it only where no other does; of several the
-/// one with the symbol on the left. `None` where none does, or it is not clear which.
+/// The equation that defines a symbol: the symbol is alone on one side and does not occur on the other. An equation of two symbols counts only if
+/// there is no other; of several such equations, the one with the symbol on the left is used. `None` if there is none, or if it is ambiguous.
 pub(super) fn definition(flat: &Flat, symbol: Symbol) -> Option<usize> {
     let rank = |it: &crate::flat::Equation| {
         let alone = |side: Id, other: Id| symbol_of(flat, side) == Some(symbol) && !flat.pool.symbols(other).contains(&symbol);
@@ -45,32 +45,33 @@ pub(super) fn definition(flat: &Flat, symbol: Symbol) -> Option<usize> {
     }
 }
 
-/// The other side of the equation that gives a symbol.
+/// The other side of the equation that defines a symbol.
 pub(super) fn law(flat: &Flat, symbol: Symbol) -> Option<Id> {
     let equation = &flat.equations[definition(flat, symbol)?];
     Some(if symbol_of(flat, equation.left) == Some(symbol) { equation.right } else { equation.left })
 }
 
-/// A bound on how far the numbers of an inertia and of what multiplies a derivative may differ: sums of the same terms in another order.
+/// The allowed relative difference of an inertia and the factor of a derivative: rounding of the same sum in another order.
 const SAME: f64 = 1e-9;
 
-/// The balance that holds the derivative of `rate_of` with a site's inertia or capacity (1 where it has none).
+/// The balance with the derivative of `rate_of` and the site's inertia or capacity (1 if it has none).
 ///
 /// # Errors
-/// In words, what is missing.
+/// What is missing, in words.
 pub(super) fn balance(flat: &mut Flat, rate_of: Symbol, inertia: Option<Id>) -> Result<Balance, String> {
     balance_through(flat, rate_of, Inertia { declared: inertia, here: inertia }, DEEPEST)
 }
 
-/// An inertia or a capacity: as the site has it, and as it is in the balance that is looked at, behind what joins the two speeds.
+/// An inertia or a capacity: as declared at the site, and converted to the balance of the state, by the factor between the two speeds.
 #[derive(Clone, Copy)]
 struct Inertia {
     declared: Option<Id>,
     here: Option<Id>,
 }
 
-/// Whether an inertia is only a part of what multiplies the derivative, as `m` of `m + J/r^2`. A whole one may stand there times anything: then both grow alike with at least one of its
-/// parameters. Where none of these occurs, the equation is divided by the inertia, and nothing is said.
+/// Whether an inertia is only a part of the derivative's factor, as `m` in `m + J/r^2`. If it is the whole factor, possibly times a constant, both
+/// change in proportion with at least one of its parameters. If none of these parameters occurs, the equation was divided by the inertia, and the
+/// result is false.
 fn is_part(flat: &mut Flat, factor: Id, declared: Option<Id>, here: Id) -> bool {
     let Some(declared) = declared else { return false };
     let of_factor: HashSet<Symbol> = flat.pool.symbols(factor).into_iter().collect();
@@ -82,14 +83,14 @@ fn is_part(flat: &mut Flat, factor: Id, declared: Option<Id>, here: Id) -> bool 
         };
         match (growth(factor), growth(here)) {
             (Some(one), Some(other)) => (one - other).abs() <= SAME * other.abs(),
-            // What is not known is not judged.
+            // If the values are unknown, no fault is reported.
             _ => true,
         }
     };
     !shared.is_empty() && !shared.into_iter().any(|symbol| grows_alike(flat, symbol))
 }
 
-/// A speed follows from a state through so many equations at most.
+/// The largest number of equations between a state and a speed that follows from it.
 const DEEPEST: usize = 8;
 
 fn balance_through(flat: &mut Flat, rate_of: Symbol, inertia: Inertia, depth: usize) -> Result<Balance, String> {
@@ -118,7 +119,7 @@ fn balance_through(flat: &mut Flat, rate_of: Symbol, inertia: Inertia, depth: us
         } else {
             let own: HashSet<Symbol> = symbols(flat, k).into_iter().collect();
             let of_inertia = flat.pool.symbols(unit);
-            // An output that says what the derivative is gives itself and is no balance.
+            // An output that equals the derivative defines only itself; it is no balance.
             let gives_other = [left, right].into_iter().any(|side| {
                 symbol_of(flat, side).is_some_and(|it| it != derivative && flat.variable(it).role == Role::Unknown)
             });
@@ -163,7 +164,7 @@ fn balance_through(flat: &mut Flat, rate_of: Symbol, inertia: Inertia, depth: us
     }
 }
 
-/// The terms of `left - right` over what a balance is multiplied by.
+/// The terms of `left - right`, divided by the factor of the balance.
 pub(super) fn summands(flat: &mut Flat, balance: &Balance) -> Vec<Id> {
     let equation = &flat.equations[balance.equation];
     let mut open = vec![equation.left, equation.right];
@@ -188,7 +189,8 @@ fn symbols(flat: &Flat, equation: usize) -> Vec<Symbol> {
     list
 }
 
-/// The balance behind a speed that is no state but follows from one, as `road_speed = radius*wheel_speed`. What acts on it acts on the state through the same factor.
+/// The balance for a speed that is not a state but follows from one, as `road_speed = radius*wheel_speed`. What acts on the speed acts on the state
+/// through the same factor.
 fn followed(flat: &mut Flat, symbol: Symbol, inertia: Inertia, depth: usize) -> Result<Balance, String> {
     let name = flat.variable(symbol).name.clone();
     let none = || format!("no equation holds `der({name})`, and `{name}` follows from no single state");
@@ -197,7 +199,7 @@ fn followed(flat: &mut Flat, symbol: Symbol, inertia: Inertia, depth: usize) -> 
         flat.pool.symbols(value).into_iter().filter(|it| flat.variable(*it).role == Role::Unknown).collect();
     let [inner] = unknown[..] else { return Err(none()) };
     let factor = Derivative::by(&mut flat.pool, inner).of(&mut flat.pool, value);
-    // m dv/dt = F and v = k w: what multiplies dw/dt in its own balance is m k^2.
+    // m dv/dt = F and v = k w: the factor of dw/dt in its own balance is m k^2.
     let here = inertia.here.map(|it| {
         let square = flat.pool.multiply(factor, factor);
         flat.pool.multiply(it, square)

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use super::{Binary, Id, Node, Pool, Symbol, Unary};
 
-/// One derivative of many expressions: what was derived once is remembered.
+/// A derivative of many expressions, with a cache.
 #[derive(Debug, Default)]
 pub(crate) struct Derivative {
     seeds: HashMap<Symbol, Id>,
@@ -15,12 +15,12 @@ pub(crate) struct Derivative {
 }
 
 impl Derivative {
-    /// The derivative in which each symbol becomes what `seeds` says; others are constant.
+    /// The derivative in which the derivative of each symbol is given by `seeds`; other symbols are constant.
     pub(crate) fn new(seeds: HashMap<Symbol, Id>) -> Self {
         Derivative { seeds, done: HashMap::new() }
     }
 
-    /// The derivative by one symbol.
+    /// The derivative with respect to one symbol.
     pub(crate) fn by(pool: &mut Pool, symbol: Symbol) -> Self {
         let one = pool.number(1.0);
         Derivative::new(HashMap::from([(symbol, one)]))
@@ -89,7 +89,7 @@ fn slope(pool: &mut Pool, operation: Unary, a: Id, whole: Id) -> Option<Id> {
     Some(match operation {
         Unary::Negate => pool.number(-1.0),
         Unary::Absolute => pool.unary(Unary::Sign, a),
-        // Constant but for their steps.
+        // Constant except at their steps.
         Unary::Sign | Unary::Floor | Unary::Not => return None,
         Unary::Root => {
             let half = pool.number(0.5);

@@ -1,6 +1,6 @@
 //! Values of expressions in double precision.
 //!
-//! For constants of a text, for choices that the compiler makes at the start, and for tests. The numbers of a simulation come from tapes: the
+//! Used for constants of a text, for choices of the compiler at the start, and for tests. The numbers of a simulation come from tapes, because the
 //! functions here are those of the machine's library.
 
 use std::collections::HashMap;
@@ -9,7 +9,7 @@ use super::{Binary, Id, Node, Pool, Symbol, Unary};
 
 /// The values of symbols, and of expressions that follow from them.
 ///
-/// A symbol without a value is NaN, a response surface too, and so is what depends on them.
+/// The value of a symbol without a value is NaN, and so is that of a response surface and of everything that depends on them.
 pub struct Values<'p> {
     pool: &'p Pool,
     symbols: HashMap<Symbol, f64>,
@@ -29,7 +29,7 @@ impl<'p> Values<'p> {
         Values { pool, symbols: HashMap::new(), done: HashMap::new() }
     }
 
-    /// Gives a symbol a value. What was computed before is forgotten.
+    /// Gives a symbol a value, and clears the cache.
     pub fn set(&mut self, symbol: Symbol, value: f64) {
         self.symbols.insert(symbol, value);
         self.done.clear();
@@ -66,7 +66,7 @@ impl<'p> Values<'p> {
                         of(then)
                     }
                 }
-                // What it computes stands in another file.
+                // The surface is in another file.
                 Node::Surface(..) => f64::NAN,
             };
             self.done.insert(id, value);

@@ -1,8 +1,8 @@
 //! Expressions: one pool of shared nodes for a whole model.
 //!
-//! A node is written once, however often it occurs. Its operands have smaller numbers, so that every pass over a pool is a loop and no
-//! pass recurses. Building simplifies with exact operations of IEEE 754 alone (sums, products, quotients and roots of numbers): the value of
-//! a sine is left to the operations of the tape, which have the same bits on every machine.
+//! A node is stored once, however often it occurs. Its operands have smaller numbers, so every pass over a pool is a loop without recursion.
+//! Construction simplifies only with operations that are exact in IEEE 754 (sums, products, quotients and roots of numbers). The value of a sine is
+//! left to the operations of the tape, which give the same bits on every machine.
 
 mod derive;
 mod evaluate;
@@ -57,7 +57,7 @@ pub enum Unary {
     Logarithm,
     /// Logarithm to the base 10.
     Logarithm10,
-    /// The whole number at or below.
+    /// The largest integer that is not above the operand.
     Floor,
     /// 1 for 0, else 0.
     Not,
@@ -82,13 +82,13 @@ pub enum Binary {
     Maximum,
     /// The angle of the point (second, first) in rad.
     Arctangent2,
-    /// Whether the first is below the second, as it was at the last event: a switch.
+    /// Whether the first is below the second, as at the last event: a switch.
     Less,
     /// Whether the first is below the second now: inside `noEvent`.
     LessNow,
     /// Whether both are true.
     And,
-    /// Whether one is true.
+    /// Whether at least one is true.
     Or,
 }
 
@@ -103,13 +103,13 @@ pub enum Node {
     Unary(Unary, Id),
     /// An operation of two operands.
     Binary(Binary, Id, Id),
-    /// Condition, value where it is true, value where it is not.
+    /// The condition, the value if it is true, the value otherwise.
     If(Id, Id, Id),
-    /// A response surface, by its number; arguments and orders of derivation by each, by the number of their list.
+    /// A response surface: its number, and the number of its list of arguments and orders of differentiation.
     Surface(u32, u32),
 }
 
-/// Arguments of a response surface and how often it is derived by each.
+/// The arguments of a response surface, and the order of differentiation with respect to each.
 pub(crate) type Arguments = (Box<[Id]>, Box<[u8]>);
 
 /// The nodes of a model.
@@ -122,7 +122,7 @@ pub struct Pool {
 }
 
 impl Pool {
-    /// The node behind a number.
+    /// The node with this number.
     #[must_use]
     pub fn node(&self, id: Id) -> Node {
         self.nodes[id.0 as usize]
@@ -142,7 +142,7 @@ impl Pool {
         id
     }
 
-    /// A number. Both zeros are +0: no rule of ours tells them apart.
+    /// A number. Both zeros become +0; no rule here distinguishes them.
     pub fn number(&mut self, value: f64) -> Id {
         let value = if value == 0.0 { 0.0 } else { value };
         self.intern(Node::Number(value.to_bits()))
@@ -214,7 +214,7 @@ impl Pool {
         if let Some(simple) = self.simplified(operation, a, b) {
             return simple;
         }
-        // The same bits in either order: one node for both, in the order that came first.
+        // The order does not change the bits, so both orders share one node, in the order that came first.
         let commutes = matches!(operation, Binary::Add | Binary::Multiply | Binary::And | Binary::Or);
         if commutes && let Some(known) = self.known.get(&Node::Binary(operation, b, a)) {
             return *known;
@@ -316,7 +316,7 @@ impl Pool {
         }
     }
 
-    /// A power of a small whole exponent is a chain of products, one half a root.
+    /// A power with a small integer exponent is a chain of products; with exponent one half it is a root.
     fn simple_power(&mut self, base: Id, exponent: Option<f64>) -> Option<Id> {
         let exponent = exponent?;
         if exponent == 0.0 {
@@ -328,7 +328,7 @@ impl Pool {
         if exponent.fract() != 0.0 || exponent.abs() > 64.0 {
             return None;
         }
-        // From the highest bit of the exponent: square, and times the base where the bit is set.
+        // From the highest bit of the exponent: square, then multiply by the base if the bit is set.
         let count = exponent.abs() as u32;
         let mut result = base;
         for bit in (0..31 - count.leading_zeros()).rev() {
@@ -401,7 +401,7 @@ impl Pool {
         }
     }
 
-    /// Everything that some expressions are made of, operands before what they are operands of.
+    /// All nodes of some expressions, operands first.
     #[must_use]
     pub fn reachable(&self, roots: &[Id]) -> Vec<Id> {
         let mut seen: std::collections::HashSet<Id> = roots.iter().copied().collect();
@@ -433,7 +433,7 @@ impl Pool {
         symbols
     }
 
-    /// A node again, with other operands.
+    /// A node with other operands.
     pub(crate) fn rebuilt(&mut self, id: Id, mut of: impl FnMut(Id) -> Id) -> Id {
         match self.node(id) {
             Node::Number(_) | Node::Symbol(_) => id,
@@ -458,10 +458,10 @@ impl Pool {
     }
 }
 
-/// Symbols replaced by expressions, in many expressions of one pool: what was replaced once is remembered.
+/// A replacement of symbols by expressions, in many expressions of one pool, with a cache.
 #[derive(Debug, Default)]
 pub(crate) struct Replacement {
-    /// What each symbol becomes.
+    /// The expression for each symbol.
     pub(crate) symbols: HashMap<Symbol, Id>,
     done: HashMap<Id, Id>,
 }
@@ -471,7 +471,7 @@ impl Replacement {
         Replacement { symbols, done: HashMap::new() }
     }
 
-    /// The expression with its symbols replaced. What a symbol becomes is not replaced again.
+    /// The expression with its symbols replaced. The replacements themselves are not replaced again.
     pub(crate) fn of(&mut self, pool: &mut Pool, root: Id) -> Id {
         let mut open = vec![(root, false)];
         while let Some((id, is_ready)) = open.pop() {

@@ -1,13 +1,13 @@
-//! Expressions as text, in the notation of the language they were read from.
+//! Expressions as text, in the notation of the source language.
 
 use std::collections::HashMap;
 
 use super::{Binary, Id, Node, Pool, Symbol, Unary};
 
-/// No line of a message or a listing is longer; what is longer ends with three points.
+/// The largest length of a line in a message or a listing; a longer one ends with "...".
 const LONGEST: usize = 400;
 
-// Ranks: what stands inside an operator of a tighter rank takes parentheses.
+// Ranks of operators. An operand with a lower rank is put in parentheses.
 const IF: u8 = 0;
 const OR: u8 = 1;
 const AND: u8 = 2;
@@ -38,7 +38,7 @@ impl Pool {
         name: &dyn Fn(Symbol) -> String,
         surface: &dyn Fn(u32) -> String,
     ) -> (String, u8) {
-        // An operand at least of a rank, else in parentheses.
+        // An operand in parentheses if its rank is lower.
         let of = |operand: Id, rank: u8| {
             let (text, its) = &texts[&operand];
             if *its < rank { format!("({text})") } else { text.clone() }

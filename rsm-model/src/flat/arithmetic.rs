@@ -33,7 +33,7 @@ impl Translator<'_> {
                     let operation = if *is_minus { Binary::Subtract } else { Binary::Add };
                     let sum = self.element_wise(&total, &value, operation, &term.span);
                     broken |= sum.is_none();
-                    // Behind a fault the rest is still looked at.
+                    // After a fault the other terms are still checked.
                     Some(sum.unwrap_or(total))
                 }
             };
@@ -41,7 +41,7 @@ impl Translator<'_> {
         total.filter(|_| !broken)
     }
 
-    /// An operation on each pair of elements; a scalar goes with each element.
+    /// An operation on each pair of elements; a scalar is combined with each element.
     pub(super) fn element_wise(&mut self, a: &Value, b: &Value, operation: Binary, span: &Span) -> Option<Value> {
         let basic = if operation == Binary::Divide || operation == Binary::Power {
             Basic::Real

@@ -28,7 +28,7 @@ const OF_ONE: &[(&str, Unary)] = &[
     ("integer", Unary::Floor),
 ];
 
-/// What is not read, and what to do instead.
+/// Functions that are not supported, and what to use instead.
 const NOT_READ: &[(&str, &str)] = &[
     (
         "delay",
@@ -127,7 +127,7 @@ impl Translator<'_> {
         }
     }
 
-    /// As many arguments as a function takes.
+    /// Checks that a call has the number of arguments that the function takes.
     fn arguments<'a, const N: usize>(
         &mut self,
         name: &str,
@@ -177,7 +177,7 @@ impl Translator<'_> {
                 let whole = if name == "mod" {
                     self.pool.unary(Unary::Floor, quotient)
                 } else {
-                    // Towards zero: sign(q) floor(abs(q)).
+                    // Rounded towards zero: sign(q) floor(abs(q)).
                     let (sign, size) = (self.pool.unary(Unary::Sign, quotient), self.pool.unary(Unary::Absolute, quotient));
                     let floor = self.pool.unary(Unary::Floor, size);
                     self.pool.multiply(sign, floor)
@@ -192,7 +192,7 @@ impl Translator<'_> {
         }
     }
 
-    /// The symbol behind an expression that is a declared variable.
+    /// The symbol, if an expression is a declared variable.
     fn variable_of(&mut self, name: &str, item: Id, span: &Span) -> Option<Symbol> {
         match self.pool.node(item) {
             Node::Symbol(symbol) => Some(symbol),
@@ -212,10 +212,10 @@ impl Translator<'_> {
             }
             "smooth" => {
                 let [order, argument] = self.arguments(name, arguments, span)?;
-                // An expression whose value jumps or not is told by the order: 0 says that its slope may have a corner, which is located.
+                // The order says how smooth the expression is: 0 means that its slope may have a corner, which must be located.
                 if self.whole(order)? >= 1 { self.without_switches(argument) } else { self.value(argument) }
             }
-            // The simplified form is for solvers that follow a path to the start: here the start is found from the attributes.
+            // The simplified form is for solvers that use continuation to find the start. Here the start is found from the attributes.
             "homotopy" => {
                 let [actual, _] = self.arguments(name, arguments, span)?;
                 self.value(actual)
@@ -268,7 +268,7 @@ impl Translator<'_> {
         value
     }
 
-    /// The derivative of an expression by time.
+    /// The time derivative of an expression.
     fn by_time(&mut self, item: Id, span: &Span) -> Option<Id> {
         let mut seeds = std::collections::HashMap::new();
         for symbol in self.pool.symbols(item) {
@@ -390,7 +390,7 @@ impl Translator<'_> {
         }
     }
 
-    /// A size: a whole number from 0.
+    /// A size: an integer of at least 0.
     pub(super) fn size(&mut self, expression: &Expression) -> Option<usize> {
         let found = self.whole(expression)?;
         match usize::try_from(found) {
@@ -414,7 +414,7 @@ impl Translator<'_> {
     }
 }
 
-/// The text of an argument that is one.
+/// The text of an argument, if it is a text.
 pub(super) fn text_of(expression: &Expression) -> Option<String> {
     match &expression.kind {
         Kind::Text(text) => Some(text.clone()),

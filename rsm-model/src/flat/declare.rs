@@ -12,7 +12,7 @@ use super::translate::{Declared, MOST_ELEMENTS, Translator};
 use super::value::{Value, indices, shape};
 use super::{Basic, Equation, Flat, Options, Preference, Role, Variable};
 
-/// Attributes that say nothing about the equations.
+/// Attributes without effect on the equations.
 const FOR_DISPLAY: [&str; 4] = ["quantity", "displayUnit", "unbounded", "uncertain"];
 
 const ATTRIBUTES: &str = "`unit`, `start`, `fixed`, `min`, `max`, `nominal`, `stateSelect`, `quantity`, `displayUnit`";
@@ -37,7 +37,7 @@ pub(super) fn flat(text: &tree::Text, source: &Source, options: &Options, faults
     for (declaration, resolved) in &all {
         let _: Option<()> = translator.attributes(declaration, resolved);
     }
-    // Before the equations: a condition of parameters may choose among them.
+    // Before the equations, because a condition on parameters may choose among them.
     translator.override_parameters(options);
     translator.write_out(&model.equations, false, &mut written);
     let mut initial = Written::default();
@@ -62,7 +62,7 @@ pub(super) fn flat(text: &tree::Text, source: &Source, options: &Options, faults
     })
 }
 
-/// The model that is asked for, or the last one.
+/// The requested model, or the last one.
 fn chosen<'t>(text: &'t tree::Text, source: &Source, options: &Options, faults: &mut Collector) -> Option<&'t tree::Model> {
     let found = match &options.model {
         Some(name) => text.models.iter().find(|model| model.name == *name),
@@ -102,7 +102,7 @@ impl Translator<'_> {
         let mut sizes: Vec<&Subscript> = declaration.sizes.iter().collect();
         let mut parts: Vec<&Modification> = vec![&declaration.modification];
         let mut name = declaration.type_name.as_str();
-        // A chain of types is no longer than the number of types.
+        // A chain of types has at most as many members as there are types.
         for _ in 0..=text.types.len() {
             let basic = match name {
                 "Real" => Some(Basic::Real),
@@ -111,7 +111,7 @@ impl Translator<'_> {
                 _ => None,
             };
             if let Some(basic) = basic {
-                // Those of the declaration come last and win.
+                // Attributes of the declaration come last and take precedence.
                 let attributes = parts.iter().rev().flat_map(|part| &part.attributes).collect();
                 let value = declaration.modification.value.as_ref();
                 return Some(Resolved { basic, sizes, attributes, value });
@@ -129,7 +129,7 @@ impl Translator<'_> {
         self.fault(&declaration.type_span, format!("the type `{}` is not declared", declaration.type_name), help)
     }
 
-    /// Declares every name. Sizes may depend on whole numbers that are declared anywhere. Returns the values that are still to be given.
+    /// Declares every name. Sizes may depend on integers declared anywhere. Returns the values that must still be assigned.
     fn declare_all<'a, 't>(
         &mut self,
         all: &'a [(&'t Declaration, Resolved<'t>)],
@@ -178,7 +178,7 @@ impl Translator<'_> {
             sizes.push(match size {
                 Subscript::At(expression) => self.size(expression)?,
                 Subscript::All => {
-                    // As many as the value has.
+                    // The size is that of the value.
                     let found = resolved.value.and_then(|value| self.value(value));
                     match found.and_then(|value| value.sizes.get(k).copied()) {
                         Some(size) => size,
@@ -211,7 +211,7 @@ impl Translator<'_> {
         let role = match (declaration.variability, declaration.direction) {
             (Variability::Constant, _) => Role::Constant,
             (Variability::Parameter, _) => Role::Parameter,
-            // An input that has a value inside the text is an unknown of the system: rumoca writes inputs of components so.
+            // An input with a value in the text is an unknown of the system: rumoca writes inputs of components like this.
             (_, Direction::Input) if resolved.value.is_none() => Role::Input,
             _ => Role::Unknown,
         };
@@ -241,7 +241,7 @@ impl Translator<'_> {
         self.declared.insert(name.clone(), Declared { sizes, symbols });
     }
 
-    /// Gives a declared name the value behind `=`: constants and parameters have it, others get an equation.
+    /// Gives a declared name the value after `=`: constants and parameters store it, others get an equation.
     fn bind(&mut self, declaration: &Declaration, resolved: &Resolved<'_>, equations: &mut Vec<Equation>) -> Option<()> {
         let expression = resolved.value?;
         let value = self.value(expression)?;
@@ -265,7 +265,7 @@ impl Translator<'_> {
         Some(())
     }
 
-    /// A value for every element: a scalar is for all of them.
+    /// A value for every element; a scalar is used for all of them.
     fn spread(&mut self, value: Value, declared: &Declared, name: &str, at: &tree::Expression) -> Option<Value> {
         if value.sizes == declared.sizes {
             return Some(value);
@@ -329,7 +329,7 @@ impl Translator<'_> {
                 let value = self.value(expression)?;
                 let value = self.spread(value, declared, &declaration.name, expression)?;
                 for (symbol, item) in declared.symbols.iter().zip(value.items) {
-                    // A bound that depends on parameters is known by their values in the text; it limits nothing in the equations.
+                    // A bound that depends on parameters is evaluated with their values in the text; it does not restrict the equations.
                     let Some((number, _)) = super::known::known(&self.pool, &self.variables, item) else {
                         return self.fault(&expression.span, format!("`{name}` is not a number that the text gives"), "");
                     };
@@ -374,7 +374,7 @@ impl Translator<'_> {
         Some(())
     }
 
-    /// Values of parameters from outside, in place of those of the text.
+    /// Replaces values of parameters in the text by given ones.
     fn override_parameters(&mut self, options: &Options) {
         for (name, value) in &options.parameters {
             let symbol = self.names.get(name).copied();
@@ -392,9 +392,9 @@ impl Translator<'_> {
         }
     }
 
-    /// Every constant and parameter needs a value.
+    /// Reports constants and parameters without a value.
     fn require_values(&mut self) {
-        // A value that could not be read was told already.
+        // A value with a fault is already reported.
         let is_clean = self.faults.is_clean();
         for variable in &self.variables {
             let is_number = matches!(variable.role, Role::Constant | Role::Parameter);
@@ -410,7 +410,7 @@ impl Translator<'_> {
         }
     }
 
-    /// Whether every name in an expression is declared already: arrays, whose sizes are not known yet, are not.
+    /// Whether every name in an expression is already declared. Arrays of unknown size are not.
     fn is_known_so_far(&self, expression: &tree::Expression) -> bool {
         match &expression.kind {
             Kind::Number(..) | Kind::Boolean(_) => true,

@@ -7,7 +7,7 @@ use super::builtins::text_of;
 use super::translate::Translator;
 use super::{Basic, Check, Clause, Equation, Role};
 
-/// What equations become.
+/// The result of equations.
 #[derive(Debug, Default)]
 pub(super) struct Written {
     pub(super) equations: Vec<Equation>,
@@ -16,7 +16,7 @@ pub(super) struct Written {
 }
 
 impl Translator<'_> {
-    /// Writes out equations. Every fault in them is told.
+    /// Translates equations, and reports every fault in them.
     pub(super) fn write_out(&mut self, equations: &[tree::Equation], is_initial: bool, written: &mut Written) {
         for equation in equations {
             let _: Option<()> = self.equation(equation, is_initial, written);
@@ -63,7 +63,7 @@ impl Translator<'_> {
             let what = format!("an equation between {} and {}", a.shape(), b.shape());
             return self.fault(span, what, "both sides of an equation have one shape");
         }
-        // A whole number is not found from real ones.
+        // An integer unknown cannot be computed from real values.
         for (side, other, at) in [(&a, &b, left), (&b, &a, right)] {
             if side.basic == Basic::Integer && other.basic == Basic::Real && matches!(at.kind, Kind::Name(_)) {
                 let what = "an Integer variable is equal to an expression of type Real";
@@ -74,7 +74,7 @@ impl Translator<'_> {
         Some(pairs.map(|(left, right)| Equation { left, right, place: span.clone(), pairs: Vec::new() }).collect())
     }
 
-    /// `assert(condition, "message")` is the one call that may stand alone outside of a `when`.
+    /// `assert(condition, "message")` is the only call allowed as a statement outside of a `when`.
     fn check(&mut self, call: &Expression, written: &mut Written) -> Option<()> {
         let Kind::Call(name, arguments, named) = &call.kind else { return None };
         if name != "assert" {
@@ -104,7 +104,7 @@ impl Translator<'_> {
         condition
     }
 
-    /// An if-equation becomes as many equations as each of its branches has.
+    /// An if-equation gives as many equations as each of its branches has.
     fn if_equation(
         &mut self,
         branches: &[(Expression, Vec<tree::Equation>)],
@@ -124,7 +124,7 @@ impl Translator<'_> {
         let bodies: Option<Vec<Vec<Equation>>> = bodies.into_iter().collect();
         let (conditions, mut bodies) = (conditions?, bodies?);
         let count = bodies[0].len();
-        // A condition of Boolean parameters alone says which equations the plant has: other states, perhaps.
+        // A condition on Boolean parameters alone selects the equations of the plant, possibly with other states.
         let is_choice = conditions.iter().all(|condition| {
             let symbols = self.pool.symbols(*condition);
             let of = |symbol: &Symbol| &self.variables[symbol.0 as usize];
@@ -132,7 +132,7 @@ impl Translator<'_> {
                 && super::known::known(&self.pool, &self.variables, *condition).is_some()
         });
         if is_choice || bodies.iter().any(|body| body.len() != count) {
-            // Branches of different lengths: one of them is the system, once and for all.
+            // The branches have different lengths, so one of them is selected permanently.
             let mut chosen = bodies.len() - 1;
             for (k, condition) in conditions.iter().enumerate() {
                 match self.known(*condition) {
@@ -178,9 +178,9 @@ impl Translator<'_> {
         (self.told == before).then_some(inner.equations)
     }
 
-    /// The same equation of every branch as one.
+    /// Combines the corresponding equations of all branches into one.
     fn merge(&mut self, k: usize, last: &Equation, conditions: &[Id], bodies: &[Vec<Equation>], span: &Span) -> Equation {
-        // By what stands alone on the left, if every branch has it; else by place.
+        // Equations correspond by the symbol alone on the left, if every branch has it; otherwise by position.
         let is_name = matches!(self.pool.node(last.left), Node::Symbol(_));
         let same: Option<Vec<&Equation>> =
             bodies.iter().map(|body| body.iter().find(|equation| is_name && equation.left == last.left)).collect();
@@ -228,7 +228,7 @@ impl Translator<'_> {
         Some(())
     }
 
-    /// An equation inside a `when`. Its comparisons are made at the event: they are no switches.
+    /// An equation inside a `when`. Its comparisons are evaluated at the event, so they are no switches.
     fn event(&mut self, equation: &tree::Equation, clause: &mut Clause) -> Option<()> {
         let outside = std::mem::replace(&mut self.without_events, true);
         let done = self.event_inside(equation, clause);
@@ -302,7 +302,7 @@ impl Translator<'_> {
         )
     }
 
-    /// The variable that an equation of a `when` gives a value.
+    /// The variable to which an equation of a `when` assigns a value.
     fn target(&mut self, id: Id, span: &Span) -> Option<Symbol> {
         match self.pool.node(id) {
             Node::Symbol(symbol) if self.variables[symbol.0 as usize].role == Role::Unknown => Some(symbol),
@@ -312,7 +312,7 @@ impl Translator<'_> {
         }
     }
 
-    /// Values of one way or another. What only one way gives a value keeps, on the other, the one that it had.
+    /// Assignments under a condition. A variable that only one branch assigns keeps its value in the other.
     fn chosen(&mut self, condition: Id, then: &[(Symbol, Id)], otherwise: &[(Symbol, Id)], holds: bool) -> Vec<(Symbol, Id)> {
         let mut symbols: Vec<Symbol> = then.iter().chain(otherwise).map(|(symbol, _)| *symbol).collect();
         symbols.sort_unstable();

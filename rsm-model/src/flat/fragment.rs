@@ -1,6 +1,7 @@
-//! Expressions of other texts in the names of a flat system: sites of a plant file, effects.
+//! Expressions of other files (sites of a plant file, effects) in the names of a flat system.
 //!
-//! In: an expression with the file that it stands in. Out: its value in the pool, or faults with that file's lines. A place behind the end of the model's text is one of a further text.
+//! In: an expression with its file. Out: its value in the pool, or faults with lines of that file. A position beyond the end of the model's text
+//! belongs to another file.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -14,16 +15,16 @@ use super::value::Value;
 use super::{Flat, Role, Variable};
 use crate::expression::{Id, Symbol};
 
-/// A further text.
+/// Another file.
 #[derive(Debug, Clone)]
 pub(super) struct Fragment {
-    /// Places from here on are its own.
+    /// Positions from this one on belong to it.
     base: usize,
     source: Source,
 }
 
 impl Flat {
-    /// Takes a further text in. Its places are counted from the answer.
+    /// Adds another file. Returns the offset of its positions.
     pub(crate) fn add_fragment(&mut self, source: &Source) -> usize {
         let known = self.fragments.iter().find(|it| it.source.name() == source.name() && it.source.text() == source.text());
         if let Some(known) = known {
@@ -42,19 +43,19 @@ impl Flat {
         }
     }
 
-    /// A fault at a place of the model's text, or of a further one.
+    /// A fault at a position of the model's text or of another file.
     pub(crate) fn fault(&self, place: &Range<usize>, what: impl Into<String>) -> Fault {
         let (source, base) = self.source_of(place.start);
         source.fault(place.start - base..place.end.max(place.start) - base, what)
     }
 
-    /// The line of a place in its text.
+    /// The line of a position in its file.
     pub(crate) fn line(&self, place: &Range<usize>) -> usize {
         let (source, base) = self.source_of(place.start);
         source.position(place.start - base).0
     }
 
-    /// The value of an expression of another text. It knows `names` alone, or, without them, every name of the model.
+    /// The value of an expression of another file. It may use only `names` or, if these are not given, every name of the model.
     ///
     /// # Errors
     /// All faults in it.
@@ -86,7 +87,7 @@ impl Flat {
         faults.finish(value)
     }
 
-    /// Declares a further variable. A name that is taken gets a number.
+    /// Declares another variable. If the name is taken, a number is added to it.
     pub(crate) fn declare(&mut self, name: &str, role: Role, place: Range<usize>) -> Symbol {
         let mut free = name.to_string();
         let mut count = 1;

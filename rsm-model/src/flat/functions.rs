@@ -1,7 +1,7 @@
-//! Functions of the text, put in the place of their calls.
+//! Functions of the text, inlined at their calls.
 //!
-//! An algorithm of assignments and `if` is followed with expressions in place of numbers: behind an `if`, a name has one value or another.
-//! Comparisons inside a function are no switches, as the language has it. A function without algorithm is a response surface.
+//! An algorithm of assignments and `if` is executed with expressions in place of numbers: after an `if`, a name has a conditional value. Comparisons
+//! inside a function are no switches, as the language defines. A function without an algorithm is a response surface.
 
 use std::collections::HashMap;
 
@@ -12,7 +12,7 @@ use super::translate::{Scope, Translator};
 use super::value::Value;
 use super::{Basic, Surface};
 
-/// Functions may call one another this deep.
+/// The largest depth of nested calls.
 const DEEPEST: usize = 64;
 
 impl Translator<'_> {
@@ -47,7 +47,7 @@ impl Translator<'_> {
             let what = format!("the function `{}` has {} results, expected one", function.name, of(Direction::Output).count());
             return self.fault(&function.span, what, "write a function for each result");
         };
-        // Arguments by place, then by name.
+        // Positional arguments first, then named ones.
         if arguments.len() > inputs.len() {
             let what = format!("`{}` has {} arguments here, expected {}", function.name, arguments.len(), inputs.len());
             return self.fault(span, what, "");
@@ -96,7 +96,7 @@ impl Translator<'_> {
         result
     }
 
-    /// A call of a function without algorithm.
+    /// A call of a function without an algorithm.
     fn surface(
         &mut self,
         function: &tree::Function,
@@ -214,7 +214,7 @@ impl Translator<'_> {
         Some(())
     }
 
-    /// Every branch is followed from the same values; behind them a name has the value of the branch that was taken.
+    /// Every branch starts with the same values. Afterwards a name has the value of the selected branch.
     fn run_if(
         &mut self,
         branches: &[(Expression, Vec<Statement>)],
@@ -232,7 +232,7 @@ impl Translator<'_> {
         self.run(otherwise, types)?;
         let mut result = std::mem::take(&mut self.scopes[at].values);
         for (condition, end) in ends.into_iter().rev() {
-            // A name without a value on one of the ways has none behind them.
+            // A name that has no value in one of the branches has none afterwards.
             result.retain(|name, _| end.contains_key(name));
             for (name, value) in &mut result {
                 let other = &end[name];

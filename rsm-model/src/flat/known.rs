@@ -1,4 +1,4 @@
-//! Expressions of constants and parameters have a value before anything runs.
+//! Values of expressions of constants and parameters, known before a simulation.
 
 use std::collections::HashMap;
 
@@ -11,7 +11,7 @@ pub(crate) fn known(pool: &Pool, variables: &[Variable], id: Id) -> Option<(f64,
     if let Some(value) = pool.value(id) {
         return Some((value, Vec::new()));
     }
-    // Values of symbols that depend on one another, by depth first; a symbol that is open already depends on itself.
+    // Values of symbols that depend on one another, depth first. A symbol that is still open depends on itself.
     let mut found: HashMap<Symbol, f64> = HashMap::new();
     let mut used = Vec::new();
     let mut open = vec![(None, id)];

@@ -21,7 +21,7 @@ impl Translator<'_> {
                 "compare with `<` or `>`: a number that is computed is hardly ever equal to another",
             );
         }
-        // Whole numbers and Booleans change at events alone.
+        // Integers and Booleans change only at events.
         let operation = if self.without_events || is_equality { Binary::LessNow } else { Binary::Less };
         let below = |pool: &mut Pool, a: Id, b: Id| pool.binary(operation, a, b);
         let id = match compare {

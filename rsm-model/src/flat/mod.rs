@@ -1,7 +1,7 @@
-//! The flat system: every name resolved, every array written out, every function put in its place.
+//! The flat system: all names resolved, all arrays written out, all functions inlined.
 //!
-//! In: the tree of a text. Out: [`Flat`]: scalar variables and scalar equations over one pool of expressions. It is what an effect may
-//! rewrite before the equations are sorted. Faults of names, types and shapes are told here, each with its place.
+//! In: the tree of a text. Out: [`Flat`]: scalar variables and scalar equations over one pool of expressions. Effects change this form before the
+//! equations are sorted. Faults of names, types and shapes are reported here, each with its place.
 
 mod arithmetic;
 mod builtins;
@@ -39,38 +39,38 @@ pub enum Basic {
 /// What a symbol stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// A number that never changes.
+    /// A constant.
     Constant,
-    /// A number that a plant file may set.
+    /// A parameter, which a plant file may set.
     Parameter,
     /// A signal from outside.
     Input,
-    /// Found from the equations.
+    /// An unknown of the equations.
     Unknown,
-    /// The derivative of another symbol by time.
+    /// The time derivative of another symbol.
     Derivative(Symbol),
     /// The time in s.
     Time,
     /// The value of another symbol before an event.
     Before(Symbol),
-    /// 1 at the instants of a [`Sample`], by its number, else 0.
+    /// 1 at the instants of the [`Sample`] with this number, otherwise 0.
     Sample(u32),
-    /// 1 while a [`Clause`], by its number, acts, else 0.
+    /// 1 while the [`Clause`] with this number acts, otherwise 0.
     Acts(u32),
     /// The value of a switch since the last event, by its number.
     Held(u32),
-    /// A start of an iteration: the value of another symbol in the last solution.
+    /// The start of an iteration: the value of another symbol in the last solution.
     Guess(Symbol),
 }
 
-/// How willingly a variable is taken as a state, from the attribute `stateSelect`.
+/// The preference for a variable as a state, from the attribute `stateSelect`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum Preference {
     /// Never a state.
     Never,
     /// Only if there is no other.
     Avoid,
-    /// As the equations give it.
+    /// No preference.
     #[default]
     Default,
     /// If possible.
@@ -94,23 +94,23 @@ pub struct Variable {
     pub is_discrete: bool,
     /// Its unit as the text writes it.
     pub unit: Option<String>,
-    /// What the text says about it.
+    /// Its description in the text.
     pub description: String,
     /// The value of a constant or a parameter.
     pub value: Option<Id>,
     /// The value at the start.
     pub start: Option<Id>,
-    /// Whether the start is a demand and not a guess.
+    /// Whether the start value must hold; otherwise it is a guess.
     pub fixed: Option<bool>,
-    /// No value is below.
+    /// The smallest value.
     pub min: Option<f64>,
-    /// No value is above.
+    /// The largest value.
     pub max: Option<f64>,
-    /// How large it typically is.
+    /// Its typical size.
     pub nominal: Option<f64>,
-    /// How willingly it is taken as a state.
+    /// The preference for it as a state.
     pub preference: Preference,
-    /// Whether the shape of the system depends on its value: another value needs another compilation.
+    /// Whether its value changes the structure of the system, so that another value needs another compilation.
     pub is_structural: bool,
     /// Where it is declared, in bytes of the text.
     pub place: Range<usize>,
@@ -125,11 +125,11 @@ pub struct Equation {
     pub right: Id,
     /// Where it stands, in bytes of the text.
     pub place: Range<usize>,
-    /// The pairs that have one unit, where they are not the two sides: an if-equation whose branches speak of different quantities.
+    /// The pairs of expressions whose units must agree, if these are not the two sides: for an if-equation whose branches have different quantities.
     pub pairs: Vec<(Id, Id)>,
 }
 
-/// Instants at a start and every period after it.
+/// The instants of a periodic sample.
 #[derive(Debug, Clone)]
 pub struct Sample {
     /// The first instant in s.
@@ -143,13 +143,13 @@ pub struct Sample {
 /// What happens at an event: a branch of a `when`.
 #[derive(Debug, Clone)]
 pub struct Clause {
-    /// It acts when one of these becomes true.
+    /// It acts when any of these becomes true.
     pub conditions: Vec<Id>,
     /// It does not act together with these earlier branches.
     pub unless: Vec<usize>,
-    /// Variables that take a value and hold it.
+    /// The assigned variables, which hold their new value.
     pub assigned: Vec<(Symbol, Id)>,
-    /// States that go on from another value.
+    /// The states that are reset, with their new values.
     pub restarted: Vec<(Symbol, Id)>,
     /// Where it stands, in bytes of the text.
     pub place: Range<usize>,
@@ -160,13 +160,13 @@ pub struct Clause {
 pub struct Check {
     /// What must be true.
     pub condition: Id,
-    /// What to say where it is not.
+    /// The message if it is false.
     pub message: String,
     /// Where it stands, in bytes of the text.
     pub place: Range<usize>,
 }
 
-/// A function without an algorithm: a response surface computes it.
+/// A function without an algorithm: a response surface.
 #[derive(Debug, Clone)]
 pub struct Surface {
     /// The name in the text.
@@ -208,21 +208,21 @@ pub struct Flat {
     pub(crate) names: HashMap<String, Symbol>,
     /// Scalars and arrays by name.
     declared: HashMap<String, translate::Declared>,
-    /// Further texts that equations come from: effects and sites.
+    /// Other files with equations: effects and sites.
     fragments: Vec<fragment::Fragment>,
 }
 
-/// What a reader may be told beside the text.
+/// Options of the reader.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
-    /// The model to read, where a text holds several. Without it the last one is read.
+    /// The model to read, if a text has several. Otherwise the last one is read.
     pub model: Option<String>,
     /// Values of parameters in place of those of the text, in its units; Boolean as 0 and 1.
     pub parameters: Vec<(String, f64)>,
 }
 
 impl Flat {
-    /// Reads a text and writes it out.
+    /// Reads a text and translates it.
     ///
     /// ```
     /// use rsm_core::source::Source;
@@ -235,11 +235,11 @@ impl Flat {
     /// ```
     ///
     /// # Errors
-    /// All faults of form, or else all faults of names, types and shapes, each with line and column.
+    /// All faults of syntax; if there are none, all faults of names, types and shapes. Each has line and column.
     pub fn read(source: &Source, options: &Options) -> Result<Flat, Faults> {
         let mut faults = Collector::new();
         let text = syntax::read(source, &mut faults);
-        // A part that was left out would be missed everywhere.
+        // Stop here: a missing part would cause further faults.
         faults.finish(Some(()))?;
         let mut faults = Collector::new();
         let flat = declare::flat(&text, source, options, &mut faults);
@@ -268,7 +268,7 @@ impl Flat {
         known::known(&self.pool, &self.variables, id)
     }
 
-    /// The symbol of a derived role, such as a derivative, made where it is not there yet.
+    /// The symbol of a derived role, such as a derivative. It is created if necessary.
     pub(crate) fn derived(&mut self, role: Role) -> Symbol {
         derived(&mut self.variables, &mut self.names, role)
     }
@@ -282,7 +282,7 @@ impl Flat {
     }
 }
 
-/// The symbol of a derived role, such as a derivative, made where it is not there yet. Its name is what the text would write.
+/// The symbol of a derived role, such as a derivative. It is created if necessary, with the name that the text would use.
 fn derived(variables: &mut Vec<Variable>, names: &mut HashMap<String, Symbol>, role: Role) -> Symbol {
     let of = |symbol: Symbol| &variables[symbol.0 as usize];
     let (name, basic, place) = match role {

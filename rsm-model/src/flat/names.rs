@@ -37,7 +37,7 @@ impl Translator<'_> {
                 return self.part(value, subscripts, span);
             }
             if !self.scopes[k].is_open {
-                // A function sees constants of the package beside its own names.
+                // A function may use constants of the package besides its own names.
                 let is_constant = self
                     .declared
                     .get(&name)
@@ -59,7 +59,7 @@ impl Translator<'_> {
         self.part(Value { sizes: declared.sizes, items, basic }, subscripts, span)
     }
 
-    /// What to say of a name that nobody declared.
+    /// The message for an undeclared name, with a suggestion.
     fn unknown(&self, name: &str) -> (String, String) {
         let inner = self.scopes.iter().flat_map(|scope| scope.values.keys());
         let near = self
@@ -123,7 +123,7 @@ impl Translator<'_> {
     }
 }
 
-/// How many letters differ between two names: changed, left out or added.
+/// The edit distance of two names: letters changed, omitted or added.
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

@@ -22,14 +22,14 @@ pub(super) struct Declared {
 #[derive(Debug, Default)]
 pub(super) struct Scope {
     pub(super) values: HashMap<String, Value>,
-    /// Whether names of the model may be used: in a loop, not in a function.
+    /// Whether names of the model may be used: true in a loop, false in a function.
     pub(super) is_open: bool,
 }
 
 pub(super) struct Translator<'t> {
     pub(super) source: &'t Source,
     pub(super) faults: &'t mut Collector,
-    /// How many faults were told.
+    /// The number of reported faults.
     pub(super) told: usize,
     pub(super) pool: Pool,
     pub(super) variables: Vec<Variable>,
@@ -41,26 +41,26 @@ pub(super) struct Translator<'t> {
     pub(super) surfaces: Vec<Surface>,
     pub(super) samples: Vec<Sample>,
     pub(super) scopes: Vec<Scope>,
-    /// Inside `noEvent` or a function: comparisons are not switches.
+    /// Whether inside `noEvent` or a function, where comparisons are no switches.
     pub(super) without_events: bool,
-    /// Inside a `when`.
+    /// Whether inside a `when`.
     pub(super) at_event: bool,
-    /// Sizes that `end` stands for, innermost last.
+    /// The sizes that `end` stands for, the innermost last.
     pub(super) ends: Vec<usize>,
-    /// How many calls of functions stand in one another.
+    /// The depth of nested function calls.
     pub(super) calls: usize,
-    /// Elements and rounds that were written out so far.
+    /// The number of elements and loop iterations written out so far.
     pub(super) written: usize,
 }
 
-/// No array has more elements: a size that was mistyped must not fill the memory.
+/// The largest number of elements of an array, so that a mistyped size does not fill the memory.
 pub(super) const MOST_ELEMENTS: usize = 100_000;
 
-/// Elements of arrays and rounds of loops that a text may be written out to, in all.
+/// The largest number of array elements and loop iterations of a text, in all.
 const MOST_WRITTEN: usize = 2_000_000;
 
 impl<'t> Translator<'t> {
-    /// A translation of a text in which nothing is declared yet.
+    /// A translator without declarations.
     pub(super) fn new(source: &'t Source, faults: &'t mut Collector) -> Self {
         Translator {
             source,
@@ -91,7 +91,7 @@ impl Translator<'_> {
         None
     }
 
-    /// The translated expression; a fault is told where there is none.
+    /// The translated expression; `None` after a reported fault.
     pub(super) fn value(&mut self, expression: &Expression) -> Option<Value> {
         let span = &expression.span;
         match &expression.kind {
@@ -145,7 +145,7 @@ impl Translator<'_> {
         }
     }
 
-    /// All of some expressions; every fault in them is told.
+    /// The translations of several expressions; every fault in them is reported.
     pub(super) fn all(&mut self, expressions: &[Expression]) -> Option<Vec<Value>> {
         let values: Vec<Option<Value>> = expressions.iter().map(|expression| self.value(expression)).collect();
         values.into_iter().collect()
@@ -182,7 +182,7 @@ impl Translator<'_> {
         Some(item)
     }
 
-    /// A whole number that is known while the text is read; parameters that it depends on become structural.
+    /// An integer that is known when the text is read. Parameters that it depends on become structural.
     pub(super) fn whole(&mut self, expression: &Expression) -> Option<i64> {
         let id = self.number(expression)?;
         match self.known(id) {
@@ -205,7 +205,7 @@ impl Translator<'_> {
         Some(value)
     }
 
-    /// Counts what is written out, and stops a text that would not end.
+    /// Counts what is written out, and stops a text that would become too large.
     pub(super) fn spend(&mut self, count: usize, span: &Span) -> Option<()> {
         let before = self.written;
         self.written = before.saturating_add(count);
@@ -256,7 +256,7 @@ impl Translator<'_> {
         Some(Value { sizes: vec![items.len()], items, basic: Basic::Integer })
     }
 
-    /// Values of one shape as an array of one more dimension.
+    /// Values of one shape, combined into an array with one more dimension.
     fn stacked(&mut self, values: Vec<Value>, span: &Span) -> Option<Value> {
         let Some(first) = values.first().cloned() else {
             return Some(Value { sizes: vec![0], items: Vec::new(), basic: Basic::Real });

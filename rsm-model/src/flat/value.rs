@@ -21,7 +21,7 @@ impl Value {
         self.sizes.is_empty()
     }
 
-    /// The scalar of a value that is one.
+    /// The item, if the value is a scalar.
     pub(crate) fn item(&self) -> Option<Id> {
         if self.is_scalar() { self.items.first().copied() } else { None }
     }
@@ -43,7 +43,7 @@ pub(super) fn shape(sizes: &[usize]) -> String {
 }
 
 impl Basic {
-    /// The word of the language.
+    /// The name in the language.
     pub(super) fn word(self) -> &'static str {
         match self {
             Basic::Real => "Real",
@@ -52,7 +52,7 @@ impl Basic {
         }
     }
 
-    /// Whether a value of type `found` may stand where this type is wanted.
+    /// Whether a value of type `found` is allowed where this type is expected.
     pub(super) fn takes(self, found: Basic) -> bool {
         self == found || (self == Basic::Real && found == Basic::Integer)
     }

@@ -6,7 +6,7 @@ use super::tree::{
     Attribute, AttributeValue, Declaration, Direction, Function, Model, Modification, Span, Text, TypeDefinition, Variability,
 };
 
-/// What to do with a text that is not flat.
+/// The advice for a text that is not flat.
 const FLATTEN: &str = "flatten the component model first: `omc --baseModelica`, or rumoca's target `base-modelica`";
 
 impl Parser<'_> {
@@ -22,7 +22,7 @@ impl Parser<'_> {
         text
     }
 
-    /// Steps over `end NAME;` that closes what was not read.
+    /// Skips an `end NAME;` that closes a part that could not be read.
     fn stray_end(&mut self) {
         if self.takes_keyword("end") {
             if matches!(self.token(), Token::Name(_) | Token::Keyword(_)) {
@@ -34,7 +34,7 @@ impl Parser<'_> {
         }
     }
 
-    /// What may stand in a package or outside of it.
+    /// A definition inside a package or outside.
     fn definition(&mut self, text: &mut Text) -> Read<()> {
         self.skip_decoration();
         let span = self.span();
@@ -46,7 +46,7 @@ impl Parser<'_> {
                 while !self.is_end() && !self.is_keyword("end") {
                     if self.definition(text).is_err() {
                         self.recover();
-                        // Of a definition that broke off: its end is not the end of the package.
+                        // After a definition that could not be read, its `end` is not the end of the package.
                         let closes_package = matches!(self.ahead(), Token::Name(found) if *found == name);
                         if !(self.is_keyword("end") && closes_package) {
                             self.stray_end();
@@ -108,7 +108,7 @@ impl Parser<'_> {
         }
     }
 
-    /// Tells that a definition is not read and goes on behind it.
+    /// Reports that a definition is not supported, and continues after it.
     fn skip_definition(&mut self, what: &str, help: &str) -> Read<()> {
         let told = self.fault_with_help::<()>(self.span(), what, help);
         while matches!(self.token(), Token::Keyword(_)) {
@@ -116,7 +116,7 @@ impl Parser<'_> {
         }
         if let Token::Name(name) = self.token().clone() {
             self.skip_class(&name);
-            // Told, and nothing is left to recover from.
+            // The fault is reported, and there is nothing to skip.
             return Ok(());
         }
         told
@@ -132,7 +132,7 @@ impl Parser<'_> {
         if found != name {
             return self.fault(span, format!("found `end {found}`, expected `end {name}`, which closes line {line}"));
         }
-        // rumoca leaves the last semicolon to its template, OpenModelica writes it: both are read at the end of a text.
+        // rumoca omits the last semicolon, OpenModelica writes it. Both are accepted at the end of a text.
         if !self.takes_sign(";") && !self.is_end() {
             return self.unexpected(&format!("`;` after `end {name}`"));
         }
@@ -191,7 +191,7 @@ impl Parser<'_> {
         Ok(model)
     }
 
-    /// One declaration, or a word before it that changes nothing here.
+    /// One declaration, or a keyword before it that has no effect here.
     fn section_of_declarations(&mut self, declarations: &mut Vec<Declaration>) -> Read<()> {
         if self.takes_keyword("public") || self.takes_keyword("protected") {
             return Ok(());
@@ -395,7 +395,7 @@ impl Parser<'_> {
         }
         let name = self.dotted("an attribute, such as `unit` or `start`")?;
         let value = if self.is_sign("(") || self.is_sign("[") {
-            // Told where the names are resolved, with the variable.
+            // Reported with the variable when names are resolved.
             let mut depth = 0_usize;
             loop {
                 match self.token() {

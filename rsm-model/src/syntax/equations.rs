@@ -5,7 +5,7 @@ use super::parser::{Parser, Read};
 use super::tree::{Equation, EquationKind, Kind, Statement, StatementKind};
 
 impl Parser<'_> {
-    /// Whether a list of equations or statements is over.
+    /// Whether a list of equations or statements has ended.
     fn is_block_over(&self) -> bool {
         match self.token() {
             Token::Keyword(word) => match *word {
@@ -22,7 +22,7 @@ impl Parser<'_> {
         self.list("an equation", Self::is_block_over, |parser| parser.deeper(Self::equation))
     }
 
-    /// `end if` and its like.
+    /// `end if` and similar.
     fn closes(&mut self, word: &str) -> Read<()> {
         if self.is_keyword("end") && matches!(self.ahead(), Token::Keyword(found) if *found == word) {
             self.advance();

@@ -1,12 +1,12 @@
 //! Expressions: text to tree.
 //!
-//! One function climbs over the operators by their rank, so that a pair of parentheses takes two calls and not nine.
+//! One function handles all operators by their rank, so a pair of parentheses takes two calls instead of nine.
 
 use super::lexer::Token;
 use super::parser::{Parser, Read};
 use super::tree::{Compare, Expression, Joint, Kind, Part, Subscript};
 
-// Ranks of operators, from the loosest. Those of one rank are taken from the left.
+// Ranks of operators, from the weakest. Operators of the same rank associate to the left.
 const OR: u8 = 0;
 const AND: u8 = 1;
 const NOT: u8 = 2;
@@ -91,7 +91,7 @@ impl Parser<'_> {
         Ok(Expression { kind: Kind::If(branches, otherwise), span: self.since(start) })
     }
 
-    /// What may stand on the left of `=`: everything but an if-expression.
+    /// An expression that is allowed on the left of `=`: all but an if-expression.
     pub(crate) fn simple(&mut self, start: usize) -> Read<Expression> {
         let first = self.climb(OR)?;
         if !self.takes_sign(":") {
@@ -106,7 +106,7 @@ impl Parser<'_> {
         Ok(Expression { kind, span: self.since(start) })
     }
 
-    /// Operators of rank `lowest` and tighter.
+    /// Operators of rank `lowest` or stronger.
     fn climb(&mut self, lowest: u8) -> Read<Expression> {
         let start = self.span().start;
         let mut left = if lowest <= NOT && self.takes_keyword("not") {
@@ -325,7 +325,7 @@ impl Parser<'_> {
     }
 }
 
-/// Two operands and what joins them. A list on the left takes the right operand in: sums and products are taken from the left.
+/// Joins two operands by an operator. If the left one is a list, the right one is added to it, because sums and products associate to the left.
 fn joined(left: Expression, operator: Operator, right: Expression) -> Kind {
     match (operator, left.kind) {
         (Operator::Or, Kind::Or(mut items)) => {

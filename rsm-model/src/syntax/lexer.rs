@@ -1,20 +1,20 @@
-//! A text cut into tokens.
+//! Splits a text into tokens.
 //!
-//! In: the text of a model. Out: tokens with their byte ranges, comments left out. A character that no token starts with is a fault and is
-//! stepped over, so that all of them are told at once.
+//! In: the text of a model. Out: tokens with their byte ranges, without comments. A character that starts no token is a fault and is skipped, so that
+//! all faults are reported at once.
 
 use std::ops::Range;
 
 use rsm_core::source::{Collector, Source};
 
-/// What a token is.
+/// The kind of a token.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Token {
-    /// A name as it is meant: quotes taken off, escapes replaced.
+    /// A name without its quotes, with escapes replaced.
     Name(String),
-    /// A word of the language.
+    /// A keyword of the language.
     Keyword(&'static str),
-    /// A number, and whether it is written as a whole number.
+    /// A number, and whether it is written as an integer.
     Number(f64, bool),
     /// A text in double quotes.
     Text(String),
@@ -24,7 +24,7 @@ pub(crate) enum Token {
     End,
 }
 
-/// A token and where it stands.
+/// A token with its position.
 #[derive(Debug, Clone)]
 pub(crate) struct Placed {
     pub(crate) token: Token,
@@ -93,7 +93,7 @@ const KEYWORDS: &[&str] = &[
     "within",
 ];
 
-/// Longer signs stand before those that they begin with.
+/// A longer sign precedes the signs that it starts with.
 const SIGNS: &[&str] = &[
     ":=", "<=", ">=", "==", "<>", ".+", ".-", ".*", "./", ".^", "(", ")", "[", "]", "{", "}", ",", ";", ":", ".", "=", "<",
     ">", "+", "-", "*", "/", "^", "@",
@@ -178,7 +178,7 @@ fn number(source: &Source, at: &mut usize, faults: &mut Collector) -> Option<Tok
     };
     digits(at);
     let mut is_whole = true;
-    // `2.*x` is 2 times x element by element: the point belongs to the sign.
+    // `2.*x` is the elementwise product of 2 and x: the point belongs to the operator.
     let next_is_operator = matches!(bytes.get(*at + 1), Some(b'*' | b'/' | b'^' | b'+' | b'-'));
     if bytes.get(*at) == Some(&b'.') && !next_is_operator {
         is_whole = false;
@@ -206,7 +206,7 @@ fn number(source: &Source, at: &mut usize, faults: &mut Collector) -> Option<Tok
     }
 }
 
-/// What stands in quotes, escapes replaced.
+/// The text in quotes, with escapes replaced.
 fn quoted(source: &Source, at: &mut usize, faults: &mut Collector) -> Option<String> {
     let text = source.text();
     let start = *at;
@@ -218,7 +218,7 @@ fn quoted(source: &Source, at: &mut usize, faults: &mut Collector) -> Option<Str
             *at = start + 1 + place + 1;
             return Some(inner);
         }
-        // A name ends on its line. A text may run over lines.
+        // A name ends on its line. A text may continue on the next line.
         if symbol == '\n' && quote == '\'' {
             break;
         }

@@ -5,14 +5,14 @@ use rsm_core::source::{Collector, Source};
 use super::lexer::{Placed, Token};
 use super::tree::Span;
 
-/// A fault was told; whoever called recovers.
+/// A fault was reported; the caller recovers.
 #[derive(Debug)]
 pub(crate) struct Told;
 
-/// What is read, or a fault that was told.
+/// The result, or a reported fault.
 pub(crate) type Read<T> = Result<T, Told>;
 
-/// Parentheses, branches and functions may stand in one another this deep: each level takes stack.
+/// The largest depth of nested parentheses, branches and functions, because each level uses stack.
 const DEEPEST: usize = 256;
 
 pub(crate) struct Parser<'s> {
@@ -68,7 +68,7 @@ impl<'s> Parser<'s> {
         matches!(self.token(), Token::End)
     }
 
-    /// Steps over a sign if it is there.
+    /// Skips a sign, if it is next.
     pub(crate) fn takes_sign(&mut self, sign: &str) -> bool {
         let is_there = self.is_sign(sign);
         if is_there {
@@ -77,7 +77,7 @@ impl<'s> Parser<'s> {
         is_there
     }
 
-    /// Steps over a keyword if it is there.
+    /// Skips a keyword, if it is next.
     pub(crate) fn takes_keyword(&mut self, word: &str) -> bool {
         let is_there = self.is_keyword(word);
         if is_there {
@@ -86,7 +86,7 @@ impl<'s> Parser<'s> {
         is_there
     }
 
-    /// The present token in words, for messages.
+    /// The current token in words, for messages.
     pub(crate) fn found(&self) -> String {
         match self.token() {
             Token::Name(name) => format!("the name `{name}`"),
@@ -108,7 +108,7 @@ impl<'s> Parser<'s> {
         Err(Told)
     }
 
-    /// The fault of a token that does not belong where it stands.
+    /// Reports an unexpected token.
     pub(crate) fn unexpected<T>(&mut self, expected: &str) -> Read<T> {
         let what = format!("found {}, expected {expected}", self.found());
         self.fault(self.span(), what)
@@ -144,7 +144,7 @@ impl<'s> Parser<'s> {
         Ok(name)
     }
 
-    /// One level deeper in something that may hold itself.
+    /// Reads one level deeper in a construct that can be nested.
     pub(crate) fn deeper<T>(&mut self, read: impl FnOnce(&mut Self) -> Read<T>) -> Read<T> {
         if self.depth >= DEEPEST {
             let what = format!("more than {DEEPEST} levels of parentheses or branches in one another");
@@ -160,7 +160,7 @@ impl<'s> Parser<'s> {
         read
     }
 
-    /// Goes on behind the next `;`, or in front of a word that opens or closes a section.
+    /// Continues after the next `;`, or before a keyword that opens or closes a section.
     pub(crate) fn recover(&mut self) {
         while !self.is_end() {
             if self.takes_sign(";") {
@@ -178,7 +178,7 @@ impl<'s> Parser<'s> {
         }
     }
 
-    /// Goes on behind `end NAME;`.
+    /// Continues after `end NAME;`.
     pub(crate) fn skip_class(&mut self, name: &str) {
         while !self.is_end() {
             if self.is_keyword("end") && matches!(self.ahead(), Token::Name(found) if found == name) {
@@ -191,7 +191,7 @@ impl<'s> Parser<'s> {
         }
     }
 
-    /// Steps over `@12`, which numbers a part for other tools.
+    /// Skips `@12`, a number for other tools.
     pub(crate) fn skip_decoration(&mut self) {
         while self.is_sign("@") && matches!(self.ahead(), Token::Number(..)) {
             self.advance();
@@ -199,7 +199,7 @@ impl<'s> Parser<'s> {
         }
     }
 
-    /// Steps over `annotation(...)` if it is there: it is for editors and other tools.
+    /// Skips `annotation(...)`, if present: it is for editors and other tools.
     pub(crate) fn skip_annotation(&mut self) -> Read<()> {
         if !self.takes_keyword("annotation") {
             return Ok(());
@@ -219,7 +219,7 @@ impl<'s> Parser<'s> {
         Ok(())
     }
 
-    /// A description in quotes and an annotation, where they are there.
+    /// A description in quotes and an annotation, if present.
     pub(crate) fn comment(&mut self) -> Read<String> {
         let mut description = String::new();
         while let Token::Text(text) = self.token().clone() {
@@ -233,7 +233,7 @@ impl<'s> Parser<'s> {
         Ok(description)
     }
 
-    /// Repeats `read` until `is_over`; behind a fault it goes on at the next `;`.
+    /// Repeats `read` until `is_over`. After a fault it continues at the next `;`.
     pub(crate) fn list<T>(
         &mut self,
         what: &str,
@@ -251,7 +251,7 @@ impl<'s> Parser<'s> {
                 Ok(item) => items.push(item),
                 Err(Told) => {
                     self.recover();
-                    // A word that closes nothing here would be met for ever.
+                    // Skips a keyword that closes nothing here; otherwise the loop would not end.
                     if self.at == before {
                         self.advance();
                     }

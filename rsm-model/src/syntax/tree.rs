@@ -1,10 +1,10 @@
-//! The tree of a text, as it was written: names not yet resolved, arrays not yet written out.
+//! The syntax tree of a text, before names are resolved and arrays are written out.
 //!
-//! Sums, products and conjunctions are lists, so that a sum of thousands of terms is not a deep tree.
+//! Sums, products and conjunctions are lists, so that a sum of thousands of terms does not make a deep tree.
 
 use std::ops::Range;
 
-/// Where a part stands in its text, in bytes.
+/// The range of bytes of a part in its text.
 pub(crate) type Span = Range<usize>;
 
 /// A part of a name with its subscripts: `x[1, 2]`.
@@ -76,18 +76,18 @@ pub(crate) enum Compare {
 
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Kind {
-    /// A number, and whether it is written as a whole number.
+    /// A number, and whether it is written as an integer.
     Number(f64, bool),
     Boolean(bool),
     Text(String),
     Name(Vec<Part>),
-    /// A function, its arguments by place, its arguments by name.
+    /// A function with its positional and its named arguments.
     Call(String, Vec<Expression>, Vec<(String, Expression)>),
     /// Terms, each with its sign: true for minus.
     Sum(Vec<(bool, Expression)>),
-    /// Factors, each with what joins it to those before. The first joins by [`Joint::Times`].
+    /// Factors, each with the operator before it. The first one has [`Joint::Times`].
     Product(Vec<(Joint, Expression)>),
-    /// Base, exponent, whether it is taken element by element.
+    /// Base, exponent, and whether the power is elementwise.
     Power(Box<Expression>, Box<Expression>, bool),
     Relation(Compare, Box<Expression>, Box<Expression>),
     And(Vec<Expression>),
@@ -107,7 +107,7 @@ pub(crate) enum Kind {
     End,
 }
 
-/// What joins a factor to those before it.
+/// The operator between a factor and those before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Joint {
     Times,
@@ -133,7 +133,7 @@ pub(crate) enum Direction {
     Neither,
 }
 
-/// A modification: attributes in parentheses, a value behind `=`.
+/// A modification: attributes in parentheses, and a value after `=`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Modification {
     pub(crate) attributes: Vec<Attribute>,
@@ -151,7 +151,7 @@ pub(crate) struct Attribute {
 pub(crate) enum AttributeValue {
     Text(String),
     Expression(Expression),
-    /// `x(start(...))`: something inside something.
+    /// `x(start(...))`: a nested modification.
     Nested,
 }
 
@@ -164,7 +164,7 @@ pub(crate) struct Declaration {
     pub(crate) type_span: Span,
     pub(crate) name: String,
     pub(crate) span: Span,
-    /// Sizes that stand at the type come after those at the name.
+    /// Sizes after the type follow those after the name.
     pub(crate) sizes: Vec<Subscript>,
     pub(crate) modification: Modification,
     pub(crate) description: String,
@@ -185,7 +185,7 @@ pub(crate) enum EquationKind {
     For(String, Expression, Vec<Equation>),
     /// Branches: `when` and each `elsewhen`.
     When(Vec<(Expression, Vec<Equation>)>),
-    /// `reinit(...)`, `assert(...)` and other calls that stand alone.
+    /// `reinit(...)`, `assert(...)` and other calls used as equations.
     Call(Expression),
 }
 
@@ -197,11 +197,11 @@ pub(crate) struct Statement {
 
 #[derive(Debug, Clone)]
 pub(crate) enum StatementKind {
-    /// A name with subscripts takes a value.
+    /// Assigns a value to a name with subscripts.
     Assign(Vec<Part>, Expression),
     If(Vec<(Expression, Vec<Statement>)>, Vec<Statement>),
     For(String, Expression, Vec<Statement>),
-    /// `assert(...)` and other calls that stand alone.
+    /// `assert(...)` and other calls used as statements.
     Call(Expression),
 }
 
@@ -219,7 +219,7 @@ pub(crate) struct Function {
     pub(crate) name: String,
     pub(crate) span: Span,
     pub(crate) declarations: Vec<Declaration>,
-    /// `None`: the text declares the function and says nothing of what it computes.
+    /// `None` if the text declares the function without an algorithm.
     pub(crate) algorithm: Option<Vec<Statement>>,
 }
 

@@ -1,6 +1,6 @@
 //! Aliases: variables that equal another variable or its negative.
 //!
-//! A flattened text is mostly aliases: each connector repeats what it connects. One variable of each group stays, and the others refer to it.
+//! A flattened text has many aliases, because each connector repeats its variables. One variable of each group stays, and the others refer to it.
 
 use std::collections::HashMap;
 
@@ -10,7 +10,7 @@ use crate::flat::{Basic, Role};
 use super::Alias;
 use super::work::Work;
 
-/// The root of a symbol and the sign to it.
+/// The root of a symbol, with the relative sign.
 fn root(parents: &HashMap<Symbol, Alias>, mut symbol: Symbol) -> Alias {
     let mut is_negative = false;
     while let Some(alias) = parents.get(&symbol) {
@@ -20,7 +20,7 @@ fn root(parents: &HashMap<Symbol, Alias>, mut symbol: Symbol) -> Alias {
     Alias { of: symbol, is_negative }
 }
 
-/// The two symbols that a residual says are equal, and whether with opposite signs.
+/// The two symbols that a residual sets equal, and whether with opposite signs.
 fn pair(work: &Work, residual: Id) -> Option<(Symbol, Symbol, bool)> {
     let pool = &work.flat.pool;
     let residual = match pool.node(residual) {
@@ -33,7 +33,7 @@ fn pair(work: &Work, residual: Id) -> Option<(Symbol, Symbol, bool)> {
 }
 
 impl Work {
-    /// Takes out equations that only say that two variables are equal or opposite.
+    /// Removes equations that only state that two variables are equal or opposite.
     pub(super) fn take_aliases(&mut self) {
         let mut parents: HashMap<Symbol, Alias> = HashMap::new();
         let mut kept = Vec::new();
@@ -49,7 +49,7 @@ impl Work {
                 continue;
             };
             let same_type = self.flat.variable(x.of).basic == self.flat.variable(y.of).basic;
-            // Two inputs that are equal, a variable that is its own alias, differences of Booleans: not aliases.
+            // No aliases: two equal inputs, a variable that equals itself, differences of Booleans.
             let both_known = first >= KNOWN && second >= KNOWN;
             let is_number = self.flat.variable(x.of).basic == Basic::Real;
             if x.of == y.of || both_known || !same_type || (opposite && !is_number) {
@@ -57,7 +57,7 @@ impl Work {
                 continue;
             }
             let is_negative = x.is_negative ^ y.is_negative ^ opposite;
-            // The one of higher rank stays; of equals the one that was declared first.
+            // The one with the higher rank stays; of equal ranks, the one declared first.
             let x_stays = (first, std::cmp::Reverse(x.of)) > (second, std::cmp::Reverse(y.of));
             let (stays, goes) = if x_stays { (x.of, y.of) } else { (y.of, x.of) };
             parents.insert(goes, Alias { of: stays, is_negative });
@@ -82,7 +82,7 @@ impl Work {
         self.replace(&mut Replacement::new(replaced));
     }
 
-    /// The derivative of what stays, in place of that of an alias.
+    /// The derivative of the remaining variable replaces that of an alias.
     fn derivative_value(&mut self, alias: Alias, symbol: Symbol) -> Id {
         match self.flat.variable(alias.of).role {
             Role::Parameter | Role::Constant => self.flat.pool.number(0.0),
@@ -104,7 +104,7 @@ impl Work {
         }
     }
 
-    /// How much a symbol is worth keeping; `None` where it cannot be an alias at all.
+    /// The priority of keeping a symbol; `None` if it cannot be an alias.
     fn rank(&self, symbol: Symbol) -> Option<u32> {
         let variable = self.flat.variable(symbol);
         match variable.role {
@@ -130,7 +130,7 @@ impl Work {
         }
     }
 
-    /// What an alias knew of its start goes to the variable that stays.
+    /// Transfers the start attributes of an alias to the remaining variable.
     fn hand_over(&mut self, symbol: Symbol, alias: Alias) {
         let goes = self.flat.variable(symbol).clone();
         let stays = self.flat.variable(alias.of).clone();
@@ -159,5 +159,5 @@ impl Work {
     }
 }
 
-/// Ranks from here on are of symbols whose value comes from outside.
+/// Symbols with this rank or higher have a value from outside.
 const KNOWN: u32 = 1000;

@@ -1,4 +1,4 @@
-//! The passes in their order: from a flat system to one that is solved.
+//! The passes in their order: from a flat system to a solved one.
 
 use std::collections::{HashMap, HashSet};
 
@@ -12,7 +12,7 @@ use super::solve::Solved;
 use super::work::{Residual, Work};
 use super::{Iterated, System};
 
-/// Values that are replaced by those before them, one after another.
+/// Values expressed by values before them, in sequence.
 pub(super) struct Known {
     pub(super) replacement: Replacement,
 }
@@ -78,7 +78,7 @@ impl Work {
         })
     }
 
-    /// States, and what is found from the equations.
+    /// Splits the variables into states and unknowns of the equations.
     fn divide(&self, dummies: &HashSet<Symbol>) -> (Vec<Symbol>, Vec<Symbol>) {
         let mut present: HashSet<Symbol> = HashSet::new();
         for equation in &self.equations {

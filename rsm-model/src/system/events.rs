@@ -1,4 +1,4 @@
-//! What happens at events.
+//! The equations at events.
 
 use std::collections::HashMap;
 
@@ -9,7 +9,7 @@ use super::work::{Residual, Work};
 use super::{Alias, Event, Memory};
 
 impl Work {
-    /// What happens at events: the same equations, with what a `when` gives among the unknowns.
+    /// The events: the same equations, with the variables that a `when` assigns among the unknowns.
     pub(super) fn events(&mut self, states: &[Symbol], unknowns: &[Symbol]) -> Option<(Vec<Memory>, Vec<Event>)> {
         self.replace_before_of_states(states);
         let clauses = self.flat.clauses.clone();
@@ -75,12 +75,12 @@ impl Work {
         Some((memories, events))
     }
 
-    /// Before an event a state is what it is until the event restarts it. Other continuous variables have no memory.
+    /// Before an event, a state has its current value until the event resets it. Other continuous variables have no memory.
     fn replace_before_of_states(&mut self, states: &[Symbol]) {
         let mut replaced = HashMap::new();
         for symbol in self.flat.symbols() {
             let Role::Before(of) = self.flat.variable(symbol).role else { continue };
-            // A state under another name is that state.
+            // An alias of a state is that state.
             let alias = self.aliases.get(&of).copied().unwrap_or(Alias { of, is_negative: false });
             let variable = self.flat.variable(of).clone();
             if variable.basic != Basic::Real || self.is_held(of) {

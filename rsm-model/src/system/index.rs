@@ -1,8 +1,9 @@
-//! Higher index: which equations must be differentiated by time, and which variables are then no longer states.
+//! Index reduction: which equations must be differentiated with respect to time, and which variables are then no longer states.
 //!
-//! Two inertias on a rigid shaft: their angles are tied by an equation without a derivative. C. C. Pantelides, "The consistent initialization of
-//! differential-algebraic systems", 1988, finds which equations to differentiate; S. E. Mattsson and G. Söderlind, "Index reduction in differential-algebraic
-//! equations using dummy derivatives", 1993, which variables then stop being states. The choice is made once, near the start.
+//! Example: two inertias on a rigid shaft. An equation without a derivative couples their angles. C. C. Pantelides, "The consistent initialization of
+//! differential-algebraic systems", 1988, finds the equations to differentiate. S. E. Mattsson and G. Söderlind, "Index reduction in
+//! differential-algebraic equations using dummy derivatives", 1993, select the variables that are no longer states. The choice is made once, near the
+//! start.
 
 use std::collections::{HashMap, HashSet};
 
@@ -13,7 +14,7 @@ use super::matching::Matching;
 use super::work::{Residual, Work};
 
 impl Work {
-    /// Whether a symbol is found from the equations.
+    /// Whether a symbol is an unknown of the equations.
     pub(super) fn is_unknown(&self, symbol: Symbol) -> bool {
         match self.flat.variable(symbol).role {
             Role::Unknown => !self.is_held(symbol),
@@ -27,7 +28,7 @@ impl Work {
         self.flat.pool.symbols(id).into_iter().filter(|symbol| self.is_unknown(*symbol)).collect()
     }
 
-    /// The variable at the bottom of a chain of derivatives.
+    /// The variable whose derivative, of any order, a symbol is.
     fn bottom(&self, mut symbol: Symbol) -> Symbol {
         while let Role::Derivative(of) = self.flat.variable(symbol).role {
             symbol = of;
@@ -35,8 +36,8 @@ impl Work {
         symbol
     }
 
-    /// Tells which equations or unknowns are too many, where a variable and its derivatives count as one. Without such a fault the pass that
-    /// derives equations ends.
+    /// Reports redundant equations and undetermined unknowns, where a variable and its derivatives count as one. Without such a fault,
+    /// `derive_equations` terminates.
     pub(super) fn check_counts(&mut self) {
         let mut variables: Vec<Symbol> = self
             .flat
@@ -111,15 +112,15 @@ impl Work {
         }
     }
 
-    /// Derives equations by time until the highest derivatives can be found from them.
+    /// Differentiates equations until they determine the highest derivatives.
     pub(super) fn derive_equations(&mut self) {
-        // Unknowns by number, in the order in which they come up.
+        // The unknowns by number, in the order of their occurrence.
         let mut symbols: Vec<Symbol> = Vec::new();
         let mut number: HashMap<Symbol, usize> = HashMap::new();
         let mut matching = Matching::default();
         let mut has_derivative: Vec<bool> = Vec::new();
         let count = self.equations.len();
-        // All chains first: a variable whose derivative stands in a later equation is not a highest one.
+        // All chains of derivatives first: a variable whose derivative is in a later equation is not a highest derivative.
         for equation in 0..count {
             let unknowns = self.number_unknowns(equation, &mut symbols, &mut number, &mut matching, &mut has_derivative);
             matching.add(unknowns);
@@ -128,7 +129,7 @@ impl Work {
         for first in 0..count {
             let mut at = first;
             while let Err(searched) = matching.augment(at, |unknown| !has_derivative[unknown]) {
-                // Every variable of the searched equations gets a derivative, every equation is derived.
+                // Every variable of the visited equations gets a derivative, and every visited equation is differentiated.
                 for unknown in &searched.unknowns {
                     if self.flat.variable(symbols[*unknown]).basic != Basic::Real {
                         let place = self.equations[at].place.clone();
@@ -187,7 +188,7 @@ impl Work {
         numbers
     }
 
-    /// The derivative of an equation by time, as a new equation.
+    /// The time derivative of an equation, as a new equation.
     fn derive(&mut self, equation: usize) -> Option<usize> {
         let old = self.equations[equation].clone();
         let mut seeds = HashMap::new();
@@ -217,7 +218,7 @@ impl Work {
         Some(self.equations.len() - 1)
     }
 
-    /// The derivatives that are found from equations in place of being integrated.
+    /// The dummy derivatives: derivatives that are unknowns of equations and are not integrated.
     pub(super) fn dummies(&mut self) -> HashSet<Symbol> {
         let mut dummies = HashSet::new();
         let present: HashSet<Symbol> = self.equations.iter().flat_map(|equation| self.unknowns_of(equation.residual)).collect();
@@ -253,7 +254,7 @@ impl Work {
         dummies
     }
 
-    /// As many of the columns as there are rows, such that the rows can be solved for them; the least wanted as states come first.
+    /// Selects as many columns as there are rows, so that the rows can be solved for them. Variables with the lowest preference as states come first.
     fn independent(&mut self, rows: &[usize], columns: &[Symbol]) -> Option<Vec<Symbol>> {
         let mut ordered: Vec<(Symbol, Vec<f64>, bool)> = Vec::new();
         for column in columns {
@@ -272,13 +273,13 @@ impl Work {
             let variable = self.flat.variable(of);
             let is_inner = matches!(variable.role, Role::Derivative(_));
             let fixed = variable.fixed == Some(true);
-            // Coefficients that change with the states: the largest is the last to vanish. Sizes above 0 are in the order of their bits.
+            // Coefficients that depend on the states: prefer the largest, which is unlikely to vanish. Positive values are ordered like their bits.
             let size =
                 if *is_constant { 0 } else { entries.iter().fold(0.0_f64, |size, entry| size.max(entry.abs())).to_bits() };
             let wanted = (fixed, std::cmp::Reverse(size), variable.is_output, variable.start.is_some());
             (variable.preference, !is_inner, !is_constant, wanted, std::cmp::Reverse(*symbol))
         });
-        // Columns one after another; one that the chosen ones already span is left out.
+        // One column at a time. A column in the span of the selected ones is skipped.
         let mut reduced: Vec<(usize, Vec<f64>)> = Vec::new();
         let mut chosen = Vec::new();
         for (symbol, mut entries, _) in ordered {
@@ -293,7 +294,7 @@ impl Work {
                 .iter()
                 .enumerate()
                 .fold((0, 0.0_f64), |best, (k, entry)| if entry.abs() > best.1 { (k, entry.abs()) } else { best });
-            // What is left of a dependent column is rounding of numbers of its size.
+            // A dependent column leaves only rounding error of its size.
             if largest > 1e-9 * size {
                 reduced.push((pivot, entries));
                 chosen.push(symbol);

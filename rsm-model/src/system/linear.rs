@@ -1,15 +1,15 @@
-//! Linear systems, solved on expressions.
+//! Linear systems, solved symbolically.
 //!
-//! Pivots are chosen while the model is compiled, where that is safe: entries of numbers and parameters that are not small beside their row near the
-//! start, those first whose elimination fills the fewest others (H. M. Markowitz, 1957). Where every entry of what is left may vanish while the
-//! model runs (it depends on states, or on a switch), the rows of a column are compared on the program: the one with the largest entry is the
+//! Where it is safe, pivots are chosen at compile time: entries of constants and parameters that are not small relative to their row near the start;
+//! among these, the entry whose elimination creates the fewest new entries (H. M. Markowitz, 1957). If every remaining entry may vanish during a
+//! simulation (because it depends on states or on a switch), the program compares the rows of a column and uses the one with the largest entry as the
 //! pivot, without a branch.
 
 use crate::expression::{Binary, Id, Pool, Unary};
 
 use super::work::Work;
 
-/// An entry that is smaller than this share of the largest of its row is no safe pivot.
+/// An entry below this share of the largest of its row is not a safe pivot.
 const SMALLEST: f64 = 1e-3;
 
 #[derive(Debug, Clone)]
@@ -32,7 +32,7 @@ impl Work {
             })
             .collect();
         let mut open_columns: Vec<usize> = (0..count).collect();
-        // Rows in the order of elimination, each with the column that it gives.
+        // Rows in the order of elimination, each with the column of its unknown.
         let mut done: Vec<(usize, Row)> = Vec::new();
         while !rows.is_empty() {
             let (row, column) = match self.safe_pivot(&rows, &open_columns) {
@@ -75,7 +75,7 @@ impl Work {
         solution.into_iter().collect()
     }
 
-    /// The safe entry that fills the fewest others.
+    /// The safe pivot that creates the fewest new entries.
     fn safe_pivot(&mut self, rows: &[Row], columns: &[usize]) -> Option<(usize, usize)> {
         let in_column = |column: usize| rows.iter().filter(|row| row.entries[column].is_some()).count();
         let mut best: Option<((usize, usize), usize, usize)> = None;
@@ -96,7 +96,7 @@ impl Work {
                     continue;
                 }
                 let fill = (in_row - 1) * (in_column(column) - 1);
-                // Of equals a number comes before a parameter: nobody changes it.
+                // Among equals, a constant is preferred to a parameter, because it cannot change.
                 let key = (fill, usize::from(self.flat.pool.value(entry).is_none()));
                 if best.is_none_or(|(known, ..)| key < known) {
                     best = Some((key, r, column));
@@ -106,7 +106,7 @@ impl Work {
         best.map(|(_, row, column)| (row, column))
     }
 
-    /// Brings the largest entry of a column into one row, by comparisons on the program.
+    /// Moves the largest entry of a column into one row, by comparisons in the program.
     fn compared_pivot(&mut self, rows: &mut [Row], columns: &[usize]) -> Option<(usize, usize)> {
         let column = columns
             .iter()

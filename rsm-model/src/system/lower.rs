@@ -1,7 +1,7 @@
 //! Expressions to a tape.
 //!
-//! Every decision about arithmetic is made here: the operations of an expression in the order of the pool, elementary functions as their rows, a power of any
-//! exponent as exp(b log(a)), a condition as the selection that it decides. Numbers of the text are exact as they were read.
+//! All decisions about arithmetic are made here: the operations of an expression in the order of the pool, elementary functions as rows of the tape,
+//! a general power as exp(b log(a)), a condition as a selection. Numbers of the text keep the bits with which they were read.
 
 use std::collections::HashMap;
 
@@ -13,7 +13,8 @@ use crate::expression::{Binary, Id, Node, Pool, Symbol, Unary};
 
 use super::System;
 
-/// Writes a response surface: its number, the registers of its arguments, how often it is derived by each. `None` where nobody has it.
+/// Writes a response surface: its number, the registers of its arguments, the order of differentiation with respect to each. `None` if it does not
+/// exist.
 pub type SurfaceRows<'s> = &'s mut dyn FnMut(&mut TapeBuilder, u32, &[Reg], &[u8]) -> Option<Reg>;
 
 struct Lowering<'p> {
@@ -23,7 +24,7 @@ struct Lowering<'p> {
 }
 
 impl System {
-    /// The tape, in f64, that computes some named expressions from some arguments.
+    /// The tape in f64 that computes some named expressions from some arguments.
     ///
     /// ```
     /// use rsm_core::{run::Interpreter, source::Source};
@@ -41,10 +42,10 @@ impl System {
     /// ```
     ///
     /// # Errors
-    /// A sentence: an expression needs a symbol that is no argument, or a surface that nobody has.
+    /// If an expression needs a symbol that is no argument, or a surface that does not exist; as a sentence.
     ///
     /// # Panics
-    /// When there are no results.
+    /// If there are no results.
     pub fn tape(
         &self,
         name: &str,
@@ -76,7 +77,7 @@ impl System {
                 }
                 _ => match lowering.node(id) {
                     Some(register) => register,
-                    // A condition is written where it decides.
+                    // A condition is written where it is used.
                     None => continue,
                 },
             };
@@ -104,7 +105,7 @@ impl Lowering<'_> {
         register
     }
 
-    /// One register or another, as a condition says.
+    /// Selects one of two registers by a condition.
     fn select(&mut self, condition: Id, then: Reg, otherwise: Reg) -> Reg {
         match self.pool.node(condition) {
             Node::Binary(Binary::Less | Binary::LessNow, a, b) => {
@@ -121,7 +122,7 @@ impl Lowering<'_> {
                 self.select(a, then, inner)
             }
             _ => {
-                // A Boolean that is an argument or was chosen: 1 or 0.
+                // A Boolean that is an argument or a selected value: 1 or 0.
                 let (half, value) = (self.constant(0.5), self.number(condition));
                 self.tape.select_less(half, value, then, otherwise)
             }

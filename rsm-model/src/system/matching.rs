@@ -1,6 +1,6 @@
-//! Which equation gives which unknown, and in what order: matching and strongly connected components of graphs.
+//! Finds which equation determines which unknown, and in what order: matching and strongly connected components of graphs.
 //!
-//! Equations and unknowns are numbers here. No pass recurses: a chain of a hundred thousand equations is a path of that length.
+//! Equations and unknowns are numbers here. No pass is recursive, because a chain of a hundred thousand equations is a path of that length.
 
 /// Equations and the unknowns that they hold, with what was matched so far.
 #[derive(Debug, Clone, Default)]
@@ -13,7 +13,7 @@ pub(super) struct Matching {
     pub(super) unknown_of: Vec<Option<usize>>,
 }
 
-/// What a search for a path went through.
+/// The equations and unknowns that a search visited.
 #[derive(Debug, Default)]
 pub(super) struct Searched {
     pub(super) equations: Vec<usize>,
@@ -33,18 +33,18 @@ impl Matching {
         self.unknowns.len() - 1
     }
 
-    /// Finds an unknown for an equation, where others may change theirs. `may` says which unknowns count.
+    /// Finds an unknown for an equation; other equations may change theirs. `may` says which unknowns are allowed.
     ///
     /// # Errors
-    /// The equations and unknowns that the search went through: those equations have no other unknowns.
+    /// The equations and unknowns that the search visited, if there is no augmenting path: these equations have no other unknowns.
     pub(super) fn augment(&mut self, equation: usize, may: impl Fn(usize) -> bool) -> Result<(), Searched> {
         let mut seen_unknowns = vec![false; self.equation_of.len()];
         let mut seen = Searched::default();
-        // The path: an equation, and how many of its unknowns were tried.
+        // The path: an equation, and the number of its unknowns already tried.
         let mut path: Vec<(usize, usize)> = vec![(equation, 0)];
         seen.equations.push(equation);
         while let Some((at, tried)) = path.last().copied() {
-            // A free unknown ends the path.
+            // An unmatched unknown ends the path.
             if tried == 0
                 && let Some(free) = self.unknowns[at].iter().copied().find(|u| may(*u) && self.equation_of[*u].is_none())
             {

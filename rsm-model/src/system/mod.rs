@@ -4,11 +4,11 @@
 //! Flat --aliases--> --switches--> --index--> --matching--> blocks --solve--> System --> programs
 //! ```
 //!
-//! In: a flat system, as it was read or as effects rewrote it. Out: [`System`]: its states, and every other variable as an expression of states, inputs,
-//! parameters and time. A system that is singular, over- or underdetermined is a fault that names equations by their lines and the unknowns left over.
+//! In: a flat system, as read or as changed by effects. Out: [`System`]: its states, and every other variable as an expression of states, inputs,
+//! parameters and time. A singular, over- or underdetermined system is a fault that names the lines of the equations and the remaining unknowns.
 //!
-//! Between two events a condition does not change: each comparison of what changes continuously is a [`Switch`], whose value is an argument of the programs.
-//! Whoever integrates looks where `left - right` changes its sign, sets the switch there, and lets the clauses act.
+//! Between two events a condition does not change: each comparison of continuous values is a [`Switch`], and its value is an argument of the
+//! programs. The integrator locates the sign change of `left - right`, sets the switch there, and evaluates the clauses.
 
 mod alias;
 mod compile;
@@ -44,11 +44,11 @@ pub struct Switch {
     pub left: Id,
     /// The right side.
     pub right: Id,
-    /// The argument of the programs that has its value since the last event: 1 or 0.
+    /// The argument of the programs with its value since the last event: 1 or 0.
     pub held: Symbol,
 }
 
-/// What an alias is: a symbol, and whether it is its negative.
+/// An alias: another symbol, with a sign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Alias {
     /// The variable that stays.
@@ -60,20 +60,20 @@ pub struct Alias {
 /// How a block was solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// The equation stands as `x = ...`.
+    /// The equation has the form `x = ...`.
     Given,
-    /// An equation that is linear in its unknown was turned round.
+    /// An equation that is linear in its unknown was rearranged.
     Turned,
     /// Several equations that are linear in their unknowns, by elimination.
     Linear,
-    /// Newton's method, a fixed number of steps from the last solution.
+    /// Newton's method with a fixed number of steps from the last solution.
     Newton,
 }
 
 /// Equations that are solved together.
 #[derive(Debug, Clone)]
 pub struct Block {
-    /// What they give.
+    /// The unknowns that they determine.
     pub unknowns: Vec<Symbol>,
     /// The lines of the equations.
     pub lines: Vec<usize>,
@@ -86,55 +86,55 @@ pub struct Block {
 pub struct Iterated {
     /// The unknown.
     pub unknown: Symbol,
-    /// The argument that has its value in the last solution.
+    /// The argument with its value in the last solution.
     pub guess: Symbol,
-    /// Where the iteration begins for the first time: the start of the text, or 0.
+    /// The first value of the iteration: the start in the text, or 0.
     pub start: Id,
     /// Its new value.
     pub value: Id,
-    /// What is left of an equation of the block: zero when the steps were enough.
+    /// The residual of an equation of the block: zero if the steps were sufficient.
     pub residual: Id,
 }
 
-/// A number that is kept from event to event.
+/// A value that is kept between events.
 #[derive(Debug, Clone, Copy)]
 pub struct Memory {
     /// The variable.
     pub variable: Symbol,
-    /// The argument of the programs that has its value: the variable itself where a `when` gives it, else its value before the event.
+    /// The argument of the programs with its value: the variable itself if a `when` assigns it, otherwise its value before the event.
     pub held: Symbol,
-    /// The argument of the programs of events that has its value before the event.
+    /// The argument of the event programs with its value before the event.
     pub before: Symbol,
-    /// Its value behind an event.
+    /// Its value after an event.
     pub next: Id,
 }
 
 /// A branch of a `when`, or a comparison of its conditions.
 #[derive(Debug, Clone)]
 pub struct Event {
-    /// It acts when one of these becomes true.
+    /// It acts when any of these becomes true.
     pub conditions: Vec<Id>,
     /// It does not act together with these earlier branches.
     pub unless: Vec<usize>,
-    /// The argument of the programs of events that says that it acts.
+    /// The argument of the event programs that is 1 if it acts.
     pub acts: Symbol,
-    /// States that go on from another value.
+    /// The states that are reset, with their new values.
     pub restarted: Vec<(Symbol, Id)>,
 }
 
 /// A system of ordinary differential equations with events.
 #[derive(Debug, Clone)]
 pub struct System {
-    /// The flat system that it was made from, with the expressions.
+    /// The original flat system, with the expressions.
     pub(crate) flat: Flat,
     equations: Vec<Residual>,
     initial: Vec<Residual>,
     aliases: HashMap<Symbol, Alias>,
     states: Vec<Symbol>,
     unknowns: Vec<Symbol>,
-    /// Every unknown in known symbols.
+    /// Every unknown as a function of known symbols.
     values: HashMap<Symbol, Id>,
-    /// Every unknown as its block was solved for it.
+    /// The solution of each block for its unknowns.
     solved: Vec<(Symbol, Id)>,
     blocks: Vec<Block>,
     iterated: Vec<Iterated>,
@@ -162,7 +162,7 @@ impl System {
     /// ```
     ///
     /// # Errors
-    /// All faults of one pass: units that do not agree, equations that are too many, unknowns that nothing gives, blocks that cannot be solved.
+    /// All faults of one pass: units that do not agree, redundant equations, undetermined unknowns, blocks that cannot be solved.
     pub fn new(flat: &Flat) -> Result<System, Faults> {
         let units = units::check(flat)?;
         let mut work = Work::new(flat.clone());
@@ -194,7 +194,7 @@ impl System {
         &self.states
     }
 
-    /// The derivative of each state by time, in known symbols.
+    /// The time derivative of each state, in known symbols.
     #[must_use]
     pub fn rates(&self) -> Vec<Id> {
         self.states.iter().map(|state| self.values[&self.rate_symbol(*state)]).collect()
@@ -210,7 +210,7 @@ impl System {
         self.of_role(Role::Input)
     }
 
-    /// The parameters that may be set without compiling again, in the order of their declaration.
+    /// The parameters that can be set without another compilation, in the order of their declaration.
     #[must_use]
     pub fn parameters(&self) -> Vec<Symbol> {
         let is_free = |symbol: &Symbol| {
@@ -220,7 +220,7 @@ impl System {
         self.of_role(Role::Parameter).into_iter().filter(is_free).collect()
     }
 
-    /// The value of a parameter in the text, or in place of it.
+    /// The value of a parameter in the text, or the value that replaces it.
     #[must_use]
     pub fn parameter_value(&self, parameter: Symbol) -> Option<f64> {
         self.flat.variable(parameter).value.and_then(|value| self.flat.pool.value(value))
@@ -236,19 +236,19 @@ impl System {
         self.flat.symbols().filter(|symbol| self.flat.variable(*symbol).role == role).collect()
     }
 
-    /// What a name stands for.
+    /// The symbol of a name.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<Symbol> {
         self.flat.find(name)
     }
 
-    /// The comparisons that are switches, their sides in known symbols.
+    /// The comparisons that are switches, with both sides in known symbols.
     #[must_use]
     pub fn switches(&self) -> &[Switch] {
         &self.switches
     }
 
-    /// What is kept from event to event.
+    /// The values that are kept between events.
     #[must_use]
     pub fn memories(&self) -> &[Memory] {
         &self.memories
@@ -260,7 +260,7 @@ impl System {
         &self.events
     }
 
-    /// How far units were checked.
+    /// The result of the check of units.
     #[must_use]
     pub fn units(&self) -> Checked {
         self.units
@@ -287,7 +287,7 @@ impl System {
         self.values.get(&symbol).copied().unwrap_or_else(|| self.flat.pool.symbol(symbol))
     }
 
-    /// An expression of the equations in known symbols: constants, and parameters that follow from others, are what the text says of them.
+    /// An expression of the equations in known symbols. Constants and dependent parameters are replaced by their expressions in the text.
     pub fn expressed(&mut self, id: Id) -> Id {
         let free = self.parameters();
         let mut id = id;
@@ -301,7 +301,7 @@ impl System {
                 values.extend(value.map(|value| (symbol, value)));
             }
             let next = Replacement::new(values).of(&mut self.flat.pool, id);
-            // Constants follow from others in no circle: the reader of texts sees to that.
+            // The reader rejects circular definitions of constants, so this loop ends.
             if next == id {
                 return id;
             }
@@ -309,7 +309,7 @@ impl System {
         }
     }
 
-    /// The state that a variable is: the state itself, or one that it is equal or opposite to.
+    /// The state, if a variable is a state or is equal or opposite to one.
     #[must_use]
     pub fn state_of(&self, symbol: Symbol) -> Option<Symbol> {
         let mut of = symbol;
@@ -329,17 +329,17 @@ impl System {
     /// The program that computes some expressions from some arguments.
     ///
     /// # Errors
-    /// A symbol that an expression needs and that is no argument.
+    /// A symbol that an expression needs and that is not an argument.
     pub fn program(&self, arguments: &[Symbol], results: &[Id]) -> Result<Program, Symbol> {
         Program::new(&self.flat.pool, arguments, results)
     }
 
-    /// The exact derivative of an expression in known symbols by one of them.
+    /// The exact derivative of an expression in known symbols with respect to one of them.
     pub fn derivative(&mut self, of: Id, by: Symbol) -> Id {
         Derivative::by(&mut self.flat.pool, by).of(&mut self.flat.pool, of)
     }
 
-    /// The passes' view of the system, for its start.
+    /// The system in the form for the passes, to solve its start.
     fn again(&self) -> Work {
         let mut work = Work::new(self.flat.clone());
         work.equations.clone_from(&self.equations);

@@ -1,4 +1,4 @@
-//! What was understood, for people: states, inputs, what each equation gives, switches, events.
+//! A readable listing of the system: states, inputs, the solution of each equation, switches, events.
 
 use std::fmt::{self, Write as _};
 
@@ -108,7 +108,7 @@ impl System {
         Ok(())
     }
 
-    /// What each unknown is solved for, in the order of solution, in states and unknowns before it.
+    /// The solution for each unknown, in the order of solution, in terms of states and earlier unknowns.
     #[must_use]
     pub fn solved(&self) -> &[(Symbol, Id)] {
         &self.solved

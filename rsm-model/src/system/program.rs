@@ -4,17 +4,17 @@ use std::collections::HashMap;
 
 use crate::expression::{Id, Node, Pool, Symbol, operate, operate_unary};
 
-/// Gives the value of a response surface: its number, its arguments, how often it is derived by each.
+/// The value of a response surface: its number, its arguments, the order of differentiation with respect to each.
 pub type SurfaceValue<'s> = &'s dyn Fn(u32, &[f64], &[u8]) -> f64;
 
-/// Operations in a row: arguments in, results out.
+/// A sequence of operations from arguments to results.
 #[derive(Debug, Clone)]
 pub struct Program {
     /// The arguments, in order.
     pub arguments: Vec<Symbol>,
-    /// The operations, operands before what they are operands of.
+    /// The operations; operands come first.
     steps: Vec<Step>,
-    /// The results, each by its step.
+    /// The step of each result.
     results: Vec<usize>,
 }
 
@@ -29,7 +29,7 @@ enum Step {
 }
 
 impl Program {
-    /// The program that computes some expressions. `Err` names a symbol that is no argument.
+    /// The program for some expressions. `Err` holds a symbol that is not an argument.
     pub(super) fn new(pool: &Pool, arguments: &[Symbol], results: &[Id]) -> Result<Program, Symbol> {
         let place: HashMap<Symbol, usize> = arguments.iter().enumerate().map(|(k, symbol)| (*symbol, k)).collect();
         let reachable = pool.reachable(results);
@@ -52,13 +52,13 @@ impl Program {
         Ok(Program { arguments: arguments.to_vec(), steps, results: results.iter().map(|id| step_of[id]).collect() })
     }
 
-    /// How many operations there are; numbers and arguments are not counted.
+    /// The number of operations, without constants and arguments.
     #[must_use]
     pub fn operation_count(&self) -> usize {
         self.steps.iter().filter(|step| !matches!(step, Step::Number(_) | Step::Argument(_))).count()
     }
 
-    /// The results for some arguments, in double precision with the functions of the machine's library: for checks.
+    /// The results for some arguments, in double precision with the functions of the machine's library; for checks.
     #[must_use]
     pub fn values(&self, arguments: &[f64], surface: SurfaceValue<'_>) -> Vec<f64> {
         let mut values: Vec<f64> = Vec::with_capacity(self.steps.len());

@@ -1,8 +1,8 @@
-//! Blocks of equations, solved for their unknowns.
+//! Solves blocks of equations for their unknowns.
 //!
-//! In: equations and what each block is to give. Out: an expression of each unknown in symbols that are known before it. An equation that is linear
-//! in its unknown is turned round; a linear block is solved by elimination; a nonlinear one by Newton's method with its exact Jacobian: a fixed number of
-//! steps from the last solution, and its residual as a further result.
+//! In: equations and the unknowns of each block. Out: an expression of each unknown in earlier symbols. An equation that is linear in its unknown is
+//! rearranged. A linear block is solved by elimination. A nonlinear block is solved by Newton's method with its exact Jacobian, with a fixed number
+//! of steps from the last solution; its residual is a further result.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -15,22 +15,22 @@ use super::matching::{Matching, components};
 use super::work::{Residual, Work};
 use super::{Block, Iterated, Method};
 
-/// Steps of Newton's method in one pass. From a solution one step of integration ago, with error e, three steps leave e^8.
+/// Newton steps in one pass. From the solution of the last integration step, with error e, three steps leave an error of e^8.
 pub(super) const NEWTON_STEPS: usize = 3;
 
-/// What was solved.
+/// The solution.
 #[derive(Debug, Default)]
 pub(super) struct Solved {
-    /// Each unknown in symbols that are known before it, in the order of solution.
+    /// Each unknown in terms of earlier symbols, in the order of solution.
     pub(super) values: Vec<(Symbol, Id)>,
     pub(super) blocks: Vec<Block>,
     pub(super) iterated: Vec<Iterated>,
 }
 
 impl Work {
-    /// Sorts equations into blocks and solves them one after another. The matching is complete.
+    /// Sorts equations into blocks and solves them one after another. The matching must be complete.
     pub(super) fn solve_blocks(&mut self, equations: &[Residual], matching: &Matching, unknowns: &[Symbol]) -> Solved {
-        // Unknown k is given by equation_of[k]; it depends on the other unknowns of that equation.
+        // Equation equation_of[k] determines unknown k, which depends on the other unknowns of that equation.
         let depends: Vec<Vec<usize>> = (0..unknowns.len())
             .map(|k| {
                 let equation = matching.equation_of[k].expect("the matching is complete");
@@ -139,7 +139,7 @@ impl Work {
         }
     }
 
-    /// Whether an expression holds a part that is constant between jumps, as a sign, of some symbols: its derivative says nothing of it.
+    /// Whether an expression has a piecewise constant part, such as a sign, that depends on these symbols. Its derivative does not show the jumps.
     fn jumps(&self, id: Id, symbols: &[Symbol]) -> bool {
         let pool = &self.flat.pool;
         let depends = |id: Id| pool.symbols(id).iter().any(|it| symbols.contains(it));
@@ -176,7 +176,7 @@ impl Work {
         }
     }
 
-    /// Tells that a block cannot be solved for its unknowns.
+    /// Reports that a block cannot be solved for its unknowns.
     fn singular(&mut self, equations: &[Residual], block: &[(usize, Symbol)]) {
         let names: Vec<String> = block.iter().map(|(_, symbol)| format!("`{}`", self.flat.variable(*symbol).name)).collect();
         let mut lines: Vec<usize> = block.iter().map(|(equation, _)| self.line(&equations[*equation].place)).collect();

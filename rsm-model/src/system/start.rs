@@ -1,8 +1,8 @@
-//! The start: what is known of it, in the order in which it counts.
+//! The initial values, from several sources in order of priority.
 //!
-//! The equations hold at the start as well. To them come, in this order: values that are given from outside; the text's initial equations that tie several
-//! unknowns together; what was recorded of outputs, as far as there is room; initial equations that give one unknown a value; starts that are fixed; and then,
-//! where something is still free, the other starts of states. A value that no room is left for is a fault where it is given or where the text demands it.
+//! The equations also hold at the start. Further conditions are added in this order: values given by the caller; the text's initial equations that
+//! couple several unknowns; recorded values of outputs, while unknowns are left; initial equations for a single unknown; fixed starts; and, if
+//! something is still undetermined, the other starts of states. A surplus condition is a fault if it is a given value or if the text requires it.
 
 use std::collections::HashMap;
 
@@ -16,34 +16,34 @@ use super::solve::Solved;
 use super::work::{Residual, Work};
 use super::{Alias, Iterated, System};
 
-/// How a system starts.
+/// The start of a system.
 #[derive(Debug, Clone)]
 pub struct Start {
-    /// The value of each state and of each variable that a `when` gives a value, in inputs, parameters, time, guesses and given values.
+    /// The value of each state and of each variable that a `when` assigns, in terms of inputs, parameters, time, guesses and given values.
     pub values: Vec<(Symbol, Id)>,
-    /// What is found by iteration at the start.
+    /// The unknowns that are found by iteration at the start.
     pub iterated: Vec<Iterated>,
-    /// Starts of the text that count, by the variable.
+    /// The variables whose start value in the text is used.
     pub used: Vec<Symbol>,
-    /// Recorded variables that count.
+    /// The recorded variables that are used.
     pub recorded: Vec<Symbol>,
-    /// Starts that the text fixes although the rest determines them: these are zero where they agree.
+    /// Fixed starts in the text that the other conditions already determine. The expression is zero if they agree.
     pub redundant: Vec<(Symbol, Id)>,
 }
 
-/// What is demanded of the start.
+/// A condition on the start.
 struct Demand {
     equation: Residual,
     name: String,
     of: Of,
 }
 
-/// Who demands it.
+/// The source of a condition.
 #[derive(Clone, Copy)]
 enum Of {
-    /// The text, or whoever gives a value: a fault where there is no room.
+    /// The text or a given value: a surplus condition is a fault.
     Text,
-    /// An initial equation that gives one unknown a value: a record counts more.
+    /// An initial equation for a single unknown; a record has priority.
     Value,
     /// A record.
     Recorded(Symbol),
@@ -52,16 +52,16 @@ enum Of {
 }
 
 impl System {
-    /// How the system starts when some of its variables are known: given ones, which all count, and recorded ones, which count in their order as long as
-    /// something is open. They are arguments of the result, under their own symbols.
+    /// The start of the system if some of its variables are known: given ones, which are all used, and recorded ones, which are used in their order
+    /// while something is undetermined. They are arguments of the result, under their own symbols.
     ///
     /// # Errors
-    /// What the text and the given values demand is too much, contradicts itself, or leaves something open.
+    /// If the conditions of the text and the given values are too many, contradict one another, or leave something undetermined.
     pub fn start(&mut self, given: &[Symbol], recorded: &[Symbol]) -> Result<Start, Faults> {
         let mut work = self.again();
         let start = work.start(self, given, recorded);
         let faults = std::mem::take(&mut work.faults);
-        // What was made on the way stays: expressions of the start are in the pool of the system.
+        // The pool of the system now has the expressions of the start.
         self.flat = work.flat;
         faults.finish(start)
     }
@@ -77,7 +77,7 @@ impl Work {
         let incidence: Vec<Vec<usize>> = equations.iter().map(|equation| self.numbers_of(equation.residual, &number)).collect();
         let mut matching = Matching::new(incidence, unknowns.len());
         for equation in 0..equations.len() {
-            // Complete for fixed states, so complete here.
+            // The matching is complete with fixed states, so it is complete here.
             let _ = matching.augment(equation, |_| true);
         }
         let mut wanted: Vec<Demand> = Vec::new();
@@ -85,7 +85,7 @@ impl Work {
         let mut replaced = Vec::new();
         for (symbol, is_recorded) in given.iter().map(|it| (it, false)).chain(recorded.iter().map(|it| (it, true))) {
             let alias = self.aliases.get(symbol).copied().unwrap_or(Alias { of: *symbol, is_negative: false });
-            // The variable is an unknown of the start; what is given is an argument under a symbol of its own.
+            // The variable is an unknown of the start; the given value is an argument with its own symbol.
             let place = self.flat.variable(*symbol).place.clone();
             let argument = self.flat.derived(Role::Before(*symbol));
             let left = self.flat.pool.symbol(alias.of);
@@ -105,7 +105,7 @@ impl Work {
         for equation in self.initial.clone() {
             let line = self.line(&equation.place);
             let name = format!("the initial equation of line {line}");
-            // `x = 2` is a start like another: what a record says of x counts more.
+            // `x = 2` is like a start value: a record of x has priority.
             if self.numbers_of(equation.residual, &number).len() > 1 {
                 wanted.insert(tied, Demand { equation, name, of: Of::Text });
                 tied += 1;
@@ -134,7 +134,7 @@ impl Work {
             match (matching.augment(added, |_| true).is_ok(), of) {
                 (true, Of::Start(of)) => used.push(of),
                 (true, Of::Recorded(of)) => taken.push(of),
-                // A flattened text fixes the starts of both ends of a shaft: the second is looked at when the first are solved.
+                // A flattened text may fix the starts at both ends of a shaft. The second is checked when the first is solved.
                 (false, Of::Start(of)) => redundant.push((of, equations[added].residual)),
                 (true, Of::Text | Of::Value) | (false, Of::Recorded(_) | Of::Value) => {}
                 (false, Of::Text) => self.fault(
@@ -188,7 +188,7 @@ impl Work {
         (used, redundant): (Vec<Symbol>, Vec<(Symbol, Id)>),
     ) -> Start {
         let (mut all, iterated) = self.in_known_symbols(solved);
-        // A given value is an argument under the symbol of its variable.
+        // A given value is an argument with the symbol of its variable.
         let mut given =
             Replacement::new(known.iter().map(|(argument, symbol)| (*argument, self.flat.pool.symbol(*symbol))).collect());
         let mut of = |work: &mut Self, id: Id| given.of(&mut work.flat.pool, id);
@@ -214,13 +214,13 @@ impl Work {
         Start { values, iterated, used, recorded: Vec::new(), redundant }
     }
 
-    /// Tells starts that contradict the rest, where that can be known from the text.
+    /// Reports starts that contradict the other conditions, if the text alone shows it.
     fn check_redundant(&mut self, start: &Start) {
         for (symbol, residual) in &start.redundant {
             let Some((off, _)) = self.flat.known(*residual) else { continue };
             let variable = self.flat.variable(*symbol).clone();
             let value = variable.start.and_then(|start| self.flat.known(start)).map_or(0.0, |(value, _)| value);
-            // Starts are written with six digits or more; beside a start of 0 a thousandth of a unit is small.
+            // Starts are written with at least six digits. For a start of 0, a thousandth of a unit counts as small.
             if off.abs() > 1e-6 * value.abs().max(variable.nominal.unwrap_or(1e-3).abs()) {
                 let what = format!(
                     "the start of `{}` is one demand too many: the rest determines it, and gives {}",

@@ -1,4 +1,4 @@
-//! The system under way: equations as residuals, and what the passes share.
+//! The system during compilation: equations as residuals, and data that the passes share.
 
 use std::collections::{BTreeSet, HashMap};
 use std::ops::Range;
@@ -14,7 +14,7 @@ use super::{Alias, Switch};
 #[derive(Debug, Clone)]
 pub(super) struct Residual {
     pub(super) residual: Id,
-    /// The two sides as they were written, aliases replaced.
+    /// The two sides as written, with aliases replaced.
     pub(super) sides: (Id, Id),
     pub(super) place: Range<usize>,
     /// The equation whose derivative this is.
@@ -27,13 +27,13 @@ pub(super) struct Work {
     pub(super) has_fault: bool,
     pub(super) equations: Vec<Residual>,
     pub(super) initial: Vec<Residual>,
-    /// Variables that a `when` gives a value.
+    /// Variables that a `when` assigns.
     pub(super) held: BTreeSet<Symbol>,
     pub(super) aliases: HashMap<Symbol, Alias>,
     pub(super) switches: Vec<Switch>,
-    /// A point near the start at which choices are made.
+    /// A point near the start, at which choices are made.
     point: HashMap<Symbol, f64>,
-    /// Values there, and whether they are constant.
+    /// Values at that point, and whether they are constant.
     looked: HashMap<Id, (f64, bool)>,
 }
 
@@ -75,17 +75,17 @@ impl Work {
         self.faults.push(if help.is_empty() { fault } else { fault.help(help) });
     }
 
-    /// Whether a `when` gives the variable its value.
+    /// Whether a `when` assigns the variable.
     pub(super) fn is_held(&self, symbol: Symbol) -> bool {
         self.held.contains(&symbol)
     }
 
-    /// The symbol of a derivative, where there is one.
+    /// The symbol of a derivative, if it exists.
     pub(super) fn derivative_of(&self, symbol: Symbol) -> Option<Symbol> {
         self.flat.find(&format!("der({})", self.flat.variable(symbol).name))
     }
 
-    /// The line of a place.
+    /// The line of a position.
     pub(super) fn line(&self, place: &Range<usize>) -> usize {
         self.flat.line(place)
     }
@@ -121,7 +121,7 @@ impl Work {
         }
     }
 
-    /// Puts constants, structural parameters and parameters that follow from others in their places.
+    /// Substitutes constants, structural parameters and parameters that depend on others.
     pub(super) fn settle_numbers(&mut self) {
         let mut replaced: HashMap<Symbol, Id> = HashMap::new();
         for symbol in self.flat.symbols() {
@@ -180,7 +180,7 @@ impl Work {
         self.replace(&mut Replacement::new(replaced));
     }
 
-    /// Makes comparisons of what changes between events into switches. What changes at events alone is compared where it stands.
+    /// Converts comparisons of continuous values to switches. Comparisons of values that change only at events stay as they are.
     pub(super) fn take_switches(&mut self) {
         let mut roots: Vec<Id> = self.equations.iter().flat_map(|e| [e.residual, e.sides.0, e.sides.1]).collect();
         roots.extend(self.flat.clauses.iter().flat_map(|clause| clause.conditions.iter().copied()));
@@ -229,7 +229,8 @@ impl Work {
         })
     }
 
-    /// A generic point near the start: starts of the text, moved a little, so that a coefficient that is zero there by chance is not taken for zero.
+    /// A generic point near the start: the starts in the text, slightly changed, so that a coefficient that is accidentally zero there is not taken
+    /// for zero.
     pub(super) fn number_at(&mut self, symbol: Symbol) -> f64 {
         if let Some(value) = self.point.get(&symbol) {
             return *value;
@@ -245,7 +246,7 @@ impl Work {
             Role::Held(_) => 1.0,
             _ if variable.basic != Basic::Real => start,
             _ => {
-                // Fractions of the golden section times the number of the symbol: spread, and the same in every run.
+                // Fractional parts of multiples of the golden section: evenly spread, and the same in every run.
                 let spread = (f64::from(symbol.0) * 0.618_033_988_749_895).fract() + 0.5;
                 start + 1e-2 * spread * variable.nominal.unwrap_or(1.0).abs().max(1e-2 * start.abs())
             }
@@ -254,8 +255,8 @@ impl Work {
         value
     }
 
-    /// The value of an expression at that point, and whether it is made of numbers and parameters alone. What was found once is remembered:
-    /// elimination asks for every entry again and again.
+    /// The value of an expression at that point, and whether it consists of numbers and parameters only. Results are cached, because elimination
+    /// evaluates every entry many times.
     fn looked_at(&mut self, root: Id) -> (f64, bool) {
         let mut open = vec![root];
         while let Some(id) = open.last().copied() {
@@ -286,7 +287,7 @@ impl Work {
                     let chosen = if of(condition).0 == 0.0 { otherwise } else { then };
                     (of(chosen).0, of(condition).1 && of(then).1 && of(otherwise).1)
                 }
-                // What a surface computes stands in another file.
+                // The surface is in another file.
                 Node::Surface(..) => (f64::NAN, false),
             };
             self.looked.insert(id, found);
@@ -299,7 +300,7 @@ impl Work {
         self.looked_at(id).0
     }
 
-    /// Whether an expression is made of numbers and parameters alone.
+    /// Whether an expression consists of numbers and parameters only.
     pub(super) fn is_constant(&mut self, id: Id) -> bool {
         self.looked_at(id).1
     }

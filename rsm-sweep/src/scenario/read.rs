@@ -1,6 +1,6 @@
 //! Reads the keys of a scenario.
 //!
-//! In: a table of TOML, a way to open files. Out: a [`Scenario`]. One function for a part of the file.
+//! In: a TOML table, a function that opens files. Out: a [`Scenario`]. One function for each part of the file.
 
 use std::cell::RefCell;
 use std::ops::Range;
@@ -18,17 +18,17 @@ use rsm_sim::simulate::{self, Simulator};
 use super::{Diagnosis, Factor, MOST_TASKS, Open, Plant, Points, Scenario, Simulations, Statistic, Work};
 use crate::scenario::vary::{self, Wish};
 
-/// Seeds are whole numbers that every JSON reader holds exactly.
+/// The largest seed: every JSON reader holds integers up to this exactly.
 const LARGEST_SEED: i64 = (1 << 53) - 1;
 
-/// The files that were opened, each once.
+/// The opened files, each once.
 struct Files<'a> {
     open: &'a Open<'a>,
     opened: RefCell<Vec<(String, String)>>,
 }
 
 impl Files<'_> {
-    /// A file and its place in the list.
+    /// Opens a file. Returns its index in the list and its text.
     fn open(&self, name: &str) -> Result<(usize, Source), Faults> {
         let source = (self.open)(name)?;
         let mut opened = self.opened.borrow_mut();
@@ -39,7 +39,7 @@ impl Files<'_> {
         Ok((place, source))
     }
 
-    /// The same for a name in the scenario: a file that cannot be had is a fault there.
+    /// The same for a name in the scenario. A file that cannot be read is a fault at that name.
     fn open_at(
         &self,
         name: &str,
@@ -51,7 +51,7 @@ impl Files<'_> {
     }
 }
 
-/// Faults of a file at their own places; one that is of the whole file at the place of its name.
+/// Reports the faults of a file at their own positions; a fault of the whole file is reported at its name.
 fn tell(found: &Faults, top: &TableReader<'_>, span: &Range<usize>, faults: &mut Collector) {
     for fault in found.list() {
         if fault.line > 0 {
@@ -85,7 +85,7 @@ pub(super) fn scenario(top: &mut TableReader<'_>, open: &Open<'_>, faults: &mut 
     })
 }
 
-/// The effects of plants of equations, and the files of those that do not come with the project.
+/// The effects for plants of equations, and the files of those that are not part of the project.
 struct Effects {
     catalogue: Arc<Catalogue>,
     files: Vec<usize>,
@@ -107,7 +107,7 @@ fn catalogue(top: &mut TableReader<'_>, files: &Files<'_>, faults: &mut Collecto
     Some(Effects { catalogue: Arc::new(catalogue), files: places })
 }
 
-/// A plant file of either format, with the files of which it is made.
+/// A plant file of either format, with the files that it consists of.
 fn plant(
     (name, span): &(String, Range<usize>),
     top: &TableReader<'_>,
@@ -134,7 +134,7 @@ fn plant(
     Some((plant, places))
 }
 
-/// A record of a plant, under its name in the scenario: what a result says of it does not depend on where the files stand.
+/// A record of a plant, under its name in the scenario, so that results do not depend on the folder.
 fn record(
     (name, span): &(String, Range<usize>),
     plant: &PlantFile,
@@ -150,7 +150,7 @@ fn record(
     Some((record, place))
 }
 
-/// A required list of names that is not empty and names nothing twice.
+/// A required list of names without duplicates, not empty.
 fn names(
     top: &mut TableReader<'_>,
     key: &'static str,
@@ -207,7 +207,7 @@ fn simulations(
     let plan = plan(top, files, faults);
     let points = points(top, wishes.as_deref(), plan.as_ref().map(Option::is_some), seed, faults);
     let outputs = outputs(top, faults);
-    // What follows reads other files: a fault of the scenario itself would be told twice.
+    // The following parts read other files. Stop here, so that a fault of the scenario is not reported twice.
     let (effects, plan, wishes) = (effects?, plan?, wishes?);
     let (points, asked) = points?;
     vary::plan_and_factors(top, &wishes, plan.as_ref(), faults);
@@ -254,7 +254,7 @@ fn simulations(
     })
 }
 
-/// The plan, where the file names one.
+/// The plan, if the file names one.
 fn plan(top: &mut TableReader<'_>, files: &Files<'_>, faults: &mut Collector) -> Option<Option<Plan>> {
     let Some(value) = top.optional("plan") else { return Some(None) };
     let name = top.optional_text("plan", faults)?;
@@ -271,7 +271,7 @@ enum Shape {
     FullFactorial,
 }
 
-/// The shares of every setting, and how many settings there are.
+/// The shares of every setting, and the number of settings.
 fn points(
     top: &mut TableReader<'_>,
     wishes: Option<&[Wish]>,
@@ -319,7 +319,7 @@ fn points(
         let name = format!("factor_{}", k + 1);
         match (shape, wish.levels()) {
             (Shape::FullFactorial, Some(count)) => {
-                // The middles of equal parts: the shares of the values of the list.
+                // The middles of equal parts: the shares of the list's values.
                 let shares: Vec<f64> = (0..count).map(|level| (level as f64 + 0.5) / count as f64).collect();
                 axes.push(Axis::at(name, "1", shares));
             }
@@ -359,7 +359,7 @@ fn points(
     }
 }
 
-/// What is wanted of an output, and where that is said.
+/// The figures of an output, with their position in the file.
 struct Wanted {
     name: String,
     statistics: Vec<Statistic>,
@@ -393,7 +393,7 @@ fn outputs(top: &mut TableReader<'_>, faults: &mut Collector) -> Vec<Wanted> {
     wanted
 }
 
-/// Whether a plant along a record has what is wanted.
+/// Checks that a plant along a record has the requested outputs.
 fn check_outputs(
     outputs: &[Wanted],
     plant: &PlantFile,

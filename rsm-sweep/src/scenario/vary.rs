@@ -1,6 +1,6 @@
-//! What is varied, and how: the entries `[[vary]]`.
+//! The entries `[[vary]]`: which numbers vary, and how.
 //!
-//! In: entries, a plant, a plan. Out: for each entry the number of the plant and its distribution there, with unit and bound.
+//! In: entries, a plant, a plan. Out: for each entry the number of the plant and its distribution, with unit and bound.
 
 use std::ops::Range;
 
@@ -24,13 +24,13 @@ pub(super) struct Wish {
     law: Wanted,
 }
 
-/// What it names.
+/// What it varies.
 enum Target {
     Parameter(String),
     Effect { kind: String, on: Option<String>, number: String },
 }
 
-/// How it is distributed, before a plant is known.
+/// The distribution, before the plant is known.
 enum Wanted {
     Tolerance { within: Option<[f64; 2]> },
     Normal { mean: Option<f64>, sd: Option<f64>, relative: Option<f64>, within: Option<[f64; 2]> },
@@ -39,7 +39,7 @@ enum Wanted {
 }
 
 impl Wish {
-    /// How many values its list has.
+    /// The number of values in its list, if it has one.
     pub(super) fn levels(&self) -> Option<usize> {
         match &self.law {
             Wanted::Known(Distribution::List(values)) => Some(values.len()),
@@ -67,7 +67,7 @@ const SHAPES: [(&str, Shape); 6] = [
     ("plan", Shape::Planned),
 ];
 
-/// All entries; none where there is a fault in one.
+/// All entries; `None` if any has a fault.
 pub(super) fn wishes(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<Vec<Wish>> {
     let Some(value) = top.optional("vary") else { return Some(Vec::new()) };
     let items = top.array("`vary`", value, faults)?;
@@ -122,7 +122,7 @@ fn wish(top: &TableReader<'_>, item: Value<'_>, faults: &mut Collector) -> Optio
     Some(Wish { name: own_name.unwrap_or_else(|| plain.join("_")), who: format!("[[vary]] {who}"), span, target, law: law? })
 }
 
-/// Two ends, the first below the second.
+/// Two ends with the first below the second.
 fn ends(table: &TableReader<'_>, key: &str, value: Value<'_>, faults: &mut Collector) -> Option<[f64; 2]> {
     let numbers = table.numbers(&format!("`{key}`"), value, faults)?;
     match numbers[..] {
@@ -217,10 +217,10 @@ fn law(table: &mut TableReader<'_>, shape: Shape, target: Option<&Target>, fault
     })
 }
 
-/// Standard deviations beyond which shares of a normal distribution are no longer told apart.
+/// Beyond this many standard deviations, shares of a normal distribution are no longer distinguished.
 const FAR: f64 = 8.0;
 
-/// A plan is used by entries, and wholly.
+/// Checks that a plan is used by entries, and that all its factors are.
 pub(super) fn plan_and_factors(top: &TableReader<'_>, wishes: &[Wish], plan: Option<&Plan>, faults: &mut Collector) {
     let columns: Vec<&str> = wishes
         .iter()
@@ -245,7 +245,7 @@ pub(super) fn plan_and_factors(top: &TableReader<'_>, wishes: &[Wish], plan: Opt
     }
 }
 
-/// The number of a plant that an entry names, with its distribution there.
+/// The number of a plant that an entry refers to, with its distribution.
 pub(super) fn place(
     wish: &Wish,
     plant: &PlantFile,
@@ -296,7 +296,7 @@ pub(super) fn place(
                 (Subject::Parameter, Some(name)) => schema::named(plant.kind).find(|it| it.name == *name),
                 _ => None,
             };
-            // As the reader of plant files judges it: a parameter in error keeps the sign that the physics fixes.
+            // The same rule as for plant files: a parameter error keeps the sign that physics requires.
             let bound = of_parameter.map_or(argument.bound, |it| it.bound);
             let unit = argument.unit.on(plant.kind, entry.arguments.subject.as_deref());
             (Number::Effect(index, name), unit, bound, *now)

@@ -1,7 +1,7 @@
 //! sin, cos, tan.
 //!
-//! The reduction is proved by itself: r.high + r.low is x - k pi/2 up to a share that is computed below, and |r.low| is at most half a unit of r.high. Then r.high is any number,
-//! and r.low any number as small as that.
+//! The reduction is proved separately: r.high + r.low is x - k pi/2 with a relative error computed below, and |r.low| is at most half a unit of
+//! r.high. After that, r.high is any number, and r.low any number of that size.
 
 use super::derive::{half_pi, polynomial_bound};
 use super::engine::{Span, outcomes, span};
@@ -15,27 +15,27 @@ use crate::tape::{Tape, TapeBuilder};
 /// A unit of rounding.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// k has no more than this, and its product with each of the first three parts of pi/2 is exact.
+/// The largest k. Its products with each of the first three parts of pi/2 are exact.
 const MOST: i64 = 509_297;
 
-/// The least |x - k pi/2| of all numbers x and all k but 0: for each k the distance of k pi/2 from the numbers beside it, in whole numbers of 2^-100.
+/// The smallest |x - k pi/2| of all numbers x and all nonzero k: for each k the distance of k pi/2 from the nearest numbers, in units of 2^-100.
 fn least_remainder() -> f64 {
     let scale = integer(2).pow(100);
     let half_pi: i128 = (half_pi() * scale).round().to_integer().try_into().expect("101 bits");
     let mut least = i128::MAX;
     for k in 1..=MOST {
         let product = half_pi * i128::from(k);
-        // Numbers of the size of the product lie 2^(exponent - 52) apart.
+        // Numbers of the size of the product are 2^(exponent - 52) apart.
         let exponent = 127 - product.leading_zeros() as i32 - 100;
         let apart = 1_i128 << (exponent - 52 + 100);
         let above = product % apart;
         least = least.min(above.min(apart - above));
     }
-    // pi/2 was rounded to 2^-101: k times that.
+    // pi/2 was rounded to 2^-101, so the error is k times that.
     (least as f64 - MOST as f64) * 2f64.powi(-100)
 }
 
-/// How far r.high + r.low is from x - k pi/2, as a share of it.
+/// The relative difference between r.high + r.low and x - k pi/2.
 fn reduction() -> f64 {
     assert!(MOST as f64 > LIMIT * std::f64::consts::FRAC_2_PI + 1.0);
     let least = least_remainder();
@@ -47,23 +47,24 @@ fn reduction() -> f64 {
     let sum = HALF_PI.iter().map(|part| exact(*part)).fold(integer(0), |sum, part| sum + part);
     let distance = if sum > half_pi() { &sum - half_pi() } else { half_pi() - &sum };
     let lacks = k * Precision::F64.round_up(&distance);
-    // x - k (first part) is exact: up to 0.8, on the grid of x, which is 2^-53 or coarser from 0.78 on; the two differences keep what they lose.
-    // The fourth product is rounded; a.low and b.low are half units of numbers that differ from r by k times the parts behind; their sum and the next are rounded.
+    // x - k (first part) is exact: up to 0.8, on the grid of x, which is 2^-53 or coarser from 0.78 on. The two differences keep their rounding
+    // errors. The fourth product is rounded. a.low and b.low are half units of numbers that differ from r by k times the remaining parts; their sum
+    // and the next are rounded.
     let fourth = k * HALF_PI[3] * (1.0 + U);
     let behind = k * (HALF_PI[2] + HALF_PI[3]);
     let of = |r: f64| {
         let low = 2.0 * U * (r + behind);
         lacks + fourth * U + U * low + U * (low * (1.0 + U) + fourth)
     };
-    // A share that falls with r.
+    // The relative error decreases with r.
     assert!(of(least) < 1e-3 * least);
     let share = of(least) / least * 1.01;
-    // high = b.high + low is larger than low, which quick sums ask for.
+    // high = b.high + low is larger than low, as quick sums require.
     assert!(least * (1.0 - 1e-3) > 2.0 * (2.0 * U * (least + behind) + fourth));
     share
 }
 
-/// The cells of r.high: all numbers up to pi/4, and a little more for the rounding of x 2/pi.
+/// The cells of r.high: all numbers up to pi/4, plus the rounding of x 2/pi.
 fn cells(each: u32) -> impl Iterator<Item = Span> {
     powers(-300, -4, 16).chain(parts(0.0625, 0.785_399, each))
 }
@@ -81,7 +82,7 @@ fn of_tape(
     tape.finish_with_results("remainder", names, results, [] as [(&str, _); 0])
 }
 
-/// What sine and cosine miss in exact arithmetic: sin(high + low) and cos(high + low) by Taylor in low.
+/// The errors of sine and cosine in exact arithmetic: sin(high + low) and cos(high + low) by Taylor's formula in low.
 fn missed(r: f64) -> (f64, f64) {
     let low = U * r;
     let sine = r.powi(3) * polynomial_bound("SIN") + low * r.powi(4) / 24.0 + low * low * r;
@@ -107,7 +108,7 @@ fn of_sums(result: usize) -> f64 {
     worst
 }
 
-/// Each of both functions is a sine or a cosine of the remainder.
+/// Each of the two functions is a sine or a cosine of the remainder.
 pub(super) fn sin() -> f64 {
     of_sums(0).max(of_sums(1))
 }

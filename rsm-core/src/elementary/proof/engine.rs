@@ -1,9 +1,10 @@
-//! Bounds what the roundings of a tape do to its results, with compensated sums followed.
+//! Bounds the rounding errors of a tape, including compensated sums.
 //!
-//! In: a tape, ranges of its arguments (a cell), and what is known of some registers. Out: for each register the range of what exact arithmetic gives (its ideal), and a
-//! bound of |computed - ideal|. Each rounding is a symbol of its own with a bound; a register carries how much of each symbol it holds, as an interval. Where the tape
-//! computes what a rounding has lost (sums of Knuth and Dekker, products of Dekker, splits of Veltkamp), the register holds the symbol itself, negated: added back, it
-//! cancels. These rows are recognised by their operations, and believed only where the theorem's condition holds in the whole cell.
+//! In: a tape, ranges of its arguments (a cell), and known properties of some registers. Out: for each register the range of its ideal (the result of
+//! exact arithmetic), and a bound of |computed - ideal|. Each rounding is a symbol with a bound. A register has a factor of each symbol, as an
+//! interval. Where the tape computes the error of a rounding (sums of Knuth and Dekker, products of Dekker, splits of Veltkamp), the register holds
+//! the negated symbol itself; when it is added back, it cancels. These sequences are recognised by their operations, and used only if the condition
+//! of the theorem holds in the whole cell.
 
 use std::collections::HashMap;
 
@@ -36,7 +37,7 @@ impl Span {
         (-self.low).max(self.high)
     }
 
-    /// 0 where it holds 0.
+    /// The smallest magnitude; 0 if it contains 0.
     pub(super) fn least(self) -> f64 {
         self.low.max(-self.high).max(0.0)
     }
@@ -87,7 +88,7 @@ impl Span {
         if by == 0.0 { self } else { Span::outward(self.low - by, self.high + by) }
     }
 
-    /// What lies in both.
+    /// The intersection.
     fn both(self, other: Span) -> Self {
         span(self.low.max(other.low), self.high.min(other.high))
     }
@@ -104,24 +105,24 @@ pub(super) fn unit(value: f64) -> f64 {
     2f64.powi(exponent(value) - 52)
 }
 
-/// No rounding here loses less than this, or it is counted as this: far below everything that is compared.
+/// Rounding errors below this are replaced by it; it is far below everything that is compared.
 const LEAST: f64 = 1e-250;
 
-/// A grid that says nothing.
+/// A grid without information.
 const FINEST: i32 = -1074;
 
-/// What is known of a register in a cell.
+/// The information about a register in a cell.
 #[derive(Debug, Clone)]
 pub(super) struct Value {
-    /// What exact arithmetic gives.
+    /// The range of the exact result.
     pub ideal: Span,
-    /// What the tape gives.
+    /// The range of the computed result.
     pub range: Span,
-    /// How much of each rounding it holds, by the rounding's number.
+    /// The factor of each rounding, by its number.
     noise: Vec<(u32, Span)>,
-    /// A bound of errors that no symbol stands for.
+    /// A bound of the errors without a symbol.
     rest: f64,
-    /// It is a whole multiple of 2^grid.
+    /// The result is an integer multiple of 2^grid.
     grid: i32,
 }
 
@@ -136,21 +137,22 @@ impl Value {
         Value { ideal: Span::point(value), range: Span::point(value), noise: Vec::new(), rest: 0.0, grid }
     }
 
-    /// Any number of the type in a range.
+    /// Any number of the type in a range, without error.
     fn any(range: Span) -> Self {
         let grid = if range.least() > 0.0 { exponent(range.least()) - 52 } else { FINEST };
         Value { ideal: range, range, noise: Vec::new(), rest: 0.0, grid }
     }
 }
 
-/// What is known of a register beforehand.
+/// Known properties of a register.
 #[derive(Debug, Clone)]
 pub(super) enum Pin {
     /// It is this number.
     Constant(f64),
-    /// It is some number in a range, exactly.
+    /// It is an exact number in a range.
     Any(Span),
-    /// A pair whose sum is a number in `ideal` up to `off`: the first holds an error of at most `error`, the second the same error negated.
+    /// A pair whose sum is a number in `ideal` up to `off`. The error of the first is at most `error`, and the second has the same error with
+    /// opposite sign.
     High {
         ideal: Span,
         error: f64,
@@ -167,26 +169,26 @@ pub(super) struct Run<'t> {
     values: Vec<Option<Value>>,
     /// The bound of each rounding.
     sizes: Vec<f64>,
-    /// The rounding that a register brought in.
+    /// The rounding of a register's own operation.
     own: Vec<Option<u32>>,
 }
 
-/// A comparison whose outcome differs inside the cell.
+/// A comparison with different outcomes inside the cell.
 #[derive(Debug)]
 pub(super) struct Undecided(Reg);
 
 /// The bound of an error, without the last rounding.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Found {
-    /// |computed - ideal|, the last rounding left out.
+    /// |computed - ideal| without the last rounding.
     pub besides: f64,
-    /// What exact arithmetic gives.
+    /// The range of the exact result.
     pub ideal: Span,
     /// Whether the last operation rounds.
     pub rounds: bool,
 }
 
-/// The result of a tape in a cell, for every way in which its comparisons may go there.
+/// The results of a tape in a cell, for all possible outcomes of its comparisons.
 pub(super) fn outcomes(tape: &Tape, arguments: &[Span], pins: &HashMap<Reg, Pin>, output: Reg) -> Vec<Found> {
     let mut found = Vec::new();
     let mut open = vec![HashMap::new()];
@@ -207,7 +209,7 @@ pub(super) fn outcomes(tape: &Tape, arguments: &[Span], pins: &HashMap<Reg, Pin>
 }
 
 impl<'t> Run<'t> {
-    /// Evaluates what an output needs.
+    /// Evaluates the registers that an output needs.
     fn new(
         tape: &'t Tape,
         arguments: &[Span],
@@ -285,7 +287,7 @@ impl<'t> Run<'t> {
         symbol
     }
 
-    /// What the rounding in a register has lost: exactly that, negated. Nothing where it lost nothing.
+    /// The exact rounding error of a register, negated; zero if it was not rounded.
     fn lost(&self, reg: Reg, grid: i32) -> Value {
         match self.own[reg.0 as usize] {
             None => Value::constant(0.0),
@@ -341,7 +343,7 @@ impl<'t> Run<'t> {
                 assert!(range.low == range.high, "an exponent that is not pinned: {range:?}");
                 Value::constant(2f64.powi(range.low as i32))
             }
-            // Only a select reads it.
+            // Used only by a select.
             Op::Less(..) => Value::constant(0.0),
             Op::Constant(_) | Op::Input(_) | Op::State(_) | Op::Select { .. } => {
                 unreachable!("no state, and the others before")
@@ -349,13 +351,13 @@ impl<'t> Run<'t> {
         }
     }
 
-    /// The rows that compute what a rounding has lost, and whole numbers.
+    /// The sequences that compute a rounding error, and integers.
     fn compensation(&mut self, reg: Reg, op: &Op) -> Option<Value> {
         let tape = self.tape;
         let at = |reg: Reg| tape.op(reg);
         match *op {
             Op::Subtract(x, y) => {
-                // The whole number nearest to a value.
+                // The integer nearest to a value.
                 if let (Op::Add(_, lift), Op::Constant(constant)) = (at(x), at(y))
                     && *lift == y
                     && constant.value == 1.5 * 2f64.powi(52)
@@ -388,7 +390,7 @@ impl<'t> Run<'t> {
                 {
                     return Some(self.lost(*h, self.of(*a).grid.min(self.of(*b).grid)));
                 }
-                // q = n/d, h = q d, n - h: what both roundings lost, exactly, for h is next to n (Sterbenz).
+                // q = n/d, h = q d, n - h: the exact error of both roundings, because h is near n (Sterbenz).
                 if let Op::Multiply(q, d) = *at(y)
                     && *at(q) == Op::Divide(x, d)
                 {
@@ -445,7 +447,7 @@ impl<'t> Run<'t> {
                     return None;
                 }
                 let mut value = self.lost(h, FINEST);
-                // Where the product may be so small that its parts underflow, a few of the least numbers.
+                // If the product may be so small that its parts underflow, a few of the smallest numbers are added.
                 if self.of(h).range.least() < 2f64.powi(-900) {
                     value.rest = LEAST;
                     value.range = value.range.widened(LEAST);
@@ -456,8 +458,8 @@ impl<'t> Run<'t> {
         }
     }
 
-    /// Dekker's sum asks for |a| >= |b|, for a = 0, or for an a that is a whole multiple of b's unit in the last place (S. Boldo and others, "On the robustness of the
-    /// 2Sum and Fast2Sum algorithms", 2017): then b and what is lost are such multiples too, and none of them has more than 53 bits.
+    /// Dekker's sum requires |a| >= |b|, a = 0, or an a that is an integer multiple of b's unit in the last place (S. Boldo and others, "On the
+    /// robustness of the 2Sum and Fast2Sum algorithms", 2017). Then b and the error are such multiples too, and none of them has more than 53 bits.
     fn is_larger(&self, a: Reg, b: Reg) {
         let (a, b) = (self.of(a), self.of(b));
         let largest = b.range.largest();
@@ -465,8 +467,8 @@ impl<'t> Run<'t> {
         assert!(a.range.least() >= largest || a.range == Span::ZERO || is_on_grid, "{a:?} is not larger than {b:?}");
     }
 
-    /// A value that is rounded. `range` is that of the rounded number: the operation, to nearest, at the ends of its operands' ranges, which is right because rounding is
-    /// monotone. Nothing is lost on a grid that the type holds.
+    /// A rounded value. `range` is that of the rounded number, from the operation at the ends of its operands' ranges, which is right because
+    /// rounding is monotone. On a grid that the type can represent there is no rounding error.
     fn rounded(&mut self, reg: Reg, mut value: Value, range: Span, is_exact: bool) -> Value {
         value.range = value.ideal.widened(self.error(&value)).both(range);
         let largest = value.range.largest();
@@ -547,7 +549,7 @@ impl<'t> Run<'t> {
 
     fn found(&self, reg: Reg) -> Found {
         let value = self.of(reg);
-        // The last rounding is that of the last row that is no choice, sign or power of two.
+        // The last rounding is that of the last operation that is no selection, sign or power of two.
         let mut last = reg;
         while self.own[last.0 as usize].is_none() {
             last = match *self.tape.op(last) {
@@ -578,7 +580,7 @@ fn negated(value: &Value) -> Value {
     }
 }
 
-/// The number that a register holds the upper part of, after Veltkamp.
+/// The number of which a register holds the upper part, after Veltkamp.
 fn split(tape: &Tape, high: Reg) -> Option<Reg> {
     let Op::Subtract(large, rest) = *tape.op(high) else { return None };
     let Op::Subtract(again, a) = *tape.op(rest) else { return None };
@@ -587,7 +589,7 @@ fn split(tape: &Tape, high: Reg) -> Option<Reg> {
     (again == large && number == a && is_factor).then_some(a)
 }
 
-/// Two lists of symbols as one.
+/// Merges two lists of symbols.
 fn merged(
     a: &[(u32, Span)],
     b: &[(u32, Span)],

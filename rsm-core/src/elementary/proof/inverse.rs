@@ -14,7 +14,7 @@ fn difference_of(tape: &Tape, reg: Reg) -> (Reg, Reg) {
     (a, b)
 }
 
-/// Arguments beyond 1/2 with the pair of the root of (1 - x)/2: the pins of both numbers, and the largest root.
+/// Arguments beyond 1/2 with the pair for the root of (1 - x)/2: the known registers of both numbers, and the largest root.
 fn beyond_a_half(high: Reg, low: Reg) -> impl Iterator<Item = (Span, Pins, f64)> {
     let (share, sum) = root();
     // 1 - x from 2^-53 to 1/2.
@@ -36,7 +36,7 @@ fn up_to_a_half() -> impl Iterator<Item = Span> {
     powers(-300, -2, 8).chain(parts(0.25, 0.5, 64)).chain(std::iter::once(span(0.5, 0.5)))
 }
 
-/// What the polynomial for asin s - s misses, at most, and with it the two numbers of a constant.
+/// The largest error of the polynomial for asin s - s, and of a constant as a sum of two numbers.
 fn arc(s: f64) -> f64 {
     s * s * s * polynomial_bound("ASIN") * (1.0 + 1e-9)
 }
@@ -92,15 +92,15 @@ pub(super) fn acos() -> f64 {
     worst
 }
 
-/// What the constants of the pieces and of a turn lack.
+/// The errors of the constants of the pieces and of a rotation.
 fn constants() -> [f64; 2] {
     let pieces = lacks(&ATAN_OF_HALF, &atan_of_half()).max(lacks(&QUARTER_PI, &(half_pi() / integer(2))));
     [pieces, lacks(&PI_PAIR, &(integer(2) * half_pi()))]
 }
 
-/// What the angle of a quotient misses: its polynomial, and the constants of pieces and turns.
+/// The error of the angle of a quotient: that of its polynomial, and of the constants of pieces and rotations.
 fn angle(quotient: Span, is_turned: bool, [pieces, turn]: [f64; 2]) -> f64 {
-    // t is the quotient itself in the first piece. In the others it is (q - c)/(1 + c q): at most 2/11, where q is 3/4, and a little more for its rounding.
+    // Here t is the quotient itself in the first piece. In the others it is (q - c)/(1 + c q): at most 2/11, for q = 3/4, plus its rounding.
     let third = 1.0 / 3.0;
     let (t, constants) = if quotient.high < third {
         (quotient.high, 0.0)
@@ -117,10 +117,10 @@ fn angle(quotient: Span, is_turned: bool, [pieces, turn]: [f64; 2]) -> f64 {
 pub(super) fn atan() -> f64 {
     let (tape, constants) = (range::alone(Function::Atan), constants());
     let mut worst = 0.0_f64;
-    // The first border of pieces is the number next to 1/3.
+    // The first limit of the pieces is the number next to 1/3.
     let pieces = parts(0.25, 1.0 / 3.0, 128).chain(parts(1.0 / 3.0, 0.75, 1024)).chain(parts(0.75, 1.0, 128));
     let cells = powers(-300, -2, 8).chain(pieces).chain(parts(1.0, 4.0, 512)).chain(powers(2, 900, 4));
-    // From 2^900 on the result is that of 2^900, and the angle moves by less than 2^-900.
+    // From 2^900 on the result is that of 2^900, and the angle changes by less than 2^-900.
     for x in cells.chain(std::iter::once(span(2f64.powi(900), 2f64.powi(901)))) {
         let quotient = if x.high <= 1.0 { x } else { span((1.0 / x.high).next_down(), (1.0 / x.low).next_up()) };
         for found in outcomes(&tape, &[x], &Pins::new(), tape.output()) {
@@ -131,14 +131,14 @@ pub(super) fn atan() -> f64 {
     worst
 }
 
-/// Powers of two scale both arguments: the larger one is 1 to 2, the other whatever is below.
+/// Powers of two scale both arguments: the larger one is from 1 to 2, the other is any smaller number.
 pub(super) fn atan2() -> f64 {
     let (tape, constants) = (range::alone(Function::Atan2), constants());
     let mut worst = 0.0_f64;
     for large in parts(1.0, 2.0, 16) {
         for small in powers(-300, -3, 4).chain(parts(0.125, 2.0, 120)).filter(|small| small.low <= large.high) {
             let quotient = span((small.low / large.high).next_down(), (small.high / large.low).next_up());
-            // Along the positive x nothing is turned, unless the larger one may be y.
+            // Near the positive x axis there is no rotation, unless y may be the larger one.
             let is_turned = small.high >= large.low;
             let ways = [
                 (small, large, is_turned),

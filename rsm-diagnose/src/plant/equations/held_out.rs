@@ -1,17 +1,18 @@
-//! Least squares with cross-validation: even and odd blocks of time, each judged by the fit to the other.
+//! Least squares with cross-validation: the fit to even blocks of time is evaluated on odd blocks, and the reverse.
 //!
-//! In: columns in blocks (one for each record and equation), and a target. Out: what the columns leave on the other blocks. Never knows what a column is.
+//! In: columns in blocks (one for each record and equation), and a target. Out: the residual of the columns on the other blocks. Independent of the
+//! meaning of a column.
 
 use crate::engine::columns::dot;
 use crate::engine::normal::Normal;
 
-/// Rows of a block of time: four memories of an equation, so that neighbours have little in common.
+/// The number of rows of a block of time: four times the memory of an equation, so that neighbouring blocks are nearly independent.
 const BLOCK: usize = 400;
 
-/// A column in blocks; `None` where it is zero throughout.
+/// A column in blocks; `None` for a block of zeros.
 pub type Blocks = Vec<Option<Vec<f64>>>;
 
-/// A column without its blocks of zeros; `None` where nothing is left.
+/// A column with its zero blocks removed; `None` if all are zero.
 #[must_use]
 pub fn blocks(column: Vec<Vec<f64>>) -> Option<Blocks> {
     let blocks: Blocks = column.into_iter().map(|block| block.iter().any(|value| *value != 0.0).then_some(block)).collect();
@@ -31,31 +32,31 @@ pub fn products(a: &Blocks, b: &Blocks) -> [f64; 2] {
     sums
 }
 
-/// A prior of a column's factor: how far it stands from its centre already, in its standard deviations; `None` where nothing is known.
+/// The prior of a column's factor: its distance from the prior mean in standard deviations; `None` without a prior.
 pub type Prior = Option<f64>;
 
-/// Columns that are there anyway, with what they are to explain.
+/// The columns that are always present, with the target.
 pub struct Base {
     columns: Vec<Blocks>,
     priors: Vec<Prior>,
     asked: Blocks,
-    /// Inner products among columns, then with what is asked, by fold.
+    /// Inner products among the columns and with the target, for each fold.
     grams: [Vec<f64>; 2],
     rights: [Vec<f64>; 2],
     squares: [f64; 2],
 }
 
-/// What further columns give.
+/// The effect of further columns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Given {
-    /// By how much they lower the squares on the other blocks.
+    /// The reduction of the squared residual on the other blocks.
     pub gain: f64,
-    /// Their factors, of all rows.
+    /// Their factors, fitted to all rows.
     pub factors: Vec<f64>,
 }
 
 impl Base {
-    /// Of columns with priors.
+    /// A base of columns with priors; `asked` is the target.
     #[must_use]
     pub fn new(columns: Vec<Blocks>, priors: Vec<Prior>, asked: Blocks) -> Self {
         let n = columns.len();
@@ -74,20 +75,20 @@ impl Base {
         Base { columns, priors, asked, grams, rights, squares }
     }
 
-    /// The factors of its columns, of all rows.
+    /// The factors of its columns, fitted to all rows.
     #[must_use]
     pub fn factors(&self) -> Vec<f64> {
         solved(&self.sums(), &self.priors)
     }
 
-    /// The squares that its columns leave on the other blocks, and those that are asked.
+    /// The squared residual of its columns on the other blocks, and the squared target.
     #[must_use]
     pub fn left(&self) -> (f64, f64) {
         let folds = [0, 1].map(|fold| Sums { gram: &self.grams[fold], right: &self.rights[fold], square: self.squares[fold] });
         (crossed(&folds, &self.priors), self.squares.iter().sum())
     }
 
-    /// What further columns beside these give.
+    /// The effect of further columns together with these.
     #[must_use]
     pub fn beside(&self, more: &[Blocks]) -> Given {
         let (before, n) = (self.columns.len(), self.columns.len() + more.len());
@@ -124,14 +125,14 @@ impl Base {
     }
 }
 
-/// Normal equations of a fold.
+/// The normal equations of one fold.
 struct Sums<'a> {
     gram: &'a [f64],
     right: &'a [f64],
     square: f64,
 }
 
-/// Normal equations of both folds.
+/// The normal equations of both folds.
 struct Whole {
     gram: Vec<f64>,
     right: Vec<f64>,
@@ -144,7 +145,7 @@ impl Whole {
     }
 }
 
-/// Factors by normal equations with priors.
+/// Solves normal equations with priors for the factors.
 fn solved(sums: &Whole, priors: &[Prior]) -> Vec<f64> {
     let n = priors.len();
     let (mut gram, mut right) = (sums.gram.clone(), sums.right.clone());
@@ -157,7 +158,7 @@ fn solved(sums: &Whole, priors: &[Prior]) -> Vec<f64> {
     Normal::new(&gram, n, 0.0).solve(&right)
 }
 
-/// The squares that each fold's factors leave on the other.
+/// The squared residual of each fold's factors on the other fold.
 fn crossed(folds: &[Sums<'_>; 2], priors: &[Prior]) -> f64 {
     let n = priors.len();
     let on = |made: &Sums<'_>, judged: &Sums<'_>| {

@@ -1,13 +1,14 @@
-//! A plant led by its readings: each equation along the recorded signals, with a short memory.
+//! The equation errors of a plant: an observer with a short memory for each equation, driven by the recorded signals.
 //!
 //! ```text
 //!   p' = f(readings, inputs) + (reading - p)/memory        what the equation misses = reading - p
 //! ```
 //!
-//! In: a prepared record and a plant file with its effects. Out: what every equation misses that can be evaluated from the columns of the record: the currents and the speed
-//! of a motor; the position of an axis, and in closed loop its command by the controller's law; of a car the speed of the whole driveline, in which the torques of its joints
-//! cancel, and the road speed by the acceleration. Nothing is differentiated: the noise of a reading stands beside the reading as it is, and that of the others passes an
-//! integral. Nothing runs away either: what a free run has made of an error after a second is not in it. Never fits, never simulates.
+//! In: a prepared record and a plant file with its effects. Out: the error of every equation that the columns of the record determine. For a motor:
+//! the currents and the speed. For an axis: the position and, in closed loop, the command by the controller's law. For a car: the speed of the whole
+//! driveline, in which the torques of its joints cancel, and the road speed from the acceleration. Nothing is differentiated: a reading's own noise
+//! appears unchanged, and the noise of the other readings is integrated. Errors do not accumulate as in a free run. Fits nothing and runs no free
+//! simulation.
 
 use super::readings::{MEMORY, Readings, Version, WIDTH};
 use crate::plant::whitened_residuals::Prepared;
@@ -20,19 +21,19 @@ use rsm_sim::plants::pmac::Pmac;
 use rsm_sim::plants::servo_axis::ServoAxis;
 use rsm_sim::record::{Drive, Record};
 
-/// The most states of a plant with effects: seven of the car and as many of effects.
+/// The largest number of states of a plant with effects: seven of the car and the rest for effects.
 const STATES: usize = 16;
 
-/// What the equations of a record miss, and how many rates were evaluated for that.
+/// The equation errors of a record, and how many rates were evaluated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Missed {
-    /// A value a row, by equation, in the unit of its reading.
+    /// For each equation, one value per row, in the unit of its reading.
     pub equations: Vec<Vec<f64>>,
-    /// Rates that were evaluated.
+    /// The number of rates that were evaluated.
     pub work: u64,
 }
 
-/// The names of the equations of a record, in the order of [`missed`]; empty where the columns do not say enough.
+/// The names of the equations of a record, in the order of [`missed`]; empty if the record lacks columns.
 #[must_use]
 pub fn names(prepared: &Prepared, kind: PlantKind) -> Vec<&'static str> {
     let has = |output: usize| prepared.outputs.contains(&output);
@@ -68,12 +69,12 @@ pub fn names(prepared: &Prepared, kind: PlantKind) -> Vec<&'static str> {
                 vec!["position"]
             }
         }
-        // Its equations are written for its own states, which no column need hold.
+        // A plant of equations has its own states, and a record need not hold them.
         PlantKind::Equations(_) => Vec::new(),
     }
 }
 
-/// The output in whose reading an equation misses.
+/// The output whose reading shows the error of an equation.
 fn read_by(equation: &str) -> usize {
     match equation {
         "i_d" | "position" => 0,
@@ -82,8 +83,8 @@ fn read_by(equation: &str) -> usize {
     }
 }
 
-/// What the equations miss along a record by a plant file. `None` where the columns do not say enough, where an effect asks for more than the columns hold (a vehicle that
-/// slips on its wheel), or where its own states run away along them.
+/// The equation errors of a plant file along a record. `None` if columns are missing, if an effect needs a signal that no column holds (a vehicle
+/// with wheel slip), or if the plant's own states diverge.
 #[must_use]
 pub fn missed(prepared: &Prepared, readings: &Readings, version: Version, file: &PlantFile) -> Option<Missed> {
     if names(prepared, file.kind).is_empty() || prepared.record.rows() < 2 {
@@ -120,7 +121,7 @@ pub fn missed(prepared: &Prepared, readings: &Readings, version: Version, file: 
         }
         PlantKind::Equations(_) => None,
     };
-    // A sensor with a gain of its own reads so many times what is missed in truth.
+    // A sensor with its own gain multiplies the error by that gain.
     let found = found.map(|mut found| {
         let hooks = Hooks::new(file, STATES);
         for (values, name) in found.equations.iter_mut().zip(names(prepared, file.kind)) {
@@ -138,7 +139,7 @@ fn truths(readings: &Readings, version: Version, file: &PlantFile, hooks: &Hooks
     )
 }
 
-/// What a first input that acts late was on average in each row.
+/// The mean in each row of a delayed first input.
 fn acted(values: &[f64], hooks: &Hooks, period: f64) -> Vec<f64> {
     let late = hooks.delay() / period;
     let (whole, part) = (late.floor() as usize, late.fract());
@@ -148,23 +149,24 @@ fn acted(values: &[f64], hooks: &Hooks, period: f64) -> Vec<f64> {
 
 type State = [f64; STATES];
 
-/// A plant along states that are known.
+/// A plant along known states.
 struct Along<'a, P: Plant> {
     plant: &'a P,
     hooks: &'a Hooks,
     record: &'a Record,
-    /// Inputs as they act, a row.
+    /// The inputs as they act, for each row.
     inputs: &'a dyn Fn(usize) -> [f64; 3],
-    /// Fills the states that are known at a row.
+    /// Sets the states that are known at a row.
     known: &'a dyn Fn(usize, &mut State),
-    /// States of the plant that no column holds and that do not follow from columns.
+    /// States of the plant that neither are in a column nor follow from columns.
     free: &'a [usize],
-    /// True outputs of the first row.
+    /// The true outputs of the first row.
     first: [f64; 3],
 }
 
 impl<P: Plant> Along<'_, P> {
-    /// What each row adds to the states, by the plant's equations; states that are not known are integrated by the classical method of fourth order.
+    /// The change of the states in each row, by the plant's equations. States that are not known are integrated with the classical fourth-order
+    /// Runge-Kutta method.
     fn flows(&self) -> Option<(Vec<State>, u64)> {
         let (plant, hooks) = (self.plant, self.hooks);
         let (states, rows) = (hooks.states(), self.record.rows());
@@ -181,7 +183,7 @@ impl<P: Plant> Along<'_, P> {
         };
         let period = self.record.period;
         let mut x = [0.0; STATES];
-        // What no column holds begins as a plant in order does.
+        // States that no column holds start with the plant's normal start values.
         let mut starts = StartValues::default();
         starts[..3].copy_from_slice(&self.first);
         plant.start(hooks, &starts, self.record, &(self.inputs)(0), &mut x[..states]);
@@ -212,8 +214,8 @@ impl<P: Plant> Along<'_, P> {
                     next[k] = x[k] + period / 6.0 * (begin[k] + 2.0 * (second[k] + third[k]) + fourth[k]);
                 }
             }
-            // The input is held over the row: both ends see it. Simpson's rule (T. Simpson, 1743), the middle by Hermite's cubic from the ends and their rates: the currents of a motor
-            // swing within a row.
+            // The input is constant over the row, so both ends see the same input. Simpson's rule (T. Simpson, 1743) is used, with the middle from
+            // Hermite's cubic, because the currents of a motor oscillate within a row.
             let end = rates(&inputs, &next);
             let mut middle = x;
             for (k, middle) in middle.iter_mut().enumerate().take(states) {
@@ -231,7 +233,7 @@ impl<P: Plant> Along<'_, P> {
     }
 }
 
-/// What a reading has beyond what its equation says, led by it.
+/// The innovation of a reading: the reading minus the observer's prediction.
 fn led(readings: impl Iterator<Item = f64>, mut flow: impl FnMut(usize) -> f64) -> Vec<f64> {
     let mut said = None;
     readings
@@ -301,14 +303,13 @@ fn axis(
     let known = |row: usize, x: &mut State| (x[0], x[1]) = (smooth[row], speed[row]);
     let first = [smooth[0], speed[0], 0.0];
     let (flows, work) = Along { plant, hooks, record, inputs: &inputs, known: &known, free: &[], first }.flows()?;
-    // Both poles at 1 - 1/memory.
-    // Slopes at the ends are those of a few readings: the line through two that are not.
+    // Both poles are at 1 - 1/memory. Slopes at the ends come from few readings, so the line through two inner points is used.
     let inner = |row: usize| speed[row.min(last)];
     let (mut said, mut moving) = (position[0], 2.0 * inner(WIDTH) - inner(2 * WIDTH));
     let by_force = (0..=last)
         .map(|row| {
             if rests[row] {
-                // What holds it is not seen.
+                // At rest, the holding force is unknown.
                 (said, moving) = (smooth[row], speed[row]);
                 return 0.0;
             }
@@ -335,11 +336,11 @@ fn axis(
     Some(Missed { equations, work })
 }
 
-/// How the bodies of a driveline hang together.
+/// The kinematics of a driveline.
 struct Geometry {
-    /// Inertias of engine, shaft and wheel (with the vehicle), each times its ratio to the wheel.
+    /// Inertias of engine, shaft and wheel (with the vehicle), each multiplied by its ratio to the wheel.
     weights: [f64; 3],
-    /// Speeds of engine and shaft over that of the wheel.
+    /// The speeds of engine and shaft divided by the speed of the wheel.
     ratios: [f64; 2],
     radius: f64,
 }
@@ -354,7 +355,8 @@ fn car(plant: &Driveline, hooks: &Hooks, record: &Record, truths: &[Option<Vec<f
         way += if row > 0 { 0.5 * record.period * (engine[row - 1] + engine[row]) } else { 0.0 };
         turned.push(way);
     }
-    // Angles of shaft and wheel follow the engine's: what twists a joint cancels in the sum of all bodies, and the shaft's own inertia is a hundredth of it.
+    // The angles of shaft and wheel follow from the engine's angle. The torque of a joint cancels in the sum over all bodies. The shaft's own inertia
+    // is only a hundredth of that sum.
     let known = |row: usize, x: &mut State| {
         let wheel = road[row] / it.radius;
         let angle = turned[row];
@@ -370,7 +372,7 @@ fn car(plant: &Driveline, hooks: &Hooks, record: &Record, truths: &[Option<Vec<f
     let first = [engine[0], road[0], 0.0];
     let (flows, work) = Along { plant, hooks, record, inputs: &inputs, known: &known, free: &[0], first }.flows()?;
     let [of_engine, of_shaft, of_wheel] = it.weights;
-    // As a speed of the road.
+    // Converted to a speed of the road.
     let scale = it.radius / (of_engine * it.ratios[0] + of_shaft * it.ratios[1] + of_wheel);
     let sum = |engine: f64, shaft: f64, wheel: f64| scale * (of_engine * engine + of_shaft * shaft + of_wheel * wheel);
     let whole = (0..engine.len()).map(|row| {

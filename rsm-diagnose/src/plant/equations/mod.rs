@@ -1,13 +1,16 @@
-//! The screen by equation error: every cause of the catalogue asked along the recorded signals, beside the free run that may have left them.
+//! The screen by equation errors: every cause of the catalogue is tested along the recorded signals, without the free run that may have diverged from
+//! them.
 //!
 //! ```text
 //!   readings --led--> what each equation misses --held_out--> ordered terms --> plants from which the search goes on
 //! ```
 //!
-//! In: prepared records, the nominal plant, hypotheses. Out: an ordered list of terms with their numbers, chosen forward and judged on blocks of time that did not make them. No free run and no start: what a missing cause has made of a simulation after a second, and where in its turning the
-//! simulated rotor is, do not matter. What no column holds (a twist, a vehicle that slips) has no equation here, and small effects stand out less than over a whole free run:
-//! nothing is decided here. The plant with these terms is where the free run may begin, and a candidate among all others. Guesses of the catalogue stay as they are, so that what is equal to a term is found as it
-//! is for any other cause; only whole numbers, which no fit moves, are added to them.
+//! In: prepared records, the nominal plant, hypotheses. Out: an ordered list of terms with their parameters, chosen by forward selection and
+//! evaluated on blocks of time that were not used to fit them. There is no free run and no initial state, so it does not matter how far a simulation
+//! has diverged, or what its rotor angle is. Signals that no column holds (a twist, a slipping vehicle) have no equation here, and small effects are
+//! harder to see than over a whole free run. Nothing is therefore decided here: the plant with these terms is a starting point for the free run, and
+//! one candidate among others. The guesses of the catalogue stay unchanged, so an equal hypothesis is found as for any other cause. Only integer
+//! parameters, which no fit changes, are added.
 //!
 //! Source: L. Ljung, System Identification, 1999, section 7.3 (equation errors and prediction errors); S. A. Billings, Nonlinear System Identification, 2013, chapter 3 (forward selection).
 
@@ -39,71 +42,74 @@ use rsm_sim::plants::pmac::Pmac;
 use rsm_sim::threads::in_threads;
 use turning::Turning;
 
-/// Rows at most, of all records together, the beginnings of each: with two hundred guesses half a second.
+/// The largest number of rows of all records together, from their beginnings. With two hundred guesses they take half a second.
 const MOST_ROWS: usize = 12_000;
 
-/// Terms at most: as many as a search has causes.
+/// The largest number of terms: the same as the largest number of causes in a search.
 const MOST_TERMS: usize = 4;
 
-/// What a term must remove of what is left on held-out rows: as much as a cause must to be worth its name. What is left by the readings of the other states, and by a rate that changes within a row, is no cause.
+/// A term must remove this share of the error on holdout rows: the same as a cause. The errors from the noise of other readings, and from rates that
+/// change within a row, are no causes.
 const LEAST_SHARE: f64 = 0.05;
 
-/// Delays in rows, beside those of the catalogue: an octave apart a delay is in proportion to its neighbour's trace where the motion is slower than itself.
+/// Delays in rows, in addition to those of the catalogue. They are about an octave apart. Between two of them, the trace is proportional to the delay
+/// if the motion is slower than the delay.
 const DELAYS: [f64; 7] = [1.0, 2.0, 5.0, 10.0, 20.0, 35.0, 60.0];
 
-/// Among terms that give this share of the best one, that with the fewest numbers is chosen: a wider law always gives as much, and where readings are smoothed over a reversal a tenth more.
+/// Of the terms with at least this share of the best gain, the one with the fewest parameters is chosen. A more general law always gains as much;
+/// where readings are smoothed over a reversal it gains a tenth more.
 const AS_GOOD: f64 = 0.9;
 
-/// The step of a difference, in units of an unknown's scale.
+/// The step of a finite difference, in units of an unknown's scale.
 const STEP: f64 = 0.1;
 
-/// Steps of Gauss and Newton after each term.
+/// Gauss-Newton steps after each term.
 const STEPS: usize = 4;
 
-/// Orders of a rotor that are handed to the search: a free run over a whole record tells waves that blocks of rows do not.
+/// The number of rotor orders that are passed to the search. A free run over a whole record distinguishes waves that blocks of rows do not.
 const ORDERS: usize = 10;
 
-/// Steps of the first fit to a free run: those of a competition's.
+/// Steps of the first fit to a free run: the same as in a competition.
 const FIT_STEPS: usize = 8;
 
 /// A term of the equations.
 #[derive(Debug, Clone)]
 pub struct Term {
-    /// The cause with its numbers.
+    /// The cause with its parameters.
     pub entry: Entry,
     /// Its name in lists.
     pub label: String,
-    /// What is left with it and those before it on rows that did not make them, as a share of what the nominal plant misses.
+    /// The error that is left with it and the terms before it on rows that did not fit them, as a share of the nominal plant's error.
     pub left: f64,
 }
 
-/// What the equations say.
+/// The result of the screen by equation errors.
 #[derive(Debug, Clone)]
 pub struct Said {
     /// The names of the equations.
     pub equations: Vec<&'static str>,
-    /// What calibration leaves, as a share of what the nominal plant misses.
+    /// The error that calibration leaves, as a share of the nominal plant's error.
     pub calibrated: f64,
     /// Terms, in the order in which they were chosen.
     pub terms: Vec<Term>,
-    /// The plant with the first term, with the first two, and so on, as the equations have them.
+    /// The plant with the first term, with the first two, and so on, with the parameters from the equations.
     pub models: Vec<Model>,
-    /// First guesses of waves of a rotor at the orders that promise most, by hypothesis.
+    /// First guesses of rotor waves at the orders with the largest gain, by hypothesis.
     pub orders: Vec<(usize, Guess)>,
-    /// Guesses among which terms and orders were chosen.
+    /// The number of guesses from which terms and orders were chosen.
     pub looks: usize,
-    /// Evaluations of a plant's rates that all took.
+    /// The number of evaluations of a plant's rates.
     pub work: u64,
 }
 
-/// A guess with what it adds to the equations.
+/// A guess with the columns that it adds to the equations.
 struct Candidate {
     hypothesis: usize,
     guess: Guess,
     columns: Vec<Blocks>,
 }
 
-/// Asks the equations; `None` where no record has the columns for one.
+/// Tests all causes on the equations; `None` if no record has the columns for an equation.
 #[must_use]
 pub fn look(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypothesis]) -> Option<Said> {
     let equations = Equations::of(whitened, nominal)?;
@@ -133,14 +139,14 @@ pub fn look(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypothe
             (base.left().0 < left - least).then_some((with, base))
         });
         let Some((with, its)) = next else {
-            // Beside all that is known: a wave may stand behind what is larger.
+            // With all terms present: a larger term may hide a wave.
             orders.extend(best_orders(&judged, &candidates, without_orders));
             break;
         };
         (model, base) = (with, its);
         left = base.left().0;
         if model.file.effects.last().is_some_and(|it| it.arguments.subject.as_deref() == Some("speed")) {
-            // Where the rotor was follows from its speed.
+            // The rotor angle follows from the speed, so it changes with a speed sensor's error.
             candidates.truncate(without_orders);
             candidates.extend(equations.orders(&model, hypotheses));
         }
@@ -159,22 +165,22 @@ pub fn look(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypothe
     })
 }
 
-/// What a candidate gives beside a base.
+/// The effect of a candidate together with a base.
 struct Judged {
     candidate: usize,
     gain: f64,
-    /// Its numbers as the rows ask for them.
+    /// Its fitted parameters.
     values: Vec<f64>,
 }
 
 impl Judged {
-    /// How many numbers it has; NaN leaves one out.
+    /// The number of its parameters; NaN marks one that is absent.
     fn numbers(&self) -> usize {
         self.values.iter().filter(|value| value.is_finite()).count()
     }
 }
 
-/// The orders of a rotor that give most; candidates from `first` on are orders.
+/// The rotor orders with the largest gain. Candidates from `first` on are orders.
 fn best_orders(judged: &[Judged], candidates: &[Candidate], first: usize) -> Vec<(usize, Guess)> {
     let mut waves: Vec<&Judged> = judged.iter().filter(|it| it.gain > 0.0 && it.candidate >= first).collect();
     waves.sort_by(|a, b| b.gain.total_cmp(&a.gain));
@@ -185,7 +191,7 @@ fn best_orders(judged: &[Judged], candidates: &[Candidate], first: usize) -> Vec
     waves.into_iter().take(ORDERS).map(guess).collect()
 }
 
-/// The guess that a term of a rotor's order is; `None` for all other terms.
+/// The guess of a term, if the term is a rotor order; otherwise `None`.
 fn order_of(entry: &Entry, hypotheses: &[Hypothesis]) -> Option<(usize, Guess)> {
     if entry.description.kind != "cogging-torque" || entry.arguments.plant != PlantKind::Pmac {
         return None;
@@ -196,7 +202,7 @@ fn order_of(entry: &Entry, hypotheses: &[Hypothesis]) -> Option<(usize, Guess)> 
 }
 
 impl Said {
-    /// Puts its orders beside those of the catalogue.
+    /// Adds its orders to the guesses of the catalogue.
     pub fn hand_over(&self, hypotheses: &mut [Hypothesis]) {
         for (place, guess) in &self.orders {
             let known = &mut hypotheses[*place].guesses;
@@ -206,7 +212,7 @@ impl Said {
         }
     }
 
-    /// The plant with the first term, with the first two and so on, each fitted to a free run, from the starts of another fit.
+    /// The plant with the first term, with the first two and so on, each fitted to a free run, from the initial states of another fit.
     #[must_use]
     pub fn fitted(&self, whitened: &WhitenedResiduals, calibrated: &Fit) -> Vec<Fit> {
         let its = |model: &Model| Model { starts: calibrated.model.starts.clone(), ..model.clone() };
@@ -225,7 +231,7 @@ struct Equations {
 }
 
 impl Equations {
-    /// Of records and the plant as its file has it.
+    /// The equations of some records and the nominal plant.
     fn of(whitened: &WhitenedResiduals, nominal: &Model) -> Option<Self> {
         let kind = nominal.file.kind;
         let known: Vec<&Prepared> = whitened.records.iter().filter(|it| !names(it, kind).is_empty()).collect();
@@ -247,7 +253,7 @@ impl Equations {
         Some(equations)
     }
 
-    /// What all equations of all records miss, in their units.
+    /// The errors of all equations of all records, each in its own unit.
     fn missed(&self, file: &PlantFile, version: Version) -> Option<Vec<Vec<Vec<f64>>>> {
         let each = self.records.iter().map(|(prepared, readings)| {
             let found = missed(prepared, readings, version, file)?;
@@ -257,7 +263,7 @@ impl Equations {
         each.collect()
     }
 
-    /// The same over the noise, rows that do not count as 0.
+    /// The same divided by the noise; rows that do not count are 0.
     fn white(&self, mut all: Vec<Vec<Vec<f64>>>) -> Vec<Vec<f64>> {
         for ((record, scales), (_, readings)) in all.iter_mut().zip(&self.scales).zip(&self.records) {
             for (values, scale) in record.iter_mut().zip(scales) {
@@ -269,7 +275,7 @@ impl Equations {
         all.into_iter().flatten().collect()
     }
 
-    /// What another file says beyond this one, whose misses of smooth readings are given: what it explains.
+    /// The change of the errors between two plant files, for smoothed readings; `without` holds the errors of the first.
     fn change(&self, without: &[Vec<f64>], file: &PlantFile, step: f64) -> Option<Blocks> {
         let mut with = self.white(self.missed(file, Version::Smooth)?);
         for (with, without) in with.iter_mut().zip(without) {
@@ -278,7 +284,7 @@ impl Equations {
         blocks(with)
     }
 
-    /// What a model misses, with the columns of all its numbers.
+    /// The errors of a model, with a column for each of its parameters.
     fn base(&self, model: &Model) -> Option<Base> {
         Some(self.linear(model)?.0)
     }
@@ -298,14 +304,14 @@ impl Equations {
             let Some(column) = column else { continue };
             let unknown = &model.unknowns[k];
             base.0.push(column);
-            // A factor is in units of the scale; the standard deviation of a tolerance is one.
+            // A factor is in units of the scale, and the scale is the standard deviation of the tolerance.
             base.1.push(unknown.prior.map(|(centre, _)| (model.value(k) - centre) / unknown.scale));
             base.2.push(k);
         }
         Some((Base::new(base.0, base.1, asked), base.2))
     }
 
-    /// A model with its numbers as the equations have them; the last step that lowers what is left.
+    /// A model with its parameters fitted to the equations: the last step that reduces the error.
     fn settled(&self, mut model: Model) -> Option<Model> {
         let (mut base, mut places) = self.linear(&model)?;
         for _ in 0..STEPS {
@@ -321,7 +327,7 @@ impl Equations {
         Some(model)
     }
 
-    /// A model without the terms that others have made needless.
+    /// A model without the terms that later terms have made unnecessary.
     fn needed(&self, mut model: Model, nominal: &Model, mut left: f64) -> Model {
         let mut place = 0;
         while model.file.effects.len() > 1 && place < model.file.effects.len() {
@@ -336,7 +342,7 @@ impl Equations {
         model
     }
 
-    /// The terms of a model in their order, with what is left with those up to each, and the models up to each.
+    /// The terms of a model in their order, each with the error that is left with the terms up to it, and the models with the terms up to each.
     fn one_by_one(&self, model: &Model, nominal: &Model, whole: f64) -> (Vec<Term>, Vec<Model>) {
         let count = model.file.effects.len();
         let up_to = |k: usize| {
@@ -349,7 +355,7 @@ impl Equations {
         (0..count).map_while(up_to).unzip()
     }
 
-    /// Every guess of every hypothesis, and delays beside those of the catalogue, as the nominal plant answers them.
+    /// Every guess of every hypothesis, and more delays than the catalogue has, with their columns for the nominal plant.
     fn catalogue(&self, nominal: &Model, hypotheses: &[Hypothesis]) -> Vec<Candidate> {
         let Some(missed) = self.missed(&nominal.file, Version::Smooth) else { return Vec::new() };
         let smooth = self.white(missed);
@@ -358,7 +364,7 @@ impl Equations {
         let mut asked: Vec<(usize, Guess)> = Vec::new();
         for (k, hypothesis) in hypotheses.iter().enumerate() {
             let role = hypothesis.description.declared.role;
-            // Rounding has no derivative, and orders of a rotor are asked one by one.
+            // Rounding has no derivative, and rotor orders are tested separately.
             if role == Role::Rounding || role == Role::Waves && !is_wave(hypothesis.description, kind) {
                 continue;
             }
@@ -384,7 +390,7 @@ impl Equations {
         found.filter_map(|((hypothesis, guess), columns)| Some(Candidate { hypothesis, guess, columns: columns? })).collect()
     }
 
-    /// Waves of torque over the turning of a rotor, at every order that its records show.
+    /// Waves of torque over the rotor angle, at every order that the records resolve.
     fn orders(&self, model: &Model, hypotheses: &[Hypothesis]) -> Vec<Candidate> {
         let Some(hypothesis) = hypotheses.iter().position(|it| it.description.declared.role == Role::Waves) else {
             return Vec::new();
@@ -403,7 +409,7 @@ impl Equations {
                 Turning::new(&speed.unwrap_or_default(), record.angle.unwrap_or(0.0), record.period)
             })
             .collect();
-        // Of less than a turn an order is a smooth torque.
+        // Over less than a turn, an order looks like a smooth torque.
         if rotors.iter().map(Turning::turns).fold(0.0, f64::max) < 1.0 {
             return Vec::new();
         }
@@ -427,14 +433,14 @@ impl Equations {
         orders.into_iter().zip(columns).filter_map(at).collect()
     }
 
-    /// What each candidate gives beside a base; none that says what the model has already.
+    /// The effect of each candidate together with a base, without candidates that are already in the model.
     fn judged(&self, base: &Base, candidates: &[Candidate], model: &Model, hypotheses: &[Hypothesis]) -> Vec<Judged> {
         let kind = model.file.kind;
         let places: Vec<usize> = (0..candidates.len()).collect();
         let judged = in_threads(&places, self.threads, |&place| {
             let candidate = &candidates[place];
             let hypothesis = &hypotheses[candidate.hypothesis];
-            // Friction is one thing: its law is the free run's to say.
+            // Friction has one law. The free run decides which.
             let kinds = |entry: &Entry| (entry.description.kind, hypothesis.description.kind);
             let there = |entry: &Entry| {
                 let (a, b) = kinds(entry);
@@ -451,7 +457,7 @@ impl Equations {
     }
 }
 
-/// The noise of what an equation misses: from row to row it is what is new there.
+/// The noise of an equation error, from the differences of neighbouring rows.
 fn noise(values: &[f64]) -> f64 {
     let steps = values.windows(2).map(|w| (w[1] - w[0]) * (w[1] - w[0]));
     let size = values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));

@@ -1,6 +1,6 @@
 //! The readings of a record in the form that the equations need: raw, smoothed, and corrected for what sensors do to them.
 //!
-//! In: a prepared record. Out: a signal value for each row, and which rows count. Never looks at an equation.
+//! In: a prepared record. Out: a signal value for each row, and which rows count. Independent of the equations.
 
 use crate::plant::whitened_residuals::Prepared;
 use rsm_sim::effect::{AXIS_SIGN_WIDTH, Role};
@@ -10,41 +10,43 @@ use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
 
-/// Rows of the memory. Longer, a constant error of a rate stands out of the noise by more, and what the plant makes of its own errors does so, too.
+/// The memory in rows. With a longer memory, a constant error of a rate is larger relative to the noise, but so is the plant's response to its own
+/// errors.
 pub const MEMORY: f64 = 100.0;
 
-/// Rows on either side over which a reading is smoothed: where two versions of one reading are compared, its noise is in both and would look like a part of what is missed.
+/// The number of rows on either side over which a reading is smoothed. Smoothed readings are used to compare two versions of one reading, because the
+/// noise is in both and would look like a part of the equation error.
 pub const WIDTH: usize = 10;
 
-/// Below this speed, in widths of the sign's smoothing, dry friction is not what the speed says but what holds the axis.
+/// Below this speed, in widths of the smoothed sign, the plant may be at rest; the holding force then does not follow from the speed.
 const REST: f64 = 3.0;
 
-/// The noise of a smooth speed, over the noise of a position a period: sqrt(sum of the squared slopes of the Hann window).
+/// The noise of the smoothed speed, in units of the position noise per period: the square root of the sum of squared slopes of the Hann window.
 const SPEED_NOISE: f64 = 0.043;
 
 /// The readings of a record, by output of the plant.
 #[derive(Debug, Clone)]
 pub struct Readings {
     raw: [Option<Vec<f64>>; OUTPUTS],
-    /// A mean weighted by a Hann window.
+    /// Readings smoothed with a Hann window.
     smooth: [Option<Vec<f64>>; OUTPUTS],
-    /// The slope of the smooth readings, per second.
+    /// The slope of the smoothed readings, per second.
     slope: [Option<Vec<f64>>; OUTPUTS],
     /// Rows at which an axis rests.
     rests: Vec<bool>,
-    /// Rows whose memory holds no reading that does not count.
+    /// Rows that count: no reading within their memory is left out.
     pub counts: Vec<bool>,
 }
 
-/// Rows at which an axis rests by its position, if that is what moves.
+/// Rows at which an axis is at rest, from its position.
 fn at_rest(positions: &[f64], speed: &[f64], period: f64) -> Vec<bool> {
-    // Five standard deviations: a noise of the speed beyond the width of a sign is no direction either.
+    // Five standard deviations: if the noise of the speed exceeds the width of the sign, the direction is unknown too.
     let slowest = (REST * AXIS_SIGN_WIDTH).max(5.0 * SPEED_NOISE * noise(positions) / period);
     let mut rests = vec![false; speed.len()];
     let mut row = 0;
     while row < speed.len() {
         let slow = speed[row..].iter().take_while(|it| it.abs() < slowest).count();
-        // Who reverses is slow for some rows; who rests is so for longer than readings are smoothed.
+        // A reversal is slow for a few rows. Rest lasts longer than the smoothing.
         if slow >= 3 * WIDTH {
             rests[row..row + slow].fill(true);
         }
@@ -53,17 +55,17 @@ fn at_rest(positions: &[f64], speed: &[f64], period: f64) -> Vec<bool> {
     rests
 }
 
-/// Which version of the readings.
+/// The version of the readings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Version {
-    /// As they are.
+    /// Unchanged.
     Raw,
-    /// Smooth.
+    /// Smoothed.
     Smooth,
 }
 
 impl Readings {
-    /// Of a record.
+    /// The readings of a record.
     #[must_use]
     pub fn new(prepared: &Prepared, kind: PlantKind) -> Self {
         let mut raw: [Option<Vec<f64>>; OUTPUTS] = Default::default();
@@ -88,11 +90,11 @@ impl Readings {
             _ => vec![false; rows],
         };
         let memory = MEMORY as usize;
-        // A start whose speed is a slope of few readings is forgotten to a tenth.
+        // The initial speed comes from a few readings. After these rows, a tenth of its error is left.
         let mut left_out = if kind == PlantKind::ServoAxis { 4 * memory } else { 0 };
         let counts = (0..rows)
             .map(|row| {
-                // What did not count may be far off; where a rest ended is known to some of the noise.
+                // After a reading that does not count, the observer may be far off. The end of a rest is known within the noise.
                 left_out = match (prepared.used.iter().all(|used| used[row]), rests[row]) {
                     (false, _) => 4 * memory,
                     (_, true) => left_out.max(3 * memory),
@@ -110,13 +112,13 @@ impl Readings {
         &self.rests
     }
 
-    /// What an output was in truth by the effects of a file, a value a row; `None` where the record does not hold it.
+    /// The true values of an output, one for each row, by inverting the sensor effects of a file; `None` if the record does not hold the output.
     #[must_use]
     pub fn truth(&self, output: usize, version: Version, file: &PlantFile, hooks: &Hooks, record: &Record) -> Option<Vec<f64>> {
         let chosen = if version == Version::Raw { &self.raw } else { &self.smooth };
         let (values, slope) = (chosen[output].as_ref()?, self.slope[output].as_ref()?);
         let name = file.kind.outputs()[output].name;
-        // A slow sensor's reading and its slope times its time constant are what it reads.
+        // The input of a slow sensor is its reading plus its time constant times the slope.
         let is_slow =
             |it: &&Entry| it.description.declared.role == Role::ReadingLag && it.arguments.subject.as_deref() == Some(name);
         let lag = file.acting().find(is_slow).map_or(0.0, |it| it.arguments.number("time_constant"));
@@ -132,7 +134,7 @@ impl Readings {
     }
 }
 
-/// A mean over a Hann window (J. von Hann), narrower at the ends.
+/// A mean with a Hann window (J. von Hann), narrower at the ends.
 fn smoothed(values: &[f64]) -> Vec<f64> {
     let weight = |distance: usize| 0.5 + 0.5 * (std::f64::consts::PI * distance as f64 / (WIDTH + 1) as f64).cos();
     let weights: Vec<f64> = (0..=WIDTH).map(weight).collect();
@@ -149,7 +151,7 @@ fn smoothed(values: &[f64]) -> Vec<f64> {
     (0..values.len()).map(of).collect()
 }
 
-/// The noise of positions, by their second differences: a smooth motion has hardly any.
+/// The noise of positions, from their second differences. A smooth motion hardly contributes to these.
 fn noise(positions: &[f64]) -> f64 {
     let curvatures = positions.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]) * (w[2] - 2.0 * w[1] + w[0]));
     (curvatures.sum::<f64>() / (6.0 * positions.len().max(1) as f64)).sqrt()

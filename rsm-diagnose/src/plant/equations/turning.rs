@@ -1,12 +1,12 @@
-//! Waves of torque over the angle of a rotor, at every order: what each would add to the equation of the speed.
+//! Waves of torque over the angle of a rotor: for every order, the column that it adds to the equation of the speed.
 //!
-//! In: the recorded speed of a motor. Out: two columns for each order, a quarter of a wave apart. The angle is the integral of the recorded speed, so a wave of 90 cycles a turn
-//! stays in phase. A simulated angle would be several cycles off. Never fits.
+//! In: the recorded speed of a motor. Out: two columns for each order, a quarter of a wave apart. The angle is the integral of the recorded speed, so
+//! even a wave of 90 cycles per turn stays in phase. The simulated angle would be several cycles off. Fits nothing.
 
 use super::readings::MEMORY;
 
-/// Orders that are asked: 36 slots with 42 poles have 252 cycles a turn, but a motor of a hundred turns a second passes a third of a kilohertz with four; more than 120 are above
-/// what the sampling shows.
+/// The highest order. 36 slots with 42 poles have 252 cycles per turn, but at a hundred turns per second even order four is above a third of a
+/// kilohertz. Orders above 120 are beyond what the sampling resolves.
 pub const MOST: usize = 120;
 
 /// A rotor along a record.
@@ -17,7 +17,7 @@ pub struct Turning {
 }
 
 impl Turning {
-    /// From speeds, in rad/s.
+    /// From speeds in rad/s; `start` is the first angle.
     #[must_use]
     pub fn new(speed: &[f64], start: f64, period: f64) -> Self {
         let mut angle = Vec::with_capacity(speed.len());
@@ -29,13 +29,13 @@ impl Turning {
         Turning { angle, period }
     }
 
-    /// The turns of it, there and back.
+    /// The number of turns, with both directions added.
     #[must_use]
     pub fn turns(&self) -> f64 {
         self.angle.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>() / std::f64::consts::TAU
     }
 
-    /// What sin(order angle) and cos(order angle), each over an inertia, add to the speed that is said.
+    /// The columns that sin(order angle) and cos(order angle), each divided by an inertia, add to the error of the speed.
     #[must_use]
     pub fn wave(&self, order: usize, inertia: f64) -> [Vec<f64>; 2] {
         let order = order as f64;
@@ -47,7 +47,8 @@ impl Turning {
             let (sin, cos) = phase.sin_cos();
             if let Some((last, [last_sin, last_cos])) = before {
                 let moved = phase - last;
-                // The mean over the row, the angle in proportion to the time: between the ends a wave of a high order turns by radians. Below 1e-4 the mean of both ends is right to 1e-9.
+                // The mean over the row, with the angle linear in time: a wave of high order turns by radians between the ends. For changes below
+                // 1e-4, the mean of both ends is accurate to 1e-9.
                 let mean = if moved.abs() < 1e-4 {
                     [0.5 * (sin + last_sin), 0.5 * (cos + last_cos)]
                 } else {

@@ -1,7 +1,8 @@
-//! Excitations of an axis: motions between the ends of the travel that was seen, in closed loop as a reference, in open loop as a command.
+//! Excitations of an axis: motions within the recorded travel, in closed loop as a reference, in open loop as a command.
 //!
-//! In: believed plants, limits. Out: records of a reference or a command. The command of an open-loop record is what a controller of our own needs for the motion on the
-//! believed axis, or a pattern of pulses. Never leaves the travel, never goes faster than was seen.
+//! In: accepted plants and limits. Out: records of a reference or a command. An open-loop command is either the one that a velocity and position
+//! controller needs for the motion on the accepted axis, or a pattern of pulses. The motion never leaves the recorded travel and never exceeds the
+//! recorded speed.
 
 use super::shapes::{Path, binary};
 use super::{Excitation, Limits, blank, fitting};
@@ -9,13 +10,13 @@ use rsm_sim::plant_file::{Parameters, PlantFile, VelocityFrom};
 use rsm_sim::record::{Drive, Record};
 use rsm_sim::simulate::Simulator;
 
-/// Samples in a time constant of the velocity loop with which a command is found: fast, and sampled finely enough to be stable with any mechanics.
+/// Samples per time constant of the velocity loop that finds a command. The loop is fast, and sampled finely enough to be stable with any mechanics.
 const SAMPLES: f64 = 20.0;
 
 /// The velocity loop is this many times faster than the position loop around it.
 const CASCADE: f64 = 4.0;
 
-/// The command that a motion may need, as a share of its limit.
+/// The largest command of a motion, as a share of the command limit.
 const OF_COMMAND: f64 = 0.9;
 
 struct Axis<'a> {
@@ -34,7 +35,7 @@ impl Axis<'_> {
         if self.limits.drive == Drive::Closed {
             return Some(self.at(blank(name, self.limits, rows, vec![reference], 1)));
         }
-        // The command that a controller needs on the believed axis.
+        // The command that the controller needs on the accepted axis.
         let mut with_loop = self.plant.clone();
         with_loop.initial.clear();
         let parameters: &mut Parameters = &mut with_loop.parameters;
@@ -71,7 +72,7 @@ impl Axis<'_> {
     }
 }
 
-/// A move in a straight line of speed, with ramps of a fixed acceleration, as short paths of constant acceleration.
+/// A motion at constant speed, with ramps of a fixed acceleration, as short pieces of constant acceleration.
 fn moves(path: &mut Path, to: f64, speed: f64, acceleration: f64, period: f64) {
     let from = path.last();
     let distance = (to - from).abs();
@@ -94,7 +95,7 @@ fn moves(path: &mut Path, to: f64, speed: f64, acceleration: f64, period: f64) {
     }
 }
 
-/// All of them.
+/// All excitations of an axis.
 pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
     let Some(plant) = believed.first() else { return Vec::new() };
     let [low, high] = limits.seen[0];
@@ -109,7 +110,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     let mut add = |name: &str, words: &'static str, make: &super::Maker<'_>| {
         list.extend(fitting(believed, limits, name, words, make));
     };
-    // Places one after another at a speed, with rests, until the record is full.
+    // Moves to one position after another at a speed, with rests, until the record is full.
     let places = |places: &[f64], speed: f64, rest: f64, a: f64| {
         let mut path = Path::from(middle);
         let mut k = 0;
@@ -131,7 +132,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         axis.follows("medium trapezoids", &places(&[0.6, -0.6, 0.2, -0.2], fast / 3.0, 0.02 * seconds, a))
     });
     add("slow reversals", "slow moves with many reversals", &|a| {
-        // Eight reversals: an eighth of the record each way.
+        // Eight reversals: each stroke takes an eighth of the record.
         let reach = (0.03 * fast * seconds / 8.0).min(0.5 * half);
         let mut path = Path::from(middle);
         for k in 0..9 {
@@ -148,7 +149,8 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         axis.follows("rests", &places(&[0.8, -0.8], 0.5 * fast, 0.15 * seconds, a))
     });
     add("chirp", "a sine of rising frequency whose speed is that of the records", &|a| {
-        // From 1 to 24 periods a record in proportion; the amplitude falls as the frequency rises, so that the speed stays.
+        // The number of periods per record grows from 1 to 24 in a geometric series. The amplitude falls as the frequency rises, so that the speed
+        // stays the same.
         let mut path = Path::from(middle);
         let rows = limits.rows;
         for row in 1..rows {
@@ -162,7 +164,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     });
     if limits.drive == Drive::Open {
         add("pulses", "pulses of the command in both directions, from rest", &|a| {
-            // A pulse of half the limit, whose motion the amplitude keeps within the travel.
+            // A pulse of half the limit. The amplitude is reduced until the motion stays within the travel.
             let level = 0.5 * a * plant.parameters.number("command_limit");
             let hold = (limits.rows / 64).max(1);
             let pattern = [1.0, -1.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0];
@@ -172,7 +174,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         add("binary command", "a binary sequence of the command", &|a| {
             let level = 0.3 * a * plant.parameters.number("command_limit");
             let hold = (limits.rows / 400).max(1);
-            // Each value once forward and once backward: the sequence then has no mean that drives the axis away.
+            // Each value once forward and once backward, so that the sequence has no mean that drives the axis away.
             let half: Vec<f64> = binary(limits.rows / 2 + 1, hold, 0);
             let pairs = half.chunks(hold).flat_map(|part| part.iter().copied().chain(part.iter().map(|it| -it)));
             let commands: Vec<f64> = pairs.map(|it| level * it).take(limits.rows).collect();

@@ -1,7 +1,7 @@
-//! Excitations of a car: what a foot can do on a track, in each gear.
+//! Excitations of a car: throttle movements on a test track, in each gear.
 //!
-//! In: believed plants, limits. Out: records of the throttle. The foot answers to the engine's speed, as the believed car runs, so that it stays within what the records
-//! have seen. Never changes gear, never brakes, never rolls backward: the plant has no reverse gear.
+//! In: accepted plants and limits. Out: records of the throttle. The throttle follows from the simulated engine speed, so that this stays within the
+//! recorded range. The gear never changes, the brake is never used, and the car never rolls backward: the plant has no reverse gear.
 
 use std::cell::RefCell;
 
@@ -11,21 +11,21 @@ use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 use rsm_sim::simulate::Simulator;
 
-/// The foot turns round so far inside the range of the engine's speed, as a share of it: the driveline swings on.
+/// The throttle reverses this far inside the range of the engine speed, as a share of the range, because the driveline oscillates further.
 const INSIDE: f64 = 0.12;
 
-/// What the foot does: the throttle of a row from the engine's speed there, both ends of its range and the row.
+/// The throttle of a row, as a function of the row and the engine speed there.
 type Foot<'a> = dyn FnMut(usize, f64) -> f64 + 'a;
 
 struct Track<'a> {
     plant: &'a PlantFile,
     limits: &'a Limits,
-    /// Engine speeds between which the foot turns round, in rad/s.
+    /// Engine speeds at which the throttle reverses, in rad/s.
     engine: [f64; 2],
 }
 
 impl Track<'_> {
-    /// Rolls in a gear from an engine speed, the foot in the loop.
+    /// A record in one gear from an engine speed, with the throttle as a function of the engine speed.
     fn record(&self, gear: usize, engine_speed: f64, foot: &mut Foot<'_>) -> Option<Record> {
         let rows = self.limits.rows;
         let parameters = self.plant.effective_parameters();
@@ -47,7 +47,7 @@ impl Track<'_> {
     }
 }
 
-/// All of them.
+/// All excitations of a car.
 pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
     let Some(plant) = believed.first() else { return Vec::new() };
     let [low, high] = limits.seen[0];
@@ -59,7 +59,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     let middle = 0.5 * (engine[0] + engine[1]);
     let rows_in = |seconds: f64| (seconds / limits.period).round().max(1.0) as usize;
     let mut list = Vec::new();
-    // Gears that the records know, and the lowest, the middle and the highest.
+    // The gears in the records, and the lowest, the middle and the highest gear.
     let mut gears = limits.gears.clone();
     gears.extend([1, 3, 5].into_iter().filter(|gear| !limits.gears.contains(gear)));
     for gear in gears {
@@ -70,7 +70,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
             let mut pressed = true;
             let mut since = 0;
             track.record(gear, middle, &mut |row, speed| {
-                // A shuffle of 2 Hz or more shows in 0.6 s.
+                // An oscillation of 2 Hz or more is visible in 0.6 s.
                 let long = row - since >= rows_in(0.6);
                 let turn = if pressed { speed > track.engine[1] } else { speed < track.engine[0] };
                 if turn || (long && row - since >= rows_in(1.2)) {
@@ -109,7 +109,8 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
             add(name, words, &|_| {
                 let target = track.engine[0] + at * (track.engine[1] - track.engine[0]);
                 let mut held = 0.1;
-                // The pedal closes a miss of a tenth of the range, and holds within 2 s what the road asks for.
+                // A proportional and integral control: it corrects an error of a tenth of the range with full throttle, and compensates the road load
+                // within 2 s.
                 let gain = 1.0 / (0.1 * (track.engine[1] - track.engine[0]));
                 track.record(gear, target, &mut |_, speed| {
                     let miss = gain * (target - speed);

@@ -1,32 +1,33 @@
-//! Excitations of any plant of equations: what can be done with its inputs, within what the records have seen of them.
+//! Excitations for a plant of equations: changes of its inputs within their recorded ranges.
 //!
-//! In: believed plants, limits. Out: records in which one input moves about the middle of its range while the others stay in theirs, and one in which all move. Knows no plant.
+//! In: accepted plants and limits. Out: records in which one input moves about the middle of its range while the others stay at theirs, and one in
+//! which all move. Independent of the equations.
 
 use super::shapes::{Path, binary};
 use super::{Excitation, Limits, blank, fitting};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
-/// Steps of a staircase: two levels on either side of the middle, up and down again.
+/// The levels of a staircase: two on either side of the middle, up and down again.
 const STAIRS: [f64; 8] = [0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0];
 
-/// The highest frequency of a sweep as a share of the sample rate: ten rows a period still draw a wave.
+/// The highest frequency of a sweep as a share of the sample rate: ten rows per period.
 const HIGHEST_OF_SWEEP: f64 = 0.1;
 
-/// Periods of a sweep's lowest frequency in a record.
+/// The number of periods of a sweep's lowest frequency in a record.
 const LOWEST: f64 = 2.0;
 
-/// Rows for which a binary sequence holds, as shares of a record: two speeds, a decade apart.
+/// The rows for which a binary sequence holds a value, as shares of a record: two values, a decade apart.
 const HOLDS: [f64; 2] = [0.002, 0.02];
 
-/// All of them.
+/// All excitations of a plant of equations.
 pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
     let Some(plant) = believed.first() else { return Vec::new() };
     let mut list = Vec::new();
     let names = plant.kind.inputs();
     for (moved, signal) in names.iter().enumerate().take(limits.inputs.len()) {
         let [low, high] = limits.inputs[moved];
-        // An input that never moved may not be free to move.
+        // An input that never moved in the records may be fixed.
         if high.is_nan() || high <= low {
             continue;
         }
@@ -53,7 +54,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     }
     if limits.inputs.iter().filter(|[low, high]| high > low).count() > 1 {
         let make = |amplitude: f64| {
-            // Registers far apart have nothing to do with each other.
+            // Sequences that start far apart in the register are uncorrelated.
             Some(record(limits, &|input, rows| Some(scaled(binary(rows, (rows / 100).max(1), 97 * (input + 1)), amplitude))))
         };
         list.extend(fitting(
@@ -67,7 +68,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     list
 }
 
-/// A record in which inputs have a shape about the middle of their range; without one they stay there.
+/// A record in which inputs have a shape about the middle of their range. Inputs without a shape stay at the middle.
 fn record(limits: &Limits, shape: &dyn Fn(usize, usize) -> Option<Vec<f64>>) -> Record {
     let rows = limits.rows;
     let inputs = limits.inputs.iter().enumerate().map(|(input, [low, high])| {
@@ -106,7 +107,7 @@ fn ramps(rows: usize, period: f64) -> Vec<f64> {
     path.sampled(rows, period).0
 }
 
-/// A sine whose frequency grows in proportion to itself.
+/// A sine with exponentially growing frequency.
 fn sweep(rows: usize) -> Vec<f64> {
     let (first, last) = (LOWEST / rows as f64, HIGHEST_OF_SWEEP);
     let growth = (last / first).ln();

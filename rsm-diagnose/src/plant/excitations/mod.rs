@@ -1,8 +1,8 @@
 //! The library of excitations: records that a bench, a track or an axis could make next.
 //!
-//! In: the plant that is accepted and what its records cover. Out: [`Excitation`]s, each a record of inputs whose motion stays within the [`Limits`] of the plant file (bus
-//! voltage, longest current vector, command limit) and of the records (speeds, travel, loads). A motion that exceeds them is made smaller, and left out if it becomes too
-//! small to be useful. Knows no cause and judges nothing.
+//! In: the accepted plant and the range of its records. Out: [`Excitation`]s, each a record of inputs whose motion stays within the [`Limits`] of the
+//! plant file (bus voltage, longest current vector, command limit) and of the records (speeds, travel, loads). A motion that exceeds them is made
+//! smaller, and left out if it becomes too small to be useful. Independent of causes; evaluates nothing.
 
 mod axis;
 mod driveline;
@@ -18,21 +18,21 @@ use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
 use rsm_sim::simulate::{Outputs, Simulator};
 
-/// A record that could be made.
+/// A possible record.
 #[derive(Debug, Clone)]
 pub struct Excitation {
     /// Its name.
     pub name: String,
-    /// What is done in it, in words.
+    /// What happens in it, in words.
     pub words: &'static str,
-    /// Inputs at every row; outputs as the believed plant predicts them.
+    /// Inputs at every row, and outputs as the accepted plant predicts them.
     pub record: Record,
 }
 
-/// What a record may do.
+/// The limits of a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Limits {
-    /// What drives the plant in the records.
+    /// The kind of inputs that drive the plant in the records.
     pub drive: Drive,
     /// Sample period, in s.
     pub period: f64,
@@ -50,23 +50,24 @@ pub struct Limits {
     pub gears: Vec<usize>,
     /// Lowest and highest value of each input of a plant of equations in the records.
     pub inputs: Vec<[f64; 2]>,
-    /// By output of a plant of equations, its first reading in the first record that holds it.
+    /// For each output of a plant of equations, its first reading in the first record that holds it.
     pub starts: Vec<Option<f64>>,
-    /// What the first record decides of the parameters of a plant of equations.
+    /// The parameters of a plant of equations that are set by the first record.
     pub settings: Vec<(&'static str, f64)>,
 }
 
-/// A motion may leave what was seen by so much of the range: models differ, and a step of noise is no damage.
+/// A motion may exceed the recorded range by this share of it. Models differ, and a small excess does no damage.
 const SLACK: f64 = 0.05;
 
-/// Amplitudes that are tried, as shares of the largest; below a fifth the motion is no longer what its name says.
+/// Amplitudes that are tried, as shares of the largest. With less than a fifth, the motion no longer matches its name.
 const AMPLITUDES: [f64; 6] = [1.0, 0.8, 0.6, 0.45, 0.3, 0.2];
 
-/// Rows of a record at least and at most: long enough for a noise floor (a spectrum of 512), no longer than anybody wants to simulate hundreds of times.
+/// The smallest and the largest number of rows of a record: long enough for a noise floor (a spectrum of 512 rows), and short enough for hundreds of
+/// simulations.
 const ROWS: [usize; 2] = [1000, 8000];
 
 impl Limits {
-    /// What the records of a fit have seen.
+    /// The limits from the records of a fit.
     #[must_use]
     pub fn of(whitened: &WhitenedResiduals, fit: &Fit) -> Option<Limits> {
         let first = whitened.records.first()?;
@@ -104,7 +105,7 @@ impl Limits {
                     }
                 }
                 PlantKind::ServoAxis => {
-                    // The axis follows its reference but for its overshoot; without one the motion itself says how fast it went.
+                    // The axis follows its reference except for overshoot. In open loop, the simulated motion gives the speeds.
                     let path = match record.drive {
                         Drive::Closed => record.inputs.first(),
                         _ => simulated.first(),
@@ -132,7 +133,7 @@ impl Limits {
                 let most = file.parameters.number("current_limit");
                 let i_q = outputs.of("i_q").unwrap_or(&[]);
                 let short = |(k, q): (usize, &f64)| outputs.of("i_d").map_or(0.0, |i_d| i_d[k]).hypot(*q) <= most;
-                // A motor that turns one way turns the other.
+                // A motor that turned in one direction may turn in the other.
                 let top = self.top();
                 i_q.iter().enumerate().all(short) && within(2, [-top, top])
             }
@@ -145,19 +146,19 @@ impl Limits {
         }
     }
 
-    /// The highest speed of a motor that was seen, in rad/s.
+    /// The highest recorded speed of a motor, in rad/s.
     fn top(&self) -> f64 {
         let [low, high] = self.seen[2];
         if low.is_finite() { low.abs().max(high.abs()) } else { 0.0 }
     }
 }
 
-/// A range and what more values need.
+/// A range, extended to contain more values.
 fn around(range: [f64; 2], values: &[f64]) -> [f64; 2] {
     values.iter().fold(range, |[low, high], value| [low.min(*value), high.max(*value)])
 }
 
-/// Largest first and second derivative of a path, over ten periods: a step of a reference has neither.
+/// The largest first and second derivative of a path, over ten periods: a step of a reference has no finite derivative.
 fn rates(path: &[f64], period: f64) -> (f64, f64) {
     const WIDTH: usize = 10;
     let span = WIDTH as f64 * period;
@@ -167,10 +168,10 @@ fn rates(path: &[f64], period: f64) -> (f64, f64) {
     (largest(&speeds), largest(&changes))
 }
 
-/// Makes a record of a given amplitude, or says that there is none.
+/// Makes a record of a given amplitude; `None` if that is impossible.
 type Maker<'a> = dyn Fn(f64) -> Option<Record> + 'a;
 
-/// A record of inputs, `time` from 0, that starts at rest; its outputs are to be predicted.
+/// A record of inputs that starts at time 0 and at rest. Its outputs are predicted later.
 fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>, gear: usize) -> Record {
     Record {
         file: name.to_string(),
@@ -186,7 +187,8 @@ fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>, gear: 
     }
 }
 
-/// The excitations of a plant, in the order of the library. Every plant of `believed` must keep the limits along each; the first one predicts the outputs.
+/// The excitations of a plant, in the order of the library. Every plant of `believed` must stay within the limits along each; the first one predicts
+/// the outputs.
 #[must_use]
 pub fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
     let Some(first) = believed.first() else { return Vec::new() };
@@ -198,7 +200,7 @@ pub fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
     }
 }
 
-/// The largest amplitude that every plant survives.
+/// The record with the largest amplitude for which every plant stays within the limits.
 fn fitting(believed: &[&PlantFile], limits: &Limits, name: &str, words: &'static str, make: &Maker<'_>) -> Option<Excitation> {
     AMPLITUDES.iter().find_map(|amplitude| {
         let record = predicted(believed, limits, make(*amplitude)?)?;
@@ -206,7 +208,7 @@ fn fitting(believed: &[&PlantFile], limits: &Limits, name: &str, words: &'static
     })
 }
 
-/// The record with the first plant's outputs, if all keep the limits.
+/// The record with the first plant's outputs, if all plants stay within the limits.
 fn predicted(believed: &[&PlantFile], limits: &Limits, mut record: Record) -> Option<Record> {
     let mut prediction = None;
     for plant in believed {
@@ -222,13 +224,13 @@ fn predicted(believed: &[&PlantFile], limits: &Limits, mut record: Record) -> Op
     Some(record)
 }
 
-/// Outputs along a record, the plant's own start values set aside.
+/// The outputs along a record, without the start values of the plant file.
 fn along(plant: &PlantFile, record: &Record) -> Option<Outputs> {
     let bare = PlantFile { initial: Vec::new(), ..plant.clone() };
     Simulator::new(&bare, record).ok()?.run(record).ok()
 }
 
-/// A record as a file: inputs, and outputs as predicted. The way `rsm simulate` reads it.
+/// A record as CSV text: inputs and predicted outputs, as `rsm simulate` reads it.
 #[must_use]
 pub fn csv(plant: &PlantFile, excitation: &Excitation) -> String {
     use rsm_sim::kind::Signal;
@@ -263,7 +265,7 @@ pub fn csv(plant: &PlantFile, excitation: &Excitation) -> String {
     )
 }
 
-/// The column that decides a parameter of a plant of equations, where a column does.
+/// The column that sets a parameter of a plant of equations, if a column does.
 fn setting(decision: &Decision, record: &Record) -> Option<(rsm_sim::kind::Signal, Vec<f64>)> {
     let (_, value) = record.settings.iter().find(|it| it.0 == decision.parameter)?;
     Some((rsm_sim::kind::Signal { name: decision.column?, unit: "1" }, vec![*value; record.rows()]))

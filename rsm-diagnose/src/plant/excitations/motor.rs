@@ -1,23 +1,25 @@
-//! Excitations of a motor: voltages in the rotor's frame that make it turn, and currents that it can bear.
+//! Excitations of a motor: voltages in the rotor frame, within its current and voltage limits.
 //!
-//! In: believed plants, limits. Out: records of v_d, v_q and load torque. The voltages are those of the model in steady turning, fed forward: with a phase resistance of a few
-//! hundredths of an ohm the speed follows the voltage within milliseconds, so no controller is needed to make the record. Never exceeds the bus or the longest current vector.
+//! In: accepted plants and limits. Out: records of v_d, v_q and load torque. The voltages are the model's steady-state voltages, fed forward. With a
+//! phase resistance of a few hundredths of an ohm the speed follows the voltage within milliseconds, so no controller is needed to make the record.
+//! The bus voltage and the longest current vector are never exceeded.
 
 use super::shapes::{Path, binary};
 use super::{Excitation, Limits, blank, fitting};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
 
-/// Share of the longest current vector that accelerations and currents on the d axis use: friction and load need the rest.
+/// The share of the longest current vector for accelerations and d-axis currents. Friction and load need the rest.
 const OF_CURRENT: f64 = 0.7;
 
-/// Share of V_dc/sqrt 3 that voltages may reach: references of the drive leave as much to its current control.
+/// The largest voltage as a share of V_dc/sqrt 3. The drive leaves the same reserve for its current control.
 const OF_VOLTAGE: f64 = 0.95;
 
-/// A record of the longest kind has this many rows of the others: windings of a motor of this size heat in minutes, and a fifth of a time constant is seen.
+/// The longest kind of record has this many times the rows of the others. Windings of a motor of this size heat up in minutes; a fifth of that time
+/// constant is recorded.
 const LONG: usize = 4;
 
-/// And at most this many.
+/// The largest number of rows of such a record.
 const LONG_ROWS: usize = 32_000;
 
 struct Motor<'a> {
@@ -33,14 +35,14 @@ struct Motor<'a> {
     top: f64,
 }
 
-/// What a record asks of the motor, row by row.
+/// The required motion and currents, row by row.
 struct Wanted {
     speed: (Vec<f64>, Vec<f64>),
     direct: (Vec<f64>, Vec<f64>),
     load: Vec<f64>,
     /// Added to both voltages.
     extra: Option<[Vec<f64>; 2]>,
-    /// From this row on both voltages are 0.
+    /// From this row on, both voltages are 0.
     off: usize,
 }
 
@@ -49,12 +51,12 @@ impl Motor<'_> {
         1.5 * self.pole_pairs * self.flux
     }
 
-    /// The steepest change of speed, in rad/s^2, that a share of the current makes.
+    /// The largest acceleration, in rad/s^2, that a share of the current can make.
     fn acceleration(&self, share: f64) -> f64 {
         share * OF_CURRENT * self.current * self.torque_constant() / self.inertia
     }
 
-    /// Speeds one after another, by ramps, with equal rests that fill the record.
+    /// Speeds one after another, with ramps, and equal rests that fill the record.
     fn speeds(&self, targets: &[f64], acceleration: f64, seconds: f64) -> Path {
         let mut last = 0.0;
         let ramps: Vec<f64> = targets
@@ -74,7 +76,7 @@ impl Motor<'_> {
         path
     }
 
-    /// Values one after another, each as long, with edges of a few milliseconds: L di/dt then stays a few volts.
+    /// Values one after another, each for the same time, with edges of a few milliseconds, so that L di/dt stays at a few volts.
     fn levels(&self, levels: &[f64], seconds: f64) -> Path {
         let each = seconds / levels.len() as f64;
         let edge = (0.1 * each).min(10.0 * self.inductance / self.resistance.max(1e-3));
@@ -86,7 +88,7 @@ impl Motor<'_> {
         path
     }
 
-    /// The load that stands for none: the nearest to 0 that the bench has had.
+    /// The load that is used for no load: the value nearest to 0 in the records.
     fn idle(&self) -> f64 {
         let [low, high] = self.limits.load;
         if low.is_finite() { 0.0_f64.clamp(low, high) } else { 0.0 }
@@ -103,7 +105,7 @@ impl Motor<'_> {
         }
     }
 
-    /// v = r i + L di/dt + what turning induces, (17) and (18), with i_q from (21) and the balance of torques.
+    /// v = r i + L di/dt + the induced voltage, (17) and (18), with i_q from (21) and the balance of torques.
     fn record(&self, name: &str, wanted: &Wanted) -> Option<Record> {
         let rows = wanted.load.len();
         let (k_t, period) = (self.torque_constant(), self.limits.period);
@@ -117,7 +119,7 @@ impl Motor<'_> {
         for row in 0..rows {
             let w_e = self.pole_pairs * wanted.speed.0[row];
             let (i_d, di_d) = (wanted.direct.0[row], wanted.direct.1[row]);
-            // A step of the torque is made in five rows by current, not by voltage: the record holds no infinite di/dt.
+            // A step of the torque is spread over five rows, so that di/dt stays finite.
             let di_q = if row >= 5 { (i_q[row] - i_q[row - 5]) / (5.0 * period) } else { 0.0 };
             let mut v_d = self.resistance * i_d + self.inductance * di_d - w_e * self.inductance * i_q[row];
             let mut v_q = self.resistance * i_q[row] + self.inductance * di_q + w_e * (self.inductance * i_d + self.flux);
@@ -140,7 +142,7 @@ impl Motor<'_> {
     }
 }
 
-/// All of them.
+/// All excitations of a motor.
 pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
     let Some(plant) = believed.first() else { return Vec::new() };
     let parameters = plant.effective_parameters();
@@ -228,7 +230,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     add("binary-voltage", "a binary sequence on the voltages, turning at medium speed", &|a| {
         let path = motor.speeds(&[0.4 * motor.top], motor.acceleration(0.5), seconds);
         let mut wanted = motor.wanted(&path, &none, rows);
-        // Two milliseconds: a few of them in an electrical time constant of ten.
+        // Two milliseconds: several of them fit in an electrical time constant of ten milliseconds.
         let hold = (0.002 / limits.period).round().max(1.0) as usize;
         let sequence = |skip| binary(rows, hold, skip).iter().map(|it| 0.08 * a * motor.voltage * it).collect::<Vec<f64>>();
         wanted.extra = Some([sequence(0), sequence(200)]);

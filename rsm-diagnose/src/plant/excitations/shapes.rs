@@ -1,15 +1,15 @@
-//! Shapes of a quantity over time, by points between which it is straight.
+//! Piecewise linear functions of time.
 //!
-//! In: points and sample instants. Out: values a row. Knows no plant.
+//! In: points and sample instants. Out: one value for each row. Independent of the plant.
 
-/// A quantity that is straight between points (time in s, value); before the first and after the last it stands still.
+/// A piecewise linear function through points (time in s, value). Before the first and after the last point it is constant.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Path {
     points: Vec<(f64, f64)>,
 }
 
 impl Path {
-    /// Begins at a value.
+    /// A path that begins at a value.
     #[must_use]
     pub(super) fn from(value: f64) -> Self {
         Path { points: vec![(0.0, value)] }
@@ -27,17 +27,17 @@ impl Path {
         self.points.last().map_or(0.0, |point| point.1)
     }
 
-    /// Goes to a value in a straight line.
+    /// Adds a straight line to a value.
     pub(super) fn go(&mut self, value: f64, seconds: f64) {
         self.points.push((self.end() + seconds.max(0.0), value));
     }
 
-    /// Stays.
+    /// Adds a constant part.
     pub(super) fn stay(&mut self, seconds: f64) {
         self.go(self.last(), seconds);
     }
 
-    /// The values at rows, and their slopes per second: those of the stretch that a row begins.
+    /// The values at rows, and their slopes per second. At a corner the slope is that of the following part.
     #[must_use]
     pub(super) fn sampled(&self, rows: usize, period: f64) -> (Vec<f64>, Vec<f64>) {
         let mut values = Vec::with_capacity(rows);
@@ -57,8 +57,8 @@ impl Path {
     }
 }
 
-/// A sequence of +1 and -1 that changes at random multiples of `hold` rows: the maximum-length sequence of a shift register of nine bits
-/// (x^9 + x^5 + 1; S. W. Golomb, 1967), whose spectrum is flat up to 0.44/hold.
+/// A sequence of +1 and -1 that changes at pseudo-random multiples of `hold` rows: the maximum-length sequence of a shift register of nine bits
+/// (x^9 + x^5 + 1; S. W. Golomb, 1967). Its spectrum is flat up to 0.44/hold.
 #[must_use]
 pub(super) fn binary(rows: usize, hold: usize, skip: usize) -> Vec<f64> {
     let mut state = 0b1_0110_1001_u32;

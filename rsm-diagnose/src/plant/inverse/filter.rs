@@ -1,21 +1,21 @@
-//! Low-pass filters that run both ways, so that nothing is late.
+//! Zero-phase low-pass filters, which run forwards and backwards.
 //!
-//! In: a uniformly sampled signal. Out: the same signal without what is fast, as long as it was. Filters of even order, as sections of second order (one
-//! polynomial of eighth order loses digits where its cutoff is low). Never used where a simulation is compared with a record: that stays unfiltered.
+//! In: a uniformly sampled signal. Out: the low-pass filtered signal, of the same length. Filters have even order, as second-order sections (one
+//! polynomial of eighth order is inaccurate if its cutoff is low). Never used to compare a simulation with a record: those signals stay unfiltered.
 
 use std::f64::consts::PI;
 
 /// A low-pass filter of even order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LowPass {
-    /// b0, b1, b2, a1, a2 of each section; at frequency 0 each has the gain 1.
+    /// b0, b1, b2, a1, a2 of each section. Each section has the gain 1 at frequency 0.
     sections: Vec<[f64; 5]>,
-    /// Gain at frequency 0 of the whole.
+    /// The gain of the whole filter at frequency 0.
     gain: f64,
 }
 
 impl LowPass {
-    /// Butterworth (S. Butterworth, 1930): -3 dB at the cutoff, a share of the Nyquist frequency.
+    /// Butterworth filter (S. Butterworth, 1930): -3 dB at the cutoff, which is a share of the Nyquist frequency.
     #[must_use]
     pub fn butterworth(pairs: usize, cutoff: f64) -> Self {
         let poles = (0..pairs).map(|k| {
@@ -25,22 +25,22 @@ impl LowPass {
         LowPass { sections: sections(poles, cutoff), gain: 1.0 }
     }
 
-    /// Chebyshev of the first kind: a ripple in dB up to the cutoff, a share of the Nyquist frequency.
+    /// Chebyshev filter of the first kind: a ripple in dB up to the cutoff, which is a share of the Nyquist frequency.
     #[must_use]
     pub fn chebyshev(pairs: usize, ripple_db: f64, cutoff: f64) -> Self {
-        // |H|^2 = 1/(1 + epsilon^2 T_n^2); its poles lie on an ellipse of half axes sinh(mu), cosh(mu).
+        // |H|^2 = 1/(1 + epsilon^2 T_n^2). Its poles lie on an ellipse with half axes sinh(mu) and cosh(mu).
         let epsilon = (10.0_f64.powf(ripple_db / 10.0) - 1.0).sqrt();
         let mu = (1.0 / epsilon).asinh() / (2 * pairs) as f64;
         let poles = (0..pairs).map(|k| {
             let angle = PI * (2 * k + 1) as f64 / (4 * pairs) as f64;
             (-mu.sinh() * angle.sin(), mu.cosh() * angle.cos())
         });
-        // T_n(0) is 1 or -1 for even n: the ripple is at its lowest there.
+        // T_n(0) is 1 or -1 for even n, so the gain at frequency 0 is the minimum of the ripple.
         LowPass { sections: sections(poles, cutoff), gain: 1.0 / (1.0 + epsilon * epsilon).sqrt() }
     }
 
-    /// Filters forwards and then backwards. Both ends are continued by their mirror through the end point, three times as many values as the filter has coefficients, and
-    /// the filter begins at rest there. A signal that is shorter than that is continued as far as it goes.
+    /// Filters forwards and then backwards. Both ends are extended by point reflection, by three times as many values as the filter has coefficients.
+    /// The filter starts in steady state there. A shorter signal is extended as far as its length allows.
     #[must_use]
     pub fn both_ways(&self, values: &[f64]) -> Vec<f64> {
         let n = values.len();
@@ -63,7 +63,8 @@ impl LowPass {
     }
 }
 
-/// Sections of the poles in the upper left quarter plane, carried from a cutoff of 1 rad/s by the bilinear transform s = 2(1 - 1/z)/(1 + 1/z), which meets the cutoff.
+/// Sections for the poles in the upper left quarter plane, transformed from a cutoff of 1 rad/s by the bilinear transform s = 2(1 - 1/z)/(1 + 1/z)
+/// with a prewarped cutoff.
 fn sections(poles: impl Iterator<Item = (f64, f64)>, cutoff: f64) -> Vec<[f64; 5]> {
     let w = 2.0 * (0.5 * PI * cutoff).tan();
     poles
@@ -76,7 +77,7 @@ fn sections(poles: impl Iterator<Item = (f64, f64)>, cutoff: f64) -> Vec<[f64; 5
         .collect()
 }
 
-/// One section along a signal, in transposed direct form, beginning at rest at the first value.
+/// Filters a signal with one section, in transposed direct form, starting in steady state at the first value.
 fn pass([b0, b1, b2, a1, a2]: &[f64; 5], values: &mut [f64]) {
     let first = values.first().copied().unwrap_or(0.0);
     let (mut z1, mut z2) = ((1.0 - b0) * first, (b2 - a2) * first);

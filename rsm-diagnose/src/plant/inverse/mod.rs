@@ -1,8 +1,8 @@
 //! The inverse model of an axis: the force that a measured motion needs, compared with the force that the drive gave.
 //!
-//! In: a record of an axis with position and command. Out: regressions of the force on acceleration, speed and friction, and the relative error of the force,
-//! also for any plant file whose effects have no memory. Only filtered derivatives of the measured position are used: no simulation, no loop, no start.
-//! Never decides about causes: a good fit of the force does not imply a good free run.
+//! In: a record of an axis with position and command. Out: regressions of the force on acceleration, speed and friction, and the relative error of
+//! the force, also for any plant file whose effects have no memory. Only filtered derivatives of the measured position are used: no simulation, no
+//! loop, no initial state. Never decides about causes: a good fit of the force does not imply a good free run.
 //!
 //! Source: A. Janot, M. Gautier, M. Brunot, "Data Set and Reference Models of EMPS", 2019: inverse dynamic identification model with least squares (IDIM-LS).
 
@@ -21,30 +21,31 @@ use rsm_sim::record::{Drive, Record};
 /// The position is filtered with a Butterworth of fourth order both ways. The cutoff as a share of the Nyquist frequency: 100 Hz at 1 kHz in the source.
 const CUTOFF: f64 = 0.2;
 
-/// Every tenth row is kept (the source), after a Chebyshev filter of eighth order and 0.05 dB up to 0.8 of the new Nyquist frequency: what numerical packages call decimation.
+/// Every tenth row is kept (as in the source), after a Chebyshev filter of eighth order with 0.05 dB ripple up to 0.8 of the new Nyquist frequency,
+/// as in the usual decimation.
 const EVERY: usize = 10;
 
-/// Rows at each end that have no central difference of a central difference.
+/// Rows at each end without a second central difference.
 const ENDS: usize = 2;
 
-/// What resists the motion besides the mass, one step richer than the one before.
+/// The forces that resist the motion besides inertia. Each variant adds one to the variant before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Friction {
-    /// Viscous alone.
+    /// Viscous friction only.
     Viscous,
-    /// And a dry force.
+    /// Also dry friction.
     Coulomb,
-    /// And a constant.
+    /// Also a constant force.
     Offset,
-    /// Dry and viscous of their own forward and backward; the constant is half the difference of the dry forces.
+    /// Different dry and viscous friction forward and backward. The constant is half the difference of the dry frictions.
     Asymmetric,
 }
 
 impl Friction {
-    /// The regressors at an acceleration and a speed, mass first.
+    /// The regressors at an acceleration and a speed; the first is for the mass.
     #[must_use]
     pub fn row(self, acceleration: f64, speed: f64) -> Vec<f64> {
-        // 0 at rest: a sample without a direction has no dry friction.
+        // 0 at rest: without a direction there is no dry friction.
         let sign = if speed == 0.0 { 0.0 } else { speed.signum() };
         match self {
             Friction::Viscous => vec![acceleration, speed],
@@ -58,16 +59,16 @@ impl Friction {
     }
 }
 
-/// Why there is no inverse model of a record.
+/// Why a record has no inverse model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoMotion {
-    /// The plant is no axis, or the record holds no position or no command.
+    /// The plant is no axis, or the record lacks the position or the command.
     NotAnAxis,
-    /// Fewer rows than the filters need.
+    /// The record has fewer rows than the filters need.
     TooShort,
 }
 
-/// A measured motion at the rate of the record, without its ends.
+/// A measured motion at the sample rate of the record, without its ends.
 #[derive(Debug, Clone)]
 pub struct Motion {
     position: Vec<f64>,
@@ -81,7 +82,7 @@ pub struct Motion {
 pub struct Regression {
     /// Coefficients in the order of [`Friction::row`]: kg, N s/m and N.
     pub coefficients: Vec<f64>,
-    /// Length of the force that is left over the length of the force, after decimation.
+    /// The norm of the residual force divided by the norm of the force, after decimation.
     pub relative_error: f64,
 }
 
@@ -89,7 +90,7 @@ impl Motion {
     /// The motion of a record.
     ///
     /// # Errors
-    /// [`NoMotion`], when the record does not hold one.
+    /// [`NoMotion`], if the record has no such motion.
     pub fn of(record: &Record, kind: PlantKind) -> Result<Motion, NoMotion> {
         let position = record.measured.first().and_then(Option::as_ref).filter(|_| kind == PlantKind::ServoAxis);
         let command = match record.drive {
@@ -97,7 +98,7 @@ impl Motion {
             _ => record.inputs.first(),
         };
         let (Some(position), Some(command)) = (position, command) else { return Err(NoMotion::NotAnAxis) };
-        // Ten rows after decimation for each of the five coefficients at most.
+        // After decimation there are ten rows for each of at most five coefficients: fifty rows.
         if position.len() < 50 * EVERY {
             return Err(NoMotion::TooShort);
         }
@@ -115,7 +116,7 @@ impl Motion {
         })
     }
 
-    /// The force on mass and friction, by least squares.
+    /// The regression of the force on mass and friction, by least squares.
     #[must_use]
     pub fn regression(&self, friction: Friction, force_gain: f64) -> Regression {
         let (columns, force) = (self.columns(friction), decimated(&self.force(force_gain)));
@@ -128,7 +129,7 @@ impl Motion {
         Regression { coefficients, relative_error }
     }
 
-    /// The relative error of the force with coefficients from elsewhere: another record, a publication.
+    /// The relative error of the force with given coefficients, for example from another record or a publication.
     #[must_use]
     pub fn relative_error(&self, friction: Friction, coefficients: &[f64], force_gain: f64) -> f64 {
         let mut left = decimated(&self.force(force_gain));
@@ -139,8 +140,8 @@ impl Motion {
         length(&left) / whole
     }
 
-    /// The relative error of the force that a plant file with its effects asks for. `None` for effects with states of their own (a second body, a lag): what they
-    /// ask for does not follow from the motion at one instant.
+    /// The relative error of the force that a plant file with its effects needs. `None` for effects with states of their own (a second body, a lag):
+    /// their force does not follow from the motion at one instant.
     #[must_use]
     pub fn relative_error_of(&self, file: &PlantFile) -> Option<f64> {
         let parameters = file.effective_parameters();
@@ -165,7 +166,7 @@ impl Motion {
         self.command.iter().map(|command| force_gain * command).collect()
     }
 
-    /// The regressors, decimated like the force: what is filtered on one side is filtered on the other.
+    /// The regressors, decimated like the force: both sides of the equation are filtered alike.
     fn columns(&self, friction: Friction) -> Vec<Vec<f64>> {
         let rows: Vec<Vec<f64>> = self.acceleration.iter().zip(&self.speed).map(|(a, v)| friction.row(*a, *v)).collect();
         let width = rows.first().map_or(0, Vec::len);

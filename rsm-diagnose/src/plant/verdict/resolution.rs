@@ -1,11 +1,12 @@
 //! Whether rounded readings are the resolution of a logger, or an error of one sensor.
 //!
-//! In: outputs whose readings are multiples of a step, with the noise floors. Out: those that are blamed. The others are told beside the noise: no simulation is wrong because its readings are rounded.
+//! In: outputs whose readings are multiples of a step, with the noise floors. Out: the sensors with an error. The others are reported with the noise:
+//! a simulation is not wrong because readings are rounded.
 
 use super::super::noise::Floor;
 
-/// Of outputs (place, step) those whose sensor is blamed, `recorded` being how many outputs the records hold. A logger that rounds, rounds every channel. A step whose error, step/sqrt(12), is below the
-/// noise before rounding adds less than the sensor has anyway.
+/// Of the rounded outputs (place, step), those whose sensor is reported as a cause; `recorded` is the number of outputs in the records. A logger that
+/// rounds, rounds every channel. A step with an error, step/sqrt(12), below the noise before rounding is no fault.
 pub(super) fn blamed(rounded: &[(usize, f64)], recorded: usize, floors: &[Floor]) -> Vec<(usize, f64)> {
     if rounded.len() == recorded && recorded > 1 {
         return Vec::new();

@@ -1,6 +1,6 @@
-//! The report of a cause: its numbers with intervals and units, its sentence.
+//! The report of a cause: its parameters with intervals and units, and its sentence.
 //!
-//! In: an entry of a fitted plant, or the rounding of an output. Out: a [`Cause`]. Never judges one.
+//! In: an entry of a fitted plant, or the rounding of an output. Out: a [`Cause`]. Makes no decision.
 
 use super::super::cause::{Cause, Interval, Witness};
 use super::super::levenberg::Fit;
@@ -13,7 +13,7 @@ use rsm_sim::effect::{Arguments, Role, Subject};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
 
-/// The numbers of an entry of a fit, with their intervals.
+/// The parameters of an entry of a fit, with their intervals.
 pub(crate) fn numbers(fit: &Fit, place: usize) -> Vec<Interval> {
     let entry = &fit.model.file.effects[place];
     let (plant, subject) = (entry.arguments.plant, entry.arguments.subject.as_deref());
@@ -44,7 +44,7 @@ pub(crate) fn cause(
     let name = subject.clone().unwrap_or_default();
     sentence = sentence.replace("{parameter}", &name).replace("{output}", &name);
     while let (Some(open), Some(close)) = (sentence.find('{'), sentence.find('}')) {
-        // mutant `> to >=`: one place holds one bracket.
+        // mutant `> to >=`: a bracket cannot open and close at one position.
         if open > close {
             break;
         }
@@ -76,7 +76,8 @@ pub(super) fn rounding_entry(kind: PlantKind, output: usize, step: f64) -> Optio
     Some(Entry { description, arguments: Arguments { plant: kind, subject, numbers: vec![("step", step)] } })
 }
 
-/// How far changes of the readings lie off multiples of the step: so far the step may be off itself, the digits of the largest reading at least.
+/// The largest deviation of changes of readings from multiples of the step: the uncertainty of the step. It is at least the rounding of the largest
+/// reading.
 pub(super) fn off_lattice(whitened: &WhitenedResiduals, output: usize, step: f64) -> f64 {
     let mut off = 0.0_f64;
     for prepared in &whitened.records {
@@ -85,7 +86,7 @@ pub(super) fn off_lattice(whitened: &WhitenedResiduals, output: usize, step: f64
         off = values.iter().fold(off, |most, value| most.max(4.0 * f64::EPSILON * value.abs()));
         for pair in values.windows(2) {
             let miss = ((pair[1] - pair[0]) - ((pair[1] - pair[0]) / step).round() * step).abs();
-            // What is farther off is no multiple, and was no witness of the step.
+            // A change farther from a multiple was not used to find the step.
             if miss < 0.01 * step {
                 off = off.max(miss);
             }
@@ -94,7 +95,7 @@ pub(super) fn off_lattice(whitened: &WhitenedResiduals, output: usize, step: f64
     off
 }
 
-/// Rounding as a cause: the readings are multiples of the step, and no other cause makes them so.
+/// Rounding as a cause: the readings are multiples of the step, and no other cause has this effect.
 pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows: f64) -> Option<Cause> {
     let signal = kind.outputs()[output];
     let description = rsm_sim::equation_plant::with(kind, Role::Rounding, signal.name)?;
@@ -109,11 +110,11 @@ pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows
             high: step + off,
             unit: signal.unit.to_string(),
         }],
-        // A hundredth is left for a file whose digits were cut.
+        // The rest is for a file whose digits were cut.
         confidence: 0.99,
         confidence_of_any: 0.99,
         indistinguishable_from: Vec::new(),
-        // All rows are multiples of the step: about one squared standard deviation a row.
+        // All rows are multiples of the step: about one squared standard deviation for each row.
         gain: rows,
         rivals: Vec::new(),
         asked: true,
@@ -124,7 +125,7 @@ pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows
     })
 }
 
-/// A number to four digits, with its unit.
+/// A number with four digits and its unit.
 pub(crate) fn with_unit(it: &Interval) -> String {
     let digits = format!("{:.3e}", it.value);
     let value: f64 = digits.parse().unwrap_or(it.value);

@@ -1,6 +1,6 @@
 //! Dense symmetric matrices in f64, with the same bits on every machine: sums have a fixed order.
 //!
-//! In: entries. Out: factors, inverses, products, and whether a matrix is positive semidefinite for certain.
+//! In: entries. Out: factors, inverses, products, and a proof that a matrix is positive semidefinite.
 
 /// A square matrix, row by row.
 #[derive(Debug, Clone)]
@@ -9,10 +9,10 @@ pub(super) struct Matrix {
     pub entries: Vec<f64>,
 }
 
-/// Cholesky's factor, row by row; what stands above its diagonal is not used.
+/// Cholesky's factor, row by row; entries above its diagonal are not used.
 pub(super) struct Factor(Matrix);
 
-/// The scalar product, in eight sums.
+/// The scalar product, in eight partial sums.
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (mut sums, split) = ([0.0; 8], a.len() / 8 * 8);
     for (a, b) in a.chunks_exact(8).zip(b.chunks_exact(8)) {
@@ -37,7 +37,7 @@ impl Matrix {
         &mut self.entries[k * self.size..][..self.size]
     }
 
-    /// The factor L of LL', for which only what stands on and below the diagonal is read. None where a pivot is not positive.
+    /// The factor L of LL'. Only entries on and below the diagonal are read. `None` if a pivot is not positive.
     pub(super) fn factor(&self) -> Option<Factor> {
         let size = self.size;
         let mut factor = self.clone();
@@ -55,13 +55,13 @@ impl Matrix {
         Some(Factor(factor))
     }
 
-    /// Whether it is positive semidefinite for certain: the factor of the matrix less a margin exists in f64. Each computed factor is that of a matrix that differs by at most n + 1
-    /// roundings of the trace in norm (Rump 2006, Verification of positive definiteness, BIT 46).
+    /// Whether it is proven positive semidefinite: the factor of the matrix minus a margin exists in f64. Each computed factor is that of a matrix
+    /// that differs by at most n + 1 roundings of the trace in norm (Rump 2006, Verification of positive definiteness, BIT 46).
     pub(super) fn is_positive(&self) -> bool {
         let size = self.size;
         let trace: f64 = (0..size).map(|k| self.entries[k * (size + 1)]).sum();
         let mut less = self.clone();
-        // Twice as much, also for the rounding of the trace and of the difference; and more than any underflow.
+        // Twice that margin, which also covers the rounding of the trace and of the difference, plus more than any underflow.
         let margin = (size + 2) as f64 * f64::EPSILON * trace + f64::MIN_POSITIVE;
         for k in 0..size {
             less.entries[k * (size + 1)] -= margin;
@@ -69,10 +69,10 @@ impl Matrix {
         less.factor().is_some()
     }
 
-    /// The mean of it and its transpose, the same on both sides of the diagonal to the bit.
+    /// The mean of it and its transpose; both sides of the diagonal have the same bits.
     pub(super) fn symmetric(mut self) -> Self {
         let size = self.size;
-        // mutant `0 up`: the first row has nothing before the diagonal.
+        // mutant `0 up`: the first row has no entry before the diagonal.
         for i in 0..size {
             for j in 0..i {
                 let mean = 0.5 * (self.entries[i * size + j] + self.entries[j * size + i]);
@@ -93,7 +93,7 @@ impl Matrix {
         product
     }
 
-    /// Every number on the diagonal grows by a share.
+    /// Multiplies the diagonal by 1 plus a share.
     pub(super) fn lift(&mut self, share: f64) {
         for k in 0..self.size {
             self.entries[k * (self.size + 1)] *= 1.0 + share;

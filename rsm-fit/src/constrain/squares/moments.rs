@@ -1,12 +1,14 @@
-//! The semidefinite program of one degree: the largest m of which there are squares.
+//! The semidefinite program of one degree: the largest m for which a sum of squares exists.
 //!
-//! In: a matrix of polynomials, weights, half the degree. Out: a proven bound, or the variances of t by the last moments. Its dual seeks moments y, one for every monomial of t and product of two entries of u, with the least <b, y> for
-//! the coefficients b of u'Hu, among those of which u'u counts 1 and the matrices Z_k of the products g_k v_k v_k' are positive semidefinite. It starts from the moments of points in the region. Every such y bounds m from above.
+//! In: a matrix of polynomials, weights, half the degree. Out: a proven bound, or the variances of t from the last moments. The dual problem has
+//! moments y, one for every monomial of t and product of two entries of u. It minimises <b, y> for the coefficients b of u'Hu, where the moment of
+//! u'u is 1 and the matrices Z_k of the products g_k v_k v_k' are positive semidefinite. It starts from the moments of points in the region. Every
+//! such y is an upper bound of m.
 //!
-//! A primal-dual interior-point method leads there, in some 15 steps (Nesterov, Nemirovskii 1994, Interior-Point Polynomial Algorithms in Convex Programming; the direction is that of Helmberg, Rendl, Vanderbei, Wolkowicz 1996,
-//! SIAM J. Optimization 6; predictor and corrector of Mehrotra 1992, SIAM J. Optimization 2). This part is plain f64 and proves nothing.
-//! The proof uses the X_k as they were computed (Peyrl, Parrilo 2008, Theoretical Computer Science 409): they are positive semidefinite
-//! by their Cholesky factors, and what they leave of u'(H - m I)u is enclosed by intervals.
+//! A primal-dual interior-point method solves it in about 15 steps (Nesterov, Nemirovskii 1994, Interior-Point Polynomial Algorithms in Convex
+//! Programming; the direction is that of Helmberg, Rendl, Vanderbei, Wolkowicz 1996, SIAM J. Optimization 6; predictor and corrector of Mehrotra
+//! 1992, SIAM J. Optimization 2). This part is plain f64 and proves nothing. The proof uses the X_k as computed (Peyrl, Parrilo 2008, Theoretical
+//! Computer Science 409): they are positive semidefinite by their Cholesky factors, and the remainder of u'(H - m I)u is enclosed by intervals.
 
 use std::collections::HashMap;
 
@@ -17,62 +19,64 @@ use super::region::{Polynomial, Weight};
 use super::{Work, place};
 use crate::random::Random;
 
-/// Points of the box from whose moments a program starts. They are more than the rows of any matrix, so that its moments are those of no surface.
+/// The number of points whose moments start a program. There are more points than rows of any matrix, so the start is not on the boundary.
 const POINTS: usize = 4096;
 
-/// Unknown moments: a step makes about so many multiplications to the third power. Five inputs and order 4 have 1890 with the second degree.
+/// The largest number of unknown moments. A step takes about its third power in multiplications. Five inputs and order 4 have 1890 at the second
+/// degree.
 const MOST_MOMENTS: usize = 2000;
 
-/// Steps of a program; 15 are usual.
+/// The largest number of steps of a program; 15 are usual.
 const MOST_STEPS: usize = 50;
 
-/// Of the way to the edge of the cone a step goes this share.
+/// A step goes this share of the distance to the boundary of the cone.
 const SHARE_OF_WAY: f64 = 0.95;
 
-/// Of a way that is too long this share is tried next.
+/// A step that is too long is multiplied by this.
 const SHORTER: f64 = 0.9;
 
-/// Where no longer step is possible, rounding has the better of it.
+/// If no longer step is possible, rounding errors dominate.
 const SHORTEST: f64 = 1e-4;
 
-/// Of every number on the diagonal of the equations, so that rounding leaves them positive definite; what that changes is refined.
+/// The relative increase of the diagonal of the equations, which keeps them positive definite in spite of rounding. Refinement removes its effect.
 const LIFT: f64 = 1e-14;
 
-/// What rounding left of the equations is solved for so often once more.
+/// The number of refinements of the solution of the equations.
 const REFINEMENTS: usize = 2;
 
-/// What became of a program.
+/// The result of a program.
 pub(super) enum Outcome {
-    /// No eigenvalue is below it.
+    /// A lower bound of all eigenvalues.
     Bound(f64),
-    /// There are no squares of this degree for the bound that is sought: variables with their variances.
+    /// No squares of this degree exist for the requested bound. Holds the variables with their variances.
     Open(Vec<(usize, f64)>),
-    /// The work is spent, or nothing more can be done.
+    /// The work limit is reached, or rounding prevents further progress.
     Stopped,
 }
 
-/// A weight g with its basis v: where the entries of vv' stand among the products of two of its monomials, and every such product times g as a sum of moments.
+/// A weight g with its basis v: the index of each entry of vv' among the products of two monomials, and every such product times g as a sum of
+/// moments.
 struct Block {
     rows: usize,
-    /// Row by row.
+    /// Indices, row by row.
     products: Vec<usize>,
-    /// Of every product.
+    /// For every product, the sum of moments.
     moments: Vec<Vec<(usize, f64)>>,
 }
 
 pub(super) struct Program {
-    /// Entries of u.
+    /// The number of entries of u.
     size: usize,
-    /// The entries a <= b of u of every pair.
+    /// The entries a <= b of u in every pair.
     pairs: Vec<[usize; 2]>,
-    /// Of every moment the coefficient of u'Hu over the scale: entries beside the diagonal stand twice.
+    /// For every moment, the coefficient of u'Hu divided by the scale; entries off the diagonal count twice.
     wanted: Vec<Interval>,
     /// The same of u'u.
     unit: Vec<f64>,
     blocks: Vec<Block>,
-    /// None where no point was found in the region.
+    /// The first moments; `None` if no point in the region was found.
     first: Option<Vec<f64>>,
-    /// Where t_k and its square stand among the monomials.
+    /// The indices of t_k and its square among the monomials.
     of_sides: Vec<[usize; 2]>,
     /// A power of 2.
     scale: f64,
@@ -97,7 +101,8 @@ fn sum_of(one: &[u32], other: &[u32]) -> Vec<u32> {
 }
 
 impl Program {
-    /// Of a matrix with so many rows, its entries on and above the diagonal row by row, each of a degree of twice `half` at most. None where it has too many moments or its coefficients are out of range.
+    /// A program for a symmetric matrix with `size` rows, from its entries on and above the diagonal row by row, each of a degree of at most twice
+    /// `half`. `None` if it has too many moments or its coefficients are out of range.
     pub(super) fn new(entries: &[Polynomial], size: usize, weights: &[Weight], half: u32) -> Option<Self> {
         let variables = weights[0].terms[0].0.len();
         let all = monomials(variables, 2 * half);
@@ -119,7 +124,7 @@ impl Program {
                     + place(size, row % size, column % size)
             };
             let products = (0..rows * rows).map(|k| product(k / rows, k % rows)).collect();
-            // The lowest monomials come first: products of the basis are the first of all.
+            // The lowest monomials come first, so the products of the basis do too.
             let count = monomials(variables, 2 * of_basis).len() * pairs.len();
             let moment = |k: usize, (powers, factor): &(Vec<u32>, f64)| {
                 (known[&sum_of(&all[k / pairs.len()], powers)[..]] * pairs.len() + k % pairs.len(), *factor)
@@ -143,7 +148,7 @@ impl Program {
         Some(Program { size, pairs, wanted, unit, blocks, first, of_sides, scale })
     }
 
-    /// Z of the moments.
+    /// The matrices Z for these moments.
     fn matrices(&self, moments: &[f64]) -> Vec<Matrix> {
         let of_block = |block: &Block| {
             let value = |terms: &Vec<(usize, f64)>| terms.iter().map(|(k, factor)| factor * moments[*k]).sum::<f64>();
@@ -175,7 +180,7 @@ impl Program {
             for i in 0..rows {
                 for j in 0..=i {
                     let line = own.row_mut(block.products[i * rows + j]);
-                    // An entry beside the diagonal stands at both places.
+                    // An entry off the diagonal occurs at two places.
                     let twice = if i == j { 0.0 } else { 1.0 };
                     for k in 0..rows {
                         let (one, other) = (x.row(i)[k], twice * x.row(j)[k]);
@@ -198,7 +203,7 @@ impl Program {
         equations.symmetric()
     }
 
-    /// A bound of at least `aim`, or what else became of it.
+    /// A bound of at least `aim`, or another result.
     pub(super) fn solved(&self, aim: f64, work: &mut Work) -> Outcome {
         let Some(mut moments) = self.first.clone() else {
             return Outcome::Open((0..self.of_sides.len()).map(|k| (k, 1.0)).collect());
@@ -208,10 +213,10 @@ impl Program {
         let of_step = (self.wanted.len() as u64).pow(3);
         let mut z = self.matrices(&moments);
         let Some(mut x) = inverses(&z) else { return Outcome::Stopped };
-        // mutant `MOST_STEPS doubled`: 15 are usual, and the steps of a program without an answer become too short before so many.
+        // mutant `MOST_STEPS doubled`: 15 are usual, and the steps of a program without a solution become too short earlier.
         // mutant `0 up`: likewise.
         for _ in 0..MOST_STEPS {
-            // No m above it has squares, whatever the steps to come.
+            // An upper bound of m below `aim` cannot be improved by further steps.
             if dot(&wanted, &moments) < aim {
                 break;
             }
@@ -221,9 +226,9 @@ impl Program {
             work.left -= of_step;
             let Some(equations) = Equations::of(self, &wanted, &x, &z) else { break };
             let step = equations.step();
-            // Squares of the coefficients that are sought: nearer to the middle of the cone, or to its edge with a larger m.
+            // Two candidates for the squares: near the centre of the cone, and near its boundary with a larger m.
             for (m, squares) in [equations.centre(), (step.m, step.whole(&x))] {
-                // mutant `>= to >`: what is proven is below m.
+                // mutant `>= to >`: the proven bound is below m.
                 let bound = if m >= aim { self.proven(&equations.refined(m, squares), m) } else { f64::NEG_INFINITY };
                 if bound >= aim {
                     return Outcome::Bound(bound * self.scale);
@@ -239,14 +244,15 @@ impl Program {
         Outcome::Open(self.variances(&moments).into_iter().enumerate().collect())
     }
 
-    /// The variance of every t, the moments taken as those of a measure.
+    /// The variance of every t, if the moments are those of a measure.
     fn variances(&self, moments: &[f64]) -> Vec<f64> {
         let pairs = self.pairs.len();
         let trace = |k: usize| dot(&self.unit[..pairs], &moments[k * pairs..][..pairs]);
         self.of_sides.iter().map(|[one, two]| trace(*two) - trace(*one).powi(2)).collect()
     }
 
-    /// What m and the squares prove, in units of the scale: m less the norm of what is left, and nothing where a square may not be one.
+    /// The proven bound for m and these squares, in units of the scale: m minus the norm of the remainder; minus infinity if a square is not proven
+    /// positive semidefinite.
     pub(super) fn proven(&self, squares: &[Matrix], m: f64) -> f64 {
         if !squares.iter().all(Matrix::is_positive) {
             return f64::NEG_INFINITY;
@@ -259,7 +265,7 @@ impl Program {
             let mut products = vec![Interval::point(0.0); block.moments.len()];
             for row in 0..block.rows {
                 for column in 0..=row {
-                    // What stands above the diagonal is not asked, as by `is_positive`.
+                    // Entries above the diagonal are not read, as in `is_positive`.
                     let times = if row == column { 1.0 } else { 2.0 };
                     let product = &mut products[block.products[row * block.rows + column]];
                     *product = *product + Interval::point(times * square.row(row)[column]);
@@ -269,12 +275,12 @@ impl Program {
                 terms.iter().for_each(|(k, factor)| rest[*k] = rest[*k] - Interval::point(*factor) * *product);
             }
         }
-        // No |t_k| is above 1: each entry of R is at most the sum of its coefficients, and the norm at most the largest sum of a row.
+        // |t_k| is at most 1, so each entry of R is at most the sum of its coefficients, and the norm at most the largest row sum.
         let mut rows = vec![Interval::point(0.0); self.size];
         for (k, rest) in rest.iter().enumerate() {
             let magnitude = Interval::point(rest.magnitude());
             match self.pairs[k % self.pairs.len()] {
-                // mutant `guard to false`: two halves come to the same row: as sound, and larger by a rounding upwards at most.
+                // mutant `guard to false`: two halves are added to the same row, which is valid, and larger by at most an upward rounding.
                 [a, b] if a == b => rows[a] = rows[a] + magnitude,
                 both => both.into_iter().for_each(|a| rows[a] = rows[a] + magnitude.halved()),
             }
@@ -284,27 +290,27 @@ impl Program {
     }
 }
 
-/// No more than m less the norm.
+/// A lower bound of m minus the norm.
 fn less(m: f64, norm: f64) -> f64 {
     (m - norm).next_down()
 }
 
-/// The linear equations of all directions from one place.
+/// The linear equations at one point, for all directions.
 struct Equations<'a> {
     program: &'a Program,
     wanted: &'a [f64],
     x: &'a [Matrix],
     z: &'a [Matrix],
-    /// Of z.
+    /// The inverses of z.
     inverse: Vec<Matrix>,
     factor: Factor,
-    /// Their solution for u'u.
+    /// The solution for u'u.
     unit: Vec<f64>,
-    /// The mean of the products of x and z, the same for every row in the end.
+    /// The mean of the products of x and z; at the optimum it is the same for every row.
     mean: f64,
 }
 
-/// A change, and how far it goes.
+/// A change of the variables, and the possible step length.
 struct Step {
     m: f64,
     squares: Vec<Matrix>,
@@ -315,7 +321,7 @@ struct Step {
 }
 
 impl Step {
-    /// The squares with all of the change.
+    /// The squares after the whole change.
     fn whole(&self, from: &[Matrix]) -> Vec<Matrix> {
         moved(from, 1.0, &self.squares)
     }
@@ -325,13 +331,13 @@ impl Step {
     }
 }
 
-/// How far towards their mean products are to go, of which so much was left where they were to be 0.
+/// The target of the corrector as a share of the mean, from the remaining products after the predictor.
 fn share_of_mean(after: f64, before: f64) -> f64 {
     (after / before).clamp(0.0, 1.0).powi(3)
 }
 
 impl<'a> Equations<'a> {
-    /// None where rounding leaves a matrix not positive definite that should be.
+    /// The equations at one point. `None` if by rounding a matrix is not positive definite.
     fn of(program: &'a Program, wanted: &'a [f64], x: &'a [Matrix], z: &'a [Matrix]) -> Option<Self> {
         let inverse = inverses(z)?;
         let mut equations = program.equations(x, &inverse);
@@ -347,7 +353,7 @@ impl<'a> Equations<'a> {
         (0..x.len()).map(|k| x[k].times(&dz[k]).times(&self.inverse[k]).symmetric()).collect()
     }
 
-    /// What these squares have too much of the coefficients of u'(H - m I)u.
+    /// The excess of these squares over the coefficients of u'(H - m I)u.
     fn excess(&self, squares: &[Matrix], m: f64) -> Vec<f64> {
         let mut excess = self.program.coefficients(squares);
         for ((excess, wanted), unit) in excess.iter_mut().zip(self.wanted).zip(&self.program.unit) {
@@ -356,7 +362,8 @@ impl<'a> Equations<'a> {
         excess
     }
 
-    /// Moments change so that the squares target - X dZ Z^-1 have the coefficients of u'(H - m I)u, and u'u counts as much as before: m, the moments, their matrices and the squares.
+    /// The changes of m and of the moments for which the squares target - X dZ Z^-1 have the coefficients of u'(H - m I)u, while the moment of u'u
+    /// stays the same: m, the moments, their matrices and the squares.
     fn direction(&self, targets: &[Matrix]) -> (f64, Vec<f64>, Vec<Matrix>, Vec<Matrix>) {
         let mut moments = self.factor.solved(&self.excess(targets, 0.0));
         let m = -dot(&self.program.unit, &moments) / dot(&self.program.unit, &self.unit);
@@ -366,14 +373,14 @@ impl<'a> Equations<'a> {
         (m, moments, dz, squares)
     }
 
-    /// The squares from which all products of x and z would be their mean, with the m that is theirs.
+    /// The squares for which all products of x and z equal their mean, with their m.
     fn centre(&self) -> (f64, Vec<Matrix>) {
         let targets: Vec<Matrix> = self.inverse.iter().map(|z| z.scaled(self.mean)).collect();
         let (m, _, _, squares) = self.direction(&targets);
         (m, squares)
     }
 
-    /// The squares with what rounding left of the coefficients of u'(H - m I)u.
+    /// The squares, corrected by the rounding error of the coefficients of u'(H - m I)u.
     fn refined(&self, m: f64, mut squares: Vec<Matrix>) -> Vec<Matrix> {
         for _ in 0..REFINEMENTS {
             let missing = self.program.matrices(&self.factor.solved(&self.excess(&squares, m)));
@@ -382,7 +389,7 @@ impl<'a> Equations<'a> {
         squares
     }
 
-    /// Towards products of 0, and then as far towards their mean as that turned out to be too far.
+    /// The predictor step towards products of 0, then the corrector towards their mean.
     fn step(&self) -> Step {
         let nothing: Vec<Matrix> = self.x.iter().map(|x| Matrix::zeros(x.size)).collect();
         let tried = self.step_to(&nothing);
@@ -400,7 +407,7 @@ impl<'a> Equations<'a> {
     }
 }
 
-/// Moments of the points of the region, of u as if all directions were alike.
+/// The moments of points in the region, with all directions of u equally likely.
 fn first_moments(all: &[Vec<u32>], weights: &[Weight], pairs: &[[usize; 2]], size: usize) -> Option<Vec<f64>> {
     let mut random = Random::new(0);
     let (mut sums, mut count) = (vec![0.0; all.len()], 0.0);
@@ -432,10 +439,10 @@ fn moved(from: &[Matrix], share: f64, by: &[Matrix]) -> Vec<Matrix> {
     from.iter().zip(by).map(|(from, by)| from.plus(share, by)).collect()
 }
 
-/// How much of a change, at most all of it, leaves every matrix positive definite.
+/// The share of a change, at most 1, for which every matrix stays positive definite.
 fn longest(from: &[Matrix], by: &[Matrix]) -> f64 {
     let mut tried = 1.0 / SHARE_OF_WAY;
-    // mutant `>= to >`: no power of 0.9 is a ten-thousandth.
+    // mutant `>= to >`: no power of 0.9 is equal to a ten-thousandth.
     while tried * SHARE_OF_WAY >= SHORTEST {
         if from.iter().zip(by).all(|(from, by)| from.plus(tried, by).factor().is_some()) {
             return tried * SHARE_OF_WAY;

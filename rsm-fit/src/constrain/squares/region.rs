@@ -1,7 +1,7 @@
-//! The region in its own variables, t in [-1, 1] for every side, and what is not negative in it.
+//! The region in scaled variables, t in [-1, 1] for every side, and polynomials that are not negative in it.
 //!
-//! In: sides, half-spaces, polynomials of x. Out: polynomials of t that enclose them, and weights: polynomials of t with coefficients that are exact in f64. Never drops a part of the region: what rounding
-//! leaves is added to it.
+//! In: sides, half-spaces, polynomials of x. Out: polynomials of t that enclose them, and weights: polynomials of t whose coefficients are exact in
+//! f64. The enclosures cover the whole region, including rounding errors.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use rsm_core::bernstein::Monomial;
 use rsm_core::interval::Interval;
 use rsm_core::model::HalfSpace;
 
-/// Powers and an enclosure of the coefficient; without terms that are 0 to the bit.
+/// Powers with an enclosure of the coefficient. Terms that are exactly 0 are left out.
 pub(super) type Polynomial = BTreeMap<Vec<u32>, Interval>;
 
 /// A polynomial of t that is not negative in the region.
@@ -24,7 +24,7 @@ impl Weight {
     }
 }
 
-/// More than the rounding of a sum of one number for every input.
+/// More than the rounding error of a sum with one number for each input.
 const ROUNDING: f64 = 1e-9;
 
 /// x = centre + half t.
@@ -34,12 +34,12 @@ pub(super) struct Scaling {
 }
 
 impl Scaling {
-    /// Every x of a side has its t in [-1, 1].
+    /// The scaling in which every x of a side has its t in [-1, 1].
     pub(super) fn of(sides: &[Interval]) -> Self {
         let centres: Vec<f64> = sides.iter().map(|side| side.low.midpoint(side.high)).collect();
         let half = |(side, centre): (&Interval, &f64)| {
             let exact = (side.high - centre).max(centre - side.low);
-            // A side without width has no t.
+            // A side of width 0 has no variable t.
             if side.low == side.high { 0.0 } else { exact.next_up() }
         };
         let halves = sides.iter().zip(&centres).map(half).collect();
@@ -82,10 +82,11 @@ impl Scaling {
         product
     }
 
-    /// Weights of the variables `axes`: 1, 1 - t_k^2, the products of a distance from an end of one side and of another, and of every half-space that cuts the box the distance from it. None where
-    /// no point of the box lies in all half-spaces.
+    /// Weights of the variables `axes`: 1, 1 - t_k^2, the products of the distances from an end of one side and an end of another, and for every
+    /// half-space that cuts the box the distance from it. `None` if no point of the box is in all half-spaces.
     ///
-    /// By the first two alone the sums exist; with the products a lower degree or fewer cells do (Schmuedgen 1991, Mathematische Annalen 289): of a surface of four inputs 3 cells in place of 11.
+    /// With the first two alone, sums of squares exist. The products allow a lower degree or fewer cells (Schmuedgen 1991, Mathematische Annalen
+    /// 289): 3 cells in place of 11 for a surface of four inputs.
     pub(super) fn weights(&self, spaces: &[HalfSpace], axes: &[usize]) -> Option<Vec<Weight>> {
         let monomial = |factors: &[usize]| {
             axes.iter().map(|k| factors.iter().filter(|factor| *factor == k).count() as u32).collect::<Vec<u32>>()
@@ -116,7 +117,7 @@ impl Scaling {
                 constant = constant - normal * Interval::point(self.centres[k]);
                 let slope = normal * Interval::point(-self.halves[k]);
                 let middle = slope.low.midpoint(slope.high);
-                // |t_k| is at most 1: so much more or less.
+                // |t_k| is at most 1, so the constant changes by at most this.
                 constant = constant + Interval::point(unsure(slope, middle));
                 if middle != 0.0 {
                     terms.push((monomial(&[k]), middle));
@@ -136,24 +137,24 @@ impl Scaling {
     }
 }
 
-/// More than a slope can be off from a number inside it.
+/// An upper bound of the difference between a slope and a number inside its enclosure.
 fn unsure(slope: Interval, middle: f64) -> f64 {
     (slope.high - middle).max(middle - slope.low).next_up()
 }
 
-/// Whether a constant and terms that reach so far either way are never negative: the half-space does not cut the box.
+/// Whether a constant plus terms of at most this size is never negative: the half-space does not cut the box.
 fn holds_everywhere(constant: f64, reach: f64) -> bool {
     constant >= reach
 }
 
-/// Whether they are negative everywhere, for certain.
+/// Whether it is negative everywhere, with certainty.
 fn holds_nowhere(constant: f64, reach: f64) -> bool {
     constant < -reach * (1.0 + ROUNDING)
 }
 
 #[cfg(test)]
 impl Scaling {
-    /// Centres and halves as they are.
+    /// The centres and halves as exact numbers.
     pub(super) fn exact(&self) -> (Vec<rsm_core::number::Rational>, Vec<rsm_core::number::Rational>) {
         let all = |values: &[f64]| values.iter().map(|value| rsm_core::number::exact(*value)).collect();
         (all(&self.centres), all(&self.halves))

@@ -1,11 +1,12 @@
 //! The search for the runs of an optimal design.
 //!
-//! In: a [`Space`], a criterion, runs that stand, and the block of each run that is wanted. Out: the points of the wanted runs. One run at a time moves to where the
-//! criterion is best, the others resting (Fedorov 1972; Meyer, Nachtsheim 1995: coordinate by coordinate). Along a line the determinant is a polynomial of the place, and
-//! the mean variance a quotient of two: their largest values are found exactly, no grid is tried. From a local optimum some runs are drawn anew and the search goes on
-//! (Lourenco, Martin, Stuetzle 2003); then all of them. Never uses more runs than are wanted, nor fewer.
+//! In: a [`Space`], a criterion, fixed runs, and the block of each requested run. Out: the points of the requested runs. One run at a time moves to
+//! the point with the best criterion, while the others stay (Fedorov 1972; Meyer, Nachtsheim 1995: coordinate by coordinate). Along a line the
+//! determinant is a polynomial, and the mean variance is a quotient of two polynomials; their maxima are found exactly, without a grid. From a local
+//! optimum some runs are drawn again and the search continues (Lourenco, Martin, Stuetzle 2003); then all runs are drawn again. The number of runs is
+//! always the requested one.
 //!
-//! With M = X'X, its inverse D, a run f that leaves and a run g that comes (Fedorov 1972):
+//! With M = X'X, its inverse D, a removed run f and an added run g (Fedorov 1972):
 //!
 //! ```text
 //! |M - f f' + g g'| / |M| = (1 - f'D f) + g'[(1 - f'D f) D + D f f'D] g
@@ -23,40 +24,40 @@ use super::space::{ON_A_FACE, Space};
 use crate::plan::design::Criterion;
 use crate::random::Random;
 
-/// A sweep over all runs that gains less than this, relative, ends a search for a start of another one.
+/// A start ends when a sweep over all runs has a smaller relative gain than this.
 const COARSE: f64 = 1e-5;
 
 /// The same for a design that may be the best: far below the nine digits in which designs are compared.
 const FINE: f64 = 1e-12;
 
-/// Sweeps at most.
+/// The largest number of sweeps.
 const SWEEPS: usize = 400;
 
-/// A move that gains less than this is rounding.
+/// A smaller gain of a move is rounding error.
 const LEAST_GAIN: f64 = 1e-11;
 
-/// Passes over the coordinates of one run before the next run has its turn.
+/// The number of passes over the coordinates of one run before the next run.
 const PASSES: usize = 4;
 
-/// Below this a determinant becomes so much smaller that the new matrix counts as singular.
+/// If the determinant falls by more than this factor, the new matrix counts as singular.
 const LEAST_RATIO: f64 = 1e-9;
 
-/// Coded settings are rounded to so many parts of 1: a design is flat where it is best, and a bench sets no finer.
+/// Coded settings are rounded to this many parts of 1. The criterion is flat at its optimum, and a bench cannot set finer values.
 const GRID: f64 = 1e6;
 
-/// What is wanted.
+/// The data of the search.
 pub(in crate::plan) struct Task<'a> {
     pub space: &'a Space,
     pub criterion: Criterion,
-    /// Runs that stand, each with its block.
+    /// Fixed runs, each with its block.
     pub fixed: Vec<(Vec<f64>, usize)>,
-    /// The block of each wanted run.
+    /// The block of each requested run.
     pub blocks: Vec<usize>,
-    /// How many blocks there are, those of runs that stand included.
+    /// The number of blocks, including those of fixed runs.
     pub block_count: usize,
-    /// Starts from random runs.
+    /// The number of starts from random runs.
     pub restarts: usize,
-    /// Draws of some runs without a gain, before a new start.
+    /// The number of redraws without a gain before a new start.
     pub kicks: usize,
 }
 
@@ -65,17 +66,17 @@ pub(in crate::plan) struct Task<'a> {
 pub(in crate::plan) enum Failure {
     /// No point fulfils the conditions.
     EmptyRegion,
-    /// No runs were found that tell the terms apart.
+    /// No runs were found that can estimate the terms.
     Singular,
 }
 
 impl Task<'_> {
-    /// Terms and contrasts of blocks.
+    /// The number of terms and block contrasts.
     pub(in crate::plan) fn width(&self) -> usize {
         self.space.terms.len() + self.block_count.max(1) - 1
     }
 
-    /// The row of a point in a block: the terms, then the contrasts of the blocks, of which the last is minus the sum of the others.
+    /// The row of a point in a block: the terms, then the contrasts of the blocks. The last block is minus the sum of the others.
     pub(in crate::plan) fn row(&self, point: &[f64], block: usize) -> Vec<f64> {
         let mut row = self.space.row(point);
         self.extend(&mut row, block);
@@ -88,7 +89,7 @@ impl Task<'_> {
         row.extend((0..contrasts).map(contrast));
     }
 
-    /// The points of the wanted runs, in the order of [`Task::blocks`].
+    /// The points of the requested runs, in the order of [`Task::blocks`].
     pub(in crate::plan) fn search(&self, random: &mut Random) -> Result<Vec<Vec<f64>>, Failure> {
         let moments = match self.criterion {
             Criterion::D => None,
@@ -110,7 +111,7 @@ impl Task<'_> {
                     misses += 1;
                     continue;
                 };
-                // Ten times what a sweep may leave.
+                // Ten times the gain that a sweep may leave.
                 let gain = kicked.gain_over(&state);
                 misses = if gain > 10.0 * self.coarse() { 0 } else { misses + 1 };
                 if gain > 0.0 {
@@ -128,7 +129,7 @@ impl Task<'_> {
         Ok(best.points.iter().map(|point| self.rounded(point)).collect())
     }
 
-    /// Among finitely many points a search ends by itself.
+    /// With a finite set of points, a search terminates without this limit.
     fn coarse(&self) -> f64 {
         if self.space.is_continuous() { COARSE } else { LEAST_GAIN }
     }
@@ -141,7 +142,7 @@ impl Task<'_> {
         Ok(self.settled(points, moments))
     }
 
-    /// Some runs are drawn anew.
+    /// Redraws some runs.
     fn kicked(&self, state: &State, moments: Option<&[f64]>, random: &mut Random) -> Result<Option<State>, Failure> {
         let mut points = state.points.clone();
         if points.is_empty() {
@@ -155,9 +156,9 @@ impl Task<'_> {
         Ok(self.settled(points, moments))
     }
 
-    /// The local optimum next to some points; none where it does not tell the terms apart.
+    /// The local optimum from some points; `None` if it cannot estimate the terms.
     fn settled(&self, points: Vec<Vec<f64>>, moments: Option<&[f64]>) -> Option<State> {
-        // A small multiple of the unit matrix makes any start regular; it goes when the runs have moved apart.
+        // A small multiple of the unit matrix makes any start regular. It is removed when the runs have moved apart.
         let mut state = State::new(self, points, 1e-6);
         if !state.refresh(self, None) {
             state.ridge = 1e-3;
@@ -176,7 +177,7 @@ impl Task<'_> {
         state.improve(self, moments, self.coarse()).then_some(state)
     }
 
-    /// On the grid where that keeps the conditions; levels and candidates as they are.
+    /// Rounded to the grid if the conditions still hold; levels and candidates are not rounded.
     fn rounded(&self, point: &[f64]) -> Vec<f64> {
         if !self.space.is_continuous() {
             return point.to_vec();
@@ -187,12 +188,12 @@ impl Task<'_> {
     }
 }
 
-/// Runs and what is known of them.
+/// The runs with the matrices computed from them.
 #[derive(Clone)]
 struct State {
     points: Vec<Vec<f64>>,
     rows: Vec<Vec<f64>>,
-    /// What is added to the diagonal of X'X.
+    /// The number added to the diagonal of X'X.
     ridge: f64,
     /// The diagonal of the Cholesky factor of X'X.
     diagonal: Vec<f64>,
@@ -210,17 +211,17 @@ impl State {
         State { points, rows, ridge, diagonal: Vec::new(), inverse: Vec::new(), weighted: Vec::new(), trace: None }
     }
 
-    /// By how much this is better than another, relative, per term; below 0 it is worse.
+    /// The relative gain over another state, per term; negative if it is worse.
     fn gain_over(&self, other: &State) -> f64 {
         if let (Some(own), Some(others)) = (self.trace, other.trace) {
             return others / own - 1.0;
         }
         let ratio: f64 = self.diagonal.iter().zip(&other.diagonal).map(|(own, others)| own / others).product();
-        // |X'X|^(1/p) by its first order: exact enough where it matters, near 1.
+        // |X'X|^(1/p) to first order: accurate near 1, where it matters.
         2.0 * (ratio - 1.0) / self.diagonal.len() as f64
     }
 
-    /// Everything from the rows; false where they do not tell the terms apart.
+    /// Computes everything from the rows; false if they cannot estimate the terms.
     fn refresh(&mut self, task: &Task<'_>, moments: Option<&[f64]>) -> bool {
         let q = task.width();
         let mut m = vec![0.0; q * q];
@@ -249,7 +250,7 @@ impl State {
         };
     }
 
-    /// Sweeps until one gains less than `least`, relative. False where the runs do not tell the terms apart.
+    /// Sweeps until the relative gain is below `least`. False if the runs cannot estimate the terms.
     fn improve(&mut self, task: &Task<'_>, moments: Option<&[f64]>, least: f64) -> bool {
         for _ in 0..SWEEPS {
             if !self.refresh(task, moments) {
@@ -262,7 +263,7 @@ impl State {
         self.refresh(task, moments)
     }
 
-    /// Every run once to its best place. The gain, relative, per term.
+    /// Moves every run once to its best point. Returns the relative gain per term.
     fn sweep(&mut self, task: &Task<'_>, moments: Option<&[f64]>) -> f64 {
         let before = self.trace;
         let mut ratio = 1.0;
@@ -275,7 +276,7 @@ impl State {
         }
     }
 
-    /// Moves one run to its best place. What the determinant is multiplied by.
+    /// Moves one run to its best point. Returns the factor of the determinant.
     fn move_run(&mut self, run: usize, task: &Task<'_>, moments: Option<&[f64]>) -> f64 {
         let q = task.width();
         let old = self.rows[run].clone();
@@ -321,7 +322,7 @@ impl State {
         ratio
     }
 
-    /// D after a run has come and another has left (Sherman, Morrison 1950); false, with D as it was, where it would be lost in rounding.
+    /// Updates D for an added and a removed run (Sherman, Morrison 1950). False, with D unchanged, if rounding would dominate.
     fn exchange(&mut self, old: &[f64], new: &[f64], q: usize) -> bool {
         let mut next = self.inverse.clone();
         let image = times(&next, new);
@@ -338,7 +339,7 @@ impl State {
     }
 }
 
-/// The directions in which a run may move: along each factor; on faces of the region also along them.
+/// The directions in which a run may move: along each factor, and along the faces of the region on which it lies.
 fn directions(space: &Space, point: &[f64]) -> Vec<Vec<f64>> {
     let unit = |k: usize| (0..point.len()).map(|j| f64::from(u8::from(j == k))).collect::<Vec<f64>>();
     let mut directions: Vec<Vec<f64>> = (0..point.len()).map(unit).collect();
@@ -359,7 +360,7 @@ fn directions(space: &Space, point: &[f64]) -> Vec<Vec<f64>> {
                 along.iter_mut().zip(normal).for_each(|(a, n)| *a -= share * n);
             }
             let size = dot(&along, &along).sqrt();
-            // Shorter than this it is rounding of a direction that is across.
+            // A shorter one is rounding error of an orthogonal direction.
             if size > 1e-6 {
                 directions.push(along.iter().map(|a| if a.abs() < 1e-12 { 0.0 } else { a / size }).collect());
             }
@@ -368,7 +369,7 @@ fn directions(space: &Space, point: &[f64]) -> Vec<Vec<f64>> {
     directions
 }
 
-/// The directions across, of length 1 and at right angles (Gram, Schmidt).
+/// An orthonormal basis of the normals (Gram, Schmidt).
 fn orthonormal(normals: &[&[f64]]) -> Vec<Vec<f64>> {
     let mut out: Vec<Vec<f64>> = Vec::new();
     for normal in normals {
@@ -385,12 +386,12 @@ fn orthonormal(normals: &[&[f64]]) -> Vec<Vec<f64>> {
     out
 }
 
-/// What it is worth that a row comes in place of another one.
+/// The value of replacing one row by another.
 struct Measure {
     /// The ratio of determinants is `rest + g' form g`,
     rest: f64,
     form: Vec<f64>,
-    /// and what the trace falls by `(loss - g' gain g)/ratio`; none for the determinant.
+    /// and the trace falls by `(loss - g' gain g)/ratio`; `None` for the determinant.
     trace: Option<(f64, Vec<f64>)>,
 }
 
@@ -419,7 +420,7 @@ impl Measure {
         self.rest + dot(row, &times(&self.form, row))
     }
 
-    /// The ratio of determinants, or by how much the trace falls; the larger the better.
+    /// The ratio of determinants, or the reduction of the trace; larger is better.
     fn value(&self, row: &[f64]) -> Option<f64> {
         let ratio = self.ratio(row);
         match &self.trace {
@@ -428,10 +429,10 @@ impl Measure {
         }
     }
 
-    /// The best place along a line, and its value.
+    /// The best point along a line, with its value.
     fn along(&self, task: &Task<'_>, point: &[f64], direction: &[f64], block: usize) -> Option<(Vec<f64>, f64)> {
         let space = task.space;
-        // Along a factor the parameter is the setting itself, so that an end is met exactly and most of the rows are zeros.
+        // Along a factor, the parameter is the setting itself, so that an end is exact and most of the rows are zero.
         let axis =
             (direction.iter().filter(|d| **d != 0.0).count() == 1).then(|| direction.iter().position(|d| *d == 1.0)).flatten();
         let mut base = point.to_vec();

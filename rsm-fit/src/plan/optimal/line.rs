@@ -1,7 +1,6 @@
 //! Polynomials of one variable on an interval.
 //!
-//! In: coefficients, the lowest first. Out: values, the places where a polynomial passes zero, the place of the largest value of a quotient of two. Never leaves the
-//! interval.
+//! In: coefficients, the lowest first. Out: values, the zeros of a polynomial, the maximum of a quotient of two, all inside the interval.
 
 /// The value.
 pub(super) fn value(p: &[f64], t: f64) -> f64 {
@@ -22,7 +21,7 @@ fn product(p: &[f64], q: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Where a polynomial changes its sign inside the interval, ascending: between two neighbours of the places where its derivative does, it is monotone.
+/// The sign changes of a polynomial inside the interval, ascending. Between neighbouring sign changes of its derivative it is monotone.
 pub(super) fn sign_changes(p: &[f64], low: f64, high: f64) -> Vec<f64> {
     let mut p = p;
     while let [rest @ .., last] = p
@@ -45,7 +44,7 @@ pub(super) fn sign_changes(p: &[f64], low: f64, high: f64) -> Vec<f64> {
     }
 }
 
-/// The zero of a polynomial that is monotone between two places and has different signs there.
+/// The zero of a polynomial that is monotone between two points and has different signs there.
 fn crossing(p: &[f64], mut low: f64, mut high: f64) -> Option<f64> {
     let (at_low, at_high) = (value(p, low), value(p, high));
     if at_low == 0.0 || at_high == 0.0 || (at_low > 0.0) == (at_high > 0.0) {
@@ -53,7 +52,7 @@ fn crossing(p: &[f64], mut low: f64, mut high: f64) -> Option<f64> {
     }
     let slope = derivative(p);
     let mut t = 0.5 * (low + high);
-    // Newton, kept inside; each step that leaves halves. 60 halvings are the last bit of any interval.
+    // Newton's method; a step outside the interval is replaced by bisection. 60 bisections reach the last bit of any interval.
     for _ in 0..60 {
         let now = value(p, t);
         if now == 0.0 {
@@ -66,7 +65,7 @@ fn crossing(p: &[f64], mut low: f64, mut high: f64) -> Option<f64> {
         }
         let newton = t - now / value(&slope, t);
         let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
-        // A step of 1e-14 of the interval changes no criterion: it is flat there.
+        // A step of 1e-14 of the interval does not change the criterion, which is flat there.
         if (next - t).abs() <= 1e-14 * (1.0 + t.abs()) {
             t = next;
             break;
@@ -76,18 +75,18 @@ fn crossing(p: &[f64], mut low: f64, mut high: f64) -> Option<f64> {
     Some(t)
 }
 
-/// What is made as large as possible along a line: `top`/`bottom`, or `top` alone.
+/// The objective along a line: `top`/`bottom`, or `top` alone.
 #[derive(Debug)]
 pub(super) struct Quotient {
     pub top: Vec<f64>,
-    /// Positive where the quotient counts.
+    /// Positive where the quotient is defined.
     pub bottom: Option<Vec<f64>>,
-    /// Where `bottom` is below this, the quotient does not count.
+    /// The quotient counts as undefined if `bottom` is below this.
     pub least: f64,
 }
 
 impl Quotient {
-    /// Its value; none where it does not count.
+    /// Its value; `None` if it is undefined.
     pub(super) fn value(&self, t: f64) -> Option<f64> {
         let top = value(&self.top, t);
         match &self.bottom {
@@ -99,7 +98,7 @@ impl Quotient {
         }
     }
 
-    /// The place of the largest value between two ends, and the value.
+    /// The point of the largest value between two ends, and the value.
     pub(super) fn largest(&self, low: f64, high: f64) -> Option<(f64, f64)> {
         let slope = match &self.bottom {
             None => derivative(&self.top),
@@ -116,7 +115,7 @@ impl Quotient {
         self.largest_of(&places)
     }
 
-    /// The same among given places.
+    /// The same among given points.
     pub(super) fn largest_of(&self, places: &[f64]) -> Option<(f64, f64)> {
         let mut best: Option<(f64, f64)> = None;
         for t in places {

@@ -1,12 +1,12 @@
 //! Small dense symmetric matrices, row by row in one slice.
 //!
-//! In: a matrix of `n` rows. Out: its Cholesky factor, its inverse, products. Plain loops in a fixed order: the same bits on every machine, which a library that picks
-//! its kernel by the processor does not give, and a design must be the same everywhere.
+//! In: a matrix of `n` rows. Out: its Cholesky factor, its inverse, products. Simple loops in a fixed order give the same bits on every machine. A
+//! library that selects its kernel by processor does not, and a design must be the same everywhere.
 
-/// A pivot below this share of its diagonal is rounding of zero: the products that it is left over from have errors of some 1e-14.
+/// A pivot below this share of its diagonal is rounding error: the products have errors of about 1e-14.
 const LEAST_PIVOT: f64 = 1e-12;
 
-/// The lower factor L with L L' = A; none where A is not positive definite, up to rounding.
+/// The lower factor L with L L' = A; `None` if A is not positive definite, up to rounding.
 pub(super) fn cholesky(a: &[f64], n: usize) -> Option<Vec<f64>> {
     let mut l = a.to_vec();
     for j in 0..n {
@@ -37,7 +37,7 @@ pub(super) fn cholesky(a: &[f64], n: usize) -> Option<Vec<f64>> {
 
 /// The inverse of L L'.
 pub(super) fn inverse(l: &[f64], n: usize) -> Vec<f64> {
-    // The inverse of L, then its transpose times itself.
+    // The inverse of L, multiplied by its transpose from the left.
     let mut k = vec![0.0; n * n];
     for j in 0..n {
         k[j * n + j] = 1.0 / l[j * n + j];

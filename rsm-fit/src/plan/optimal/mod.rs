@@ -1,6 +1,6 @@
-//! Optimal designs: the runs that tell given terms apart best, within a region.
+//! Optimal designs: the best runs to estimate given terms, within a region.
 //!
-//! In: a design specification that asks for one. Out: points in coded variables. Never knows units.
+//! In: a specification of an optimal design. Out: points in coded variables.
 
 mod exchange;
 mod line;

@@ -1,33 +1,33 @@
-//! Where the runs of an optimal design may lie, and the terms that they are to tell apart.
+//! The region of an optimal design, and the terms that it must estimate.
 //!
-//! In: terms as powers of coded variables; a box, levels, half-spaces or candidates. Out: the row of a point, rows along a line, random points, moments. Never chooses
-//! a run.
+//! In: terms as powers of coded variables; a box, levels, half-spaces or candidates. Out: the row of a point, rows along a line, random points,
+//! moments. Chooses no run.
 
 use super::linear::{add_square, dot};
 use crate::plan::design::Condition;
 use crate::random::Random;
 
-/// Beyond a bound by this much of a half range is still on it: what rounding makes of a point that was put there.
+/// A point counts as on a bound if it exceeds it by at most this part of a half range, because of rounding.
 pub(super) const ON_A_FACE: f64 = 1e-9;
 
-/// Points of a region whose moments have no formula: the mean of so many has an error of about a hundredth, and a choice between designs needs no more.
+/// The number of points for moments without a formula. The error of the mean is about a hundredth, which is enough to choose between designs.
 const POINTS: usize = 8192;
 
-/// Draws before a region is held to be empty.
+/// The number of draws after which a region counts as empty.
 const DRAWS: usize = 200_000;
 
 /// Terms and region, in coded variables.
 #[derive(Debug, Clone, Default)]
 pub(in crate::plan) struct Space {
-    /// A power a factor, term by term.
+    /// For each term, one power for each factor.
     pub terms: Vec<Vec<u32>>,
-    /// The ends of each factor.
+    /// The two ends of each factor's range.
     pub ends: Vec<[f64; 2]>,
-    /// The only settings of a factor, ascending; none where any within the ends will do.
+    /// The allowed levels of a factor, ascending; `None` if all values within the ends are allowed.
     pub levels: Vec<Option<Vec<f64>>>,
-    /// What every point fulfils, in coded variables; with `at_most` alone.
+    /// The conditions on every point, in coded variables; only `at_most` is used.
     pub conditions: Vec<Condition>,
-    /// The only points; none where any of the region will do.
+    /// The only allowed points; `None` if all points of the region are allowed.
     pub candidates: Option<Vec<Vec<f64>>>,
 }
 
@@ -38,7 +38,7 @@ impl Space {
         self.terms.iter().map(term).collect()
     }
 
-    /// The terms at `point + t direction`: their coefficients of t^0, t^1, ...
+    /// The terms at `point + t direction`, as coefficients of t^0, t^1, ...
     pub(super) fn rows_along(&self, point: &[f64], direction: &[f64]) -> Vec<Vec<f64>> {
         let degree =
             |powers: &Vec<u32>| powers.iter().zip(direction).filter(|(_, d)| **d != 0.0).map(|(power, _)| *power).sum::<u32>();
@@ -73,7 +73,7 @@ impl Space {
         in_box && self.conditions.iter().all(|condition| slack(condition, point) >= -ON_A_FACE)
     }
 
-    /// How far `point + t direction` stays in the region; none where it does not touch it.
+    /// The interval of t in which `point + t direction` is in the region; `None` if there is none.
     pub(super) fn reach(&self, point: &[f64], direction: &[f64]) -> Option<[f64; 2]> {
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
         let mut keep = |slope: f64, room: f64| {
@@ -91,20 +91,20 @@ impl Space {
         }
         for condition in &self.conditions {
             let slope = dot(&condition.weights, direction);
-            // What rounding leaves of a line along the face.
+            // Rounding error of a line along the face.
             let slope = if slope.abs() < 1e-12 { 0.0 } else { slope };
             is_in &= keep(slope, slack(condition, point));
         }
         (is_in && low <= high && low.is_finite() && high.is_finite()).then_some([low, high])
     }
 
-    /// The conditions on whose faces a point lies.
+    /// The normals of the conditions on whose faces a point lies.
     pub(super) fn faces(&self, point: &[f64]) -> Vec<&[f64]> {
         let on = |condition: &&Condition| slack(condition, point).abs() <= ON_A_FACE;
         self.conditions.iter().filter(on).map(|condition| condition.weights.as_slice()).collect()
     }
 
-    /// A point that is equally likely everywhere; none where the region is empty as far as draws tell.
+    /// A uniformly distributed random point; `None` if no draw is in the region.
     pub(in crate::plan) fn anywhere(&self, random: &mut Random) -> Option<Vec<f64>> {
         if let Some(candidates) = &self.candidates {
             return Some(candidates[random.below(candidates.len() as u64) as usize].clone());
@@ -119,7 +119,7 @@ impl Space {
         })
     }
 
-    /// The mean of the products of two terms over the region, row by row, with `more` rows and columns of zeros behind; none where the region is empty.
+    /// The mean of the products of two terms over the region, row by row, with `more` rows and columns of zeros added; `None` if the region is empty.
     pub(in crate::plan) fn moments(&self, more: usize) -> Option<Vec<f64>> {
         let (p, q) = (self.terms.len(), self.terms.len() + more);
         let mut moments = vec![0.0; q * q];
@@ -136,7 +136,7 @@ impl Space {
         let points = match &self.candidates {
             Some(candidates) => candidates,
             None => {
-                // One stream whatever the seed of the plan: the measure of a design does not depend on it.
+                // A fixed stream, so that the criterion does not depend on the seed of the plan.
                 let mut random = Random::new(0);
                 drawn = (0..POINTS).map_while(|_| self.anywhere(&mut random)).collect();
                 &drawn
@@ -163,18 +163,18 @@ impl Space {
         }
     }
 
-    /// Whether every factor may be set anywhere within its ends.
+    /// Whether every factor may have any value within its ends.
     pub(super) fn is_continuous(&self) -> bool {
         self.candidates.is_none() && self.levels.iter().all(Option::is_none)
     }
 }
 
-/// How much is missing to the bound.
+/// The distance to the bound.
 fn slack(condition: &Condition, point: &[f64]) -> f64 {
     condition.at_most.unwrap_or(f64::INFINITY) - dot(&condition.weights, point)
 }
 
-/// x^power by products: `powi` may differ between machines.
+/// x^power by multiplication, because `powi` may differ between machines.
 pub(super) fn raised(x: f64, power: u32) -> f64 {
     (0..power).fold(1.0, |product, _| product * x)
 }

@@ -1,6 +1,6 @@
-//! Laws in the place of others: substitution in equations, readings, delays.
+//! Replaces laws: substitution in equations, readings, delays.
 //!
-//! In: a role of a site, a law. Out: equations that hold the law.
+//! In: a role of a site and a law. Out: equations with the law.
 
 use std::collections::HashMap;
 
@@ -14,7 +14,7 @@ use crate::effects::site::SiteKind;
 use crate::effects::terms;
 
 impl Rewriter {
-    /// A further variable like another one.
+    /// Declares another variable with the properties of an existing one.
     pub(super) fn sibling(&mut self, of: Symbol, word: &str) -> Symbol {
         let variable = self.flat.variable(of).clone();
         let symbol = self.flat.declare(&format!("{} ({word})", variable.name), Role::Unknown, variable.place.clone());
@@ -85,7 +85,7 @@ impl Rewriter {
         Ok(())
     }
 
-    /// Changes what outputs say: the truth gets a name of its own, and everything but the outputs goes on with it.
+    /// Changes readings: the true value gets a separate name, and everything except the outputs uses it.
     pub(super) fn reading(
         &mut self,
         context: &Context<'_>,
@@ -131,7 +131,7 @@ impl Rewriter {
         Ok(())
     }
 
-    /// What belongs to the truth goes from a reading to it: start, bounds, derivatives, the value before an event.
+    /// Moves the properties of the true value from a reading to it: start, bounds, derivatives, the value before an event.
     pub(super) fn hand_over(&mut self, reading: Symbol, truth: Symbol, replaced: &mut HashMap<Symbol, Id>) {
         let old = self.flat.variable(reading).clone();
         let new = &mut self.flat.variables[truth.0 as usize];
@@ -193,7 +193,7 @@ impl Rewriter {
         Ok(())
     }
 
-    /// Puts expressions in the place of symbols: in all equations and sites, and, where the symbol itself moves, also where a `when` gives it its value.
+    /// Replaces symbols by expressions in all equations and sites. If `moves`, also where a `when` assigns the symbol.
     pub(super) fn substitute(&mut self, replaced: &HashMap<Symbol, Id>, moves: bool) {
         if replaced.is_empty() {
             return;
@@ -229,7 +229,7 @@ impl Rewriter {
         for check in &mut flat.checks {
             check.condition = replacement.of(pool, check.condition);
         }
-        // A number that follows from a parameter follows from what takes its place, where that is a number too.
+        // A parameter that depends on another one now depends on its replacement, if that is constant too.
         for k in 0..flat.variables.len() {
             let is_number = |it: &Symbol, flat: &Flat| matches!(flat.variable(*it).role, Role::Parameter | Role::Constant);
             let role = flat.variables[k].role;

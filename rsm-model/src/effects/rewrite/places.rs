@@ -1,6 +1,6 @@
-//! Where an effect stands: sites in the pool, and the site of a placed effect.
+//! The site of a placed effect.
 //!
-//! In: sites of a plant file, placed effects. Out: [`Bound`] sites, or what is wrong with them, in words. Never changes an equation.
+//! In: sites of a plant file, placed effects. Out: [`Bound`] sites, or their faults in words. Changes no equation.
 
 use rsm_core::source::{Collector, Faults};
 
@@ -12,7 +12,7 @@ use crate::effects::file::Effect;
 use crate::effects::site::{Otherwise, Site, SiteKind};
 use crate::effects::terms;
 
-/// A site with its roles in the pool.
+/// A site with its roles as expressions in the pool.
 #[derive(Debug, Clone)]
 pub(super) struct Bound {
     pub name: String,
@@ -22,7 +22,7 @@ pub(super) struct Bound {
 }
 
 impl Bound {
-    /// An input or an output as a site of its own, for whoever asks only what its kind offers.
+    /// An input or an output as a site, to find the effects that are possible on its kind.
     pub(super) fn signal(name: &str, kind: SiteKind) -> Bound {
         let nothing = Value { sizes: Vec::new(), items: Vec::new(), basic: crate::flat::Basic::Real };
         Bound { name: name.to_string(), kind, usual_for: Vec::new(), roles: vec![("signal".to_string(), nothing)] }
@@ -44,12 +44,12 @@ impl Bound {
         format!("the `{role}` of `{}` is not a name of the text alone, and cannot be given another law", self.name)
     }
 
-    /// Whether a role is what multiplies the derivative in the balance of the site.
+    /// Whether a role is the factor of the derivative in the balance of the site.
     pub(super) fn is_balanced(&self, role: &str) -> bool {
         self.kind.balance().is_some_and(|it| it.1 == Some(role))
     }
 
-    /// A role that an effect needs and the site does not name.
+    /// A role that an effect needs and the site lacks.
     pub(super) fn missing(&self, effect: &Effect) -> Option<&'static str> {
         let has = |role: &str| self.role(role).is_some();
         let used = effect.names(self.kind, &has);
@@ -61,7 +61,7 @@ impl Bound {
 }
 
 impl Rewriter {
-    /// Binds all sites; tells every fault of each.
+    /// Binds all sites, and reports every fault.
     pub(super) fn bind_all(&mut self, sites: &[Site]) -> Result<(), Faults> {
         let mut faults = Collector::new();
         for site in sites {
@@ -109,7 +109,7 @@ impl Rewriter {
         Ok(bound)
     }
 
-    /// Whether the equations bear a site out: a balance with its inertia; a speed that is the derivative of its position.
+    /// Checks a site against the equations: a balance with its inertia; a speed that is the derivative of its position.
     pub(super) fn check(&mut self, site: &Site, bound: &Bound) -> Result<(), Faults> {
         let refuse =
             |what: String| Err(Faults::one(site.source.fault(site.place.clone(), format!("[sites.{}]: {what}", site.name))));
@@ -117,7 +117,7 @@ impl Rewriter {
         let Some(symbol) = bound.symbol(&self.flat, state) else {
             return refuse(format!("`{state}` must be a variable of the text, not an expression"));
         };
-        // A vehicle may leave the inertia at its wheel out: no effect of the balance can then stand there.
+        // A vehicle may omit the inertia at its wheel. Effects on the balance are then not possible.
         if inertia.is_some_and(|role| bound.role(role).is_none()) {
             return Ok(());
         }
@@ -144,7 +144,7 @@ impl Rewriter {
         Ok(())
     }
 
-    /// The site at which an effect stands.
+    /// The site of a placed effect.
     pub(super) fn site(&mut self, placed: &Placed<'_>) -> Result<Bound, Faults> {
         let effect = placed.effect;
         let refuse = |what: String, help: String| {
@@ -165,7 +165,7 @@ impl Rewriter {
             }
             return match self.implied(effect, at) {
                 Some(site) => {
-                    // What takes the place of a signal takes it for the next effect too.
+                    // The replacement of a signal is also used by the next effect.
                     if matches!(site.kind, SiteKind::Input | SiteKind::State) {
                         self.sites.push(site.clone());
                     }
@@ -212,7 +212,7 @@ impl Rewriter {
         }
     }
 
-    /// Names at which an effect on inputs, outputs, parameters or states can stand.
+    /// Names of inputs, outputs, parameters or states on which an effect is possible.
     pub(super) fn signals(&self, effect: &Effect) -> Vec<String> {
         let flat = &self.flat;
         let stands = |kind: SiteKind| effect.sites.contains(&kind);
@@ -227,7 +227,7 @@ impl Rewriter {
         list.map(|symbol| flat.variable(symbol).name.clone()).collect()
     }
 
-    /// An input, output, parameter or state as a site of its own.
+    /// An input, output, parameter or state as a site.
     pub(super) fn implied(&mut self, effect: &Effect, name: &str) -> Option<Bound> {
         let kind = *effect
             .sites
