@@ -22,6 +22,23 @@ use interpreted::Interpreted;
 /// Lanes in one slot of a wide array: what a register of AVX holds.
 pub const WIDE: usize = 4;
 
+/// Loops over numbers that stand side by side. `run` and all that it calls have the attribute `inline(always)`: only what is inlined becomes vector instructions.
+pub(crate) trait Work {
+    /// What it finds.
+    type Found;
+    fn run(self) -> Self::Found;
+}
+
+/// Runs loops with the registers of AVX2, where this machine has them. The bits are the same: each number has its own operations, in the same order, and none are fused.
+#[inline]
+pub(crate) fn vectorised<W: Work>(work: W) -> W::Found {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") {
+        return native::with_avx2(work);
+    }
+    work.run()
+}
+
 /// Where a number stands in an array of slots.
 pub type Slot = u32;
 

@@ -12,7 +12,7 @@ use rsm_core::tape::{Op, Reg};
 
 use super::interpreted::Interpreted;
 use super::registers::{Memory, Move, Registers};
-use super::{Slot, WIDE};
+use super::{Slot, WIDE, Work};
 
 /// 2^52: the last bit of a number from here to 2^53 is worth 1.
 const WHOLE: f64 = 4_503_599_627_370_496.0;
@@ -180,6 +180,18 @@ impl Native {
         // Why no bounds are checked inside: the code touches the slots below `self.slots` and the places below `self.spills`, each of `L` numbers, and its constants.
         (self.function)(slots.as_mut_ptr().cast(), self.constants.as_ptr(), spare.as_mut_ptr().cast());
     }
+}
+
+/// Runs work as code with AVX2; only where the machine has it.
+#[inline]
+pub(super) fn with_avx2<W: Work>(work: W) -> W::Found {
+    #[target_feature(enable = "avx2")]
+    fn wide<W: Work>(work: W) -> W::Found {
+        work.run()
+    }
+    assert!(std::arch::is_x86_feature_detected!("avx2"), "a machine with AVX2");
+    // SAFETY: the machine has AVX2.
+    unsafe { wide(work) }
 }
 
 impl Compiler<'_> {

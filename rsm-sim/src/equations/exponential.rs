@@ -16,11 +16,9 @@ use rsm_core::number::{exact, integer};
 use rsm_core::series::Argument;
 use rsm_core::tape::{Op, Reg, Tape, TapeBuilder};
 
-use super::phi::{Chain, stride};
-use crate::code::{Code, Slot, Way};
-
-/// States at most: the matrices of more cost more than small steps.
-pub(super) const MOST_STATES: usize = 24;
+use super::part::{MOST_STATES, Part};
+use super::phi::{by_stride, times};
+use crate::code::{Code, Slot, Way, Work, vectorised};
 
 /// Where the matrices of a step stand, and its results.
 #[derive(Debug, Clone, Copy)]
@@ -29,7 +27,7 @@ pub(super) struct Block {
     begin: Slot,
 }
 
-/// Matrices of a block, each row by row.
+/// Matrices of a block, each column by column.
 const MATRICES: usize = 5;
 /// Vectors of what the time does, then half a step.
 const TIMES: usize = 4;
@@ -48,7 +46,7 @@ impl Block {
     }
 
     fn matrix(&self, place: usize, i: usize, j: usize) -> usize {
-        self.begin as usize + (place * self.states + i) * self.states + j
+        self.begin as usize + (place * self.states + j) * self.states + i
     }
 
     fn time(&self, place: usize, i: usize) -> usize {
@@ -82,142 +80,59 @@ impl Block {
         self.begin as usize..self.half_step() + 1
     }
 
-    /// Puts the matrices of a linear part for a step of a level in the place of a lane.
+    /// Puts the matrices of a linear part for a step of a level in the place of a lane; the level and the next one were made.
     pub(super) fn load<const L: usize>(&self, slots: &mut [[f64; L]], lane: usize, part: &Part, level: usize) {
-        let (n, row) = (self.states, stride(self.states));
+        by_stride!(self.states, S => vectorised(Load::<S, L> { block: self, slots, lane, part, level }));
+    }
+}
+
+/// A linear part on its way into the slots of a lane.
+struct Load<'a, const S: usize, const L: usize> {
+    block: &'a Block,
+    slots: &'a mut [[f64; L]],
+    lane: usize,
+    part: &'a Part,
+    level: usize,
+}
+
+impl<const S: usize, const L: usize> Work for Load<'_, S, L> {
+    type Found = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Load { block, slots, lane, part, level } = self;
+        let n = block.states;
         let h = part.length_of(level);
-        let ([one, two, three], [half, half_two, _]) = (part.chain.at(level), part.chain.at(level + 1));
-        let shares = [(half, 0.5 * h), (one, h), (three, 2.0 * h)];
-        let linear = part.linear.chunks_exact(n);
-        for (i, linear) in linear.enumerate() {
-            let of = i * row..i * row + n;
-            for (place, (matrix, factor)) in shares.iter().enumerate() {
-                put(slots, lane, self.matrix(place, i, 0), matrix[of.clone()].iter().map(|it| factor * it));
-            }
-            let off = two[of.clone()].iter().zip(&three[of]).map(|(two, three)| h * (two - 2.0 * three));
-            put(slots, lane, self.matrix(3, i, 0), off);
-            put(slots, lane, self.matrix(4, i, 0), linear.iter().copied());
-            let moved =
-                |matrix: &[f64], h: f64| -> f64 { h * h * (0..n).map(|j| matrix[i * row + j] * part.by_time[j]).sum::<f64>() };
-            let times = [moved(half_two, 0.5 * h), moved(two, h), 0.5 * h * part.by_time[i], h * part.by_time[i]];
-            for (place, value) in times.into_iter().enumerate() {
-                slots[self.time(place, i)][lane] = value;
+        let ([one, two, three], [half, half_two, _]) = (part.chain.at::<S>(level), part.chain.at(level + 1));
+        let shares = [(half, 0.5 * h), (one, h), (three, 2.0 * h), (part.columns(), 1.0)];
+        for ((matrix, factor), place) in shares.into_iter().zip([0, 1, 2, 4]) {
+            for (j, column) in matrix.iter().enumerate() {
+                put(slots, lane, block.matrix(place, 0, j), &column.map(|it| factor * it)[..n]);
             }
         }
-        slots[self.half_step()][lane] = 0.5 * h;
-    }
-}
-
-/// A linear part with its functions over a span.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Part {
-    /// Comparisons as they were held.
-    pub held: Vec<f64>,
-    /// The span.
-    pub length: f64,
-    /// The Jacobian, row by row.
-    pub linear: Vec<f64>,
-    /// The derivative of the rates by the time.
-    pub by_time: Vec<f64>,
-    pub chain: Chain,
-    /// Its number in the run of its lane.
-    pub version: u64,
-    /// When it was used last.
-    pub used: u64,
-}
-
-impl Part {
-    /// The length of a step of a level.
-    pub(super) fn length_of(&self, level: usize) -> f64 {
-        self.length * 0.5_f64.powi(level as i32)
-    }
-
-    /// L y
-    fn times(&self, y: &[f64], to: &mut [f64]) {
-        for (to, row) in to.iter_mut().zip(self.linear.chunks_exact(y.len())) {
-            *to = line(row, y);
+        for (j, (two, three)) in two.iter().zip(three).enumerate() {
+            let off: [f64; S] = std::array::from_fn(|i| h * (two[i] - 2.0 * three[i]));
+            put(slots, lane, block.matrix(3, 0, j), &off[..n]);
         }
-    }
-
-    /// From one share of a step of a level to a later one, on the solution for a remainder a s + b s^2: `y` is what the states have moved by; `forcing` is, for each
-    /// state, the rate at the start of the step, a, D(1). Exact but for rounding.
-    pub(super) fn within(&self, level: usize, (from, to): (f64, f64), forcing: &[[f64; 3]], y: &mut [f64]) {
-        let n = y.len();
-        let h = self.length_of(level);
-        let mut at = from;
-        let mut space = [[0.0; MOST_STATES]; 3];
-        let [v, first, second] = &mut space;
-        let (v, first, second) = (&mut v[..n], &mut first[..n], &mut second[..n]);
-        let mut share = 1.0;
-        for deeper in 1..self.chain.levels() - level {
-            share *= 0.5;
-            if at + share > to {
-                continue;
-            }
-            self.forced(forcing, (h, at, share), y, [v, first, second]);
-            let ([one, two, three], length, row) = (self.chain.at(level + deeper), h * share, stride(n));
-            for (i, y) in y.iter_mut().enumerate() {
-                let of = |matrix: &[f64], by: &[f64]| line(&matrix[i * row..i * row + n], by);
-                *y += length * (of(one, v) + of(two, first) + 2.0 * of(three, second));
-            }
-            at += share;
+        let by_time: &[f64; S] = part.by_time.first_chunk().expect("as many as a column has");
+        let vectors = [
+            times(half_two, by_time).map(|it| 0.25 * h * h * it),
+            times(two, by_time).map(|it| h * h * it),
+            by_time.map(|it| 0.5 * h * it),
+            by_time.map(|it| h * it),
+        ];
+        for (place, values) in vectors.iter().enumerate() {
+            put(slots, lane, block.time(place, 0), &values[..n]);
         }
-        let share = to - at;
-        if share <= 0.0 {
-            return;
-        }
-        // What is left is so short that the series of the exponential falls by a factor of 2 k a term. It ends where a term is rounded away.
-        self.forced(forcing, (h, at, share), y, [v, first, second]);
-        let length = h * share;
-        v.iter_mut().for_each(|it| *it *= length);
-        let mut moved = [0.0; MOST_STATES];
-        let moved = &mut moved[..n];
-        for k in 1..=TAYLOR {
-            let mut moves = false;
-            for (y, term) in y.iter_mut().zip(&*v) {
-                let next = *y + term;
-                moves |= next != *y;
-                *y = next;
-            }
-            // Terms 1 to 3 bring the forcing.
-            if !moves && k > 3 {
-                return;
-            }
-            self.times(v, moved);
-            for i in 0..n {
-                let forcing = match k {
-                    1 => first[i],
-                    2 => second[i],
-                    _ => 0.0,
-                };
-                v[i] = length * (moved[i] + forcing) / (k + 1) as f64;
-            }
-        }
-    }
-
-    /// At a share of a step of length h: the rates, and the first and second derivative of what forces them, over a share from there.
-    fn forced(&self, forcing: &[[f64; 3]], (h, at, share): (f64, f64, f64), y: &[f64], [v, first, second]: [&mut [f64]; 3]) {
-        self.times(y, v);
-        for (i, [rate, a, end]) in forcing.iter().enumerate() {
-            let b = end - a;
-            let slope = a + h * self.by_time[i];
-            v[i] += rate + (slope + b * at) * at;
-            (first[i], second[i]) = ((slope + 2.0 * b * at) * share, b * share * share);
-        }
+        slots[block.half_step()][lane] = 0.5 * h;
     }
 }
 
 /// Puts values into the slots of a lane, from one on.
-fn put<const L: usize>(slots: &mut [[f64; L]], lane: usize, begin: usize, values: impl Iterator<Item = f64>) {
-    slots[begin..].iter_mut().zip(values).for_each(|(slot, value)| slot[lane] = value);
+#[inline(always)]
+fn put<const L: usize>(slots: &mut [[f64; L]], lane: usize, begin: usize, values: &[f64]) {
+    slots[begin..begin + values.len()].iter_mut().zip(values).for_each(|(slot, value)| slot[lane] = *value);
 }
-
-fn line(row: &[f64], by: &[f64]) -> f64 {
-    row.iter().zip(by).fold(0.0, |sum, (a, b)| sum + a * b)
-}
-
-/// Terms of the series behind the last level.
-const TAYLOR: usize = 18;
 
 /// The step as code.
 #[derive(Debug)]

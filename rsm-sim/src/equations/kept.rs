@@ -2,13 +2,20 @@
 //!
 //! In: the parts that a lane has taken so far, how comparisons are held, a length. Out: the part that fits, or room for another. What is kept depends on the lane alone.
 
-use super::exponential::{MOST_STATES, Part};
+use super::part::{MOST_STATES, Part};
 
 /// Linear parts that a lane keeps: a plant with a few comparisons goes to and fro between few.
 const MOST_PARTS: usize = 6;
 
 /// A length that differs by this share of the tolerance is the same: instants of rows are sums of decimals.
 pub(super) const SAME: f64 = 0.01;
+
+/// So many steps in a row by parts that were taken elsewhere fail before the next ones are not tried. One is tried again after so many.
+const FAILURES: u32 = 2;
+const SKIPPED: u32 = 16;
+
+/// Shares of a row that a part serves for: taking it costs 8 steps ([`super::stiff::TAKEN`]), so a quarter more at most.
+const AGE: u64 = 32;
 
 /// What a lane keeps of linear parts.
 #[derive(Debug, Clone, Default)]
@@ -21,6 +28,12 @@ pub(super) struct Kept {
     pub is_fresh: bool,
     /// Whether a whole row by the current one was tried where the lane stands, and its error was too large.
     pub has_failed: bool,
+    /// Steps in a row by parts that were taken elsewhere whose error was too large.
+    failures: u32,
+    /// How often a part was taken again in place of such a step.
+    skipped: u32,
+    /// Steps by the current part since it was taken.
+    age: u64,
     /// What a row may cost before the lane goes back to the series.
     pub budget: u64,
     pub cost: u64,
@@ -48,9 +61,39 @@ impl Kept {
             Some(current) if fits(&self.parts[current]) => return Some(current),
             _ => self.parts[..self.count].iter().position(fits)?,
         };
-        (self.current, self.is_fresh, self.has_failed) = (Some(place), false, false);
+        (self.current, self.is_fresh, self.has_failed, self.age) = (Some(place), false, false, 0);
         self.parts[place].used = self.tick();
         Some(place)
+    }
+
+    /// Whether the current part is taken again before a step of a level: a whole row by it has failed here; or steps by parts that were taken elsewhere have failed time and again; or it has served for many shares of a row,
+    /// and its error may be what keeps steps short.
+    pub(super) fn is_worn(&mut self, level: usize) -> bool {
+        if self.is_fresh {
+            return false;
+        }
+        let is_hopeless = self.failures >= FAILURES && self.skipped < SKIPPED;
+        self.skipped = if is_hopeless { self.skipped + 1 } else { 0 };
+        is_hopeless || self.has_failed && level == 0 || self.age >= AGE && level > 0
+    }
+
+    /// The current part has just been taken where the lane stands.
+    pub(super) fn is_new(&mut self) {
+        (self.is_fresh, self.has_failed, self.age) = (true, false, 0);
+    }
+
+    /// A step by the current part was right.
+    pub(super) fn served(&mut self) {
+        if !self.is_fresh {
+            self.failures = 0;
+        }
+        (self.is_fresh, self.has_failed) = (false, false);
+        self.age += 1;
+    }
+
+    /// The error of a step by the current part, taken elsewhere, was too large.
+    pub(super) fn failed(&mut self) {
+        self.failures += 1;
     }
 
     /// The place of a new part: the current one, or a free one, or the one that was not used for the longest time.

@@ -25,6 +25,7 @@ pub mod linear;
 pub mod machine;
 mod methods;
 mod numbers;
+mod part;
 mod phi;
 mod plain;
 mod programs;

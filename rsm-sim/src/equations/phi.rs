@@ -1,172 +1,277 @@
 //! Functions of small matrices for steps that solve what is linear exactly.
 //!
-//! In: a matrix A and a span H. Out: [`Chain`]: the functions phi_1, phi_2, phi_3 of A H/2^k for k = 0, 1, 2, ..., where phi_0(z) = e^z and phi_k+1(z) = (phi_k(z) - 1/k!)/z. By scaling and doubling (B. V. Minchev, W. M. Wright,
-//! "A review of exponential integrators for first order semi-linear problems", 2005, section 7): the halves come for nothing on the way. Never inverts a matrix, so that of a free body is no special case. No
-//! memory is asked for once the lists have their length.
+//! In: a matrix A and a span H. Out: [`Chain`]: the functions phi_1, phi_2, phi_3 of A H/2^k for k = 0, 1, 2, ..., where phi_0(z) = e^z and phi_k+1(z) = (phi_k(z) - 1/k!)/z. A level whose norm is small is a
+//! series of its own; one above comes from the level below by doubling (B. V. Minchev, W. M. Wright, "A review of exponential integrators for first order semi-linear problems", 2005, section 7). A level is
+//! computed when it is asked for, and has the same bits whichever levels were asked for before. No matrix is inverted, so that of a free body is no special case. No memory is asked for once the lists have their length.
+//!
+//! Matrices stand column by column, each column with [`stride`] numbers: zeros fill it up to whole registers.
+
+use crate::code::{Work, vectorised};
 
 /// The norm of A h below which the series are summed.
 const SMALL: f64 = 0.5;
 
-/// Terms of phi_3: 0.5^15/(18!/3!) is 3e-20 of the first. Four powers of four blocks of four (M. S. Paterson, L. J. Stockmeyer, 1973).
-const TERMS: usize = 16;
+/// Blocks of four terms of phi_3, and the norm up to which so many are enough: the first term that is left out is at most 3e-20 of the first, 0.5^16 3!/19!, 0.25^12 3!/15!, (1/32)^8 3!/11!, 2^-56 3!/7!.
+/// Powers up to the fourth serve all blocks (M. S. Paterson, L. J. Stockmeyer, 1973).
+const BLOCKS: [(usize, f64); 3] = [(1, 1.0 / 16384.0), (2, 1.0 / 32.0), (3, 0.25)];
+const MOST_BLOCKS: usize = 4;
+
+/// 1/(k + 3)!, the terms of phi_3.
+const WEIGHTS: [f64; 4 * MOST_BLOCKS] = {
+    let mut weights = [0.0; 4 * MOST_BLOCKS];
+    let (mut factorial, mut k) = (2.0, 0);
+    while k < weights.len() {
+        factorial *= (k + 3) as f64;
+        weights[k] = 1.0 / factorial;
+        k += 1;
+    }
+    weights
+};
 
 /// Doublings at most: a norm beyond has no meaning in f64.
 const MOST: usize = 60;
 
-/// Numbers a row, so that rows are filled up with zeros to whole registers.
+/// Numbers a column.
 pub(super) fn stride(n: usize) -> usize {
     n.div_ceil(4) * 4
 }
+
+/// Runs what is written for columns of a constant length.
+macro_rules! by_stride {
+    ($states:expr, $length:ident => $run:expr) => {
+        match $crate::equations::phi::stride($states) {
+            4 => by_stride!(4, $length, $run),
+            8 => by_stride!(8, $length, $run),
+            12 => by_stride!(12, $length, $run),
+            16 => by_stride!(16, $length, $run),
+            20 => by_stride!(20, $length, $run),
+            _ => by_stride!(24, $length, $run),
+        }
+    };
+    ($value:literal, $length:ident, $run:expr) => {{
+        const $length: usize = $value;
+        $run
+    }};
+}
+pub(super) use by_stride;
 
 /// The functions of a matrix over a span and its halves.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Chain {
     n: usize,
-    /// By level phi_1, phi_2, phi_3, each row by row.
+    /// The first level whose norm is small.
+    base: usize,
+    /// Its norm.
+    norm: f64,
+    /// By level phi_1, phi_2, phi_3.
     values: Vec<f64>,
-    levels: usize,
+    /// Of each level whether it stands there.
+    made: Vec<bool>,
+    /// z to z^4 at the base, then e^z at the shortest level that doubling has come to, then room.
     work: Vec<f64>,
 }
 
 impl Chain {
-    /// The levels: from the whole span on to where the norm is small.
-    pub(super) fn levels(&self) -> usize {
-        self.levels
+    /// The first level whose norm is small: those before it are made by doubling.
+    pub(super) fn base(&self) -> usize {
+        self.base
     }
 
     fn size(&self) -> usize {
         self.n * stride(self.n)
     }
 
-    /// phi_1, phi_2, phi_3 of A H/2^level, row by row with [`stride`] numbers a row.
-    pub(super) fn at(&self, level: usize) -> [&[f64]; 3] {
-        let size = self.size();
-        let all = &self.values[3 * level * size..3 * (level + 1) * size];
-        [&all[..size], &all[size..2 * size], &all[2 * size..]]
+    /// phi_1, phi_2, phi_3 of A H/2^level, which was made by [`Chain::make`].
+    #[inline(always)]
+    pub(super) fn at<const S: usize>(&self, level: usize) -> [&[[f64; S]]; 3] {
+        let n = self.n;
+        let (one, other) = self.values.as_chunks().0[3 * level * n..3 * (level + 1) * n].split_at(n);
+        let (two, three) = other.split_at(n);
+        [one, two, three]
     }
 
-    /// Takes another matrix, row by row without filling; at least so many levels. `false` where it is too large or no number.
-    pub(super) fn take(&mut self, n: usize, a: &[f64], span: f64, levels: usize) -> bool {
-        let (size, row) = (n * stride(n), stride(n));
-        // Room for z, its powers, e^z and two products, and the scales of the states. What fills rows up stays 0.
+    /// Takes another matrix; no level is made yet. `false` where it is too large or no number.
+    pub(super) fn take(&mut self, n: usize, a: &[f64], span: f64) -> bool {
         if self.n != n {
             self.n = n;
-            self.work.clear();
-            self.work.resize(7 * size + n, 0.0);
+            self.work = vec![0.0; 6 * n * stride(n)];
         }
-        let (scales, work) = self.work.split_at_mut(n);
-        let (z, rest) = work.split_at_mut(size);
-        for i in 0..n {
+        self.made.clear();
+        by_stride!(n, S => vectorised(Take::<S> { chain: self, a, span }))
+    }
+
+    /// Makes a level, and those between it and the base. `false` where it has no finite numbers.
+    pub(super) fn make(&mut self, level: usize) -> bool {
+        if self.made.get(level) == Some(&true) {
+            return true;
+        }
+        let levels = self.made.len().max(level.max(self.base) + 1);
+        self.made.resize(levels, false);
+        self.values.resize(self.values.len().max(3 * levels * self.size()), 0.0);
+        by_stride!(self.n, S => vectorised(Make::<S> { chain: self, level }))
+    }
+
+    /// A level by its series.
+    #[inline(always)]
+    fn sum<const S: usize>(&mut self, level: usize) -> bool {
+        let (n, base) = (self.n, self.base);
+        let share = 0.5_f64.powi((level - base) as i32);
+        let norm = self.norm * share;
+        let blocks = BLOCKS.into_iter().find(|it| norm <= it.1).map_or(MOST_BLOCKS, |it| it.0);
+        let (powers, rest) = self.work.as_chunks_mut().0.split_at_mut(4 * n);
+        let (zero, spare) = rest.split_at_mut(n);
+        let (z, other) = powers.split_at(n);
+        let (z2, other) = other.split_at(n);
+        let (z3, z4) = other.split_at(n);
+        let [one, two, three] = three_of::<S>(&mut self.values.as_chunks_mut().0[3 * level * n..3 * (level + 1) * n]);
+        // The matrix of this level is z times a power of two.
+        let shares: [f64; 5] = std::array::from_fn(|k| share.powi(k as i32));
+        for block in (0..blocks).rev() {
+            let weights: [f64; 4] = std::array::from_fn(|k| WEIGHTS[4 * block + k] * shares[k]);
+            let is_first = block + 1 == blocks;
+            if !is_first {
+                product(spare, three, z4);
+            }
             for j in 0..n {
-                z[i * row + j] = a[i * n + j] * span;
-            }
-        }
-        balance(n, z, scales);
-        let norm = (0..n).map(|i| z[i * row..i * row + n].iter().map(|it| it.abs()).sum()).fold(0.0, f64::max);
-        if !f64::is_finite(norm) {
-            return false;
-        }
-        let mut doublings = 0;
-        let mut share = 1.0;
-        while norm * share > SMALL {
-            share *= 0.5;
-            doublings += 1;
-            if doublings > MOST {
-                return false;
-            }
-        }
-        while doublings + 1 < levels {
-            share *= 0.5;
-            doublings += 1;
-        }
-        self.levels = doublings + 1;
-        z.iter_mut().for_each(|it| *it *= share);
-        self.values.resize(3 * self.levels * size, 0.0);
-        let Chain { values, .. } = self;
-        let last = &mut values[3 * doublings * size..];
-        let (one, other) = last.split_at_mut(size);
-        let (two, three) = other.split_at_mut(size);
-        let (z2, rest) = rest.split_at_mut(size);
-        let (z3, rest) = rest.split_at_mut(size);
-        let (z4, rest) = rest.split_at_mut(size);
-        let (zero, rest) = rest.split_at_mut(size);
-        let spare = &mut rest[..size];
-        product(n, z2, z, z);
-        product(n, z3, z2, z);
-        product(n, z4, z2, z2);
-        // 1/(k + 3)! for k from 0 on.
-        let mut weights = [0.0; TERMS];
-        let mut factorial = 2.0;
-        for (k, weight) in weights.iter_mut().enumerate() {
-            factorial *= (k + 3) as f64;
-            *weight = 1.0 / factorial;
-        }
-        three.fill(0.0);
-        for block in (0..TERMS / 4).rev() {
-            if block + 1 < TERMS / 4 {
-                product(n, spare, three, z4);
-            } else {
-                spare.fill(0.0);
-            }
-            let [w0, w1, w2, w3] = std::array::from_fn(|k| weights[4 * block + k]);
-            for k in 0..size {
-                three[k] = spare[k] + w1 * z[k] + w2 * z2[k] + w3 * z3[k];
-            }
-            diagonal(n, three, w0);
-        }
-        product(n, two, z, three);
-        diagonal(n, two, 0.5);
-        product(n, one, z, two);
-        diagonal(n, one, 1.0);
-        product(n, zero, z, one);
-        diagonal(n, zero, 1.0);
-        for k in (0..doublings).rev() {
-            let (before, behind) = values.split_at_mut(3 * (k + 1) * size);
-            let next = &mut before[3 * k * size..];
-            let (one, other) = behind[..3 * size].split_at(size);
-            let (two, three) = other.split_at(size);
-            let (next_one, other) = next.split_at_mut(size);
-            let (next_two, next_three) = other.split_at_mut(size);
-            // phi_1(2z) = (e^z + 1) phi_1/2, phi_2(2z) = (phi_1^2 + 2 phi_2)/4, phi_3(2z) = (phi_1 phi_2 + phi_2 + 2 phi_3)/8
-            product(n, next_one, zero, one);
-            product(n, next_two, one, one);
-            product(n, next_three, one, two);
-            for k in 0..size {
-                next_one[k] = 0.5 * (next_one[k] + one[k]);
-                next_two[k] = 0.25 * (next_two[k] + 2.0 * two[k]);
-                next_three[k] = 0.125 * (next_three[k] + two[k] + 2.0 * three[k]);
-            }
-            if k > 0 {
-                product(n, spare, zero, zero);
-                zero.copy_from_slice(spare);
-            }
-        }
-        // Back from balanced states: scales are powers of two.
-        if scales.iter().any(|it| *it != 1.0) {
-            for i in 0..n {
-                for j in 0..n {
-                    spare[i * row + j] = scales[i] / scales[j];
+                for i in 0..S {
+                    let before = if is_first { 0.0 } else { shares[4] * spare[j][i] };
+                    three[j][i] = before + weights[1] * z[j][i] + weights[2] * z2[j][i] + weights[3] * z3[j][i];
                 }
-            }
-            for matrix in values.chunks_exact_mut(size) {
-                matrix.iter_mut().zip(&*spare).for_each(|(it, scale)| *it *= scale);
+                three[j][j] += weights[0];
             }
         }
-        values.iter().all(|it| it.is_finite())
+        further(two, z, three, share, 0.5);
+        further(one, z, two, share, 1.0);
+        if level == base {
+            further(zero, z, one, 1.0, 1.0);
+        }
+        self.made[level] = is_finite(one) & is_finite(two) & is_finite(three);
+        self.made[level]
+    }
+
+    /// A level from the next one, whose e^z stands there.
+    #[inline(always)]
+    fn double<const S: usize>(&mut self, level: usize) -> bool {
+        let n = self.n;
+        let (zero, spare) = self.work.as_chunks_mut().0[4 * n..].split_at_mut(n);
+        let (before, behind) = self.values.as_chunks_mut().0.split_at_mut(3 * (level + 1) * n);
+        let [next_one, next_two, next_three] = three_of::<S>(&mut before[3 * level * n..]);
+        let [one, two, three] = three_of(&mut behind[..3 * n]);
+        // phi_1(2z) = (e^z + 1) phi_1/2, phi_2(2z) = (phi_1^2 + 2 phi_2)/4, phi_3(2z) = (phi_1 phi_2 + phi_2 + 2 phi_3)/8
+        product(next_one, zero, one);
+        product(next_two, one, one);
+        product(next_three, one, two);
+        for j in 0..n {
+            for i in 0..S {
+                next_one[j][i] = 0.5 * (next_one[j][i] + one[j][i]);
+                next_two[j][i] = 0.25 * (next_two[j][i] + 2.0 * two[j][i]);
+                next_three[j][i] = 0.125 * (next_three[j][i] + two[j][i] + 2.0 * three[j][i]);
+            }
+        }
+        // e^2z, for the level before.
+        product(spare, zero, zero);
+        zero.copy_from_slice(spare);
+        self.made[level] = is_finite(next_one) & is_finite(next_two) & is_finite(next_three);
+        self.made[level]
     }
 }
 
+struct Take<'a, const S: usize> {
+    chain: &'a mut Chain,
+    a: &'a [f64],
+    span: f64,
+}
+
+impl<const S: usize> Work for Take<'_, S> {
+    type Found = bool;
+
+    #[inline(always)]
+    fn run(self) -> bool {
+        let Chain { n, base, norm, work, .. } = self.chain;
+        let n = *n;
+        let (z, rest) = work.as_chunks_mut::<S>().0.split_at_mut(n);
+        let (z2, rest) = rest.split_at_mut(n);
+        let (z3, rest) = rest.split_at_mut(n);
+        let z4 = &mut rest[..n];
+        z.as_flattened_mut().iter_mut().zip(self.a).for_each(|(z, a)| *z = a * self.span);
+        let mut whole = largest_row(z);
+        if whole > SMALL && whole.is_finite() {
+            // Balanced states say how long a step may be; the functions themselves are those of the states as they are.
+            z2.copy_from_slice(z);
+            balance(z2);
+            whole = largest_row(z2);
+        }
+        if !whole.is_finite() {
+            return false;
+        }
+        let mut share = 1.0;
+        *base = 0;
+        while whole * share > SMALL {
+            (*base, share) = (*base + 1, 0.5 * share);
+            if *base > MOST {
+                return false;
+            }
+        }
+        *norm = whole * share;
+        z.as_flattened_mut().iter_mut().for_each(|it| *it *= share);
+        product(z2, z, z);
+        product(z3, z2, z);
+        product(z4, z2, z2);
+        true
+    }
+}
+
+struct Make<'a, const S: usize> {
+    chain: &'a mut Chain,
+    level: usize,
+}
+
+impl<const S: usize> Work for Make<'_, S> {
+    type Found = bool;
+
+    #[inline(always)]
+    fn run(self) -> bool {
+        let Make { chain, level } = self;
+        let base = chain.base;
+        let first = level.max(base);
+        if !chain.made[first] && !chain.sum::<S>(first) {
+            return false;
+        }
+        let top = (level..first).find(|it| chain.made[*it]).unwrap_or(first);
+        // No closure here: one that is not inlined has no vector instructions.
+        for k in (level..top).rev() {
+            if !chain.double::<S>(k) {
+                return false;
+            }
+        }
+        true
+    }
+}
+
+#[inline(always)]
+fn three_of<const S: usize>(all: &mut [[f64; S]]) -> [&mut [[f64; S]]; 3] {
+    let n = all.len() / 3;
+    let (one, other) = all.split_at_mut(n);
+    let (two, three) = other.split_at_mut(n);
+    [one, two, three]
+}
+
+#[inline(always)]
+fn is_finite<const S: usize>(matrix: &[[f64; S]]) -> bool {
+    matrix.as_flattened().iter().fold(true, |all, it| all & it.is_finite())
+}
+
 /// Scales states by powers of two so that rows and columns of a matrix are of one size (B. N. Parlett, C. Reinsch, "Balancing a matrix for calculation of eigenvalues and eigenvectors", 1969): fewer doublings.
-fn balance(n: usize, a: &mut [f64], scales: &mut [f64]) {
-    let stride = stride(n);
-    scales.fill(1.0);
+#[inline(always)]
+fn balance<const S: usize>(a: &mut [[f64; S]]) {
+    let n = a.len();
     for _ in 0..20 {
         let mut moved = false;
         for i in 0..n {
             let (mut row, mut column) = (0.0, 0.0);
-            for j in (0..n).filter(|j| *j != i) {
-                row += a[i * stride + j].abs();
-                column += a[j * stride + i].abs();
+            for (j, other) in a.iter().enumerate().filter(|it| it.0 != i) {
+                row += other[i].abs();
+                column += a[i][j].abs();
             }
             if !(row > 0.0 && column > 0.0 && row.is_finite() && column.is_finite()) {
                 continue;
@@ -181,13 +286,9 @@ fn balance(n: usize, a: &mut [f64], scales: &mut [f64]) {
             }
             if c + r < 0.95 * sum {
                 moved = true;
-                scales[i] *= factor;
-                for j in 0..n {
-                    a[i * stride + j] *= 1.0 / factor;
-                }
-                for j in 0..n {
-                    a[j * stride + i] *= factor;
-                }
+                let inverse = 1.0 / factor;
+                a.iter_mut().for_each(|column| column[i] *= inverse);
+                a[i].iter_mut().for_each(|it| *it *= factor);
             }
         }
         if !moved {
@@ -196,35 +297,45 @@ fn balance(n: usize, a: &mut [f64], scales: &mut [f64]) {
     }
 }
 
-fn diagonal(n: usize, matrix: &mut [f64], value: f64) {
-    let stride = stride(n);
-    (0..n).for_each(|k| matrix[k * stride + k] += value);
-}
-
-fn product(n: usize, to: &mut [f64], a: &[f64], b: &[f64]) {
-    match stride(n) {
-        4 => product_of::<4>(n, to, a, b),
-        8 => product_of::<8>(n, to, a, b),
-        12 => product_of::<12>(n, to, a, b),
-        16 => product_of::<16>(n, to, a, b),
-        20 => product_of::<20>(n, to, a, b),
-        _ => product_of::<24>(n, to, a, b),
-    }
-}
-
-fn product_of<const S: usize>(n: usize, to: &mut [f64], a: &[f64], b: &[f64]) {
-    let (a, _) = a.as_chunks::<S>();
-    let (b, _) = b.as_chunks::<S>();
-    let (to, _) = to.as_chunks_mut::<S>();
-    for (to, a) in to.iter_mut().zip(a) {
-        let mut sum = [0.0; S];
-        for (factor, row) in a[..n].iter().zip(b) {
-            for (sum, value) in sum.iter_mut().zip(row) {
-                *sum += factor * value;
-            }
+/// The largest sum of magnitudes of a row; no number where an entry is none.
+#[inline(always)]
+fn largest_row<const S: usize>(a: &[[f64; S]]) -> f64 {
+    let mut sums = [0.0; S];
+    for column in a {
+        for (sum, it) in sums.iter_mut().zip(column) {
+            *sum += it.abs();
         }
-        *to = sum;
     }
+    sums.into_iter().fold(0.0, |most, it| if it > most || it.is_nan() { it } else { most })
+}
+
+/// a b
+#[inline(always)]
+fn product<const S: usize>(to: &mut [[f64; S]], a: &[[f64; S]], b: &[[f64; S]]) {
+    for (to, b) in to.iter_mut().zip(b) {
+        *to = times(a, b);
+    }
+}
+
+/// One function from the next one: share a b, and a number on the diagonal.
+#[inline(always)]
+fn further<const S: usize>(to: &mut [[f64; S]], a: &[[f64; S]], b: &[[f64; S]], share: f64, value: f64) {
+    for (j, (to, b)) in to.iter_mut().zip(b).enumerate() {
+        *to = times(a, b).map(|it| share * it);
+        to[j] += value;
+    }
+}
+
+/// A matrix, by its columns, times a vector.
+#[inline(always)]
+pub(super) fn times<const S: usize>(columns: &[[f64; S]], by: &[f64; S]) -> [f64; S] {
+    let mut sum = [0.0; S];
+    for (column, factor) in columns.iter().zip(by) {
+        for (sum, value) in sum.iter_mut().zip(column) {
+            *sum += value * factor;
+        }
+    }
+    sum
 }
 
 #[cfg(test)]
@@ -238,20 +349,74 @@ mod tests {
         [one, two, (two - 0.5) / z]
     }
 
+    fn flat(chain: &Chain, level: usize) -> [&[f64]; 3] {
+        chain.at::<4>(level).map(|it| it.as_flattened())
+    }
+
+    /// A matrix of two rows, column by column.
+    fn columns([a, b, c, d]: [f64; 4]) -> [f64; 8] {
+        [a, c, 0.0, 0.0, b, d, 0.0, 0.0]
+    }
+
     #[test]
     fn a_triangular_matrix_by_its_eigenvectors() {
         // A = [-2 3; 0 -800] has the eigenvectors (1, 0) and (3, -798): f(A)(3, -798) = f(-800)(3, -798), so the corner is 3 (f(-2) - f(-800))/798.
         let mut chain = Chain::default();
-        assert!(chain.take(2, &[-2.0, 3.0, 0.0, -800.0], 1.0, 1));
-        assert!(chain.levels() > 10, "{}", chain.levels());
+        assert!(chain.take(2, &columns([-2.0, 3.0, 0.0, -800.0]), 1.0));
+        assert!(chain.base() > 9, "{}", chain.base());
         for level in 0..4 {
+            assert!(chain.make(level));
             let h = 0.5_f64.powi(level as i32);
             let (slow, fast) = (plain(-2.0 * h), plain(-800.0 * h));
-            for (k, matrix) in chain.at(level).into_iter().enumerate() {
+            for (k, matrix) in flat(&chain, level).into_iter().enumerate() {
                 let corner = 3.0 * (slow[k] - fast[k]) / 798.0;
                 // Eleven doublings of numbers near 1, and the digits that the definition itself loses at -0.25.
-                for (found, expected) in [(matrix[0], slow[k]), (matrix[5], fast[k]), (matrix[1], corner), (matrix[4], 0.0)] {
+                for (found, expected) in [(matrix[0], slow[k]), (matrix[5], fast[k]), (matrix[4], corner), (matrix[1], 0.0)] {
                     assert!((found - expected).abs() < 1e-12, "level {level}, phi_{}: {found} for {expected}", k + 1);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_level_has_the_same_bits_whichever_were_asked_for_before() {
+        let a = columns([-3.0, 40.0, -5.0, -60.0]);
+        let of = |order: &[usize]| -> Vec<Vec<f64>> {
+            let mut chain = Chain::default();
+            assert!(chain.take(2, &a, 0.7) && order.iter().all(|level| chain.make(*level)));
+            (0..chain.base() + 4)
+                .map(|level| if chain.make(level) { flat(&chain, level).concat() } else { Vec::new() })
+                .collect()
+        };
+        let usual = of(&[]);
+        assert_eq!(usual.iter().map(Vec::len).collect::<Vec<usize>>(), vec![24; usual.len()]);
+        for order in [vec![0], vec![3, 1, 2], vec![9, 5, 0], (0..9).rev().collect()] {
+            assert_eq!(of(&order), usual, "{order:?}");
+        }
+    }
+
+    #[test]
+    fn a_level_by_its_series_is_the_next_one_doubled() {
+        // Norms from 0.4 to 0.4/2^18 ask for 4 blocks of terms, then fewer.
+        let a = columns([-0.1, 0.3, -0.2, -0.15]);
+        let mut chain = Chain::default();
+        assert!(chain.take(2, &a, 1.0) && chain.base() == 0);
+        for level in 0..18 {
+            assert!(chain.make(level) && chain.make(level + 1));
+            let (longer, [one, two, three]) = (flat(&chain, level), flat(&chain, level + 1));
+            let product = |a: &[f64], b: &[f64], at: usize| a[at % 4] * b[at / 4 * 4] + a[4 + at % 4] * b[at / 4 * 4 + 1];
+            let z = a.map(|it| it * 0.5_f64.powi(level as i32 + 1));
+            for at in [0, 1, 4, 5] {
+                // e^z + 1 = 2 + z phi_1
+                let sum = 2.0 * one[at] + product(&z, &(0..8).map(|k| product(one, one, k)).collect::<Vec<f64>>(), at);
+                let doubled = [
+                    0.5 * sum,
+                    0.25 * (product(one, one, at) + 2.0 * two[at]),
+                    0.125 * (product(one, two, at) + two[at] + 2.0 * three[at]),
+                ];
+                for (k, (found, expected)) in longer.iter().zip(doubled).enumerate() {
+                    // A few roundings of numbers of the size of 1.
+                    assert!((found[at] - expected).abs() < 1e-15, "level {level}, phi_{} at {at}", k + 1);
                 }
             }
         }
@@ -261,9 +426,11 @@ mod tests {
     fn states_of_other_units_have_the_same_functions() {
         // The same matrix with its second state in thousandths: entries off the diagonal by 1000 and by 1/1000.
         let (mut plain, mut scaled) = (Chain::default(), Chain::default());
-        assert!(plain.take(2, &[-3.0, 4.0, -5.0, -60.0], 0.7, 1) && scaled.take(2, &[-3.0, 4e-3, -5e3, -60.0], 0.7, 1));
-        for (one, other) in plain.at(0).into_iter().zip(scaled.at(0)) {
-            for (place, factor) in [(0, 1.0), (1, 1e-3), (4, 1e3), (5, 1.0)] {
+        assert!(plain.take(2, &columns([-3.0, 4.0, -5.0, -60.0]), 0.7));
+        assert!(scaled.take(2, &columns([-3.0, 4e-3, -5e3, -60.0]), 0.7));
+        assert!(plain.make(0) && scaled.make(0));
+        for (one, other) in flat(&plain, 0).into_iter().zip(flat(&scaled, 0)) {
+            for (place, factor) in [(0, 1.0), (4, 1e-3), (1, 1e3), (5, 1.0)] {
                 // Eight doublings.
                 assert!((one[place] * factor - other[place]).abs() <= 1e-13 * factor, "{place}");
             }
@@ -273,8 +440,9 @@ mod tests {
     #[test]
     fn of_nothing_they_are_the_first_terms_and_of_no_number_nothing() {
         let mut chain = Chain::default();
-        assert!(chain.take(3, &[0.0; 9], 0.1, 2));
-        assert_eq!(chain.at(1).map(|it| it[5]), [1.0, 0.5, 1.0 / 6.0]);
-        assert!(!chain.take(1, &[f64::NAN], 0.1, 2) && !chain.take(1, &[1e300], 1e10, 2));
+        assert!(chain.take(3, &[0.0; 12], 0.1) && chain.make(1));
+        assert_eq!(flat(&chain, 1).map(|it| it[5]), [1.0, 0.5, 1.0 / 6.0]);
+        let one = |a: f64| [a, 0.0, 0.0, 0.0];
+        assert!(!chain.take(1, &one(f64::NAN), 0.1) && !chain.take(1, &one(1e300), 1e10));
     }
 }

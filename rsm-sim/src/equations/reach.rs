@@ -21,9 +21,11 @@ const MANY: f64 = 4.0;
 /// Places at which a step is looked at for changes of comparisons.
 const LOOKS: usize = 8;
 
-/// A comparison is far from its border when it is so many times as far as it moves in a step. A motion that three places and the slope at the start do not show at all would have to be twice as
-/// large as what they show.
+/// A comparison is far from its border when it is so many times as far as the cubic term of its distance: a motion that four places do not show at all would have to be twice as large as that.
 const FAR: f64 = 2.0;
+
+/// Rounding of a distance, as a share of the largest: that of a dozen operations.
+const ROUNDED: f64 = 16.0 * f64::EPSILON;
 
 /// Halvings that place an event, until the instants are neighbours.
 const HALVINGS: usize = 60;
@@ -102,7 +104,7 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// Where a comparison changes inside a step: a share before, and one behind it. `place` puts the walk at a share; the walk stands at the end of the step. Looked at at the end and at
-    /// [`LOOKS`] places, and where a comparison comes nearest to its border between three of them, by the parabola through these. A lane whose comparisons stay [`FAR`] from their borders
+    /// [`LOOKS`] places, and where a comparison comes nearest to its border between three of them, by the parabola through these. A lane whose comparisons stay away from their borders
     /// has no change.
     fn changes_inside(&mut self, asked: [bool; L], place: &mut dyn FnMut(&mut Self, f64)) -> [Option<(f64, f64)>; L] {
         let mut found = [None; L];
@@ -140,8 +142,7 @@ impl<const L: usize> Walk<'_, L> {
         found
     }
 
-    /// In which lanes every comparison is at least [`FAR`] times as far from its border as it moves: at the start, an eighth, the middle and the end of a step. What moves in the first eighth counts
-    /// eight times, so the slope at the start counts too; the middle shows a motion that comes back within the step.
+    /// In which lanes every comparison stays away from its border, by its distances at the start, an eighth, the middle and the end of a step.
     fn stay_far(&mut self, place: &mut dyn FnMut(&mut Self, f64)) -> [bool; L] {
         let count = self.programs.counts.held;
         let mut far = self.sides_differ().map(|differs| !differs);
@@ -159,13 +160,7 @@ impl<const L: usize> Walk<'_, L> {
         for k in 0..count {
             for (lane, far) in far.iter_mut().enumerate() {
                 let [end, start, eighth, middle] = std::array::from_fn(|place| distances[place * count + k][lane]);
-                let slope = LOOKS as f64 * (eighth - start).abs();
-                let ways = [middle - start, end - start, end - eighth, end - middle];
-                let moved = ways.into_iter().fold(slope, |most, way| most.max(way.abs()));
-                let nearest = [end, start, eighth, middle].into_iter().fold(f64::INFINITY, |least, it| least.min(it.abs()));
-                // Distances that are no finite numbers are near.
-                let is_known = [end, start, eighth, middle].into_iter().all(f64::is_finite);
-                *far &= is_known && nearest > 0.0 && nearest >= FAR * moved;
+                *far &= stays_away([start, eighth, middle, end]);
             }
         }
         far
@@ -551,4 +546,25 @@ fn cube_root_of_inverse(size: f64) -> f64 {
 /// Of the explicit pair, whose lower order is 4.
 fn fifth_root_of_inverse(size: f64) -> f64 {
     root_of_inverse(size, 5)
+}
+
+/// Whether a distance stays away from 0 over a step, by its values at the start, an eighth, the middle and the end: the cubic through them (Newton's divided differences) keeps its sign at eighths of the step, by more than it
+/// can bend between two of them and [`FAR`] times its cubic term. Distances that are no finite numbers do not.
+fn stays_away(distances: [f64; 4]) -> bool {
+    let [start, eighth, middle, end] = distances;
+    let first = [8.0 * (eighth - start), (middle - eighth) / 0.375, 2.0 * (end - middle)];
+    let second = [2.0 * (first[1] - first[0]), (first[2] - first[1]) / 0.875];
+    let third = second[1] - second[0];
+    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+    for look in 0..=LOOKS {
+        let s = look as f64 / LOOKS as f64;
+        let value = start + s * (first[0] + (s - 0.125) * (second[0] + (s - 0.5) * third));
+        (least, most) = (least.min(value), most.max(value));
+    }
+    // The second derivative is 2 second + (6 s - 1.25) third. Between neighbours that are h apart, a curve leaves its chord by h^2/8 of it at most.
+    let bend = (2.0 * second[0].abs() + 4.75 * third.abs()) / (8.0 * (LOOKS * LOOKS) as f64);
+    // s (s - 1/8) (s - 1/2) is at most 7/16.
+    let beyond = FAR * 0.4375 * third.abs() + bend + ROUNDED * most.abs().max(least.abs());
+    let nearest = if least > 0.0 { least } else { -most };
+    distances.into_iter().all(f64::is_finite) && nearest > beyond
 }

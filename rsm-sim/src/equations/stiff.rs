@@ -1,10 +1,10 @@
 //! Steps in which what is linear is solved exactly.
 //!
 //! In: a walk at an instant, the time to the next row. Out: the states behind a step whose error is allowed. Steps are the time to the row, its half, its quarter and so on, so the matrices of a linear part serve row after row. A linear part
-//! is taken when a row begins that none fits, and again where the error of a step is too large and the linear part was taken elsewhere: both depend on the lane alone.
+//! is taken when a row begins that none fits, and again where the error of a step is too large, or is expected to be ([`super::kept::Kept::is_worn`]), and the linear part was taken elsewhere: all depend on the lane alone.
 
-use super::exponential::MOST_STATES;
 use super::kept::{Anchor, Loaded, SAME, Segment};
+use super::part::MOST_STATES;
 use super::rows::Stopped;
 use super::walk::Walk;
 
@@ -48,27 +48,29 @@ impl<const L: usize> Walk<'_, L> {
         let slots = &self.slots;
         let is_held = |list: &[f64]| list.iter().enumerate().all(|(k, it)| slots[held + k][lane] == *it);
         let Some(place) = self.kept[lane].find(is_held, length, tolerance) else { return false };
-        self.load(lane, place, 0);
-        true
+        self.load(lane, place, 0)
     }
 
-    /// Puts the matrices of a part into the slots of a lane.
-    fn load(&mut self, lane: usize, place: usize, level: usize) {
-        let part = &self.kept[lane].parts[place];
+    /// Puts the matrices of a part into the slots of a lane. `false` where a step of this level has none.
+    fn load(&mut self, lane: usize, place: usize, level: usize) -> bool {
+        let part = &mut self.kept[lane].parts[place];
         let wanted = Loaded { version: part.version, level, whole: part.length };
         if self.loaded[lane] != Some(wanted) {
+            if !part.make(level) {
+                return false;
+            }
             self.programs.block.load(&mut self.slots, lane, part, level);
             self.patterns.iter_mut().zip(&part.held).for_each(|(to, from)| to[lane] = *from);
             self.loaded[lane] = Some(wanted);
         }
+        true
     }
 
-    /// Puts the matrices of a lane's current part into its slots, for whole rows: another walk may have changed it.
-    pub(super) fn load_current(&mut self, lane: usize) {
-        self.loaded[lane] = self.loaded[lane].filter(|_| self.kept[lane].current.is_some());
-        if let Some(place) = self.kept[lane].current {
-            self.load(lane, place, 0);
-        }
+    /// Keeps the matrices in the slots of a lane only where they are those of its current part: another walk may have changed it.
+    pub(super) fn keep_loaded(&mut self, lane: usize) {
+        let kept = &self.kept[lane];
+        let version = kept.current.map(|place| kept.parts[place].version);
+        self.loaded[lane] = self.loaded[lane].filter(|it| Some(it.version) == version);
     }
 
     /// One step of all lanes by the matrices that stand in their slots; its length stands in its slot.
@@ -125,13 +127,9 @@ impl<const L: usize> Walk<'_, L> {
         let n = self.programs.counts.states;
         let kept = &self.kept[lane];
         let Some(part) = kept.current.map(|place| &kept.parts[place]) else { return };
-        let begins = self.programs.block.inside();
-        let mut forcing = [[0.0; 3]; MOST_STATES];
-        for (k, it) in forcing[..n].iter_mut().enumerate() {
-            *it = begins.map(|begin| self.slots[begin + k][lane]);
-        }
+        let forcing = self.programs.block.inside().map(|begin| &self.slots[begin..begin + n]);
         let mut anchor = if self.anchors[lane].share <= share { self.anchors[lane] } else { Anchor::START };
-        part.within(level, (anchor.share, share), &forcing[..n], &mut anchor.moved[..n]);
+        part.within(level, (anchor.share, share), forcing, lane, &mut anchor.moved);
         anchor.share = share;
         // What is remembered does not depend on where the comparisons of other lanes are looked at.
         if self.is_locating || (share * GRID).fract() == 0.0 {
@@ -185,24 +183,18 @@ impl Walk<'_, 1> {
         let kept = &mut self.kept[0];
         let place = kept.room(replaces);
         let part = &mut kept.parts[place];
-        let mut slopes = self.slots[range].iter().map(|it| it[0]);
-        part.linear.clear();
-        part.linear.extend(slopes.by_ref().take(n * n));
-        part.by_time.clear();
-        part.by_time.extend(slopes);
-        part.by_time.resize(n, 0.0);
         part.held.clear();
         part.held.extend(self.slots[held..held + count].iter().map(|it| it[0]));
         part.length = length;
-        (kept.is_fresh, kept.has_failed) = (true, false);
-        kept.cost += TAKEN;
-        if !part.chain.take(n, &part.linear, length, 2) {
+        let is_part = part.take(n, self.slots[range].iter().map(|it| it[0]));
+        if !is_part {
             // No number may be left of it.
             part.length = f64::NAN;
             kept.current = None;
-            return false;
         }
-        true
+        kept.is_new();
+        kept.cost += TAKEN;
+        is_part
     }
 
     /// One step on the way to a row that is `rest` away.
@@ -225,29 +217,18 @@ impl Walk<'_, 1> {
         let held = self.layout().held as usize;
         let slots = &self.slots;
         let is_held = |list: &[f64]| list.iter().enumerate().all(|(k, it)| slots[held + k][0] == *it);
-        let place = match self.kept[0].find(is_held, segment.length, self.setting.tolerance) {
-            Some(place) => place,
-            None if self.take(segment.length, false) => self.kept[0].current.unwrap_or(0),
-            None => return Ok(Attempt::None),
-        };
+        let found = self.kept[0].find(is_held, segment.length, self.setting.tolerance);
+        let replaces = found.is_some();
+        if (!replaces || self.kept[0].is_worn(level)) && !self.take(segment.length, replaces) {
+            return Ok(Attempt::None);
+        }
         let n = self.programs.counts.states;
         let kept = &mut self.kept[0];
-        if kept.has_failed && level == 0 {
-            // The same step would end in the same way, and cost as much.
-            kept.cost += 1;
-            return Ok(if self.take(segment.length, true) { Attempt::Again } else { Attempt::None });
-        }
         kept.cost += 1;
-        if kept.parts[place].chain.levels() < level + 2 {
-            // More halvings round in another way: these are other matrices.
-            let version = kept.tick();
-            let part = &mut kept.parts[place];
-            part.version = version;
-            if !part.chain.take(n, &part.linear, part.length, level + 6) {
-                return Ok(Attempt::None);
-            }
+        let place = kept.current.unwrap_or(0);
+        if !self.load(0, place, level) {
+            return Ok(Attempt::None);
         }
-        self.load(0, place, level);
         let h = self.kept[0].parts[place].length_of(level);
         let is_last = index + 1 == 1 << level;
         let taken = if is_last { rest } else { h };
@@ -260,7 +241,7 @@ impl Walk<'_, 1> {
         if size <= 1.0 {
             let end = self.programs.block.end();
             self.behind.copy_from_slice(&self.slots[end..end + n]);
-            (self.kept[0].is_fresh, self.kept[0].has_failed) = (false, false);
+            self.kept[0].served();
             self.segment = Some(Segment { index: index + 1, ..segment });
             let grows = level > 0 && size < SMALL;
             let suggestion = if grows { 2.0 * h } else { h };
@@ -268,8 +249,11 @@ impl Walk<'_, 1> {
         }
         if self.kept[0].is_fresh {
             self.suggestion = [if size > 256.0 { 0.25 * h } else { 0.5 * h }];
-        } else if !self.take(segment.length, true) {
-            return Ok(Attempt::None);
+        } else {
+            self.kept[0].failed();
+            if !self.take(segment.length, true) {
+                return Ok(Attempt::None);
+            }
         }
         Ok(Attempt::Again)
     }

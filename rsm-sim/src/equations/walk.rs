@@ -289,7 +289,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         other.taken[lane] = self.taken[0];
         other.is_stiff[lane] = self.is_stiff[0];
         std::mem::swap(&mut self.kept[0], &mut other.kept[lane]);
-        other.load_current(lane);
+        other.keep_loaded(lane);
     }
 
     /// Whether a state of a lane is no longer finite: the row and its name.
