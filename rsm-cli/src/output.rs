@@ -119,14 +119,14 @@ fn refuse(path: &Path, new: &[u8]) -> Result<(), Refusal> {
     }
     if let Some(read) = files_read().iter().find(|read| is_same_file(read, &place)) {
         return Err(Refusal::new(format!(
-            "{}: not written: it is the file `{}` that was read\n  help: give the output another name",
+            "{}: not written: this is the input file `{}` that was read\n  help: give the output another name",
             path.display(),
             read.display()
         )));
     }
     match std::fs::read(&place) {
         Ok(old) if !replace::may(&old, new) => Err(Refusal::new(format!(
-            "{}: not written: a file stands there that is no such output of rsm\n  help: give the output another name, or --force to replace the file",
+            "{}: not written: the existing file is not an rsm output of this kind\n  help: give the output another name, or --force to replace the file",
             path.display()
         ))),
         _ => Ok(()),

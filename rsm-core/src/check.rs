@@ -488,7 +488,7 @@ fn check_knots(context: &Context<'_>, faults: &mut Collector, surface: &Surface,
             }
         }
         if surface.knots[..k].contains(knot) {
-            faults.push(context.fault(&place, format!("{who}: knot {}: stands twice", k + 1)));
+            faults.push(context.fault(&place, format!("{who}: knot {}: occurs twice", k + 1)));
         }
     }
 }
@@ -545,7 +545,7 @@ fn check_sigmoids(context: &Context<'_>, faults: &mut Collector, surface: &Surfa
             faults.push(context.fault(&place, format!("{who}: {what}")).help(help));
         }
         if surface.sigmoids[..k].contains(&surface.sigmoids[k]) {
-            faults.push(context.fault(&place, format!("{who}: stands twice")));
+            faults.push(context.fault(&place, format!("{who}: occurs twice")));
         }
     }
 }
@@ -603,7 +603,7 @@ fn check_waves(context: &Context<'_>, faults: &mut Collector, surface: &Surface,
             faults.push(context.fault(&place, format!("{who}: {what}")).help(help));
         }
         if surface.waves[..k].contains(wave) {
-            faults.push(context.fault(&place, format!("{who}: stands twice")));
+            faults.push(context.fault(&place, format!("{who}: occurs twice")));
         }
     }
 }
@@ -615,7 +615,7 @@ fn check_reciprocal(context: &Context<'_>, faults: &mut Collector, surface: &Sur
         if !surface.inputs.contains(name) {
             faults.push(context.fault(&place, format!("{who}: `reciprocal`: `{name}` is not an input of this surface")));
         } else if surface.reciprocal[..k].contains(name) {
-            faults.push(context.fault(&place, format!("{who}: `reciprocal`: `{name}` stands twice")));
+            faults.push(context.fault(&place, format!("{who}: `reciprocal`: `{name}` occurs twice")));
         } else if let Some(Input { range: [low, high], .. }) = context.model().input(name)
             && *low <= 0.0
             && *high >= 0.0

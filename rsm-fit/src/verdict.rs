@@ -130,7 +130,7 @@ impl std::fmt::Display for AboutZero {
             AboutZero::LacksFit { centred } => {
                 write!(f, "{centred:.4} % of the spread about it, and a significant lack of fit")
             }
-            AboutZero::NobodyJudges => write!(f, "no rows are left that chose nothing"),
+            AboutZero::NobodyJudges => write!(f, "no rows are left that were not used to choose the model"),
         }
     }
 }
@@ -221,7 +221,7 @@ mod tests {
                 "on rows that chose nothing it explains 12.5 % of the spread about the mean, 50 % wanted",
             ),
             (AboutZero::LacksFit { centred: 87.5 }, "87.5000 % of the spread about it, and a significant lack of fit"),
-            (AboutZero::NobodyJudges, "no rows are left that chose nothing"),
+            (AboutZero::NobodyJudges, "no rows are left that were not used to choose the model"),
         ] {
             assert_eq!(about_zero(why), format!("{begin}{words}"));
         }

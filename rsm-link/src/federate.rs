@@ -265,7 +265,7 @@ fn hear(federate: &Federate, from: Subscription, what: &str, tick: u64, values: 
     let mut vector = [0.0; WIDEST + 1];
     let length = federate.read(from, &mut vector)?;
     if length != values.len() + 1 {
-        return Err(format!("tick {tick}: nothing was heard of `{what}`: who tells it has ended, or takes no part"));
+        return Err(format!("tick {tick}: no value of `{what}` arrived: its sender has ended, or is not in the federation"));
     }
     if vector[0] != tick as f64 {
         return Err(format!("tick {tick}: of `{what}` tick {} was heard: who tells it has ended", vector[0]));

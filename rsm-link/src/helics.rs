@@ -226,14 +226,14 @@ impl Library {
             tried.push(format!("{}: no such library in this folder", asked.display()));
         }
         Err(format!(
-            "HELICS is not to be found: {}\n  help: pip install --target helics helics==3.6.1, then {VARIABLE}=$PWD/helics (the folder or the file libhelics.so), or --helics PATH",
+            "HELICS was not found: {}\n  help: pip install --target helics helics==3.6.1, then {VARIABLE}=$PWD/helics (the folder or the file libhelics.so), or --helics PATH",
             tried.join("; ")
         ))
     }
 
     fn of(library: &'static libloading::Library, place: PathBuf) -> Result<&'static Library, String> {
         let wrong =
-            |what: String| format!("{}: {what}\n  help: version 3 of HELICS is wanted; 3.6.1 was tested", place.display());
+            |what: String| format!("{}: {what}\n  help: HELICS version 3 is required; 3.6.1 was tested", place.display());
         let functions = Functions::find(library).map_err(wrong)?;
         // SAFETY: takes nothing and gives a text that lives as long as the library.
         let version = unsafe { CStr::from_ptr((functions.version)()) }.to_string_lossy().into_owned();

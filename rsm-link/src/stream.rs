@@ -301,7 +301,11 @@ fn greet(link: &Link<'_>, heard: &Mutex<Heard>, wish: &Wish) -> Result<(), Strin
                 } else {
                     "nothing came".to_string()
                 };
-                return Err(format!("the peer at {} was not heard within {:.1} s: {why}", link.peer, wish.wait.as_secs_f64()));
+                return Err(format!(
+                    "the peer at {} sent no datagram within {:.1} s: {why}",
+                    link.peer,
+                    wish.wait.as_secs_f64()
+                ));
             }
         }
         std::thread::sleep(HELLO);

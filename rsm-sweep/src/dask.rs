@@ -65,7 +65,7 @@ pub fn run(
         let line = line.map_err(|error| format!("the script cannot be read: {error}"))?;
         let told: Value = serde_json::from_str(&line).map_err(|error| format!("the script said `{line}`: {error}"))?;
         let hash = told["task"].as_str().unwrap_or_default();
-        let task = by_hash.get(hash).ok_or_else(|| format!("the script told of a task that is none: `{hash}`"))?;
+        let task = by_hash.get(hash).ok_or_else(|| format!("the script reported an unknown task: `{hash}`"))?;
         if let Some(why) = told["error"].as_str() {
             failed.push(format!("task {hash}: {why}"));
             continue;

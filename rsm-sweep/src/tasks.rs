@@ -65,7 +65,7 @@ pub fn list(scenario: &Scenario) -> Result<Vec<Task>, Faults> {
     };
     let mut seen = std::collections::HashSet::new();
     if let Some(twice) = tasks.iter().find(|it| !seen.insert(it.hash.as_str())) {
-        let what = format!("the task {} stands in the list twice", twice.hash);
+        let what = format!("the task {} occurs twice in the list", twice.hash);
         let help = "two settings are the same: take one of them out of the plan, run lists as `design = \"full-factorial\"`, or set `noise = true`";
         faults.push(Fault::whole_file(scenario.source.name(), what).help(help));
     }

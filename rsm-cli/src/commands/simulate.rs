@@ -56,7 +56,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     }
     if wish.is_some() {
         return Err(Refusal::new(format!(
-            "{}: --method, --tolerance, --fixed-step and --effects are for plants of equations (`format = 2`); this plant is built in and has steps of its own",
+            "{}: --method, --tolerance, --fixed-step and --effects are for plants of equations (`format = 2`); this is a plant file of format 1",
             arguments.plant.display()
         )));
     }

@@ -50,7 +50,7 @@ pub(crate) fn any_surface(random: &mut Random) -> (Vec<Input>, Surface) {
 fn cells_lie_between_the_knots_in_order() {
     let inputs = [input("x", [-1.0, 3.0]), input("y", [-2.0, 2.0]), input("z", [5.0, 6.0])];
     let mut surface = surface_of(&inputs, Coding::Range);
-    // Out of order; one stands twice, as in a sum of two surfaces that both have it.
+    // Out of order; one occurs twice, as in a sum of two surfaces that both have it.
     surface.knots = vec![knot("x", 2.0), knot("y", 1.0), knot("x", 0.5), knot("x", 2.0)];
     let cells = |surface: &Surface| -> Vec<Vec<[f64; 2]>> { all(surface, &inputs).into_iter().map(|it| it.cell).collect() };
     let product = |ys: &[[f64; 2]]| -> Vec<Vec<[f64; 2]>> {

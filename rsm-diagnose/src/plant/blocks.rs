@@ -69,7 +69,7 @@ mod tests {
 
     #[test]
     fn blocks_of_coarse_readings_may_stand_twice_by_chance() {
-        // Forty readings at random: of 400 rows every run of two stands twice somewhere, of three some.
+        // Forty readings at random: of 400 rows every run of two occurs twice somewhere, of three some.
         let mut random = Random::new(9);
         let coarse: Vec<f64> = (0..400).map(|_| (40.0 * random.uniform()).floor()).collect();
         assert_eq!(twice(&[&coarse]), vec![]);

@@ -96,7 +96,7 @@ impl std::fmt::Display for NotProven {
             let separator = if k == 0 { "" } else { "; " };
             write!(
                 f,
-                "{separator}{constraint} ({quantity} is proven to be at least {bound:.2e}, {:.1e} of the spread, where 0 is asked",
+                "{separator}{constraint} ({quantity} is proven to be at least {bound:.2e}, {:.1e} of the spread, but 0 is required",
                 share_of_spread.abs()
             )?;
             if let (Some(seen), Some(at)) = (seen, at) {

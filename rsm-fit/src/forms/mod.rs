@@ -90,7 +90,7 @@ impl Forms<'_> {
             let search = waves::Search { surface: self.surface, inputs: self.inputs, periods: &self.periods, highest };
             let (taken, said) = match search.run(self.fit) {
                 Some(found) => self.compared(Form::Wave, &found, highest, is_only, &|rest| search.run(rest)),
-                None => (None, self.kept(vec![], "no wave over an input with a period stands above the noise".to_string())),
+                None => (None, self.kept(vec![], "no wave over an input with a period is above the noise".to_string())),
             };
             if taken.is_some() {
                 return (taken, Some(said));
@@ -132,7 +132,7 @@ impl Forms<'_> {
         let tried = |rmse| Tried { form, sigmoids: found.sigmoids.len(), orders: orders.clone(), rmse };
         let Some(parts) = self.judged(order, again) else {
             if is_only {
-                let why = "it was the only form asked for".to_string();
+                let why = "it was the only requested form".to_string();
                 return (Some(taken(None)), FormsReport { tried: vec![tried(None)], chosen: form, why });
             }
             return (None, self.kept(vec![], "the rows are too few to leave parts of them out".to_string()));
@@ -158,7 +158,7 @@ impl Forms<'_> {
             "on rows left out in {count} parts in turn {what} {percent:.0} % less error than powers alone, better in {better} parts"
         );
         if is_only || (other <= CLEAR * powers && better >= MOST_PARTS.min(count)) {
-            let why = if is_only { format!("it was the only form asked for; {gain}") } else { gain };
+            let why = if is_only { format!("it was the only requested form; {gain}") } else { gain };
             return (Some(taken(Some((total(1), count)))), FormsReport { tried, chosen: form, why });
         }
         let least = 100.0 * (1.0 - CLEAR);

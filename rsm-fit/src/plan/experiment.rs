@@ -400,7 +400,7 @@ fn check_levels(who: &str, levels: &[f64], faults: &mut Collector) {
         if !level.is_finite() {
             tell(faults, format!("{who}: `levels`: found {level}, expected a finite number"));
         } else if levels[..k].contains(level) {
-            tell(faults, format!("{who}: `levels`: {level} stands twice"));
+            tell(faults, format!("{who}: `levels`: {level} occurs twice"));
         }
     }
 }

@@ -161,7 +161,7 @@ pub(super) fn read(source: &Source, folder: &Path, faults: &mut Collector) -> Op
     for key in ["replicates", "centre_points"] {
         if kind == Some(Kind::Optimal) && top.entries().any(|(name, _, _)| name == key) {
             let fault = top.fault(top.key_span(key), format!("`{key}` does not belong to \"optimal\": its runs are `runs`"));
-            faults.push(fault.help("it repeats points by itself; name points that must be run as `mandatory`"));
+            faults.push(fault.help("it repeats points automatically; list required points in `mandatory`"));
         }
     }
     let wrong = match (kind, criterion) {
@@ -331,7 +331,7 @@ fn read_levels(what: &str, value: Value<'_>, reader: &TableReader<'_>, faults: &
             }
             for (k, level) in levels.iter().enumerate() {
                 if levels[..k].contains(level) {
-                    faults.push(reader.fault(items[k].span(), format!("{what}: {level} stands twice")));
+                    faults.push(reader.fault(items[k].span(), format!("{what}: {level} occurs twice")));
                 }
             }
             // + 0.0 makes both zeros equal.

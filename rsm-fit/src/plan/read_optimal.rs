@@ -87,7 +87,7 @@ fn read_powers(value: Value<'_>, top: &TableReader<'_>, around: &Around<'_>, fau
             return None;
         }
         if terms.contains(&powers) {
-            faults.push(top.fault(item.span(), format!("{who} stands twice")));
+            faults.push(top.fault(item.span(), format!("{who} occurs twice")));
             return None;
         }
         terms.push(powers);
@@ -238,8 +238,7 @@ pub(super) fn read_optimum(
         }
         let sum: usize = block_sizes.iter().sum();
         if sum != runs {
-            faults
-                .push(top.fault(value.span(), format!("`block_sizes`: they have {sum} runs together, `runs` asks for {runs}")));
+            faults.push(top.fault(value.span(), format!("`block_sizes`: their sum is {sum} runs, but `runs` is {runs}")));
         }
     }
     let mut mandatory = Vec::new();
@@ -261,7 +260,7 @@ pub(super) fn read_optimum(
             mandatory.push(point.into_iter().flatten().collect());
         }
         if mandatory.len() > runs {
-            let what = format!("`mandatory`: found {} points, `runs` asks for {runs} runs", mandatory.len());
+            let what = format!("`mandatory`: found {} points, but `runs` is {runs}", mandatory.len());
             faults.push(top.fault(value.span(), what));
         }
     }

@@ -160,7 +160,7 @@ fn check_basis(specification: &Specification, faults: &mut Collector) {
         }
         for (k, knot) in surface.knots.iter().enumerate() {
             if surface.knots[..k].contains(knot) {
-                let what = format!("{who}: knot {}: stands twice", k + 1);
+                let what = format!("{who}: knot {}: occurs twice", k + 1);
                 faults.push(specification.fault(&format!("{path}.knots.{k}"), what));
             }
         }
@@ -168,7 +168,7 @@ fn check_basis(specification: &Specification, faults: &mut Collector) {
             let place = format!("{path}.sigmoids.{k}");
             let who = format!("{who}: sigmoid {}", k + 1);
             if surface.sigmoids[..k].contains(sigmoid) {
-                faults.push(specification.fault(&place, format!("{who}: stands twice")));
+                faults.push(specification.fault(&place, format!("{who}: occurs twice")));
             }
             if surface.reciprocal.contains(&sigmoid.input) {
                 let what = format!("{who}: `{}` cannot have both `sigmoids` and `reciprocal`", sigmoid.input);
@@ -178,7 +178,7 @@ fn check_basis(specification: &Specification, faults: &mut Collector) {
         for (k, input) in surface.reciprocal.iter().enumerate() {
             let place = format!("{path}.reciprocal.{k}");
             if surface.reciprocal[..k].contains(input) {
-                faults.push(specification.fault(&place, format!("{who}: `reciprocal`: `{input}` stands twice")));
+                faults.push(specification.fault(&place, format!("{who}: `reciprocal`: `{input}` occurs twice")));
             }
             if surface.symmetry.iter().any(|(symmetric, _)| symmetric == input) {
                 let what = format!("{who}: `{input}` cannot have both `symmetry` and `reciprocal`");

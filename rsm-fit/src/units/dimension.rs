@@ -111,7 +111,7 @@ impl Reader<'_> {
             Some(name) => {
                 let name = name.to_string();
                 self.at += 1;
-                of_name(&name).ok_or_else(|| format!("`{}`: nobody here knows what `{name}` measures", self.text))?
+                of_name(&name).ok_or_else(|| format!("`{}`: the dimension of `{name}` is not known", self.text))?
             }
             None => Dimension { exponents: [0; 7], factor: 1.0, has_offset: false },
         };

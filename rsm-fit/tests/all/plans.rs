@@ -292,7 +292,7 @@ fn a_design_in_memory_that_cannot_be_made_is_told_in_words() {
         (Experiment::random([Factor::within("a", "1", [0.0, f64::NAN])], 3), "factor `a`: `range`: found [0, NaN]"),
         (Experiment::random([Factor::at("a", "1", [0.0, 1.0])], 3), "factor `a`: levels belong to the full factorial only"),
         (Experiment::full_factorial(one()), "factor `a`: `levels`: found none, expected at least one"),
-        (Experiment::full_factorial([Factor::at("a", "1", [0.0, -0.0])]), "factor `a`: `levels`: 0 stands twice"),
+        (Experiment::full_factorial([Factor::at("a", "1", [0.0, -0.0])]), "factor `a`: `levels`: 0 occurs twice"),
         (Experiment::full_factorial([Factor::at("a", "1", [0.0])]).block([("b", [1.0])]), "block 1: there is no factor `b`"),
         (Experiment::full_factorial([Factor::at("a", "1", [0.0])]).block([("a", [])]), "block 1: `a`: `levels`: found none"),
         (Experiment::central_composite(one(), Alpha::At(0.0)), "`alpha`: found 0, expected a number above 0"),

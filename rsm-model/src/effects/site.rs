@@ -198,7 +198,7 @@ pub(crate) fn expression(source: &Source, value: Toml<'_>, faults: &mut Collecto
         Some(text) => {
             let inner = span.start + 1..span.end.saturating_sub(1);
             if source.text().get(inner.clone()) != Some(text) {
-                let what = "an expression stands on one line in one pair of quotes, without escapes";
+                let what = "an expression must be on one line, in one pair of quotes, without escapes";
                 faults.push(source.fault(span, what));
                 return None;
             }

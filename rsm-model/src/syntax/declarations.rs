@@ -211,7 +211,7 @@ impl Parser<'_> {
             return self.fault_with_help(
                 span,
                 what,
-                "write the function with its algorithm, or use the function that it stands for",
+                "write the function with its algorithm, or use the function that it replaces",
             );
         }
         self.comment()?;

@@ -54,7 +54,11 @@ impl Parser<'_> {
             }
             Token::Keyword("connect") => {
                 let help = "flatten the component model first: `omc --baseModelica`, or rumoca's target `base-modelica`";
-                return self.fault_with_help(self.span(), "`connect` stands in component models, not in flat text", help);
+                return self.fault_with_help(
+                    self.span(),
+                    "`connect` is allowed in component models only, not in flat text",
+                    help,
+                );
             }
             _ => {
                 let left = self.simple(start)?;

@@ -98,7 +98,7 @@ impl Work {
                 .collect();
             lines.dedup();
             let where_used = if lines.is_empty() {
-                "it stands in no equation".to_string()
+                "it is in no equation".to_string()
             } else {
                 let lines: Vec<String> = lines.iter().map(usize::to_string).collect();
                 format!("the equations that hold it (lines {}) give other unknowns", listed(&lines))

@@ -71,7 +71,7 @@ impl System {
                     match surfaces(&mut lowering.tape, surface, &arguments, orders) {
                         Some(register) => register,
                         None => {
-                            return Err(format!("nobody gives the surface `{}`", self.flat.surfaces[surface as usize].name));
+                            return Err(format!("no file gives the surface `{}`", self.flat.surfaces[surface as usize].name));
                         }
                     }
                 }

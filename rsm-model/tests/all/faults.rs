@@ -20,7 +20,7 @@ fn an_unknown_without_an_equation_is_named() {
         told.contains("m.mo:3:8: no equation is left that gives `z`: the equations that hold it (lines 7) give other unknowns"),
         "{told}"
     );
-    assert!(told.contains("m.mo:4:17: no equation is left that gives `u`: it stands in no equation"), "{told}");
+    assert!(told.contains("m.mo:4:17: no equation is left that gives `u`: it is in no equation"), "{told}");
     assert!(told.contains("a text from rumoca leaves `when` out"), "{told}");
 }
 

@@ -145,3 +145,41 @@ pub(super) struct Segment {
     /// Steps of this level behind the walk.
     pub index: u64,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{AGE, FAILURES, Kept, SKIPPED};
+
+    #[test]
+    fn a_part_that_failed_time_and_again_is_taken_anew_and_tried_again_later() {
+        let mut kept = Kept::default();
+        for _ in 0..FAILURES {
+            assert!(!kept.is_worn(1));
+            kept.failed();
+            kept.is_new();
+            kept.served();
+        }
+        for _ in 0..SKIPPED {
+            assert!(kept.is_worn(1));
+            kept.is_new();
+            assert!(!kept.is_worn(1), "where it was taken it serves");
+            kept.served();
+        }
+        assert!(!kept.is_worn(1), "an old part is tried once");
+        kept.served();
+        assert!(!kept.is_worn(1), "an old part has served");
+    }
+
+    #[test]
+    fn a_part_serves_for_so_many_shares_of_a_row_and_for_any_number_of_rows() {
+        let mut kept = Kept::default();
+        kept.is_new();
+        for _ in 0..AGE {
+            assert!(!kept.is_worn(3));
+            kept.served();
+        }
+        assert!(kept.is_worn(3) && !kept.is_worn(0));
+        kept.is_new();
+        assert!(!kept.is_worn(3));
+    }
+}

@@ -9,6 +9,7 @@
 
 mod branches;
 mod carried;
+mod changes;
 pub mod code;
 mod computed;
 pub mod engine;

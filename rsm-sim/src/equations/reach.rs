@@ -18,15 +18,6 @@ const STIFF: usize = 24;
 /// Steps of the series in one row above which steps by a linear part are tried; they stay as long as no row costs more than that one.
 const MANY: f64 = 4.0;
 
-/// Places at which a step is looked at for changes of comparisons.
-const LOOKS: usize = 8;
-
-/// A comparison is far from its border when it is so many times as far as the cubic term of its distance: a motion that four places do not show at all would have to be twice as large as that.
-const FAR: f64 = 2.0;
-
-/// Rounding of a distance, as a share of the largest: that of a dozen operations.
-const ROUNDED: f64 = 16.0 * f64::EPSILON;
-
 /// Halvings that place an event, until the instants are neighbours.
 const HALVINGS: usize = 60;
 
@@ -101,76 +92,6 @@ impl<const L: usize> Walk<'_, L> {
         }
         self.grow(right);
         right
-    }
-
-    /// Where a comparison changes inside a step: a share before, and one behind it. `place` puts the walk at a share; the walk stands at the end of the step. Looked at at the end and at
-    /// [`LOOKS`] places, and where a comparison comes nearest to its border between three of them, by the parabola through these. A lane whose comparisons stay away from their borders
-    /// has no change.
-    fn changes_inside(&mut self, asked: [bool; L], place: &mut dyn FnMut(&mut Self, f64)) -> [Option<(f64, f64)>; L] {
-        let mut found = [None; L];
-        let far = self.stay_far(place);
-        let far: [bool; L] = std::array::from_fn(|lane| far[lane] || !asked[lane]);
-        if far == [true; L] {
-            return found;
-        }
-        let count = self.programs.counts.held;
-        let mut distances: Vec<[f64; L]> = Vec::with_capacity((LOOKS + 1) * count);
-        for look in 0..=LOOKS {
-            let share = look as f64 / LOOKS as f64;
-            place(self, share);
-            let differ = self.sides_differ();
-            for lane in (0..L).filter(|lane| look > 0 && differ[*lane] && !far[*lane]) {
-                found[lane] = found[lane].or(Some((share - 1.0 / LOOKS as f64, share)));
-            }
-            distances.extend((0..count).map(|k| self.distance(k).map(f64::abs)));
-        }
-        for look in 1..LOOKS {
-            for k in 0..count {
-                let at = |look: usize, lane: usize| distances[look * count + k][lane];
-                for (lane, found) in found.iter_mut().enumerate().filter(|it| it.1.is_none() && !far[it.0]) {
-                    let (a, b, c) = (at(look - 1, lane), at(look, lane), at(look + 1, lane));
-                    if b <= a && b <= c && a + c > 2.0 * b {
-                        let share = (look as f64 + 0.5 * (a - c) / (a - 2.0 * b + c)) / LOOKS as f64;
-                        place(self, share);
-                        if self.sides_differ()[lane] {
-                            *found = Some(((look - 1) as f64 / LOOKS as f64, share));
-                        }
-                    }
-                }
-            }
-        }
-        found
-    }
-
-    /// In which lanes every comparison stays away from its border, by its distances at the start, an eighth, the middle and the end of a step.
-    fn stay_far(&mut self, place: &mut dyn FnMut(&mut Self, f64)) -> [bool; L] {
-        let count = self.programs.counts.held;
-        let mut far = self.sides_differ().map(|differs| !differs);
-        if far == [false; L] {
-            return far;
-        }
-        let mut distances: Vec<[f64; L]> = Vec::with_capacity(4 * count);
-        distances.extend((0..count).map(|k| self.distance(k)));
-        for share in [0.0, 1.0 / LOOKS as f64, 0.5] {
-            place(self, share);
-            let differ = self.sides_differ();
-            (0..L).for_each(|lane| far[lane] &= share == 0.0 || !differ[lane]);
-            distances.extend((0..count).map(|k| self.distance(k)));
-        }
-        for k in 0..count {
-            for (lane, far) in far.iter_mut().enumerate() {
-                let [end, start, eighth, middle] = std::array::from_fn(|place| distances[place * count + k][lane]);
-                *far &= stays_away([start, eighth, middle, end]);
-            }
-        }
-        far
-    }
-
-    /// How far a comparison is from its border in each lane, with its sign, when the sides were computed last.
-    fn distance(&self, comparison: usize) -> [f64; L] {
-        let begin = self.programs.sides.as_ref().map_or(0, |it| it.results as usize) + 2 * comparison;
-        let (left, right) = (self.slots[begin], self.slots[begin + 1]);
-        std::array::from_fn(|lane| left[lane] - right[lane])
     }
 
     fn put_on_series(&mut self, lane: usize, tried: Option<Tried>, share: f64, time: f64) {
@@ -546,25 +467,4 @@ fn cube_root_of_inverse(size: f64) -> f64 {
 /// Of the explicit pair, whose lower order is 4.
 fn fifth_root_of_inverse(size: f64) -> f64 {
     root_of_inverse(size, 5)
-}
-
-/// Whether a distance stays away from 0 over a step, by its values at the start, an eighth, the middle and the end: the cubic through them (Newton's divided differences) keeps its sign at eighths of the step, by more than it
-/// can bend between two of them and [`FAR`] times its cubic term. Distances that are no finite numbers do not.
-fn stays_away(distances: [f64; 4]) -> bool {
-    let [start, eighth, middle, end] = distances;
-    let first = [8.0 * (eighth - start), (middle - eighth) / 0.375, 2.0 * (end - middle)];
-    let second = [2.0 * (first[1] - first[0]), (first[2] - first[1]) / 0.875];
-    let third = second[1] - second[0];
-    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
-    for look in 0..=LOOKS {
-        let s = look as f64 / LOOKS as f64;
-        let value = start + s * (first[0] + (s - 0.125) * (second[0] + (s - 0.5) * third));
-        (least, most) = (least.min(value), most.max(value));
-    }
-    // The second derivative is 2 second + (6 s - 1.25) third. Between neighbours that are h apart, a curve leaves its chord by h^2/8 of it at most.
-    let bend = (2.0 * second[0].abs() + 4.75 * third.abs()) / (8.0 * (LOOKS * LOOKS) as f64);
-    // s (s - 1/8) (s - 1/2) is at most 7/16.
-    let beyond = FAR * 0.4375 * third.abs() + bend + ROUNDED * most.abs().max(least.abs());
-    let nearest = if least > 0.0 { least } else { -most };
-    distances.into_iter().all(f64::is_finite) && nearest > beyond
 }

@@ -165,7 +165,7 @@ fn names(
     }
     for (k, (name, span)) in names.iter().enumerate() {
         if names[..k].iter().any(|it| it.0 == *name) {
-            faults.push(top.fault(span.clone(), format!("`{key}`: \"{name}\" stands twice")));
+            faults.push(top.fault(span.clone(), format!("`{key}`: \"{name}\" occurs twice")));
         }
     }
     Some(names)
@@ -376,7 +376,7 @@ fn outputs(top: &mut TableReader<'_>, faults: &mut Collector) -> Vec<Wanted> {
         for (word, span) in words {
             match Statistic::ALL.iter().find(|it| it.0 == word) {
                 Some((_, it)) if statistics.contains(it) => {
-                    faults.push(table.fault(span, format!("`{name}`: \"{word}\" stands twice")));
+                    faults.push(table.fault(span, format!("`{name}`: \"{word}\" occurs twice")));
                 }
                 Some((_, it)) => statistics.push(*it),
                 None => {
@@ -436,7 +436,7 @@ fn diagnoses_of(
         let Some(mut table) = TableReader::of(top.source(), item, "[[diagnose]]", faults) else { continue };
         let name = table.optional_text("name", faults).unwrap_or_else(|| (k + 1).to_string());
         if found.iter().any(|it| it.name == name) {
-            faults.push(table.fault(table.key_span("name"), format!("`name`: \"{name}\" stands twice")));
+            faults.push(table.fault(table.key_span("name"), format!("`name`: \"{name}\" occurs twice")));
         }
         let plant_span = table.optional("plant").map_or(table.span(), |value| value.span());
         let plant_name = table.text("plant", faults);

@@ -99,7 +99,7 @@ fn wish(top: &TableReader<'_>, item: Value<'_>, faults: &mut Collector) -> Optio
         (Some(name), None, None) if on.is_none() => Some(Target::Parameter(name)),
         (None, Some(kind), Some(number)) => Some(Target::Effect { kind, on, number }),
         _ => {
-            let what = "expected `parameter`, or `effect` with `number` (and `on` where it stands twice)";
+            let what = "expected `parameter`, or `effect` with `number` (and `on` where it occurs twice)";
             faults.push(table.fault(table.span(), what));
             None
         }
@@ -194,7 +194,7 @@ fn law(table: &mut TableReader<'_>, shape: Shape, target: Option<&Target>, fault
             let values = table.numbers("`values`", value, faults)?;
             let twice = (1..values.len()).find(|k| values[..*k].contains(&values[*k]));
             if let Some(k) = twice {
-                faults.push(table.fault(value.span(), format!("`values`: {} stands twice", values[k])));
+                faults.push(table.fault(value.span(), format!("`values`: {} occurs twice", values[k])));
             }
             if values.is_empty() {
                 faults.push(table.fault(value.span(), "`values`: there is none"));

@@ -122,7 +122,7 @@ fn the_diagnosis_of_the_measured_axis_names_its_friction_and_nothing_that_is_not
     let options = Options { threads: 2, progress: &|_| {} };
     let found = diagnose(&file, &[training], &[pulses], &options).unwrap();
     super::tell("EMPS, judged under the pulses", &found);
-    // A trajectory that repeats is no block that stands twice: all rows count.
+    // A trajectory that repeats is no block that occurs twice: all rows count.
     assert!(found.findings.iter().all(|it| !it.what.contains("block")), "{:?}", found.findings);
     // One friction that holds the dry one, the offset and the asymmetry; no stribeck-friction, no sensor, no gear.
     assert_eq!(super::kinds(&found), ["asymmetric-friction"]);

@@ -202,12 +202,12 @@ impl Rewriter {
         match fit.len() {
             1 => Ok(fit.remove(0)),
             0 => refuse(
-                format!("nothing says where it stands: it needs a {kinds}"),
+                format!("its place is missing: it needs a {kinds}"),
                 "declare one under [sites], and write at = \"NAME\"".into(),
             ),
             _ => {
                 let names: Vec<String> = fit.iter().map(|it| format!("`{}`", it.name)).collect();
-                refuse("nothing says where it stands".to_string(), format!("write at = one of {}", names.join(", ")))
+                refuse("its place is missing".to_string(), format!("write at = one of {}", names.join(", ")))
             }
         }
     }

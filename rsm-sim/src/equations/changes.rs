@@ -1,0 +1,167 @@
+//! Comparisons that change inside a step.
+//!
+//! In: a walk at the end of a step, and how it is put at a share of that step. Out: by lane, between which shares the first comparison changes. Most steps are far from every border: four places of the step show it.
+
+use super::walk::Walk;
+
+/// Places at which a step is looked at for changes of comparisons.
+const LOOKS: usize = 8;
+
+/// A comparison is far from its border when it is so many times as far as the cubic term of its distance: a motion that four places do not show at all would have to be twice as large as that.
+const FAR: f64 = 2.0;
+
+/// Rounding of a distance, as a share of the largest: that of a dozen operations.
+const ROUNDED: f64 = 16.0 * f64::EPSILON;
+
+impl<const L: usize> Walk<'_, L> {
+    /// Where a comparison changes inside a step: a share before, and one behind it. `place` puts the walk at a share; the walk stands at the end of the step. Looked at at the end and at
+    /// [`LOOKS`] places, and where a comparison comes nearest to its border between three of them, by the parabola through these. A lane whose comparisons stay away from their borders
+    /// has no change.
+    pub(super) fn changes_inside(
+        &mut self,
+        asked: [bool; L],
+        place: &mut dyn FnMut(&mut Self, f64),
+    ) -> [Option<(f64, f64)>; L] {
+        let mut found = [None; L];
+        let far = self.stay_far(place);
+        let far: [bool; L] = std::array::from_fn(|lane| far[lane] || !asked[lane]);
+        if far == [true; L] {
+            return found;
+        }
+        let count = self.programs.counts.held;
+        let mut distances: Vec<[f64; L]> = Vec::with_capacity((LOOKS + 1) * count);
+        for look in 0..=LOOKS {
+            let share = look as f64 / LOOKS as f64;
+            place(self, share);
+            let differ = self.sides_differ();
+            for lane in (0..L).filter(|lane| look > 0 && differ[*lane] && !far[*lane]) {
+                found[lane] = found[lane].or(Some((share - 1.0 / LOOKS as f64, share)));
+            }
+            distances.extend((0..count).map(|k| self.distance(k).map(f64::abs)));
+        }
+        for look in 1..LOOKS {
+            for k in 0..count {
+                let at = |look: usize, lane: usize| distances[look * count + k][lane];
+                for (lane, found) in found.iter_mut().enumerate().filter(|it| it.1.is_none() && !far[it.0]) {
+                    let (a, b, c) = (at(look - 1, lane), at(look, lane), at(look + 1, lane));
+                    if b <= a && b <= c && a + c > 2.0 * b {
+                        let share = (look as f64 + 0.5 * (a - c) / (a - 2.0 * b + c)) / LOOKS as f64;
+                        place(self, share);
+                        if self.sides_differ()[lane] {
+                            *found = Some(((look - 1) as f64 / LOOKS as f64, share));
+                        }
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// In which lanes every comparison stays away from its border, by its distances at the start, an eighth, the middle and the end of a step.
+    fn stay_far(&mut self, place: &mut dyn FnMut(&mut Self, f64)) -> [bool; L] {
+        let count = self.programs.counts.held;
+        let mut far = self.sides_differ().map(|differs| !differs);
+        if far == [false; L] {
+            return far;
+        }
+        let mut distances: Vec<[f64; L]> = Vec::with_capacity(4 * count);
+        distances.extend((0..count).map(|k| self.distance(k)));
+        for share in [0.0, 1.0 / LOOKS as f64, 0.5] {
+            place(self, share);
+            let differ = self.sides_differ();
+            (0..L).for_each(|lane| far[lane] &= share == 0.0 || !differ[lane]);
+            distances.extend((0..count).map(|k| self.distance(k)));
+        }
+        for k in 0..count {
+            for (lane, far) in far.iter_mut().enumerate() {
+                let [end, start, eighth, middle] = std::array::from_fn(|place| distances[place * count + k][lane]);
+                *far &= stays_away([start, eighth, middle, end]);
+            }
+        }
+        far
+    }
+
+    /// How far a comparison is from its border in each lane, with its sign, when the sides were computed last.
+    fn distance(&self, comparison: usize) -> [f64; L] {
+        let begin = self.programs.sides.as_ref().map_or(0, |it| it.results as usize) + 2 * comparison;
+        let (left, right) = (self.slots[begin], self.slots[begin + 1]);
+        std::array::from_fn(|lane| left[lane] - right[lane])
+    }
+}
+
+/// Whether a distance stays away from 0 over a step, by its values at the start, an eighth, the middle and the end: the cubic through them (Newton's divided differences) keeps its sign at eighths of the step, by more than it
+/// can bend between two of them and [`FAR`] times its cubic term. Distances that are no finite numbers do not.
+fn stays_away(distances: [f64; 4]) -> bool {
+    let [start, eighth, middle, end] = distances;
+    let first = [8.0 * (eighth - start), (middle - eighth) / 0.375, 2.0 * (end - middle)];
+    let second = [2.0 * (first[1] - first[0]), (first[2] - first[1]) / 0.875];
+    let third = second[1] - second[0];
+    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+    for look in 0..=LOOKS {
+        let s = look as f64 / LOOKS as f64;
+        let value = start + s * (first[0] + (s - 0.125) * (second[0] + (s - 0.5) * third));
+        (least, most) = (least.min(value), most.max(value));
+    }
+    // The second derivative is 2 second + (6 s - 1.25) third. Between neighbours that are h apart, a curve leaves its chord by h^2/8 of it at most.
+    let bend = (2.0 * second[0].abs() + 4.75 * third.abs()) / (8.0 * (LOOKS * LOOKS) as f64);
+    // s (s - 1/8) (s - 1/2) is at most 7/16.
+    let beyond = FAR * 0.4375 * third.abs() + bend + ROUNDED * most.abs().max(least.abs());
+    let nearest = if least > 0.0 { least } else { -most };
+    distances.into_iter().all(f64::is_finite) && nearest > beyond
+}
+
+#[cfg(test)]
+mod tests {
+    use super::stays_away;
+
+    /// A distance at the four places of a step.
+    fn at_places(distance: impl Fn(f64) -> f64) -> [f64; 4] {
+        [0.0, 0.125, 0.5, 1.0].map(distance)
+    }
+
+    #[test]
+    fn a_distance_that_moves_far_from_its_border_stays_away() {
+        // A long way that ends before the border, and parabolas that turn before it, on both sides.
+        for sign in [1.0, -1.0] {
+            assert!(stays_away(at_places(|s| sign * (1.0 - 0.99 * s))));
+            assert!(stays_away(at_places(|s| sign * (0.1 + (s - 0.7) * (s - 0.7)))));
+            assert!(stays_away(at_places(|s| sign * (2.0 + (2.0 * s).sin()))));
+        }
+    }
+
+    #[test]
+    fn a_distance_that_reaches_its_border_does_not() {
+        // It crosses; it touches; it crosses twice between places; it is at the border all the time; its cubic term is larger than what is left; it is no number.
+        for distance in [
+            |s: f64| 0.5 - s,
+            |s: f64| (s - 0.75) * (s - 0.75),
+            |s: f64| (s - 0.7) * (s - 0.8),
+            |_: f64| 0.0,
+            |s: f64| 0.5 + 0.4 * (12.0 * s).sin(),
+            |s: f64| (s - 0.5).ln(),
+        ] {
+            for sign in [1.0, -1.0] {
+                let places = at_places(|s| sign * distance(s));
+                assert!(!stays_away(places), "{places:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn no_polynomial_of_order_three_that_stays_away_has_a_root_in_the_step() {
+        // Coefficients from a sequence of Weyl: all signs, and borders near and far.
+        let mut far = 0;
+        for k in 1..=20_000 {
+            let of = |step: f64| 2.0 * (f64::from(k) * step).fract() - 1.0;
+            let [a, b, c, d] = [2.0_f64, 3.0, 5.0, 7.0].map(|prime| of(prime.sqrt()));
+            let distance = |s: f64| 0.6 * a + s * (b + s * (c + s * d));
+            if stays_away(at_places(distance)) {
+                far += 1;
+                let first = distance(0.0) > 0.0;
+                assert!((0..=1000).all(|look| (distance(f64::from(look) / 1000.0) > 0.0) == first), "{a} {b} {c} {d}");
+            }
+        }
+        // Neither always nor never.
+        assert!((2_000..18_000).contains(&far), "{far}");
+    }
+}
