@@ -356,49 +356,49 @@ double driveline_damping_ratio(double speed, double gear)
     const double r15 = driveline_rsm_at_most(r12, r13);
     const double r16 = 3.0;
     const double r17 = r15 - r16;
-    const double r18 = 1.574060869856048e-8; /* speed^5: 0.118943 */
+    const double r18 = 1.574060520618063e-8; /* speed^5: 0.118943 */
     const double r19 = driveline_rsm_keep(r18 * r9);
-    const double r20 = 6.157295231188829e-7; /* speed^4: 0.195905 */
+    const double r20 = 6.15729541284308e-7; /* speed^4: 0.195905 */
     const double r21 = r19 + r20;
     const double r22 = driveline_rsm_keep(r21 * r9);
-    const double r23 = -1.1370549318676666e-6; /* speed^3*gear: -0.0304651 */
+    const double r23 = -1.1370561541891065e-6; /* speed^3*gear: -0.0304651 */
     const double r24 = driveline_rsm_keep(r23 * r17);
-    const double r25 = 4.901494074796831e-6; /* speed^3: 0.0656628 */
+    const double r25 = 4.901487941010101e-6; /* speed^3: 0.0656627 */
     const double r26 = r24 + r25;
     const double r27 = r22 + r26;
     const double r28 = driveline_rsm_keep(r27 * r9);
-    const double r29 = 2.957920463550046e-6; /* speed^2*gear^2: 0.00667381 */
+    const double r29 = 2.957836793575324e-6; /* speed^2*gear^2: 0.00667362 */
     const double r30 = r29 * r17;
     const double r31 = driveline_rsm_keep(r30 * r17);
-    const double r32 = -5.424536607884059e-5; /* speed^2: -0.0305978 */
+    const double r32 = -5.424548152892887e-5; /* speed^2: -0.0305978 */
     const double r33 = r31 + r32;
     const double r34 = r28 + r33;
     const double r35 = driveline_rsm_keep(r34 * r9);
-    const double r36 = 0.00011453465584171123; /* speed*gear^4: 0.0435232 */
+    const double r36 = 0.00011453447023140225; /* speed*gear^4: 0.0435231 */
     const double r37 = driveline_rsm_keep(r36 * r17);
-    const double r38 = -0.0001635833230828637; /* speed*gear^3: -0.0310808 */
+    const double r38 = -0.00016358170084817351; /* speed*gear^3: -0.0310805 */
     const double r39 = r37 + r38;
     const double r40 = r39 * r17;
     const double r41 = driveline_rsm_keep(r40 * r17);
-    const double r42 = 0.0005708837205091314; /* speed*gear: 0.027117 */
+    const double r42 = 0.0005708807832371431; /* speed*gear: 0.0271168 */
     const double r43 = r41 + r42;
     const double r44 = driveline_rsm_keep(r43 * r17);
-    const double r45 = -0.00015736910239867318; /* speed: -0.00373752 */
+    const double r45 = -0.00015736923164565066; /* speed: -0.00373752 */
     const double r46 = r44 + r45;
     const double r47 = r35 + r46;
     const double r48 = driveline_rsm_keep(r47 * r9);
-    const double r49 = 0.002184863969810933; /* gear^4: 0.0349578 */
+    const double r49 = 0.0021848655144159133; /* gear^4: 0.0349578 */
     const double r50 = driveline_rsm_keep(r49 * r17);
-    const double r51 = -0.00439904594962402; /* gear^3: -0.0351924 */
+    const double r51 = -0.004399029750666125; /* gear^3: -0.0351922 */
     const double r52 = r50 + r51;
     const double r53 = driveline_rsm_keep(r52 * r17);
-    const double r54 = -0.005005068764256459; /* gear^2: -0.0200203 */
+    const double r54 = -0.0050050839948311545; /* gear^2: -0.0200203 */
     const double r55 = r53 + r54;
     const double r56 = driveline_rsm_keep(r55 * r17);
-    const double r57 = 0.023074547188777692; /* gear: 0.0461491 */
+    const double r57 = 0.023074533469729767; /* gear: 0.0461491 */
     const double r58 = r56 + r57;
     const double r59 = driveline_rsm_keep(r58 * r17);
-    const double r60 = 0.1447281912494186; /* 1: 0.144728 */
+    const double r60 = 0.14472826130046265; /* 1: 0.144728 */
     const double r61 = r59 + r60;
     const double r62 = r48 + r61;
     return r62;
@@ -466,49 +466,49 @@ double driveline_damping_error(double speed, double gear)
     const double r15 = driveline_rsm_at_most(r12, r13);
     const double r16 = 3.0;
     const double r17 = r15 - r16;
-    const double r18 = -4.034028092374657e-8; /* speed^5: -0.304829 */
+    const double r18 = -4.034023419114465e-8; /* speed^5: -0.304829 */
     const double r19 = driveline_rsm_keep(r18 * r9);
-    const double r20 = -4.5132432338089987e-7; /* speed^4: -0.143596 */
+    const double r20 = -4.5132430858738977e-7; /* speed^4: -0.143596 */
     const double r21 = r19 + r20;
     const double r22 = driveline_rsm_keep(r21 * r9);
-    const double r23 = -1.9872785899316846e-7; /* speed^3*gear: -0.00532451 */
+    const double r23 = -1.987264443736878e-7; /* speed^3*gear: -0.00532447 */
     const double r24 = driveline_rsm_keep(r23 * r17);
-    const double r25 = 9.76260181197517e-6; /* speed^3: 0.130785 */
+    const double r25 = 9.762587902508511e-6; /* speed^3: 0.130784 */
     const double r26 = r24 + r25;
     const double r27 = r22 + r26;
     const double r28 = driveline_rsm_keep(r27 * r9);
-    const double r29 = 5.79637882372026e-6; /* speed^2*gear^2: 0.0130781 */
+    const double r29 = 5.796446577144739e-6; /* speed^2*gear^2: 0.0130782 */
     const double r30 = r29 * r17;
     const double r31 = driveline_rsm_keep(r30 * r17);
-    const double r32 = 1.906380260848869e-5; /* speed^2: 0.0107532 */
+    const double r32 = 1.906392341220906e-5; /* speed^2: 0.0107532 */
     const double r33 = r31 + r32;
     const double r34 = r28 + r33;
     const double r35 = driveline_rsm_keep(r34 * r9);
-    const double r36 = -5.774634365289096e-5; /* speed*gear^4: -0.0219436 */
+    const double r36 = -5.774656232626844e-5; /* speed*gear^4: -0.0219437 */
     const double r37 = driveline_rsm_keep(r36 * r17);
-    const double r38 = 5.5063280238427276e-5; /* speed*gear^3: 0.010462 */
+    const double r38 = 5.5062514143509e-5; /* speed*gear^3: 0.0104619 */
     const double r39 = r37 + r38;
     const double r40 = r39 * r17;
     const double r41 = driveline_rsm_keep(r40 * r17);
-    const double r42 = -0.0003654087885990002; /* speed*gear: -0.0173569 */
+    const double r42 = -0.0003654060068216766; /* speed*gear: -0.0173568 */
     const double r43 = r41 + r42;
     const double r44 = driveline_rsm_keep(r43 * r17);
-    const double r45 = -0.0013596754278011292; /* speed: -0.0322923 */
+    const double r45 = -0.0013596736076463018; /* speed: -0.0322922 */
     const double r46 = r44 + r45;
     const double r47 = r35 + r46;
     const double r48 = driveline_rsm_keep(r47 * r9);
-    const double r49 = 0.0014036962439131836; /* gear^4: 0.0224591 */
+    const double r49 = 0.0014036869677519779; /* gear^4: 0.022459 */
     const double r50 = driveline_rsm_keep(r49 * r17);
-    const double r51 = -0.003073322089919462; /* gear^3: -0.0245866 */
+    const double r51 = -0.003073321227716164; /* gear^3: -0.0245866 */
     const double r52 = r50 + r51;
     const double r53 = driveline_rsm_keep(r52 * r17);
-    const double r54 = 0.0012719325212283545; /* gear^2: 0.00508773 */
+    const double r54 = 0.0012719518205774583; /* gear^2: 0.00508781 */
     const double r55 = r53 + r54;
     const double r56 = driveline_rsm_keep(r55 * r17);
-    const double r57 = -0.015670502429630778; /* gear: -0.031341 */
+    const double r57 = -0.015670500292946844; /* gear: -0.031341 */
     const double r58 = r56 + r57;
     const double r59 = driveline_rsm_keep(r58 * r17);
-    const double r60 = 0.50581647746261; /* 1: 0.505816 */
+    const double r60 = 0.5058164058417342; /* 1: 0.505816 */
     const double r61 = r59 + r60;
     const double r62 = r48 + r61;
     return r62;
@@ -533,26 +533,26 @@ double driveline_shuffle_frequency(double speed, double gear)
     const double r15 = driveline_rsm_at_most(r12, r13);
     const double r16 = 3.0;
     const double r17 = r15 - r16;
-    const double r18 = -0.01732565654129698; /* speed*gear^3: -3.29187 rad/s */
+    const double r18 = -0.01732572725893306; /* speed*gear^3: -3.29189 rad/s */
     const double r19 = driveline_rsm_keep(r18 * r17);
-    const double r20 = -0.04451390125091522; /* speed*gear^2: -4.22882 rad/s */
+    const double r20 = -0.04451391285885268; /* speed*gear^2: -4.22882 rad/s */
     const double r21 = r19 + r20;
     const double r22 = driveline_rsm_keep(r21 * r17);
-    const double r23 = -0.07305140445638465; /* speed*gear: -3.46994 rad/s */
+    const double r23 = -0.07305115795030381; /* speed*gear: -3.46993 rad/s */
     const double r24 = r22 + r23;
     const double r25 = driveline_rsm_keep(r24 * r17);
-    const double r26 = 0.0002866539430307178; /* speed: 0.00680803 rad/s */
+    const double r26 = 0.0002867060570378435; /* speed: 0.00680927 rad/s */
     const double r27 = r25 + r26;
     const double r28 = driveline_rsm_keep(r27 * r9);
-    const double r29 = -0.5011253116185895; /* gear^3: -4.009 rad/s */
+    const double r29 = -0.5011262240975344; /* gear^3: -4.00901 rad/s */
     const double r30 = driveline_rsm_keep(r29 * r17);
-    const double r31 = -0.33676504314672184; /* gear^2: -1.34706 rad/s */
+    const double r31 = -0.336765858310403; /* gear^2: -1.34706 rad/s */
     const double r32 = r30 + r31;
     const double r33 = driveline_rsm_keep(r32 * r17);
-    const double r34 = 8.25151473267167; /* gear: 16.503 rad/s */
+    const double r34 = 8.251515008869632; /* gear: 16.503 rad/s */
     const double r35 = r33 + r34;
     const double r36 = driveline_rsm_keep(r35 * r17);
-    const double r37 = 30.352115896634025; /* 1: 30.3521 rad/s */
+    const double r37 = 30.352113901553256; /* 1: 30.3521 rad/s */
     const double r38 = r36 + r37;
     const double r39 = r28 + r38;
     return r39;
@@ -586,116 +586,116 @@ double driveline_tip_in_step(driveline_tip_in_state *state, double input, double
     const double r18 = driveline_rsm_at_most(r15, r16);
     const double r19 = 3.0;
     const double r20 = r18 - r19;
-    const double r21 = -0.01732565654129698; /* speed*gear^3: -3.29187 rad/s */
+    const double r21 = -0.01732572725893306; /* speed*gear^3: -3.29189 rad/s */
     const double r22 = driveline_rsm_keep(r21 * r20);
-    const double r23 = -0.04451390125091522; /* speed*gear^2: -4.22882 rad/s */
+    const double r23 = -0.04451391285885268; /* speed*gear^2: -4.22882 rad/s */
     const double r24 = r22 + r23;
     const double r25 = driveline_rsm_keep(r24 * r20);
-    const double r26 = -0.07305140445638465; /* speed*gear: -3.46994 rad/s */
+    const double r26 = -0.07305115795030381; /* speed*gear: -3.46993 rad/s */
     const double r27 = r25 + r26;
     const double r28 = driveline_rsm_keep(r27 * r20);
-    const double r29 = 0.0002866539430307178; /* speed: 0.00680803 rad/s */
+    const double r29 = 0.0002867060570378435; /* speed: 0.00680927 rad/s */
     const double r30 = r28 + r29;
     const double r31 = driveline_rsm_keep(r30 * r12);
-    const double r32 = -0.5011253116185895; /* gear^3: -4.009 rad/s */
+    const double r32 = -0.5011262240975344; /* gear^3: -4.00901 rad/s */
     const double r33 = driveline_rsm_keep(r32 * r20);
-    const double r34 = -0.33676504314672184; /* gear^2: -1.34706 rad/s */
+    const double r34 = -0.336765858310403; /* gear^2: -1.34706 rad/s */
     const double r35 = r33 + r34;
     const double r36 = driveline_rsm_keep(r35 * r20);
-    const double r37 = 8.25151473267167; /* gear: 16.503 rad/s */
+    const double r37 = 8.251515008869632; /* gear: 16.503 rad/s */
     const double r38 = r36 + r37;
     const double r39 = driveline_rsm_keep(r38 * r20);
-    const double r40 = 30.352115896634025; /* 1: 30.3521 rad/s */
+    const double r40 = 30.352113901553256; /* 1: 30.3521 rad/s */
     const double r41 = r39 + r40;
     const double r42 = r31 + r41;
-    const double r43 = 1.574060869856048e-8; /* speed^5: 0.118943 */
+    const double r43 = 1.574060520618063e-8; /* speed^5: 0.118943 */
     const double r44 = driveline_rsm_keep(r43 * r12);
-    const double r45 = 6.157295231188829e-7; /* speed^4: 0.195905 */
+    const double r45 = 6.15729541284308e-7; /* speed^4: 0.195905 */
     const double r46 = r44 + r45;
     const double r47 = driveline_rsm_keep(r46 * r12);
-    const double r48 = -1.1370549318676666e-6; /* speed^3*gear: -0.0304651 */
+    const double r48 = -1.1370561541891065e-6; /* speed^3*gear: -0.0304651 */
     const double r49 = driveline_rsm_keep(r48 * r20);
-    const double r50 = 4.901494074796831e-6; /* speed^3: 0.0656628 */
+    const double r50 = 4.901487941010101e-6; /* speed^3: 0.0656627 */
     const double r51 = r49 + r50;
     const double r52 = r47 + r51;
     const double r53 = driveline_rsm_keep(r52 * r12);
-    const double r54 = 2.957920463550046e-6; /* speed^2*gear^2: 0.00667381 */
+    const double r54 = 2.957836793575324e-6; /* speed^2*gear^2: 0.00667362 */
     const double r55 = r54 * r20;
     const double r56 = driveline_rsm_keep(r55 * r20);
-    const double r57 = -5.424536607884059e-5; /* speed^2: -0.0305978 */
+    const double r57 = -5.424548152892887e-5; /* speed^2: -0.0305978 */
     const double r58 = r56 + r57;
     const double r59 = r53 + r58;
     const double r60 = driveline_rsm_keep(r59 * r12);
-    const double r61 = 0.00011453465584171123; /* speed*gear^4: 0.0435232 */
+    const double r61 = 0.00011453447023140225; /* speed*gear^4: 0.0435231 */
     const double r62 = driveline_rsm_keep(r61 * r20);
-    const double r63 = -0.0001635833230828637; /* speed*gear^3: -0.0310808 */
+    const double r63 = -0.00016358170084817351; /* speed*gear^3: -0.0310805 */
     const double r64 = r62 + r63;
     const double r65 = r64 * r20;
     const double r66 = driveline_rsm_keep(r65 * r20);
-    const double r67 = 0.0005708837205091314; /* speed*gear: 0.027117 */
+    const double r67 = 0.0005708807832371431; /* speed*gear: 0.0271168 */
     const double r68 = r66 + r67;
     const double r69 = driveline_rsm_keep(r68 * r20);
-    const double r70 = -0.00015736910239867318; /* speed: -0.00373752 */
+    const double r70 = -0.00015736923164565066; /* speed: -0.00373752 */
     const double r71 = r69 + r70;
     const double r72 = r60 + r71;
     const double r73 = driveline_rsm_keep(r72 * r12);
-    const double r74 = 0.002184863969810933; /* gear^4: 0.0349578 */
+    const double r74 = 0.0021848655144159133; /* gear^4: 0.0349578 */
     const double r75 = driveline_rsm_keep(r74 * r20);
-    const double r76 = -0.00439904594962402; /* gear^3: -0.0351924 */
+    const double r76 = -0.004399029750666125; /* gear^3: -0.0351922 */
     const double r77 = r75 + r76;
     const double r78 = driveline_rsm_keep(r77 * r20);
-    const double r79 = -0.005005068764256459; /* gear^2: -0.0200203 */
+    const double r79 = -0.0050050839948311545; /* gear^2: -0.0200203 */
     const double r80 = r78 + r79;
     const double r81 = driveline_rsm_keep(r80 * r20);
-    const double r82 = 0.023074547188777692; /* gear: 0.0461491 */
+    const double r82 = 0.023074533469729767; /* gear: 0.0461491 */
     const double r83 = r81 + r82;
     const double r84 = driveline_rsm_keep(r83 * r20);
-    const double r85 = 0.1447281912494186; /* 1: 0.144728 */
+    const double r85 = 0.14472826130046265; /* 1: 0.144728 */
     const double r86 = r84 + r85;
     const double r87 = r73 + r86;
-    const double r88 = -4.034028092374657e-8; /* speed^5: -0.304829 */
+    const double r88 = -4.034023419114465e-8; /* speed^5: -0.304829 */
     const double r89 = driveline_rsm_keep(r88 * r12);
-    const double r90 = -4.5132432338089987e-7; /* speed^4: -0.143596 */
+    const double r90 = -4.5132430858738977e-7; /* speed^4: -0.143596 */
     const double r91 = r89 + r90;
     const double r92 = driveline_rsm_keep(r91 * r12);
-    const double r93 = -1.9872785899316846e-7; /* speed^3*gear: -0.00532451 */
+    const double r93 = -1.987264443736878e-7; /* speed^3*gear: -0.00532447 */
     const double r94 = driveline_rsm_keep(r93 * r20);
-    const double r95 = 9.76260181197517e-6; /* speed^3: 0.130785 */
+    const double r95 = 9.762587902508511e-6; /* speed^3: 0.130784 */
     const double r96 = r94 + r95;
     const double r97 = r92 + r96;
     const double r98 = driveline_rsm_keep(r97 * r12);
-    const double r99 = 5.79637882372026e-6; /* speed^2*gear^2: 0.0130781 */
+    const double r99 = 5.796446577144739e-6; /* speed^2*gear^2: 0.0130782 */
     const double r100 = r99 * r20;
     const double r101 = driveline_rsm_keep(r100 * r20);
-    const double r102 = 1.906380260848869e-5; /* speed^2: 0.0107532 */
+    const double r102 = 1.906392341220906e-5; /* speed^2: 0.0107532 */
     const double r103 = r101 + r102;
     const double r104 = r98 + r103;
     const double r105 = driveline_rsm_keep(r104 * r12);
-    const double r106 = -5.774634365289096e-5; /* speed*gear^4: -0.0219436 */
+    const double r106 = -5.774656232626844e-5; /* speed*gear^4: -0.0219437 */
     const double r107 = driveline_rsm_keep(r106 * r20);
-    const double r108 = 5.5063280238427276e-5; /* speed*gear^3: 0.010462 */
+    const double r108 = 5.5062514143509e-5; /* speed*gear^3: 0.0104619 */
     const double r109 = r107 + r108;
     const double r110 = r109 * r20;
     const double r111 = driveline_rsm_keep(r110 * r20);
-    const double r112 = -0.0003654087885990002; /* speed*gear: -0.0173569 */
+    const double r112 = -0.0003654060068216766; /* speed*gear: -0.0173568 */
     const double r113 = r111 + r112;
     const double r114 = driveline_rsm_keep(r113 * r20);
-    const double r115 = -0.0013596754278011292; /* speed: -0.0322923 */
+    const double r115 = -0.0013596736076463018; /* speed: -0.0322922 */
     const double r116 = r114 + r115;
     const double r117 = r105 + r116;
     const double r118 = driveline_rsm_keep(r117 * r12);
-    const double r119 = 0.0014036962439131836; /* gear^4: 0.0224591 */
+    const double r119 = 0.0014036869677519779; /* gear^4: 0.022459 */
     const double r120 = driveline_rsm_keep(r119 * r20);
-    const double r121 = -0.003073322089919462; /* gear^3: -0.0245866 */
+    const double r121 = -0.003073321227716164; /* gear^3: -0.0245866 */
     const double r122 = r120 + r121;
     const double r123 = driveline_rsm_keep(r122 * r20);
-    const double r124 = 0.0012719325212283545; /* gear^2: 0.00508773 */
+    const double r124 = 0.0012719518205774583; /* gear^2: 0.00508781 */
     const double r125 = r123 + r124;
     const double r126 = driveline_rsm_keep(r125 * r20);
-    const double r127 = -0.015670502429630778; /* gear: -0.031341 */
+    const double r127 = -0.015670500292946844; /* gear: -0.031341 */
     const double r128 = r126 + r127;
     const double r129 = driveline_rsm_keep(r128 * r20);
-    const double r130 = 0.50581647746261; /* 1: 0.505816 */
+    const double r130 = 0.5058164058417342; /* 1: 0.505816 */
     const double r131 = r129 + r130;
     const double r132 = r118 + r131;
     const double r133 = r87 + r132;
@@ -764,49 +764,49 @@ float driveline_damping_ratio_f32(float speed, float gear)
     const float r15 = driveline_rsm_at_most_f32(r12, r13);
     const float r16 = 3.0f;
     const float r17 = r15 - r16;
-    const float r18 = 1.5740609e-8f; /* speed^5: 0.118943 */
+    const float r18 = 1.5740605e-8f; /* speed^5: 0.118943 */
     const float r19 = driveline_rsm_keep_f32(r18 * r9);
-    const float r20 = 6.157295e-7f; /* speed^4: 0.195905 */
+    const float r20 = 6.1572956e-7f; /* speed^4: 0.195905 */
     const float r21 = r19 + r20;
     const float r22 = driveline_rsm_keep_f32(r21 * r9);
-    const float r23 = -1.1370549e-6f; /* speed^3*gear: -0.0304651 */
+    const float r23 = -1.1370562e-6f; /* speed^3*gear: -0.0304651 */
     const float r24 = driveline_rsm_keep_f32(r23 * r17);
-    const float r25 = 4.901494e-6f; /* speed^3: 0.0656628 */
+    const float r25 = 4.901488e-6f; /* speed^3: 0.0656627 */
     const float r26 = r24 + r25;
     const float r27 = r22 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r9);
-    const float r29 = 2.9579205e-6f; /* speed^2*gear^2: 0.00667381 */
+    const float r29 = 2.9578368e-6f; /* speed^2*gear^2: 0.00667362 */
     const float r30 = r29 * r17;
     const float r31 = driveline_rsm_keep_f32(r30 * r17);
-    const float r32 = -5.4245367e-5f; /* speed^2: -0.0305978 */
+    const float r32 = -5.424548e-5f; /* speed^2: -0.0305978 */
     const float r33 = r31 + r32;
     const float r34 = r28 + r33;
     const float r35 = driveline_rsm_keep_f32(r34 * r9);
-    const float r36 = 0.000114534654f; /* speed*gear^4: 0.0435232 */
+    const float r36 = 0.00011453447f; /* speed*gear^4: 0.0435231 */
     const float r37 = driveline_rsm_keep_f32(r36 * r17);
-    const float r38 = -0.00016358332f; /* speed*gear^3: -0.0310808 */
+    const float r38 = -0.0001635817f; /* speed*gear^3: -0.0310805 */
     const float r39 = r37 + r38;
     const float r40 = r39 * r17;
     const float r41 = driveline_rsm_keep_f32(r40 * r17);
-    const float r42 = 0.00057088374f; /* speed*gear: 0.027117 */
+    const float r42 = 0.0005708808f; /* speed*gear: 0.0271168 */
     const float r43 = r41 + r42;
     const float r44 = driveline_rsm_keep_f32(r43 * r17);
-    const float r45 = -0.0001573691f; /* speed: -0.00373752 */
+    const float r45 = -0.00015736923f; /* speed: -0.00373752 */
     const float r46 = r44 + r45;
     const float r47 = r35 + r46;
     const float r48 = driveline_rsm_keep_f32(r47 * r9);
-    const float r49 = 0.002184864f; /* gear^4: 0.0349578 */
+    const float r49 = 0.0021848655f; /* gear^4: 0.0349578 */
     const float r50 = driveline_rsm_keep_f32(r49 * r17);
-    const float r51 = -0.004399046f; /* gear^3: -0.0351924 */
+    const float r51 = -0.0043990295f; /* gear^3: -0.0351922 */
     const float r52 = r50 + r51;
     const float r53 = driveline_rsm_keep_f32(r52 * r17);
-    const float r54 = -0.0050050686f; /* gear^2: -0.0200203 */
+    const float r54 = -0.005005084f; /* gear^2: -0.0200203 */
     const float r55 = r53 + r54;
     const float r56 = driveline_rsm_keep_f32(r55 * r17);
-    const float r57 = 0.023074547f; /* gear: 0.0461491 */
+    const float r57 = 0.023074534f; /* gear: 0.0461491 */
     const float r58 = r56 + r57;
     const float r59 = driveline_rsm_keep_f32(r58 * r17);
-    const float r60 = 0.1447282f; /* 1: 0.144728 */
+    const float r60 = 0.14472826f; /* 1: 0.144728 */
     const float r61 = r59 + r60;
     const float r62 = r48 + r61;
     return r62;
@@ -874,49 +874,49 @@ float driveline_damping_error_f32(float speed, float gear)
     const float r15 = driveline_rsm_at_most_f32(r12, r13);
     const float r16 = 3.0f;
     const float r17 = r15 - r16;
-    const float r18 = -4.0340282e-8f; /* speed^5: -0.304829 */
+    const float r18 = -4.0340232e-8f; /* speed^5: -0.304829 */
     const float r19 = driveline_rsm_keep_f32(r18 * r9);
-    const float r20 = -4.5132433e-7f; /* speed^4: -0.143596 */
+    const float r20 = -4.513243e-7f; /* speed^4: -0.143596 */
     const float r21 = r19 + r20;
     const float r22 = driveline_rsm_keep_f32(r21 * r9);
-    const float r23 = -1.9872786e-7f; /* speed^3*gear: -0.00532451 */
+    const float r23 = -1.9872644e-7f; /* speed^3*gear: -0.00532447 */
     const float r24 = driveline_rsm_keep_f32(r23 * r17);
-    const float r25 = 9.762602e-6f; /* speed^3: 0.130785 */
+    const float r25 = 9.762588e-6f; /* speed^3: 0.130784 */
     const float r26 = r24 + r25;
     const float r27 = r22 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r9);
-    const float r29 = 5.796379e-6f; /* speed^2*gear^2: 0.0130781 */
+    const float r29 = 5.7964467e-6f; /* speed^2*gear^2: 0.0130782 */
     const float r30 = r29 * r17;
     const float r31 = driveline_rsm_keep_f32(r30 * r17);
-    const float r32 = 1.9063802e-5f; /* speed^2: 0.0107532 */
+    const float r32 = 1.9063924e-5f; /* speed^2: 0.0107532 */
     const float r33 = r31 + r32;
     const float r34 = r28 + r33;
     const float r35 = driveline_rsm_keep_f32(r34 * r9);
-    const float r36 = -5.7746343e-5f; /* speed*gear^4: -0.0219436 */
+    const float r36 = -5.774656e-5f; /* speed*gear^4: -0.0219437 */
     const float r37 = driveline_rsm_keep_f32(r36 * r17);
-    const float r38 = 5.506328e-5f; /* speed*gear^3: 0.010462 */
+    const float r38 = 5.5062515e-5f; /* speed*gear^3: 0.0104619 */
     const float r39 = r37 + r38;
     const float r40 = r39 * r17;
     const float r41 = driveline_rsm_keep_f32(r40 * r17);
-    const float r42 = -0.00036540878f; /* speed*gear: -0.0173569 */
+    const float r42 = -0.000365406f; /* speed*gear: -0.0173568 */
     const float r43 = r41 + r42;
     const float r44 = driveline_rsm_keep_f32(r43 * r17);
-    const float r45 = -0.0013596754f; /* speed: -0.0322923 */
+    const float r45 = -0.0013596736f; /* speed: -0.0322922 */
     const float r46 = r44 + r45;
     const float r47 = r35 + r46;
     const float r48 = driveline_rsm_keep_f32(r47 * r9);
-    const float r49 = 0.0014036963f; /* gear^4: 0.0224591 */
+    const float r49 = 0.0014036869f; /* gear^4: 0.022459 */
     const float r50 = driveline_rsm_keep_f32(r49 * r17);
-    const float r51 = -0.0030733221f; /* gear^3: -0.0245866 */
+    const float r51 = -0.0030733212f; /* gear^3: -0.0245866 */
     const float r52 = r50 + r51;
     const float r53 = driveline_rsm_keep_f32(r52 * r17);
-    const float r54 = 0.0012719325f; /* gear^2: 0.00508773 */
+    const float r54 = 0.0012719518f; /* gear^2: 0.00508781 */
     const float r55 = r53 + r54;
     const float r56 = driveline_rsm_keep_f32(r55 * r17);
-    const float r57 = -0.015670503f; /* gear: -0.031341 */
+    const float r57 = -0.0156705f; /* gear: -0.031341 */
     const float r58 = r56 + r57;
     const float r59 = driveline_rsm_keep_f32(r58 * r17);
-    const float r60 = 0.50581646f; /* 1: 0.505816 */
+    const float r60 = 0.5058164f; /* 1: 0.505816 */
     const float r61 = r59 + r60;
     const float r62 = r48 + r61;
     return r62;
@@ -941,26 +941,26 @@ float driveline_shuffle_frequency_f32(float speed, float gear)
     const float r15 = driveline_rsm_at_most_f32(r12, r13);
     const float r16 = 3.0f;
     const float r17 = r15 - r16;
-    const float r18 = -0.017325656f; /* speed*gear^3: -3.29187 rad/s */
+    const float r18 = -0.017325727f; /* speed*gear^3: -3.29189 rad/s */
     const float r19 = driveline_rsm_keep_f32(r18 * r17);
-    const float r20 = -0.0445139f; /* speed*gear^2: -4.22882 rad/s */
+    const float r20 = -0.04451391f; /* speed*gear^2: -4.22882 rad/s */
     const float r21 = r19 + r20;
     const float r22 = driveline_rsm_keep_f32(r21 * r17);
-    const float r23 = -0.07305141f; /* speed*gear: -3.46994 rad/s */
+    const float r23 = -0.073051155f; /* speed*gear: -3.46993 rad/s */
     const float r24 = r22 + r23;
     const float r25 = driveline_rsm_keep_f32(r24 * r17);
-    const float r26 = 0.00028665393f; /* speed: 0.00680803 rad/s */
+    const float r26 = 0.00028670605f; /* speed: 0.00680927 rad/s */
     const float r27 = r25 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r9);
-    const float r29 = -0.50112534f; /* gear^3: -4.009 rad/s */
+    const float r29 = -0.5011262f; /* gear^3: -4.00901 rad/s */
     const float r30 = driveline_rsm_keep_f32(r29 * r17);
-    const float r31 = -0.33676505f; /* gear^2: -1.34706 rad/s */
+    const float r31 = -0.33676586f; /* gear^2: -1.34706 rad/s */
     const float r32 = r30 + r31;
     const float r33 = driveline_rsm_keep_f32(r32 * r17);
-    const float r34 = 8.251514f; /* gear: 16.503 rad/s */
+    const float r34 = 8.251515f; /* gear: 16.503 rad/s */
     const float r35 = r33 + r34;
     const float r36 = driveline_rsm_keep_f32(r35 * r17);
-    const float r37 = 30.352116f; /* 1: 30.3521 rad/s */
+    const float r37 = 30.352114f; /* 1: 30.3521 rad/s */
     const float r38 = r36 + r37;
     const float r39 = r28 + r38;
     return r39;
@@ -994,116 +994,116 @@ float driveline_tip_in_step_f32(driveline_tip_in_state_f32 *state, float input, 
     const float r18 = driveline_rsm_at_most_f32(r15, r16);
     const float r19 = 3.0f;
     const float r20 = r18 - r19;
-    const float r21 = -0.017325656f; /* speed*gear^3: -3.29187 rad/s */
+    const float r21 = -0.017325727f; /* speed*gear^3: -3.29189 rad/s */
     const float r22 = driveline_rsm_keep_f32(r21 * r20);
-    const float r23 = -0.0445139f; /* speed*gear^2: -4.22882 rad/s */
+    const float r23 = -0.04451391f; /* speed*gear^2: -4.22882 rad/s */
     const float r24 = r22 + r23;
     const float r25 = driveline_rsm_keep_f32(r24 * r20);
-    const float r26 = -0.07305141f; /* speed*gear: -3.46994 rad/s */
+    const float r26 = -0.073051155f; /* speed*gear: -3.46993 rad/s */
     const float r27 = r25 + r26;
     const float r28 = driveline_rsm_keep_f32(r27 * r20);
-    const float r29 = 0.00028665393f; /* speed: 0.00680803 rad/s */
+    const float r29 = 0.00028670605f; /* speed: 0.00680927 rad/s */
     const float r30 = r28 + r29;
     const float r31 = driveline_rsm_keep_f32(r30 * r12);
-    const float r32 = -0.50112534f; /* gear^3: -4.009 rad/s */
+    const float r32 = -0.5011262f; /* gear^3: -4.00901 rad/s */
     const float r33 = driveline_rsm_keep_f32(r32 * r20);
-    const float r34 = -0.33676505f; /* gear^2: -1.34706 rad/s */
+    const float r34 = -0.33676586f; /* gear^2: -1.34706 rad/s */
     const float r35 = r33 + r34;
     const float r36 = driveline_rsm_keep_f32(r35 * r20);
-    const float r37 = 8.251514f; /* gear: 16.503 rad/s */
+    const float r37 = 8.251515f; /* gear: 16.503 rad/s */
     const float r38 = r36 + r37;
     const float r39 = driveline_rsm_keep_f32(r38 * r20);
-    const float r40 = 30.352116f; /* 1: 30.3521 rad/s */
+    const float r40 = 30.352114f; /* 1: 30.3521 rad/s */
     const float r41 = r39 + r40;
     const float r42 = r31 + r41;
-    const float r43 = 1.5740609e-8f; /* speed^5: 0.118943 */
+    const float r43 = 1.5740605e-8f; /* speed^5: 0.118943 */
     const float r44 = driveline_rsm_keep_f32(r43 * r12);
-    const float r45 = 6.157295e-7f; /* speed^4: 0.195905 */
+    const float r45 = 6.1572956e-7f; /* speed^4: 0.195905 */
     const float r46 = r44 + r45;
     const float r47 = driveline_rsm_keep_f32(r46 * r12);
-    const float r48 = -1.1370549e-6f; /* speed^3*gear: -0.0304651 */
+    const float r48 = -1.1370562e-6f; /* speed^3*gear: -0.0304651 */
     const float r49 = driveline_rsm_keep_f32(r48 * r20);
-    const float r50 = 4.901494e-6f; /* speed^3: 0.0656628 */
+    const float r50 = 4.901488e-6f; /* speed^3: 0.0656627 */
     const float r51 = r49 + r50;
     const float r52 = r47 + r51;
     const float r53 = driveline_rsm_keep_f32(r52 * r12);
-    const float r54 = 2.9579205e-6f; /* speed^2*gear^2: 0.00667381 */
+    const float r54 = 2.9578368e-6f; /* speed^2*gear^2: 0.00667362 */
     const float r55 = r54 * r20;
     const float r56 = driveline_rsm_keep_f32(r55 * r20);
-    const float r57 = -5.4245367e-5f; /* speed^2: -0.0305978 */
+    const float r57 = -5.424548e-5f; /* speed^2: -0.0305978 */
     const float r58 = r56 + r57;
     const float r59 = r53 + r58;
     const float r60 = driveline_rsm_keep_f32(r59 * r12);
-    const float r61 = 0.000114534654f; /* speed*gear^4: 0.0435232 */
+    const float r61 = 0.00011453447f; /* speed*gear^4: 0.0435231 */
     const float r62 = driveline_rsm_keep_f32(r61 * r20);
-    const float r63 = -0.00016358332f; /* speed*gear^3: -0.0310808 */
+    const float r63 = -0.0001635817f; /* speed*gear^3: -0.0310805 */
     const float r64 = r62 + r63;
     const float r65 = r64 * r20;
     const float r66 = driveline_rsm_keep_f32(r65 * r20);
-    const float r67 = 0.00057088374f; /* speed*gear: 0.027117 */
+    const float r67 = 0.0005708808f; /* speed*gear: 0.0271168 */
     const float r68 = r66 + r67;
     const float r69 = driveline_rsm_keep_f32(r68 * r20);
-    const float r70 = -0.0001573691f; /* speed: -0.00373752 */
+    const float r70 = -0.00015736923f; /* speed: -0.00373752 */
     const float r71 = r69 + r70;
     const float r72 = r60 + r71;
     const float r73 = driveline_rsm_keep_f32(r72 * r12);
-    const float r74 = 0.002184864f; /* gear^4: 0.0349578 */
+    const float r74 = 0.0021848655f; /* gear^4: 0.0349578 */
     const float r75 = driveline_rsm_keep_f32(r74 * r20);
-    const float r76 = -0.004399046f; /* gear^3: -0.0351924 */
+    const float r76 = -0.0043990295f; /* gear^3: -0.0351922 */
     const float r77 = r75 + r76;
     const float r78 = driveline_rsm_keep_f32(r77 * r20);
-    const float r79 = -0.0050050686f; /* gear^2: -0.0200203 */
+    const float r79 = -0.005005084f; /* gear^2: -0.0200203 */
     const float r80 = r78 + r79;
     const float r81 = driveline_rsm_keep_f32(r80 * r20);
-    const float r82 = 0.023074547f; /* gear: 0.0461491 */
+    const float r82 = 0.023074534f; /* gear: 0.0461491 */
     const float r83 = r81 + r82;
     const float r84 = driveline_rsm_keep_f32(r83 * r20);
-    const float r85 = 0.1447282f; /* 1: 0.144728 */
+    const float r85 = 0.14472826f; /* 1: 0.144728 */
     const float r86 = r84 + r85;
     const float r87 = r73 + r86;
-    const float r88 = -4.0340282e-8f; /* speed^5: -0.304829 */
+    const float r88 = -4.0340232e-8f; /* speed^5: -0.304829 */
     const float r89 = driveline_rsm_keep_f32(r88 * r12);
-    const float r90 = -4.5132433e-7f; /* speed^4: -0.143596 */
+    const float r90 = -4.513243e-7f; /* speed^4: -0.143596 */
     const float r91 = r89 + r90;
     const float r92 = driveline_rsm_keep_f32(r91 * r12);
-    const float r93 = -1.9872786e-7f; /* speed^3*gear: -0.00532451 */
+    const float r93 = -1.9872644e-7f; /* speed^3*gear: -0.00532447 */
     const float r94 = driveline_rsm_keep_f32(r93 * r20);
-    const float r95 = 9.762602e-6f; /* speed^3: 0.130785 */
+    const float r95 = 9.762588e-6f; /* speed^3: 0.130784 */
     const float r96 = r94 + r95;
     const float r97 = r92 + r96;
     const float r98 = driveline_rsm_keep_f32(r97 * r12);
-    const float r99 = 5.796379e-6f; /* speed^2*gear^2: 0.0130781 */
+    const float r99 = 5.7964467e-6f; /* speed^2*gear^2: 0.0130782 */
     const float r100 = r99 * r20;
     const float r101 = driveline_rsm_keep_f32(r100 * r20);
-    const float r102 = 1.9063802e-5f; /* speed^2: 0.0107532 */
+    const float r102 = 1.9063924e-5f; /* speed^2: 0.0107532 */
     const float r103 = r101 + r102;
     const float r104 = r98 + r103;
     const float r105 = driveline_rsm_keep_f32(r104 * r12);
-    const float r106 = -5.7746343e-5f; /* speed*gear^4: -0.0219436 */
+    const float r106 = -5.774656e-5f; /* speed*gear^4: -0.0219437 */
     const float r107 = driveline_rsm_keep_f32(r106 * r20);
-    const float r108 = 5.506328e-5f; /* speed*gear^3: 0.010462 */
+    const float r108 = 5.5062515e-5f; /* speed*gear^3: 0.0104619 */
     const float r109 = r107 + r108;
     const float r110 = r109 * r20;
     const float r111 = driveline_rsm_keep_f32(r110 * r20);
-    const float r112 = -0.00036540878f; /* speed*gear: -0.0173569 */
+    const float r112 = -0.000365406f; /* speed*gear: -0.0173568 */
     const float r113 = r111 + r112;
     const float r114 = driveline_rsm_keep_f32(r113 * r20);
-    const float r115 = -0.0013596754f; /* speed: -0.0322923 */
+    const float r115 = -0.0013596736f; /* speed: -0.0322922 */
     const float r116 = r114 + r115;
     const float r117 = r105 + r116;
     const float r118 = driveline_rsm_keep_f32(r117 * r12);
-    const float r119 = 0.0014036963f; /* gear^4: 0.0224591 */
+    const float r119 = 0.0014036869f; /* gear^4: 0.022459 */
     const float r120 = driveline_rsm_keep_f32(r119 * r20);
-    const float r121 = -0.0030733221f; /* gear^3: -0.0245866 */
+    const float r121 = -0.0030733212f; /* gear^3: -0.0245866 */
     const float r122 = r120 + r121;
     const float r123 = driveline_rsm_keep_f32(r122 * r20);
-    const float r124 = 0.0012719325f; /* gear^2: 0.00508773 */
+    const float r124 = 0.0012719518f; /* gear^2: 0.00508781 */
     const float r125 = r123 + r124;
     const float r126 = driveline_rsm_keep_f32(r125 * r20);
-    const float r127 = -0.015670503f; /* gear: -0.031341 */
+    const float r127 = -0.0156705f; /* gear: -0.031341 */
     const float r128 = r126 + r127;
     const float r129 = driveline_rsm_keep_f32(r128 * r20);
-    const float r130 = 0.50581646f; /* 1: 0.505816 */
+    const float r130 = 0.5058164f; /* 1: 0.505816 */
     const float r131 = r129 + r130;
     const float r132 = r118 + r131;
     const float r133 = r87 + r132;
@@ -1201,19 +1201,19 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fc28674101cdcbcULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fafad4ab9883e00ULL }, /* other bits if fused */
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fe10ac73e94f22dULL },
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fe10ac73e94f22dULL },
-            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x3fafad4ab9883e00ULL }, /* other bits if fused */
-            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x3fe10ac73e94f22dULL },
-            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x3fafad4ab9883e00ULL }, /* other bits if fused */
-            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3fafad4ab9883e00ULL }, /* other bits if fused */
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fc28674a68bd4bbULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fafad4ac800164aULL }, /* other bits if fused */
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fe10ac6e993b00fULL },
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fe10ac6e993b00fULL },
+            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x3fafad4ac800164aULL }, /* other bits if fused */
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x3fe10ac6e993b00fULL },
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x3fafad4ac800164aULL }, /* other bits if fused */
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3fafad4ac800164aULL }, /* other bits if fused */
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
             { 0x403a400000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x4011619a3a88ec9dULL, 0x4002a64e82c377f0ULL, 0x3fbdd45a76bd3caeULL }, /* other bits if fused */
-            { 0x4012de23e30d39daULL, 0x4003d6ff2572a70fULL, 0x3fbf03415c1a28b2ULL }, /* other bits if fused */
-            { 0x40245f618a1608f0ULL, 0x3ff4a269a6017048ULL, 0x3fbacb834d551cbaULL }, /* other bits if fused */
+            { 0x4012de23e30d39daULL, 0x4003d6ff2572a70fULL, 0x3fbf034250ada808ULL }, /* other bits if fused */
+            { 0x4021df18ad148ce4ULL, 0x3ffb4aeb991902aeULL, 0x3fbbe3fe78c83056ULL }, /* other bits if fused */
+            { 0x40481268f8ed606bULL, 0x3ff49cf208ee99baULL, 0x3fdaab47218ff272ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_damping_ratio;
         const uint64_t (*volatile rows)[3] = points;
@@ -1280,19 +1280,19 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fe02fa6098f5ac7ULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fe5f054e45aad26ULL },
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fbdfee276d815d0ULL }, /* other bits if fused */
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fbdfee276d815d0ULL }, /* other bits if fused */
-            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x3fe5f054e45aad26ULL },
-            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x3fbdfee276d815d0ULL }, /* other bits if fused */
-            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x3fe5f054e45aad26ULL },
-            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3fe5f054e45aad26ULL },
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x3fe02fa5e31bdb3bULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x3fe5f054d3d8f656ULL },
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fbdfee6950c6f8cULL }, /* other bits if fused */
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fbdfee6950c6f8cULL }, /* other bits if fused */
+            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x3fe5f054d3d8f656ULL },
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x3fbdfee6950c6f8cULL }, /* other bits if fused */
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x3fe5f054d3d8f656ULL },
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3fe5f054d3d8f656ULL },
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
             { 0x403a400000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x4048f6a4e41e633fULL, 0x3ff9804d27fbc21eULL, 0x3fcca58035bba61eULL }, /* other bits if fused */
-            { 0x40055da3212935beULL, 0x40132443b542bf81ULL, 0x3fe2b524a0a61c1aULL }, /* other bits if fused */
-            { 0x40477780aaa78c24ULL, 0x4009223397e3dd2fULL, 0x3fd55741d90b7364ULL }, /* other bits if fused */
+            { 0x4046847b336de671ULL, 0x400a51d6e43da6c3ULL, 0x3fd93efff347f3e2ULL }, /* other bits if fused */
+            { 0x4034c30fbe1fc594ULL, 0x3ff0515ee18b31ecULL, 0x3fe31d8888aa9008ULL }, /* other bits if fused */
+            { 0x40477780aaa78c24ULL, 0x4009223397e3dd2fULL, 0x3fd5574234bcc2bcULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_damping_error;
         const uint64_t (*volatile rows)[3] = points;
@@ -1321,19 +1321,19 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][3] = {
-            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x403e5a24447471e2ULL },
-            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x402bf144635ab520ULL },
-            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x403e83e7a9da0cc5ULL },
-            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x403e83e7a9da0cc5ULL },
-            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x402bf144635ab520ULL },
-            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x403e83e7a9da0cc5ULL },
-            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x402bf144635ab520ULL },
-            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x402bf144635ab520ULL },
+            { 0x403a400000000000ULL, 0x4008000000000000ULL, 0x403e5a2422fba361ULL },
+            { 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0x402bf14456eb9300ULL }, /* other bits if fused */
+            { 0x4049000000000000ULL, 0x4014000000000000ULL, 0x403e83e6c5c1b1f6ULL }, /* other bits if fused */
+            { 0x4052700000000000ULL, 0x401c000000000000ULL, 0x403e83e6c5c1b1f6ULL }, /* other bits if fused */
+            { 0xc035400000000000ULL, 0xbff0000000000000ULL, 0x402bf14456eb9300ULL }, /* other bits if fused */
+            { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x403e83e6c5c1b1f6ULL }, /* other bits if fused */
+            { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0x402bf14456eb9300ULL }, /* other bits if fused */
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x402bf14456eb9300ULL }, /* other bits if fused */
             { 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
             { 0x403a400000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
-            { 0x4045889359664c64ULL, 0x3fffb4235672cfd0ULL, 0x4036ea4ef5cd51ebULL }, /* other bits if fused */
-            { 0x40481268f8ed606bULL, 0x3ff49cf208ee99baULL, 0x40338ba1509f95daULL }, /* other bits if fused */
-            { 0x40166e1c2350b3ceULL, 0x400ae8083a2b5aebULL, 0x4040fb1a2e80144fULL }, /* other bits if fused */
+            { 0x40245f618a1608f0ULL, 0x3ff4a269a6017048ULL, 0x403072eab821754cULL }, /* other bits if fused */
+            { 0x4021df18ad148ce4ULL, 0x3ffb4aeb991902aeULL, 0x403331a4d7095ecaULL }, /* other bits if fused */
+            { 0x40481268f8ed606bULL, 0x3ff49cf208ee99baULL, 0x40338ba139db5b55ULL }, /* other bits if fused */
         };
         double (*volatile function)(double, double) = driveline_shuffle_frequency;
         const uint64_t (*volatile rows)[3] = points;
@@ -1363,19 +1363,19 @@ int driveline_self_test(void)
         /* Bits of the arguments, then of the result. */
         static const uint64_t points[][4] = {
             { 0x0000000000000000ULL, 0x403a400000000000ULL, 0x4008000000000000ULL, 0x0000000000000000ULL },
-            { 0xbff0000000000000ULL, 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0xbfe3b132133e2069ULL },
-            { 0x3ff0000000000000ULL, 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fc0798c33756e24ULL }, /* other bits if fused */
-            { 0x4000000000000000ULL, 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd0c8354f34fc68ULL },
-            { 0xc000000000000000ULL, 0xc035400000000000ULL, 0xbff0000000000000ULL, 0xbff3fb270552850cULL },
+            { 0xbff0000000000000ULL, 0x4004000000000000ULL, 0x3ff0000000000000ULL, 0xbfe3b13224df5714ULL }, /* other bits if fused */
+            { 0x3ff0000000000000ULL, 0x4049000000000000ULL, 0x4014000000000000ULL, 0x3fc0798d2d7922b4ULL }, /* other bits if fused */
+            { 0x4000000000000000ULL, 0x4052700000000000ULL, 0x401c000000000000ULL, 0x3fd0c836467b2d20ULL },
+            { 0xc000000000000000ULL, 0xc035400000000000ULL, 0xbff0000000000000ULL, 0xbff3fb2716ff6eb2ULL }, /* other bits if fused */
             { 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0x7ff0000000000000ULL, 0xfff8000000000000ULL },
             { 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0xfff0000000000000ULL, 0xfff8000000000000ULL },
-            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3f2884734356676cULL }, /* other bits if fused */
+            { 0x8000000000000000ULL, 0x8000000000000000ULL, 0x8000000000000000ULL, 0x3f2884734a73ca28ULL },
             { 0x7ff8000000000000ULL, 0x403a400000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
             { 0x0000000000000000ULL, 0x7ff8000000000000ULL, 0x4008000000000000ULL, 0x7ff8000000000000ULL },
             { 0x0000000000000000ULL, 0x403a400000000000ULL, 0x7ff8000000000000ULL, 0x7ff8000000000000ULL },
-            { 0xbfed838098bf03d6ULL, 0x40324edc8a1a2608ULL, 0x4003ab7948d2d668ULL, 0xbfc5a5c13e1e13c4ULL }, /* other bits if fused */
-            { 0xbfbe5ac92705bb60ULL, 0x4012de23e30d39daULL, 0x4003d6ff2572a70fULL, 0xbf95246965735d98ULL }, /* other bits if fused */
-            { 0xbfe5a4cbc34f78a2ULL, 0x4017c229a4d44556ULL, 0x4011aa27fb8dacbaULL, 0xbfa4db689072f4d0ULL }, /* other bits if fused */
+            { 0xbfe5a4cbc34f78a2ULL, 0x4017c229a4d44556ULL, 0x4011aa27fb8dacbaULL, 0xbfa4c65969b410d0ULL }, /* other bits if fused */
+            { 0xbfe04bdca98d3030ULL, 0x4032f2ca4e668e0aULL, 0x4004a358085f4f69ULL, 0xbfb5db548386ce24ULL }, /* other bits if fused */
+            { 0xbfe754254555dc5eULL, 0x4025c335b7411ffaULL, 0x400da1d074e20463ULL, 0xbfb060ac14aa6468ULL }, /* other bits if fused */
         };
         double (*volatile function)(driveline_tip_in_state *, double, double, double) = driveline_tip_in_step;
         const uint64_t (*volatile rows)[4] = points;
@@ -1411,19 +1411,19 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x3e1433a1UL },
-            { 0x40200000UL, 0x3f800000UL, 0x3d7d6a52UL },
-            { 0x42480000UL, 0x40a00000UL, 0x3f08563aUL },
-            { 0x42938000UL, 0x40e00000UL, 0x3f08563aUL },
-            { 0xc1aa0000UL, 0xbf800000UL, 0x3d7d6a52UL },
-            { 0x7f800000UL, 0x7f800000UL, 0x3f08563aUL },
-            { 0xff800000UL, 0xff800000UL, 0x3d7d6a52UL },
-            { 0x80000000UL, 0x80000000UL, 0x3d7d6a52UL },
+            { 0x41d20000UL, 0x40400000UL, 0x3e1433a5UL },
+            { 0x40200000UL, 0x3f800000UL, 0x3d7d6a54UL }, /* other bits if fused */
+            { 0x42480000UL, 0x40a00000UL, 0x3f085637UL },
+            { 0x42938000UL, 0x40e00000UL, 0x3f085637UL },
+            { 0xc1aa0000UL, 0xbf800000UL, 0x3d7d6a54UL }, /* other bits if fused */
+            { 0x7f800000UL, 0x7f800000UL, 0x3f085637UL },
+            { 0xff800000UL, 0xff800000UL, 0x3d7d6a54UL }, /* other bits if fused */
+            { 0x80000000UL, 0x80000000UL, 0x3d7d6a54UL }, /* other bits if fused */
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
             { 0x41d20000UL, 0x7fc00000UL, 0x7fc00000UL },
-            { 0x4122fb0cUL, 0x3fa5134dUL, 0x3dd65c1cUL }, /* other bits if fused */
-            { 0x410ef8c5UL, 0x3fda575dUL, 0x3ddf1ff5UL }, /* other bits if fused */
-            { 0x423423daUL, 0x40528eb7UL, 0x3e8d2e24UL }, /* other bits if fused */
+            { 0x41979652UL, 0x40251ac0UL, 0x3e090120UL }, /* other bits if fused */
+            { 0x420a70c6UL, 0x405d30ffUL, 0x3e20e558UL }, /* other bits if fused */
+            { 0x42409348UL, 0x3fa4e790UL, 0x3ed55a3aUL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_damping_ratio_f32;
         const uint32_t (*volatile rows)[3] = points;
@@ -1490,19 +1490,19 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x3f017d30UL },
-            { 0x40200000UL, 0x3f800000UL, 0x3f2f82a7UL },
-            { 0x42480000UL, 0x40a00000UL, 0x3deff70cUL }, /* other bits if fused */
-            { 0x42938000UL, 0x40e00000UL, 0x3deff70cUL }, /* other bits if fused */
-            { 0xc1aa0000UL, 0xbf800000UL, 0x3f2f82a7UL },
-            { 0x7f800000UL, 0x7f800000UL, 0x3deff70cUL }, /* other bits if fused */
-            { 0xff800000UL, 0xff800000UL, 0x3f2f82a7UL },
-            { 0x80000000UL, 0x80000000UL, 0x3f2f82a7UL },
+            { 0x41d20000UL, 0x40400000UL, 0x3f017d2fUL },
+            { 0x40200000UL, 0x3f800000UL, 0x3f2f82a6UL },
+            { 0x42480000UL, 0x40a00000UL, 0x3deff738UL }, /* other bits if fused */
+            { 0x42938000UL, 0x40e00000UL, 0x3deff738UL }, /* other bits if fused */
+            { 0xc1aa0000UL, 0xbf800000UL, 0x3f2f82a6UL },
+            { 0x7f800000UL, 0x7f800000UL, 0x3deff738UL }, /* other bits if fused */
+            { 0xff800000UL, 0xff800000UL, 0x3f2f82a6UL },
+            { 0x80000000UL, 0x80000000UL, 0x3f2f82a6UL },
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
             { 0x41d20000UL, 0x7fc00000UL, 0x7fc00000UL },
-            { 0x42409348UL, 0x3fa4e790UL, 0x3eb1ef26UL }, /* other bits if fused */
-            { 0x4247b527UL, 0x3fcc0269UL, 0x3e652bfeUL }, /* other bits if fused */
-            { 0x4028c842UL, 0x40874af7UL, 0x3f134cb0UL }, /* other bits if fused */
+            { 0x413543b2UL, 0x40256ed2UL, 0x3f029858UL }, /* other bits if fused */
+            { 0x402aed19UL, 0x4099221eUL, 0x3f15a924UL }, /* other bits if fused */
+            { 0x423bbc05UL, 0x4049119dUL, 0x3eaaba12UL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_damping_error_f32;
         const uint32_t (*volatile rows)[3] = points;
@@ -1531,19 +1531,19 @@ int driveline_self_test(void)
     {
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][3] = {
-            { 0x41d20000UL, 0x40400000UL, 0x41f2d122UL },
-            { 0x40200000UL, 0x3f800000UL, 0x415f8a22UL },
-            { 0x42480000UL, 0x40a00000UL, 0x41f41f3cUL },
-            { 0x42938000UL, 0x40e00000UL, 0x41f41f3cUL },
-            { 0xc1aa0000UL, 0xbf800000UL, 0x415f8a22UL },
-            { 0x7f800000UL, 0x7f800000UL, 0x41f41f3cUL },
-            { 0xff800000UL, 0xff800000UL, 0x415f8a22UL },
-            { 0x80000000UL, 0x80000000UL, 0x415f8a22UL },
+            { 0x41d20000UL, 0x40400000UL, 0x41f2d121UL },
+            { 0x40200000UL, 0x3f800000UL, 0x415f8a21UL },
+            { 0x42480000UL, 0x40a00000UL, 0x41f41f36UL }, /* other bits if fused */
+            { 0x42938000UL, 0x40e00000UL, 0x41f41f36UL }, /* other bits if fused */
+            { 0xc1aa0000UL, 0xbf800000UL, 0x415f8a21UL },
+            { 0x7f800000UL, 0x7f800000UL, 0x41f41f36UL }, /* other bits if fused */
+            { 0xff800000UL, 0xff800000UL, 0x415f8a21UL },
+            { 0x80000000UL, 0x80000000UL, 0x415f8a21UL },
             { 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
             { 0x41d20000UL, 0x7fc00000UL, 0x7fc00000UL },
-            { 0x4096f11fUL, 0x401eb7f9UL, 0x41cb628cUL }, /* other bits if fused */
-            { 0x4122fb0cUL, 0x3fa5134dUL, 0x41839756UL }, /* other bits if fused */
-            { 0x42409348UL, 0x3fa4e790UL, 0x419c5d0aUL }, /* other bits if fused */
+            { 0x410ef8c5UL, 0x3fda575dUL, 0x41998d26UL }, /* other bits if fused */
+            { 0x420a70c6UL, 0x405d30ffUL, 0x420685f6UL }, /* other bits if fused */
+            { 0x413543b2UL, 0x40256ed2UL, 0x41d459ccUL }, /* other bits if fused */
         };
         float (*volatile function)(float, float) = driveline_shuffle_frequency_f32;
         const uint32_t (*volatile rows)[3] = points;
@@ -1573,17 +1573,17 @@ int driveline_self_test(void)
         /* Bits of the arguments, then of the result. */
         static const uint32_t points[][4] = {
             { 0x00000000UL, 0x41d20000UL, 0x40400000UL, 0x00000000UL },
-            { 0xbf800000UL, 0x40200000UL, 0x3f800000UL, 0xbf1d8992UL }, /* other bits if fused */
-            { 0x3f800000UL, 0x42480000UL, 0x40a00000UL, 0x3e03cc64UL }, /* other bits if fused */
-            { 0x40000000UL, 0x42938000UL, 0x40e00000UL, 0x3e8641acUL }, /* other bits if fused */
-            { 0xc0000000UL, 0xc1aa0000UL, 0xbf800000UL, 0xbf9fd939UL },
+            { 0xbf800000UL, 0x40200000UL, 0x3f800000UL, 0xbf1d8994UL },
+            { 0x3f800000UL, 0x42480000UL, 0x40a00000UL, 0x3e03cc6cUL }, /* other bits if fused */
+            { 0x40000000UL, 0x42938000UL, 0x40e00000UL, 0x3e8641b4UL },
+            { 0xc0000000UL, 0xc1aa0000UL, 0xbf800000UL, 0xbf9fd93bUL },
             { 0x7f800000UL, 0x7f800000UL, 0x7f800000UL, 0xffc00000UL },
             { 0xff800000UL, 0xff800000UL, 0xff800000UL, 0xffc00000UL },
-            { 0x80000000UL, 0x80000000UL, 0x80000000UL, 0x394423b3UL },
+            { 0x80000000UL, 0x80000000UL, 0x80000000UL, 0x394423b3UL }, /* other bits if fused */
             { 0x7fc00000UL, 0x41d20000UL, 0x40400000UL, 0x7fc00000UL },
             { 0x00000000UL, 0x7fc00000UL, 0x40400000UL, 0x7fc00000UL },
             { 0x00000000UL, 0x41d20000UL, 0x7fc00000UL, 0x7fc00000UL },
-            { 0xbf6c1c05UL, 0x419276e4UL, 0x401d5bcaUL, 0xbe2d2e08UL }, /* other bits if fused */
+            { 0xbf6c1c05UL, 0x419276e4UL, 0x401d5bcaUL, 0xbe2d2e0cUL }, /* other bits if fused */
             { 0xbdf2d649UL, 0x4096f11fUL, 0x401eb7f9UL, 0xbca9234cUL }, /* other bits if fused */
             { 0xbf2d265eUL, 0x40be114dUL, 0x408d5140UL, 0xbd26db50UL }, /* other bits if fused */
         };
