@@ -302,7 +302,7 @@ fn greet(link: &Link<'_>, heard: &Mutex<Heard>, wish: &Wish) -> Result<(), Strin
                     "nothing came".to_string()
                 };
                 return Err(format!(
-                    "the peer at {} sent no datagram within {:.1} s: {why}",
+                    "the peer at {} sent no valid datagram within {:.1} s: {why}",
                     link.peer,
                     wish.wait.as_secs_f64()
                 ));

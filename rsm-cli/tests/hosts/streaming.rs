@@ -290,7 +290,7 @@ fn a_wrong_key_and_a_silent_peer_are_told_at_the_start() {
         String::from_utf8(output.stderr).unwrap()
     };
     let (one, other) = (port(), port());
-    assert!(refused(start("motor", "link.key", one, other)).contains("sent no datagram within 0.5 s: nothing came"));
+    assert!(refused(start("motor", "link.key", one, other)).contains("sent no valid datagram within 0.5 s: nothing came"));
     let (plant, step) = (start("motor", "link.key", one, other), start("controller", "other.key", other, one));
     for child in [plant, step] {
         let words = refused(child);

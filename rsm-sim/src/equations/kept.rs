@@ -67,7 +67,7 @@ impl Kept {
     }
 
     /// Whether the current part is taken again before a step of a level: a whole row by it has failed here; or steps by parts that were taken elsewhere have failed time and again; or it has served for many shares of a row,
-    /// and its error may be what keeps steps short.
+    /// and its error may be what keeps steps short. Counts the steps that are not tried.
     pub(super) fn is_worn(&mut self, level: usize) -> bool {
         if self.is_fresh {
             return false;
@@ -78,7 +78,7 @@ impl Kept {
     }
 
     /// The current part has just been taken where the lane stands.
-    pub(super) fn is_new(&mut self) {
+    pub(super) fn renewed(&mut self) {
         (self.is_fresh, self.has_failed, self.age) = (true, false, 0);
     }
 
@@ -156,12 +156,12 @@ mod tests {
         for _ in 0..FAILURES {
             assert!(!kept.is_worn(1));
             kept.failed();
-            kept.is_new();
+            kept.renewed();
             kept.served();
         }
         for _ in 0..SKIPPED {
             assert!(kept.is_worn(1));
-            kept.is_new();
+            kept.renewed();
             assert!(!kept.is_worn(1), "where it was taken it serves");
             kept.served();
         }
@@ -173,13 +173,13 @@ mod tests {
     #[test]
     fn a_part_serves_for_so_many_shares_of_a_row_and_for_any_number_of_rows() {
         let mut kept = Kept::default();
-        kept.is_new();
+        kept.renewed();
         for _ in 0..AGE {
             assert!(!kept.is_worn(3));
             kept.served();
         }
         assert!(kept.is_worn(3) && !kept.is_worn(0));
-        kept.is_new();
+        kept.renewed();
         assert!(!kept.is_worn(3));
     }
 }

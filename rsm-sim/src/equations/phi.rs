@@ -67,7 +67,7 @@ pub(super) struct Chain {
     values: Vec<f64>,
     /// Of each level whether it stands there.
     made: Vec<bool>,
-    /// z to z^4 at the base, then e^z at the shortest level that doubling has come to, then room.
+    /// z to z^4 at the base, then e^z at the longest level that doubling has come to, then room.
     work: Vec<f64>,
 }
 
@@ -168,9 +168,11 @@ impl Chain {
                 next_three[j][i] = 0.125 * (next_three[j][i] + two[j][i] + 2.0 * three[j][i]);
             }
         }
-        // e^2z, for the level before.
-        product(spare, zero, zero);
-        zero.copy_from_slice(spare);
+        // e^2z, for the level before, if there is one.
+        if level > 0 {
+            product(spare, zero, zero);
+            zero.copy_from_slice(spare);
+        }
         self.made[level] = is_finite(next_one) & is_finite(next_two) & is_finite(next_three);
         self.made[level]
     }

@@ -192,7 +192,7 @@ impl Walk<'_, 1> {
             part.length = f64::NAN;
             kept.current = None;
         }
-        kept.is_new();
+        kept.renewed();
         kept.cost += TAKEN;
         is_part
     }
