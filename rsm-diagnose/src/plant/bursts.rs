@@ -8,9 +8,9 @@ use std::ops::Range;
 
 use super::checks::Finding;
 use super::levenberg::Fit;
+use super::outlier_correction::less;
 use super::prepared::Prepared;
 use super::tails::{deviation, off_neighbours};
-use super::taming::less;
 use super::validation;
 use super::whitened_residuals::WhitenedResiduals;
 use crate::engine::significance::median;

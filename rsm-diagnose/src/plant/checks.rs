@@ -3,10 +3,10 @@
 //! In: a prepared record. Out: findings. The rows of findings are left out of all later figures. After a gap in time or a repeated block of rows, the
 //! state of the plant is unknown, because the inputs are missing. Only one part of the record without such a break is kept. Never corrects a sample.
 
-use super::blocks::{STUCK, twice};
-use super::bridges;
+use super::gaps;
 use super::prepared::{Piece, Prepared};
-use super::rest::{self, Resting};
+use super::repeated_blocks::{STUCK, twice};
+use super::standstill::{self, Resting};
 use crate::engine::significance::median;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -70,7 +70,7 @@ pub fn prepared(pieces: impl IntoIterator<Item = Piece>, file: &PlantFile) -> (V
 
 /// Finds what is wrong with a record, and leaves those rows out.
 pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
-    bridges::fill(prepared);
+    gaps::fill(prepared);
     let mut findings = without_constant(prepared, file);
     let names = file.kind.outputs();
     let nominal = along(prepared, file);
@@ -336,7 +336,7 @@ fn repeats_little(values: &[f64]) -> bool {
 pub fn jumps(values: &[f64]) -> Vec<usize> {
     let second: Vec<f64> = values.windows(3).map(|w| w[1] - 0.5 * (w[0] + w[2])).collect();
     // A channel that repeats its value is at rest and shows no noise.
-    let moves = rest::moving(values);
+    let moves = standstill::moving(values);
     let sizes = second.iter().enumerate().filter(|(k, _)| moves[k + 1]).map(|(_, value)| value.abs());
     let mut sizes: Vec<f64> = sizes.collect();
     // For a normal x, the median of |x| is 0.6745 standard deviations.

@@ -5,6 +5,7 @@
 //! Two searches may be needed: one with the parameters of the file, and one with free parameters if these fit clearly better. The simpler explanation
 //! is accepted.
 
+use super::calibrated_records::{HeavyTails, Ready};
 use super::cause::{Cause, Interval};
 use super::confidence::{self, Case};
 pub use super::diagnosis::Claim;
@@ -12,11 +13,10 @@ use super::diagnosis::Diagnosis;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::prepared::Piece;
-use super::ready::{HeavyTails, Ready};
 use super::search::Believed;
 use super::verdict::{self, LEAST_CONFIDENCE};
 use super::whitened_residuals::WhitenedResiduals;
-use super::{Options, Refused, Verdict, bootstrap, checks, effect_size, of_nominal, taming, tested, validation};
+use super::{Options, Refused, Verdict, bootstrap, checks, effect_size, of_nominal, outlier_correction, tested, validation};
 use rsm_sim::effect::Subject;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
@@ -187,7 +187,7 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
     anew.gain = validation::gain(&anew.nominal, &anew.extended);
     let judges = if setting.validation.is_empty() { setting.training } else { setting.validation };
     let (prepared, _) = checks::prepared(judges.iter().cloned().map(Piece::whole), setting.filed);
-    let whitened = taming::tamed(judged.noise.on(prepared), &judged.filed.model);
+    let whitened = outlier_correction::tamed(judged.noise.on(prepared), &judged.filed.model);
     let records: Vec<&Record> = judges.iter().collect();
     let sds = judged.noise.floors.map(|floor| floor.sd);
     let [filed, extended] = [setting.filed, &anew.plant].map(|plant| Model::nominal(plant, &records, sds));

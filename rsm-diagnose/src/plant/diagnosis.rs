@@ -2,24 +2,24 @@
 //!
 //! In: figures of a verdict. Out: [`Diagnosis`]. Computes no result of its own.
 
-use super::bridges::Bridged;
+use super::all_rows::Everywhere;
 use super::bursts::BURST;
 use super::cause::{Cause, Interval};
 use super::checks::Finding;
 use super::equations::Said;
 use super::error_breakdown::{ErrorBreakdown, Moved};
-use super::everywhere::Everywhere;
 use super::experiment::{Alias, NextExperiment};
+use super::final_test::Refusal;
+use super::gaps::Bridged;
 use super::known_loop::KnownLoop;
 use super::nested_models::Step;
-use super::path::Limit;
-use super::predicted::Predicted;
-use super::share::NotSeen;
+use super::predictors::Predicted;
+use super::row_share::NotSeen;
+use super::search_history::Limit;
 use super::tails::Tails;
 use super::tested::Tested;
 use super::units::InUnit;
 use super::validation::{Error, worst};
-use super::veto::Refusal;
 use super::whiteness::Left;
 pub use crate::engine::verdict::Verdict;
 use rsm_sim::plant_file::PlantFile;

@@ -2,7 +2,7 @@
 //!
 //! In: the fit of a search. Out: a fit with simpler causes, if it is as good. The effects declare the simpler forms. Adds no other cause.
 
-use super::compete::{count, within_tolerance};
+use super::candidates::{count, within_tolerance};
 use super::hypotheses::{generalises, levels};
 use super::levenberg::{self, Fit};
 use super::model::Model;

@@ -5,7 +5,7 @@
 //! narrow local minima, and a first-order step finds none of them. Near the beginning little has accumulated, the minima are wide, and the
 //! calibration is not yet biased. Accepts no cause.
 
-use super::compete::Candidate;
+use super::candidates::Candidate;
 use super::hypotheses::Hypothesis;
 use super::levenberg::{self, Fit};
 use super::model::Model;

@@ -8,8 +8,8 @@
 //! second estimate uses the whole record. It is ten times as precise for slow noise, but wrong where there is structure, so it is used only if it passes two tests: the upper band does
 //! not reject it, and the residual that it whitens is white in every octave. Energy above the noise at low frequencies therefore remains structure.
 
-pub use super::floor::Floor;
 use super::growth::{self, Growth};
+pub use super::noise_floor::Floor;
 use super::octave_spectrum::{LEAST_LINES, OCTAVES, Octave, octaves};
 use super::rounding::Rounding;
 use super::upper_band::{Band, LOWEST, WHITE, positive, spectrum};

@@ -4,7 +4,7 @@
 
 use std::f64::consts::TAU;
 
-use super::floor::Floor;
+use super::noise_floor::Floor;
 use crate::engine::significance::deviate_of_chi_squared;
 
 /// The number of octaves below the Nyquist frequency. The last one holds all lower frequencies.

@@ -1,6 +1,6 @@
 //! Types that the parts of a search for causes share: settings, work limits, accepted causes.
 //!
-//! In: nothing. Out: types. `selection`, `compete` and `veto` use them.
+//! In: nothing. Out: types. `selection`, `candidates` and `final_test` use them.
 
 use super::effect_size;
 use super::hypotheses::Hypothesis;

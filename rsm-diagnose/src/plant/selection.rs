@@ -3,18 +3,18 @@
 //! In: whitened residuals, the calibrated plant, hypotheses. Out: the causes, with the rivals of each. Null simulations and the smallest effect size
 //! give the gain that a cause needs. In a tie the simpler cause wins. Validation records take part in decisions; no parameter is fitted to them.
 
-use super::compete::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
-use super::everywhere::Everywhere;
+use super::all_rows::Everywhere;
+use super::candidates::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
+use super::final_test::Refusal;
 use super::hypotheses::label;
 use super::known_loop::KnownLoop;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::nuisance::Nuisance;
-use super::path::{Limit, Path};
 use super::screen::{Pair, Screened, null, pairs, screen};
 use super::search::{Believed, Search};
+use super::search_history::{Limit, Path};
 use super::variable_projection::project;
-use super::veto::Refusal;
 use super::{waves, whiteness};
 use crate::engine::significance::best_of;
 use rsm_sim::plant_file::Entry;

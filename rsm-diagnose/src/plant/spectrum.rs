@@ -5,7 +5,7 @@
 
 use std::f64::consts::TAU;
 
-use super::floor::{Floor, shape};
+use super::noise_floor::{Floor, shape};
 use super::octave_spectrum::transform;
 use super::regions::{Region, SIGNIFICANT, Side};
 use super::whitened_residuals::{Simulated, WhitenedResiduals};

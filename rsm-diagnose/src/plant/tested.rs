@@ -6,8 +6,8 @@
 use super::bootstrap;
 use super::checks::{self, Finding};
 use super::model::Model;
+use super::outlier_correction;
 use super::prepared::Piece;
-use super::taming;
 use super::validation::{self, Error, gain, gain_of};
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::plant_file::PlantFile;
@@ -46,7 +46,7 @@ pub fn tested(
     if prepared.is_empty() {
         return None;
     }
-    let whitened = taming::tamed(fitted.on(prepared), extended);
+    let whitened = outlier_correction::tamed(fitted.on(prepared), extended);
     let before = from_first_part(&whitened, nominal)?;
     let after = from_first_part(&whitened, extended)?;
     let mut rest = whitened.clone();

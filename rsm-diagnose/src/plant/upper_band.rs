@@ -5,7 +5,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::floor::{Floor, shape};
+use super::noise_floor::{Floor, shape};
 use super::octave_spectrum::{Octave, transform};
 use crate::engine::significance::median;
 

@@ -2,14 +2,13 @@
 //!
 //! In: a selection and the records. Out: a [`Diagnosis`], with all its figures from the fits. Fits no cause.
 
+mod cause_report;
 mod resolution;
 mod rivals;
-mod told;
 
 use std::collections::BTreeSet;
 
 use super::bootstrap;
-use super::bridges;
 use super::cause::Cause;
 use super::checks::Finding;
 use super::confidence::{self, Case};
@@ -17,23 +16,24 @@ use super::diagnosis::{Diagnosis, Practical};
 use super::effect_size;
 use super::error_breakdown::{self, Compared};
 use super::experiment::Alias;
+use super::final_fit;
+use super::gaps;
 use super::model::Model;
 use super::nested_models;
 use super::noise::Floor;
 use super::own_noise::by_own_noise;
-use super::path::Limit;
-use super::polish;
 use super::posterior::Posterior;
-use super::predicted;
+use super::predictors;
+use super::search_history::Limit;
 use super::selection::Selection;
 use super::validation::{self, gain, gain_of};
 use super::whitened_residuals::WhitenedResiduals;
 use super::whiteness;
 use crate::engine::probability::Probability;
 use crate::engine::verdict::Verdict;
+pub(super) use cause_report::{cause, numbers, with_unit};
+use cause_report::{off_lattice, rounding, rounding_entry};
 use rsm_sim::plant_file::{Entry, PlantFile};
-pub(super) use told::{cause, numbers, with_unit};
-use told::{off_lattice, rounding, rounding_entry};
 
 /// Structure below this share of the calibrated plant's squared error counts as none. Two simulations of the same equations with different steps
 /// differ by up to 7e-4 of the change by an effect (a contact; the comparison of all effects in `tests/hidden-effects`). A right cause leaves the
@@ -111,7 +111,7 @@ pub fn conclude(
     let moved = moved.and_then(|after| validation::within(unseen, &fit.model, Posterior::of(&fit).deviations(), after));
     let there = moved.map(|moved| by_own_noise(unseen, moved));
     let left_unseen = there.as_ref().map(|(there, fit)| whiteness::look(there, fit));
-    let predicts = there.iter().filter_map(|(there, fit)| predicted::look(there, fit)).chain(predicted::look(whitened, &fit));
+    let predicts = there.iter().filter_map(|(there, fit)| predictors::look(there, fit)).chain(predictors::look(whitened, &fit));
     let predicted = predicts.max_by(|a, b| a.excess.total_cmp(&b.excess));
     let wrong = wrong_a_row(calibrated.cost, calibrated.residual.len());
     let elsewhere = [
@@ -167,7 +167,7 @@ pub fn conclude(
     aliases.sort_by(|a, b| b.0.total_cmp(&a.0));
     let verdict = judged_by(structure, stopped, causes.is_empty());
     let (causes, helpers): (Vec<Cause>, Vec<Cause>) = causes.into_iter().partition(|it| is_named(verdict, it.confidence));
-    let mut plant = polish::written(file, whitened, nominal, &fit);
+    let mut plant = final_fit::written(file, whitened, nominal, &fit);
     replace(&mut plant.effects, by_law, |it| (it.description.kind, it.arguments.subject.clone()));
     for (output, step) in coarse {
         plant.effects.extend(rounding_entry(file.kind, output, step));
@@ -192,7 +192,7 @@ pub fn conclude(
         not_seen: None,
         everywhere,
         units: Vec::new(),
-        bridged: bridges::bridged(whitened.records.iter().chain(&unseen.records)),
+        bridged: gaps::bridged(whitened.records.iter().chain(&unseen.records)),
         noise: present.iter().map(|k| (*k, whitened.floors[*k].sd, whitened.floors[*k].correlation)).collect(),
         growing: growing(whitened, &present),
         rounded: rounded.to_vec(),

@@ -1,7 +1,7 @@
 //! The diagnosis on records that are simulated here, with noise from a fixed seed: small versions of what tests/hidden-effects judges with other code.
 
 use crate::random::Random;
-use rsm_diagnose::plant::path::{Limit, Path};
+use rsm_diagnose::plant::search_history::{Limit, Path};
 use rsm_diagnose::plant::{Diagnosis, Options, Verdict, diagnose, diagnose_and_test};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;

@@ -5,8 +5,8 @@
 use std::path::PathBuf;
 
 use rsm_core::source::Source;
+use rsm_diagnose::plant::calibrated_records::{HeavyTails, Ready};
 use rsm_diagnose::plant::checks::SWAPPED;
-use rsm_diagnose::plant::ready::{HeavyTails, Ready};
 use rsm_diagnose::plant::{Diagnosis, Options, Verdict, diagnose, hypotheses};
 use rsm_sim::equation_plant;
 use rsm_sim::plant_file::PlantFile;

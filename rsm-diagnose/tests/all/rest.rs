@@ -3,9 +3,9 @@
 //! The machines are simulated here, with a friction that holds them still, by code that shares nothing with the plants.
 
 use crate::random::Random;
-use rsm_diagnose::plant::blocks;
 use rsm_diagnose::plant::checks::{self, Finding};
-use rsm_diagnose::plant::share::Piece;
+use rsm_diagnose::plant::repeated_blocks;
+use rsm_diagnose::plant::row_share::Piece;
 use rsm_diagnose::plant::{Options, Verdict, diagnose};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -312,8 +312,8 @@ fn a_long_rest_is_no_block_and_costs_no_more_than_a_motion() {
     let mut random = Random::new(10);
     let mut speed: Vec<f64> = (0..100_000).map(|_| random.normal()).collect();
     speed[20_000..80_000].fill(0.0);
-    assert_eq!(blocks::twice(&[&speed]), vec![]);
+    assert_eq!(repeated_blocks::twice(&[&speed]), vec![]);
     // A block that was written again in the motion behind it. Rows of the rest are alike, so that it takes 36 rows to be no chance.
     speed.copy_within(90_000..90_060, 95_000);
-    assert_eq!(blocks::twice(&[&speed]), vec![(95_000, 95_060)]);
+    assert_eq!(repeated_blocks::twice(&[&speed]), vec![(95_000, 95_060)]);
 }

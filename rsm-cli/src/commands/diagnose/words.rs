@@ -2,11 +2,11 @@
 //!
 //! In: a diagnosis. Out: sentences with its numbers. Decides nothing.
 
-use rsm_diagnose::plant::bridges::Bridged;
 use rsm_diagnose::plant::checks::SWAPPED;
 use rsm_diagnose::plant::claims::Claim;
 use rsm_diagnose::plant::correction::Offer;
 use rsm_diagnose::plant::error_breakdown::ErrorBreakdown;
+use rsm_diagnose::plant::gaps::Bridged;
 use rsm_diagnose::plant::nested_models::Step;
 use rsm_diagnose::plant::regions::{Region, telling};
 use rsm_diagnose::plant::tested::FIRST_PART;

@@ -8,7 +8,7 @@ mod whole;
 
 use super::super::levenberg::Fit;
 use super::super::search::Believed;
-use super::told::unit;
+use super::cause_report::unit;
 use rsm_sim::effect::Subject;
 use rsm_sim::kind::PlantKind;
 

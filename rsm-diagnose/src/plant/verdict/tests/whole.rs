@@ -98,8 +98,8 @@ fn a_cause_beside_structure_helps_and_what_the_law_shows_takes_its_place() {
 
 #[test]
 fn what_was_not_believed_has_the_first_reason_that_holds() {
+    use super::super::super::final_test::Refusal;
     use super::super::super::rejected::Why;
-    use super::super::super::veto::Refusal;
     let (file, whitened, unseen, nominal) = axis();
     let causes = vec![
         believed("coulomb-friction", 2e5, &[("backlash", 10.0), ("ripple", 900.0)], &nominal),

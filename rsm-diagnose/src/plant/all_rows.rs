@@ -12,9 +12,9 @@ use super::levenberg::Fit;
 use super::octave_spectrum::{OCTAVES, Octave};
 use super::posterior::Posterior;
 use super::prepared::Piece;
-use super::share;
+use super::row_share;
 use super::whitened_residuals::WhitenedResiduals;
-use super::{own_noise, regions, taming, validation, whiteness};
+use super::{outlier_correction, own_noise, regions, validation, whiteness};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
@@ -79,7 +79,7 @@ impl fmt::Display for Everywhere {
 fn windows<'a>(record: &'a Record, file: &PlantFile) -> Box<dyn ExactSizeIterator<Item = Piece> + 'a> {
     let rows = record.rows();
     let beginning = record.piece(0..WINDOW_ROWS.min(rows));
-    let Some(settling) = share::settling(&beginning, file).filter(|settling| 2 * settling <= WINDOW_ROWS) else {
+    let Some(settling) = row_share::settling(&beginning, file).filter(|settling| 2 * settling <= WINDOW_ROWS) else {
         // A plant that does not forget its initial state needs the whole record in one window.
         return Box::new(std::iter::once_with(|| Piece::whole(record.clone())));
     };
@@ -92,7 +92,7 @@ fn windows<'a>(record: &'a Record, file: &PlantFile) -> Box<dyn ExactSizeIterato
         let start = k * rows / count;
         let from = start.saturating_sub(settling);
         let end = (k + 1) * rows / count;
-        let mut piece = share::piece(record, kind, from..end, start - from);
+        let mut piece = row_share::piece(record, kind, from..end, start - from);
         // Messages name the rows that count.
         piece.record.file = format!("{}, rows {} to {end}", record.file, start + 1);
         piece
@@ -125,7 +125,7 @@ pub fn look(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals,
             if prepared.iter().all(|it| it.outputs.is_empty()) {
                 continue;
             }
-            let there = taming::tamed(whitened.on(prepared), &fit.model);
+            let there = outlier_correction::tamed(whitened.on(prepared), &fit.model);
             // First a quick start from the first readings. If that leaves an error, the start is fitted as for a holdout record.
             let quick = validation::at_once(&there, &fit.model).map(|started| own_noise::left_there(&there, started, looks));
             let left = quick.filter(|it| it.excess <= 0.0).or_else(|| {

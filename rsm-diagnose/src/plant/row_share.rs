@@ -2,7 +2,7 @@
 //!
 //! In: records, and the integration steps that a simulation takes along them. Out: the beginning of each record and pieces spread over the rest, the
 //! same share of each record. The first readings of a piece show its state only in part, so rows do not count until the plant has forgotten that
-//! state. For a plant that does not forget, only the beginnings are used. Reports how many rows are left out; `everywhere` checks the result on them
+//! state. For a plant that does not forget, only the beginnings are used. Reports how many rows are left out; `all_rows` checks the result on them
 //! afterwards. Never drops a record.
 
 use rsm_sim::kind::OUTPUTS;

@@ -2,20 +2,20 @@
 //!
 //! In: a plant file, records. Out: a [`Diagnosis`]. Calls the parts in their order; `selection` decides whether a cause is accepted.
 
+use super::calibrated_records::{HeavyTails, Ready};
 use super::cause::Cause;
 use super::configurations::Apart;
 use super::diagnosis::{Diagnosis, Verdict};
 use super::equations::Said;
 use super::levenberg::{self, Fit};
 use super::model::Model;
-use super::ready::{HeavyTails, Ready};
 use super::search::{Effort, Search};
 use super::selection::Selection;
 use super::verdict;
 use super::whitened_residuals::WhitenedResiduals;
 use super::{
-    Options, Refused, calibration, configurations, effect_size, equations, everywhere, experiment, growth, hypotheses,
-    known_loop, polish, tested, under_way, waves,
+    Options, Refused, all_rows, calibration, configurations, effect_size, equations, experiment, final_fit, growth, hypotheses,
+    initial_motion, known_loop, tested, waves,
 };
 use rsm_sim::effect::{Role, Survey};
 use rsm_sim::kind::PlantKind;
@@ -140,7 +140,7 @@ pub(super) fn searched(
         }
     }
     let mut selection = in_rounds(&mut ready, &asked, seed, file, tails).ok_or(Refused::CannotSimulate)?;
-    selection.fit = polish::polish(&mut ready.whitened, selection.fit, |whitened, fit| {
+    selection.fit = final_fit::polish(&mut ready.whitened, selection.fit, |whitened, fit| {
         calibration::with_rounding(whitened, fit, calibration::floors(whitened, fit, file), &ready.rounded)
     });
     let Ready { whitened, mut unseen, nominal, findings, share, rounded, .. } = ready;
@@ -149,7 +149,7 @@ pub(super) fn searched(
     if share.not_seen().is_some() {
         (options.progress)("asking all rows");
         let all: Vec<&Record> = training.iter().chain(validation).collect();
-        selection.everywhere = Some(everywhere::look(&all, file, &whitened, &selection.fit));
+        selection.everywhere = Some(all_rows::look(&all, file, &whitened, &selection.fit));
     }
     let fit = selection.fit.clone();
     let mut found = verdict::conclude(file, &whitened, &unseen, &nominal, selection, findings, &rounded);
@@ -182,7 +182,7 @@ fn in_rounds(
             break;
         }
         // A motion at the start may be visible now.
-        let begun = under_way::shown(&ready.whitened, fit, &ready.unseen);
+        let begun = initial_motion::shown(&ready.whitened, fit, &ready.unseen);
         let tailed = tails == HeavyTails::LookedFor && ready.tails_beside(fit);
         let floors = ready.floors(fit, file);
         let moved = floors.iter().zip(&ready.whitened.floors).any(|(new, old)| {

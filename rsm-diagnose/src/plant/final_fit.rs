@@ -5,10 +5,10 @@
 use rsm_sim::kind::OUTPUTS;
 use std::f64::consts::{PI, TAU};
 
+use super::identifiability;
 use super::levenberg::{self, Fit};
 use super::model::{AtStart, Model, Place};
 use super::noise::Floor;
-use super::open;
 use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::simulate::starting;
@@ -38,7 +38,7 @@ pub fn polish(
             None => break,
         }
     }
-    open::settled(whitened, fit)
+    identifiability::settled(whitened, fit)
 }
 
 /// The extended plant as a file. A parameter at the end of its tolerance gets its nominal value again if the records no longer determine it, because

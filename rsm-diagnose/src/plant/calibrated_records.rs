@@ -8,10 +8,10 @@ use super::checks::{self, Finding};
 use super::levenberg::{self, Fit};
 use super::model::{AtStart, Model};
 use super::noise::Floor;
-use super::share::Share;
-use super::taming::{self, Recorded};
+use super::outlier_correction::{self, Recorded};
+use super::row_share::Share;
 use super::whitened_residuals::WhitenedResiduals;
-use super::{Options, Refused, alignment, bridges, bursts, regions, survey, under_way, validation};
+use super::{Options, Refused, alignment, bursts, gaps, initial_motion, regions, survey, validation};
 use rsm_sim::effect::Survey;
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::PlantFile;
@@ -89,19 +89,19 @@ impl Ready {
             unseen.floors = whitened.floors;
             Ok(found)
         };
-        let at_start = under_way::of_axis(&mut whitened, &mut unseen, file);
+        let at_start = initial_motion::of_axis(&mut whitened, &mut unseen, file);
         let (mut nominal, mut calibrated) = anew(&mut whitened, &mut unseen, at_start)?;
         if second_look(&mut whitened, &mut unseen, &calibrated, &mut findings) {
             (nominal, calibrated) = anew(&mut whitened, &mut unseen, at_start)?;
         }
-        if under_way::shown(&whitened, &calibrated, &unseen) {
+        if initial_motion::shown(&whitened, &calibrated, &unseen) {
             (options.progress)("a record begins in the middle of a motion: what no column shows of its start is unknown");
             (nominal, calibrated) = anew(&mut whitened, &mut unseen, AtStart::InMotion)?;
         }
         let mut recorded = [&whitened, &unseen].map(Recorded::of);
         if tails == HeavyTails::LookedFor {
             for _ in 0..TAILS {
-                if !taming::found(&mut whitened, &mut unseen, &mut recorded, &calibrated, &findings) {
+                if !outlier_correction::found(&mut whitened, &mut unseen, &mut recorded, &calibrated, &findings) {
                     break;
                 }
                 (options.progress)("noise with heavy tails: readings far off their neighbours count less");
@@ -112,7 +112,7 @@ impl Ready {
                 (nominal, calibrated) = anew(&mut whitened, &mut unseen, nominal.at_start)?;
             }
         }
-        if let Some((records, fit)) = bridges::corrected(&whitened, &calibrated) {
+        if let Some((records, fit)) = gaps::corrected(&whitened, &calibrated) {
             whitened.records = records;
             whitened.floors = floors(&whitened, &fit, file);
             calibrated = levenberg::fit(&whitened, fit.model, STEPS).ok_or(Refused::CannotSimulate)?;
@@ -153,12 +153,12 @@ impl Ready {
 
     /// Detects heavy tails that were hidden by structure until this fit removed it. Returns whether readings changed.
     pub fn tails_beside(&mut self, fit: &Fit) -> bool {
-        taming::found(&mut self.whitened, &mut self.unseen, &mut self.recorded, fit, &self.findings)
+        outlier_correction::found(&mut self.whitened, &mut self.unseen, &mut self.recorded, fit, &self.findings)
     }
 
     /// Estimates the inputs in the gaps of records from the readings, with the plant of a fit. Returns whether those of the training records changed.
     pub fn correct_gaps(&mut self, fit: &Fit) -> bool {
-        let corrected = bridges::corrected(&self.whitened, fit);
+        let corrected = gaps::corrected(&self.whitened, fit);
         self.correct_unseen(&fit.model);
         let any = corrected.is_some();
         if let Some((records, _)) = corrected {
@@ -188,7 +188,7 @@ fn correct_unseen(unseen: &mut WhitenedResiduals, model: &Model) {
         return;
     }
     let there = validation::on(unseen, model);
-    if let Some((records, _)) = there.and_then(|there| bridges::corrected(unseen, &there)) {
+    if let Some((records, _)) = there.and_then(|there| gaps::corrected(unseen, &there)) {
         unseen.records = records;
     }
 }
