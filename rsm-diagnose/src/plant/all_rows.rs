@@ -36,17 +36,17 @@ pub struct Window {
 
 /// The result of the check on all rows.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Everywhere {
+pub struct AllRows {
     /// The number of tested rows.
     pub rows: usize,
     /// The number of rows of all records.
-    pub of: usize,
+    pub total_rows: usize,
     /// The number of tested windows.
     pub windows: usize,
     /// Windows with more error than noise, the worst first.
-    pub beyond: Vec<Window>,
+    pub beyond_noise: Vec<Window>,
     /// Windows that could not be simulated.
-    pub lost: Vec<String>,
+    pub not_simulated: Vec<String>,
     /// The energy above the noise divided by the noise energy: of the worst window or of all windows together, whichever is larger.
     pub excess: f64,
 }
@@ -54,11 +54,11 @@ pub struct Everywhere {
 /// The number of windows that a sentence names.
 const NAMED_WINDOWS: usize = 3;
 
-impl fmt::Display for Everywhere {
+impl fmt::Display for AllRows {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "The answer was then asked on {} of all {} rows, in {} windows: ", self.rows, self.of, self.windows)?;
-        let names: Vec<String> = self.beyond.iter().take(NAMED_WINDOWS).map(|it| regions::name_of(&it.record)).collect();
-        match (self.beyond.len(), self.excess > 0.0) {
+        write!(f, "The answer was then asked on {} of all {} rows, in {} windows: ", self.rows, self.total_rows, self.windows)?;
+        let names: Vec<String> = self.beyond_noise.iter().take(NAMED_WINDOWS).map(|it| regions::name_of(&it.record)).collect();
+        match (self.beyond_noise.len(), self.excess > 0.0) {
             (0, false) => write!(f, "each leaves noise")?,
             (0, true) => write!(f, "each leaves noise, and all together {:.1} % more than noise", 100.0 * self.excess)?,
             (count, _) => write!(
@@ -68,8 +68,8 @@ impl fmt::Display for Everywhere {
                 names.join("; ")
             )?,
         }
-        if self.rows < self.of {
-            write!(f, "; what the other {} rows show was not asked", self.of - self.rows)?;
+        if self.rows < self.total_rows {
+            write!(f, "; what the other {} rows show was not asked", self.total_rows - self.rows)?;
         }
         Ok(())
     }
@@ -102,16 +102,16 @@ fn windows<'a>(record: &'a Record, file: &PlantFile) -> Box<dyn ExactSizeIterato
 
 /// Tests all rows. `whitened` has the noise and the pace of the search.
 #[must_use]
-pub fn look(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals, fit: &Fit) -> Everywhere {
+pub fn check(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals, fit: &Fit) -> AllRows {
     let mut by_record: Vec<_> = records.iter().map(|it| windows(it, file)).collect();
     let looks: usize = by_record.iter().map(|it| it.len()).sum();
     let sds = Posterior::of(fit).deviations().to_vec();
-    let mut found = Everywhere {
+    let mut found = AllRows {
         rows: 0,
-        of: records.iter().map(|it| it.rows()).sum(),
+        total_rows: records.iter().map(|it| it.rows()).sum(),
         windows: 0,
-        beyond: Vec::new(),
-        lost: Vec::new(),
+        beyond_noise: Vec::new(),
+        not_simulated: Vec::new(),
         excess: 0.0,
     };
     let mut sums = [[Octave::default(); OCTAVES]; OUTPUTS];
@@ -138,7 +138,7 @@ pub fn look(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals,
                 Some(moved.map_or(left, |moved| own_noise::left_there(&there, moved, looks)))
             });
             let Some(left) = left else {
-                found.lost.push(name);
+                found.not_simulated.push(name);
                 continue;
             };
             (found.rows, found.windows) = (found.rows + counted, found.windows + 1);
@@ -148,12 +148,12 @@ pub fn look(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals,
                 sum.lines += band.lines as f64;
             }
             if left.excess > 0.0 {
-                found.beyond.push(Window { record: name, excess: left.excess });
+                found.beyond_noise.push(Window { record: name, excess: left.excess });
             }
         }
     }
-    found.beyond.sort_by(|a, b| b.excess.total_cmp(&a.excess));
-    let worst = found.beyond.first().map_or(0.0, |it| it.excess);
+    found.beyond_noise.sort_by(|a, b| b.excess.total_cmp(&a.excess));
+    let worst = found.beyond_noise.first().map_or(0.0, |it| it.excess);
     found.excess = worst.max(together(whitened, &sums));
     found
 }
@@ -181,7 +181,7 @@ mod tests {
     use rsm_sim::simulate::Simulator;
 
     /// What all rows say of a car whose throttle reads so much less than it is from two thirds of its record on; the answer was found on its first 4000 rows.
-    fn asked(less: f64) -> Everywhere {
+    fn asked(less: f64) -> AllRows {
         let text = include_str!("../../../rsm-sim/plants/driveline.toml");
         let file = PlantFile::read(&Source::new("car.toml", text)).unwrap();
         let mut csv = "time[s],throttle[1],gear[1],engine_speed[rad/s],road_speed[m/s],acceleration[m/s^2]\n".to_string();
@@ -200,21 +200,21 @@ mod tests {
         let first = record.piece(0..4000);
         let whitened = WhitenedResiduals::new(vec![Prepared::new(first.clone(), 3)], sds.map(Floor::white), 2);
         let fit = levenberg::fit(&whitened, Model::nominal(&file, &[&first], sds), 4).unwrap();
-        look(&[&record], &file, &whitened, &fit)
+        check(&[&record], &file, &whitened, &fit)
     }
 
     #[test]
     fn what_only_the_last_third_shows_is_seen_on_all_rows() {
         let in_order = asked(0.0);
-        assert_eq!((in_order.rows, in_order.of, in_order.excess), (48_000, 48_000, 0.0), "{in_order}");
+        assert_eq!((in_order.rows, in_order.total_rows, in_order.excess), (48_000, 48_000, 0.0), "{in_order}");
         let off = asked(0.01);
-        assert!(off.excess > 0.05 && off.lost.is_empty(), "{off}");
+        assert!(off.excess > 0.05 && off.not_simulated.is_empty(), "{off}");
         // Six windows of 8000 rows, or one from a start that is not forgotten; the last two are those.
         let rows = |it: &Window| it.record.split("rows ").nth(1).and_then(|rows| rows.split(' ').next()?.parse::<usize>().ok());
         assert!(
-            off.windows == 1 || off.beyond.iter().all(|it| rows(it).is_some_and(|first| first > 30_000)),
+            off.windows == 1 || off.beyond_noise.iter().all(|it| rows(it).is_some_and(|first| first > 30_000)),
             "{:?}",
-            off.beyond
+            off.beyond_noise
         );
     }
 }

@@ -8,7 +8,7 @@ use rsm_sim::kind::OUTPUTS;
 use super::hypotheses::Hypothesis;
 use super::model::Model;
 use super::noise::Floor;
-use super::search::{Effort, Search};
+use super::search::{Search, WorkLimits};
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_fit::random::Random;
 use rsm_sim::effect::Survey;
@@ -62,10 +62,10 @@ pub(super) fn search<'a>(
         nominal,
         hypotheses,
         survey,
-        looks: 0,
+        further_guesses: 0,
         rounded: &[],
-        said: &[],
-        effort: Effort::within(u64::MAX / 2),
+        equation_error_fits: &[],
+        limits: WorkLimits::within(u64::MAX / 2),
         progress: &|_| {},
     }
 }

@@ -21,9 +21,9 @@ use rsm_sim::record::Record;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HeavyTails {
     /// Heavy tails are detected, and outliers are moved towards their neighbours.
-    LookedFor,
+    Corrected,
     /// Readings stay as recorded.
-    LeftAlone,
+    Ignored,
 }
 
 /// The number of tests for heavy tails with the calibrated plant. Outliers bias the first calibration, not the second.
@@ -33,7 +33,7 @@ const TAILS: usize = 2;
 const STEPS: usize = 4;
 
 /// Records and plant, prepared for a search.
-pub struct Ready {
+pub struct CalibratedRecords {
     /// Training records.
     pub whitened: WhitenedResiduals,
     /// Validation records; may be empty.
@@ -54,7 +54,7 @@ pub struct Ready {
     recorded: [Recorded; 2],
 }
 
-impl Ready {
+impl CalibratedRecords {
     /// Prepares records and calibrates the plant to them.
     ///
     /// # Errors
@@ -80,7 +80,7 @@ impl Ready {
             return Err(if channels.is_empty() { Refused::NoOutputs } else { Refused::OnlyInputs(channels) });
         }
         share.cut(&mut whitened, &mut unseen, file);
-        if let Some(not_seen) = share.not_seen() {
+        if let Some(not_seen) = share.unused_rows() {
             (options.progress)(&not_seen.to_string());
         }
         (options.progress)("calibrating within tolerances");
@@ -91,7 +91,7 @@ impl Ready {
         };
         let at_start = initial_motion::of_axis(&mut whitened, &mut unseen, file);
         let (mut nominal, mut calibrated) = anew(&mut whitened, &mut unseen, at_start)?;
-        if second_look(&mut whitened, &mut unseen, &calibrated, &mut findings) {
+        if checks_by_simulation(&mut whitened, &mut unseen, &calibrated, &mut findings) {
             (nominal, calibrated) = anew(&mut whitened, &mut unseen, at_start)?;
         }
         if initial_motion::shown(&whitened, &calibrated, &unseen) {
@@ -99,7 +99,7 @@ impl Ready {
             (nominal, calibrated) = anew(&mut whitened, &mut unseen, AtStart::InMotion)?;
         }
         let mut recorded = [&whitened, &unseen].map(Recorded::of);
-        if tails == HeavyTails::LookedFor {
+        if tails == HeavyTails::Corrected {
             for _ in 0..TAILS {
                 if !outlier_correction::found(&mut whitened, &mut unseen, &mut recorded, &calibrated, &findings) {
                     break;
@@ -120,9 +120,10 @@ impl Ready {
         }
         correct_unseen(&mut unseen, &calibrated.model);
         let survey = survey::survey(&whitened, &calibrated);
-        let mut ready = Ready { whitened, unseen, nominal, calibrated, findings, share, survey, rounded: Vec::new(), recorded };
-        ready.round(file)?;
-        Ok(ready)
+        let mut prepared =
+            CalibratedRecords { whitened, unseen, nominal, calibrated, findings, share, survey, rounded: Vec::new(), recorded };
+        prepared.round(file)?;
+        Ok(prepared)
     }
 
     /// Handles outputs whose readings are multiples of a coarse step. A simulation with rounding has no derivatives, so fits compare readings with
@@ -152,7 +153,7 @@ impl Ready {
     }
 
     /// Detects heavy tails that were hidden by structure until this fit removed it. Returns whether readings changed.
-    pub fn tails_beside(&mut self, fit: &Fit) -> bool {
+    pub fn correct_hidden_tails(&mut self, fit: &Fit) -> bool {
         outlier_correction::found(&mut self.whitened, &mut self.unseen, &mut self.recorded, fit, &self.findings)
     }
 
@@ -194,7 +195,7 @@ fn correct_unseen(unseen: &mut WhitenedResiduals, model: &Model) {
 }
 
 /// Checks of the data that need the simulation. Returns whether the rows that count changed.
-fn second_look(
+fn checks_by_simulation(
     whitened: &mut WhitenedResiduals,
     unseen: &mut WhitenedResiduals,
     calibrated: &Fit,

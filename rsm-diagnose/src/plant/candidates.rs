@@ -27,17 +27,17 @@ const STARTS: usize = 6;
 const ROUNDS: [usize; 2] = [1, 2];
 
 /// The best candidate gets this many times the steps. A law with kinks converges by only a factor of three in each step.
-const SETTLE: usize = 3;
+const FINAL_STEPS: usize = 3;
 
 /// A hypothesis is refined if the screen predicts at least this share of the needed gain. The screen is first order and may predict too little.
-const PROMISING: f64 = 0.3;
+const LEAST_PREDICTED_SHARE: f64 = 0.3;
 
-/// The largest number of forms with the same trace that compete: those with the largest predicted gain. More would displace other traces, and the
+/// The largest number of forms with the same trace that are fitted: those with the largest predicted gain. More would displace other traces, and the
 /// data do not distinguish them.
-const MOST_ALIKE: usize = 4;
+const MOST_OF_ONE_TRACE: usize = 4;
 
 /// Steps of a free-run fit of a wave. Where the axis creeps over crests, nearby solutions separate, so each step is short.
-const LED_STEPS: usize = 16;
+const WAVE_STEPS: usize = 16;
 
 /// A free-run fit is done if a wave leaves at most this many times the noise energy.
 const NEAR_NOISE: f64 = 2.0;
@@ -56,19 +56,19 @@ pub struct Candidate {
     /// The squared residual on validation records.
     pub unseen: f64,
     /// Hypotheses with the same trace and the same predicted gain, which were therefore not fitted.
-    pub alike: Vec<String>,
+    pub aliases_not_fitted: Vec<String>,
 }
 
 /// Forms with the same trace as others of larger predicted gain. They are not fitted. By group, with the predicted gain of the best of it.
-struct Crowd {
-    /// The guesses that compete.
+struct SplitGuesses {
+    /// The guesses that are fitted.
     kept: Vec<Screened>,
-    /// The group and the hypothesis of each guess that does not compete.
-    aside: Vec<(usize, usize)>,
+    /// The group and the hypothesis of each guess that is not fitted.
+    duplicates: Vec<(usize, usize)>,
 }
 
-/// Separates the guesses that compete from duplicates of the same trace. Predicted gains that differ by less than `least` count as equal.
-fn crowd(screened: &[Screened], least: f64) -> Crowd {
+/// Separates the guesses that are fitted from duplicates of the same trace. Predicted gains that differ by less than `least` count as equal.
+fn split_duplicates(screened: &[Screened], least: f64) -> SplitGuesses {
     let mut forms: Vec<(usize, (usize, usize), f64)> = Vec::new();
     for it in best_guesses(screened, 1) {
         if let Some(group) = it.group {
@@ -79,14 +79,14 @@ fn crowd(screened: &[Screened], least: f64) -> Crowd {
     let mut aside = Vec::new();
     for (place, (group, form, gain)) in forms.iter().enumerate() {
         let before: Vec<f64> = forms[..place].iter().filter(|it| it.0 == *group).map(|it| it.2).collect();
-        if before.len() >= MOST_ALIKE {
+        if before.len() >= MOST_OF_ONE_TRACE {
             out.push(*form);
             if before[0] - gain < least {
                 aside.push((*group, form.0));
             }
         }
     }
-    Crowd { kept: screened.iter().filter(|it| !out.contains(&form_of(it))).cloned().collect(), aside }
+    SplitGuesses { kept: screened.iter().filter(|it| !out.contains(&form_of(it))).cloned().collect(), duplicates: aside }
 }
 
 /// A group of forms with the same trace, or a form with its own trace.
@@ -148,34 +148,34 @@ pub fn leading<T>(list: Vec<T>, forms: usize, each: usize, form: impl Fn(&T) -> 
 
 impl Search<'_> {
     /// Refines the best guesses of the screen, fits the best of them in full, and evaluates them. The best comes first.
-    pub(super) fn compete(&self, fit: &Fit, screened: &[Screened], threshold: f64) -> Vec<Candidate> {
+    pub(super) fn fit_candidates(&self, fit: &Fit, screened: &[Screened], threshold: f64) -> Vec<Candidate> {
         let mut candidates = Vec::new();
-        let crowd = crowd(screened, self.decides(fit, threshold));
-        for it in self.refined(fit, &crowd.kept, threshold) {
+        let split = split_duplicates(screened, self.deciding_difference(fit, threshold));
+        for it in self.refined(fit, &split.kept, threshold) {
             (self.progress)(&format!("fitting {}", self.hypotheses[it.hypothesis].label()));
             let mut found = self.fitted(fit, &it.entry);
-            if let (Some(found), Some(group)) = (found.as_mut(), group_of(&crowd.kept, it.form())) {
-                let same = crowd.aside.iter().filter(|aside| aside.0 == group);
-                found.alike = same.map(|aside| self.hypotheses[aside.1].label()).collect();
+            if let (Some(found), Some(group)) = (found.as_mut(), group_of(&split.kept, it.form())) {
+                let same = split.duplicates.iter().filter(|it| it.0 == group);
+                found.aliases_not_fitted = same.map(|it| self.hypotheses[it.1].label()).collect();
             }
             candidates.extend(found);
         }
         candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
         // The best candidate is fitted until it converges. Otherwise the rest of its error would look like one more cause.
         if let Some(best) = candidates.first_mut()
-            && let Some(settled) = self.settled(fit, best, threshold)
+            && let Some(settled) = self.converged(fit, best, threshold)
         {
-            let alike = std::mem::take(&mut best.alike);
-            *best = Candidate { alike, ..settled };
+            let alike = std::mem::take(&mut best.aliases_not_fitted);
+            *best = Candidate { aliases_not_fitted: alike, ..settled };
         }
         candidates
     }
 
     /// A candidate with more steps. If no parameter scales the cause, the fit also tries other local minima. `None` if that changes nothing.
-    fn settled(&self, fit: &Fit, found: &Candidate, threshold: f64) -> Option<Candidate> {
+    fn converged(&self, fit: &Fit, found: &Candidate, threshold: f64) -> Option<Candidate> {
         let enough = 0.1 * threshold;
-        let steps = self.effort.fit_steps;
-        let mut further = levenberg::onward(self.whitened, found.fit.model.clone(), SETTLE * steps, Some(&found.fit))?;
+        let steps = self.limits.fit_steps;
+        let mut further = levenberg::onward(self.whitened, found.fit.model.clone(), FINAL_STEPS * steps, Some(&found.fit))?;
         let entry = further.model.file.effects.last()?;
         let several = entry.arguments.numbers.len() > 1;
         let scales = |it: &Hypothesis| it.guesses.iter().all(|guess| guess.neutral.is_some());
@@ -195,8 +195,8 @@ impl Search<'_> {
         let nuisance = Nuisance::new(fit);
         let kind = fit.model.file.kind;
         let mut guesses = best_guesses(screened, STARTS);
-        guesses.retain(|it| it.gain > PROMISING * threshold);
-        let mut forms = self.effort.profiled;
+        guesses.retain(|it| it.gain > LEAST_PREDICTED_SHARE * threshold);
+        let mut forms = self.limits.profiled;
         let guesses = leading(guesses, forms, STARTS, |it| form_of(it));
         let mut pool: Vec<Projected> = guesses
             .into_iter()
@@ -206,7 +206,7 @@ impl Search<'_> {
                 cost: f64::INFINITY,
             })
             .collect();
-        let rest = self.effort.profile_steps.saturating_sub(ROUNDS.iter().sum()).max(1);
+        let rest = self.limits.profile_steps.saturating_sub(ROUNDS.iter().sum()).max(1);
         let mut starts = STARTS;
         for steps in ROUNDS.into_iter().chain([rest]) {
             let mut next = Vec::new();
@@ -229,15 +229,15 @@ impl Search<'_> {
             starts = starts.div_ceil(2);
             pool = leading(next, forms, starts, |it| it.form());
             // A full fit finds more than the first order, so twice as many forms as will be fitted enter the last round.
-            forms = (2 * self.effort.fitted).min(forms);
+            forms = (2 * self.limits.fitted).min(forms);
         }
         // Forms with the same predicted gain as the best are always fitted: they have the same trace, and the answer must name them.
-        let mut chosen = leading(pool, 2 * self.effort.fitted, 1, |it| it.form());
+        let mut chosen = leading(pool, 2 * self.limits.fitted, 1, |it| it.form());
         let best = chosen.first().map_or(0.0, |it| it.cost);
         let alike = best + (1.0 - AS_GOOD) * (fit.cost - best);
         let traces: Vec<Trace> = chosen.iter().map(|it| group_of(screened, it.form()).ok_or(it.form())).collect();
         let mut places = places(&traces).into_iter();
-        chosen.retain(|it| places.next().is_some_and(|place| place < self.effort.fitted) || it.cost <= alike);
+        chosen.retain(|it| places.next().is_some_and(|place| place < self.limits.fitted) || it.cost <= alike);
         // The best form of each trace, and all forms of the best trace.
         let mut fitted: Vec<Trace> = Vec::new();
         chosen.retain(|it| {
@@ -259,12 +259,12 @@ impl Search<'_> {
             Some((model, promised)) if promised < NEAR_NOISE * self.whitened.rows() as f64 => {
                 // Where the axis creeps over a crest, a free run may diverge late and strongly. Most of the record is before that.
                 let surely = multistart::by_most_parts(self.whitened, model.clone()).unwrap_or(model);
-                self.led_to_its_end(levenberg::fit(self.whitened, surely, LED_STEPS)?)
+                self.continued_wave_fit(levenberg::fit(self.whitened, surely, WAVE_STEPS)?)
             }
-            Some((model, _)) => levenberg::fit(self.whitened, model, self.effort.fit_steps)?,
+            Some((model, _)) => levenberg::fit(self.whitened, model, self.limits.fit_steps)?,
             None => {
                 let model = fit.model.joined(self.nominal, entry.clone());
-                levenberg::onward(self.whitened, model, self.effort.fit_steps, Some(fit))?
+                levenberg::onward(self.whitened, model, self.limits.fit_steps, Some(fit))?
             }
         };
         self.judged(fit, found)
@@ -274,7 +274,7 @@ impl Search<'_> {
     /// implausible parameters, or if a wave does not repeat.
     pub(super) fn judged(&self, without: &Fit, fit: Fit) -> Option<Candidate> {
         let entry = fit.model.file.effects.last()?;
-        let may_all_be = fit.model.file.effects.iter().all(|it| self.may_be(it) && waves::comes_again(self.whitened, it));
+        let may_all_be = fit.model.file.effects.iter().all(|it| self.is_plausible(it) && waves::comes_again(self.whitened, it));
         if within_tolerance(self.nominal, entry) || !may_all_be {
             return None;
         }
@@ -283,23 +283,23 @@ impl Search<'_> {
         (self.progress)(&format!("{label} gains {:.0}", without.cost - fit.cost));
         // Integers and rounding steps count as parameters although no fit changes them: each was chosen among many.
         let numbers = entry.arguments.numbers.len();
-        Some(Candidate { label, score: fit.cost + unseen, unseen, numbers, fit, alike: Vec::new() })
+        Some(Candidate { label, score: fit.cost + unseen, unseen, numbers, fit, aliases_not_fitted: Vec::new() })
     }
 
     /// Whether the parameters are consistent with physics, and each is plausible.
-    pub(super) fn may_be(&self, entry: &Entry) -> bool {
-        is_physical(entry) && super::plausible::why_not(entry, self.survey, &self.nominal.file).is_none()
+    pub(super) fn is_plausible(&self, entry: &Entry) -> bool {
+        is_physical(entry) && super::plausible::implausibility(entry, self.survey, &self.nominal.file).is_none()
     }
 
     /// A fit with a wave that reached a poor local minimum. Starting again from a wave fit along the readings may improve it.
-    fn led_to_its_end(&self, mut fit: Fit) -> Fit {
+    fn continued_wave_fit(&self, mut fit: Fit) -> Fit {
         for reach in waves::AGAIN {
             if whiteness::look(self.whitened, &fit).excess <= 0.0 {
                 break;
             }
             let place = fit.model.file.effects.len() - 1;
             let again = waves::led_again(self.whitened, &fit, self.nominal, place, reach);
-            let other = again.and_then(|model| levenberg::fit(self.whitened, model, LED_STEPS));
+            let other = again.and_then(|model| levenberg::fit(self.whitened, model, WAVE_STEPS));
             fit = other.filter(|other| other.cost < fit.cost).unwrap_or(fit);
         }
         fit
@@ -321,7 +321,7 @@ impl Search<'_> {
     pub(super) fn winner<'c>(&self, fit: &Fit, candidates: &'c [Candidate], threshold: f64) -> Option<&'c Candidate> {
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;
         let before = fit.cost + unseen;
-        let least = self.decides(fit, threshold);
+        let least = self.deciding_difference(fit, threshold);
         let least_unseen = effect_size::least(unseen, self.unseen.rows());
         let pays = |it: &&Candidate| {
             fit.cost - it.fit.cost > least
@@ -412,10 +412,10 @@ mod tests {
         let promised = [100.0, 99.0, 98.0, 97.0, 96.0, 60.0, 50.0];
         let one = |(hypothesis, gain): (usize, &f64)| Screened::told(hypothesis, *gain, Some(usize::from(hypothesis == 6)));
         let screened: Vec<Screened> = promised.iter().enumerate().map(one).collect();
-        let crowd = crowd(&screened, 10.0);
-        assert_eq!(crowd.kept.iter().map(|it| it.hypothesis).collect::<Vec<_>>(), [0, 1, 2, 3, 6]);
+        let split = split_duplicates(&screened, 10.0);
+        assert_eq!(split.kept.iter().map(|it| it.hypothesis).collect::<Vec<_>>(), [0, 1, 2, 3, 6]);
         // What promises as much is an alias; what promises less is none.
-        assert_eq!(crowd.aside, [(0, 4)]);
+        assert_eq!(split.duplicates, [(0, 4)]);
     }
 
     #[test]

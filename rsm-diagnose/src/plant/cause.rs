@@ -43,13 +43,13 @@ pub struct Cause {
     /// Its rivals, and how much worse they fit, in the same unit.
     pub rivals: Vec<(String, f64)>,
     /// Whether rivals were tested; false if the work limit was reached first.
-    pub asked: bool,
+    pub rivals_tested: bool,
     /// A sentence that describes it.
     pub sentence: String,
     /// What to measure or inspect to confirm it.
     pub check: &'static str,
     /// Its effect on the evaluation records; only for the strongest causes.
-    pub witness: Option<Witness>,
+    pub contribution: Option<Contribution>,
     /// The file of the only record in which it acts; `None` if it acts in all.
     pub only_in: Option<String>,
 }
@@ -73,13 +73,13 @@ impl Cause {
 
 /// The effect of a cause on the evaluation records, compared with the plant without it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Witness {
+pub struct Contribution {
     /// For each output: its place, and the root mean square error over the noise without and with the cause.
     pub outputs: Vec<(usize, f64, f64)>,
     /// For each record: its name, and its squared residual without and with the cause, in squared standard deviations of the noise.
     pub records: Vec<(String, f64, f64)>,
     /// Regions in which the plant without it is wrong.
-    pub places: Vec<Region>,
+    pub wrong_regions: Vec<Region>,
 }
 
 /// The smallest reported change of an output's error, in multiples of the noise.
@@ -88,7 +88,7 @@ const LEAST_CHANGE: f64 = 0.01;
 /// Outputs with their error without and with a cause, in multiples of the noise.
 pub type Changes = Vec<(usize, f64, f64)>;
 
-impl Witness {
+impl Contribution {
     /// Outputs whose error the cause lowers, and outputs whose error it raises. The largest decrease, or the smallest increase, comes first.
     #[must_use]
     pub fn changes(&self) -> [Changes; 2] {
@@ -114,7 +114,7 @@ mod tests {
         let outputs = vec![(0, 2.0, 1.0), (1, 1.0, 1.005), (2, 9.0, 1.0), (3, 1.0, 1.5)];
         let records = [("a", 9.0, 4.0), ("b", 4.0, 4.0), ("c", 3.0, 5.0)];
         let records = records.map(|(name, without, with)| (name.to_string(), without, with)).to_vec();
-        let it = Witness { outputs, records, places: Vec::new() };
+        let it = Contribution { outputs, records, wrong_regions: Vec::new() };
         assert_eq!(it.changes(), [vec![(2, 9.0, 1.0), (0, 2.0, 1.0)], vec![(3, 1.0, 1.5)]]);
         assert_eq!(it.without_gain(), ["b", "c"]);
     }

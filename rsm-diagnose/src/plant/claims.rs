@@ -5,7 +5,7 @@
 //! Two searches may be needed: one with the parameters of the file, and one with free parameters if these fit clearly better. The simpler explanation
 //! is accepted.
 
-use super::calibrated_records::{HeavyTails, Ready};
+use super::calibrated_records::{CalibratedRecords, HeavyTails};
 use super::cause::{Cause, Interval};
 use super::confidence::{self, Case};
 pub use super::diagnosis::Claim;
@@ -13,7 +13,7 @@ use super::diagnosis::Diagnosis;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::prepared::Piece;
-use super::search::Believed;
+use super::search::AcceptedCause;
 use super::verdict::{self, LEAST_CONFIDENCE};
 use super::whitened_residuals::WhitenedResiduals;
 use super::{Options, Refused, Verdict, bootstrap, checks, effect_size, of_nominal, outlier_correction, tested, validation};
@@ -52,7 +52,7 @@ pub(super) fn diagnose(
     let filed = as_given(file);
     let mut found = of_nominal(&filed, training, validation, test, options)?;
     // If the accepted answer needs no heavy tails or bursts, they were structure.
-    let tails = if found.has_uneven_noise() { HeavyTails::LookedFor } else { HeavyTails::LeftAlone };
+    let tails = if found.has_uneven_noise() { HeavyTails::Corrected } else { HeavyTails::Ignored };
     if let Some(judged) = judged(&filed, training, validation, tails, options) {
         let moved: Vec<usize> = (0..judged.claims.len()).filter(|k| !judged.claims[*k].stands).collect();
         found.claims = judged.claims.clone();
@@ -100,7 +100,8 @@ fn judged(
         return None;
     }
     // Uses the same rows, noise and initial states as the search.
-    let Ready { whitened, nominal, calibrated, .. } = Ready::of(filed, training, validation, tails, options).ok()?;
+    let CalibratedRecords { whitened, nominal, calibrated, .. } =
+        CalibratedRecords::of(filed, training, validation, tails, options).ok()?;
     let without = |model: &Model| {
         let mut model = model.clone();
         model.file.given.clear();
@@ -109,7 +110,7 @@ fn judged(
     let free = without(&calibrated.model).with_effects(&without(&nominal), filed.given.clone());
     let fit = levenberg::fit(&whitened, free, STEPS)?;
     let numbers: usize = filed.given.iter().map(|entry| entry.arguments.numbers.len()).sum();
-    let decides = effect_size::decides(BY_CHANCE + 2.0 * numbers as f64, fit.cost, whitened.rows());
+    let decides = effect_size::deciding_difference(BY_CHANCE + 2.0 * numbers as f64, fit.cost, whitened.rows());
     let claims = filed.given.iter().enumerate().map(|(place, entry)| claim(&fit, place, entry)).collect();
     let contradict = calibrated.cost - fit.cost > decides;
     Some(Judged { claims, contradict, decides, noise: whitened.on(Vec::new()), fit, filed: calibrated })
@@ -155,22 +156,22 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
             rivals: &[],
             same: judged.decides,
             not_fitted: 0,
-            unit: judged.decides,
+            deciding_difference: judged.decides,
             left: anew.left.excess.max(0.0) * rows,
             explained,
             // The search with the claims unchanged tested all alternatives, and they fitted worse.
-            asked: true,
+            rivals_tested: true,
         };
-        let believed = Believed {
+        let accepted = AcceptedCause {
             label: claim.kind.to_string(),
             gain,
             rivals: Vec::new(),
-            alike: Vec::new(),
+            aliases_not_fitted: Vec::new(),
             rival_models: Vec::new(),
-            asked: true,
+            rivals_tested: true,
             without: judged.filed.model.clone(),
         };
-        let mut cause = verdict::cause(&judged.fit, *place, &believed, Vec::new(), confidence::confidence(&case), None);
+        let mut cause = verdict::cause(&judged.fit, *place, &accepted, Vec::new(), confidence::confidence(&case), None);
         cause.sentence = told(&cause.sentence, claim);
         let list = if explained || cause.confidence >= LEAST_CONFIDENCE { &mut anew.causes } else { &mut anew.helpers };
         list.push(cause);

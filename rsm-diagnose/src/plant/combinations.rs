@@ -6,7 +6,7 @@
 use super::compared::Compared;
 use super::hypotheses::label;
 use super::levenberg::{self, Fit};
-use super::search::Believed;
+use super::search::AcceptedCause;
 use super::validation::{self, Error};
 use super::whitened_residuals::WhitenedResiduals;
 pub use crate::engine::combinations::Combinations;
@@ -25,16 +25,16 @@ pub struct Combined {
 }
 
 /// The indices of the strongest causes among the accepted causes, the strongest first.
-pub(super) fn strongest(believed: &[Believed]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..believed.len()).collect();
-    order.sort_by(|a, b| believed[*b].gain.total_cmp(&believed[*a].gain));
+pub(super) fn strongest(accepted: &[AcceptedCause]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..accepted.len()).collect();
+    order.sort_by(|a, b| accepted[*b].gain.total_cmp(&accepted[*a].gain));
     order.truncate(MOST);
     order
 }
 
 /// The combinations. `without` holds, for each of the strongest causes, the plant without this one cause along the evaluation records.
-pub(super) fn combinations(it: &Compared<'_>, believed: &[Believed], without: &[Option<Fit>]) -> Combinations<Combined> {
-    let order = strongest(believed);
+pub(super) fn combinations(it: &Compared<'_>, accepted: &[AcceptedCause], without: &[Option<Fit>]) -> Combinations<Combined> {
+    let order = strongest(accepted);
     let judged = it.judged();
     // The search has ended. This work does not count against its limit.
     let mut training = it.whitened.clone();
@@ -45,7 +45,7 @@ pub(super) fn combinations(it: &Compared<'_>, believed: &[Believed], without: &[
         let mut out: Vec<usize> = (0..order.len()).filter(|k| !is_in[*k]).collect();
         match out[..] {
             [] => return Some(combined(judged, it.after)),
-            _ if out.len() == believed.len() => return Some(combined(judged, it.before)),
+            _ if out.len() == accepted.len() => return Some(combined(judged, it.before)),
             [alone] => return without[alone].as_ref().map(|fit| combined(judged, fit)),
             _ => {}
         }
@@ -79,14 +79,14 @@ mod tests {
         let calibrated = fitted(nominal.clone());
         let without = |place: usize| fitted(fit.model.minus(&nominal, place)).model;
         // The drift is said to be the strongest, then the load.
-        let believed: Vec<Believed> = [(0, 10.0), (1, 900.0), (2, 300.0)]
-            .map(|(place, gain)| Believed {
+        let accepted: Vec<AcceptedCause> = [(0, 10.0), (1, 900.0), (2, 300.0)]
+            .map(|(place, gain)| AcceptedCause {
                 label: String::new(),
                 gain,
                 rivals: Vec::new(),
-                alike: Vec::new(),
+                aliases_not_fitted: Vec::new(),
                 rival_models: Vec::new(),
-                asked: true,
+                rivals_tested: true,
                 without: without(place),
             })
             .to_vec();
@@ -102,9 +102,9 @@ mod tests {
             structure: false,
         };
         let alone: Vec<Option<Fit>> =
-            strongest(&believed).iter().map(|place| validation::on(&whitened, &believed[*place].without)).collect();
+            strongest(&accepted).iter().map(|place| validation::on(&whitened, &accepted[*place].without)).collect();
         let taken = whitened.pace.taken();
-        let found = combinations(&compared, &believed, &alone);
+        let found = combinations(&compared, &accepted, &alone);
         assert_eq!(found.causes, ["sensor-drift:position", "constant-load", "coulomb-friction"]);
         let error = |set: usize| found.of[set].as_ref().unwrap().errors[0].noise_ratio;
         // All causes leave noise (600 rows: 0.9 to 1.1), and none of them what the calibrated plant leaves.

@@ -18,13 +18,13 @@ pub(super) struct Case<'a> {
     /// The number of rivals with the same trace that were not fitted. They would fit as well.
     pub not_fitted: usize,
     /// The difference that decides between two explanations, in the same unit: the gain by chance, or a twentieth of what is left.
-    pub unit: f64,
+    pub deciding_difference: f64,
     /// The energy of the residual above the noise, in the same unit.
     pub left: f64,
     /// Whether the causes together leave only noise.
     pub explained: bool,
     /// Whether rivals were fitted.
-    pub asked: bool,
+    pub rivals_tested: bool,
 }
 
 /// How often a cause is right if neither chance nor a rival speaks against it and the causes leave only noise. For hidden effects of seeds 211 to 213
@@ -35,28 +35,28 @@ pub(super) const EXPLAINED: f64 = 100.0 / 102.0;
 /// nearest cause of the catalogue only reduces its error. For the same seeds this was so in 48 of 49 cases; in one the cause was right. A right cause
 /// beside a small unknown one removes nearly all of the structure. If the nearest trace holds a share s of the unknown's r.m.s., and every s is
 /// equally probable, the odds of the cause are s/(1 - s) divided by this.
-const NONE_OF_THESE: f64 = 49.0 / 2.0;
+const UNLISTED_CAUSE: f64 = 49.0 / 2.0;
 
 /// The largest probability of a cause whose rivals were not fitted: even odds.
-const NOT_ASKED: f64 = 0.5;
+const RIVALS_NOT_TESTED: f64 = 0.5;
 
 /// The probability that a cause is right.
 #[must_use]
 pub(super) fn confidence(case: &Case<'_>) -> Probability {
     // The evidence falls by a factor of ten for each `unit` that a rival fits worse.
-    let evidence = |behind: f64| (-behind.max(0.0) / case.unit * std::f64::consts::LN_10).exp();
+    let evidence = |behind: f64| (-behind.max(0.0) / case.deciding_difference * std::f64::consts::LN_10).exp();
     let fitted = case.rivals.iter().map(|it| (evidence(it.1), it.1 < case.same));
     let rivals = fitted.chain(std::iter::repeat_n((1.0, true), case.not_fitted));
-    let known = if case.explained { EXPLAINED } else { beside_the_unknown(case) };
+    let known = if case.explained { EXPLAINED } else { with_unlisted_cause(case) };
     let found = Probability::among(1.0 - evidence(case.gain), rivals).times(known);
-    if case.asked { found } else { found.at_most(NOT_ASKED) }
+    if case.rivals_tested { found } else { found.at_most(RIVALS_NOT_TESTED) }
 }
 
 /// The probability of a cause against the alternative "not in the catalogue", from the share of the structure's r.m.s. that it removes.
-fn beside_the_unknown(case: &Case<'_>) -> f64 {
+fn with_unlisted_cause(case: &Case<'_>) -> f64 {
     let left = case.left.max(f64::MIN_POSITIVE);
     let times = ((case.gain.max(0.0) + left) / left).sqrt() - 1.0;
-    if times.is_infinite() { EXPLAINED } else { EXPLAINED * times / (times + NONE_OF_THESE) }
+    if times.is_infinite() { EXPLAINED } else { EXPLAINED * times / (times + UNLISTED_CAUSE) }
 }
 
 #[cfg(test)]
@@ -64,7 +64,16 @@ mod tests {
     use super::*;
 
     fn case<'a>(rivals: &'a [(String, f64)]) -> Case<'a> {
-        Case { gain: 1e6, rivals, same: 30.0, not_fitted: 0, unit: 30.0, left: 0.0, explained: true, asked: true }
+        Case {
+            gain: 1e6,
+            rivals,
+            same: 30.0,
+            not_fitted: 0,
+            deciding_difference: 30.0,
+            left: 0.0,
+            explained: true,
+            rivals_tested: true,
+        }
     }
 
     #[test]
@@ -83,7 +92,7 @@ mod tests {
         let third = confidence(&Case { not_fitted: 2, ..case(&[]) });
         assert!((third.own - EXPLAINED / 3.0).abs() < 1e-12 && (third.of_any - EXPLAINED).abs() < 1e-12);
         // The same distance says less where more decides: a twentieth of what is left.
-        let left = own(&Case { unit: 1000.0, ..case(&behind(30.0)) });
+        let left = own(&Case { deciding_difference: 1000.0, ..case(&behind(30.0)) });
         assert!((left - EXPLAINED / (1.0 + 10_f64.powf(-0.03))).abs() < 1e-12);
         // No gain, no cause.
         assert_eq!(own(&Case { gain: 0.0, ..case(&[]) }), 0.0);
@@ -91,11 +100,11 @@ mod tests {
 
     #[test]
     fn nobody_is_sure_of_what_was_not_asked_or_stands_beside_the_unknown() {
-        assert_eq!(confidence(&Case { asked: false, ..case(&[]) }).own, NOT_ASKED);
+        assert_eq!(confidence(&Case { rivals_tested: false, ..case(&[]) }).own, RIVALS_NOT_TESTED);
         let beside = |left: f64| confidence(&Case { explained: false, left, ..case(&[]) }).own;
         // Of the r.m.s. three tenths of the structure are gone, two thirds, 94 %, and all but 0.1 %.
         let all = [1e6, 1.1e5, 4e3, 1.0].map(beside);
         assert!(all[0] < 0.02 && all[1] < 0.1 && all[2] < 0.4 && all[3] > 0.9, "{all:?}");
-        assert!(confidence(&Case { asked: false, explained: false, left: 1e6, ..case(&[]) }).own < 0.05);
+        assert!(confidence(&Case { rivals_tested: false, explained: false, left: 1e6, ..case(&[]) }).own < 0.05);
     }
 }

@@ -26,7 +26,7 @@ const CLEAR: f64 = 0.05;
 const LEAST_OTHERS: usize = 2;
 
 /// One record separated from all others.
-pub struct Apart {
+pub struct SeparateRecord {
     /// Training records without it.
     pub whitened: WhitenedResiduals,
     /// Unseen records without it.
@@ -41,12 +41,12 @@ pub struct Apart {
 
 /// The record that differs from all others, if there is exactly one. `floors` estimates the noise from the residual of a fit.
 #[must_use]
-pub fn apart(
+pub fn separate_record(
     whitened: &WhitenedResiduals,
     unseen: &WhitenedResiduals,
     nominal: &Model,
     floors: &dyn Fn(&WhitenedResiduals, &Fit) -> [Floor; OUTPUTS],
-) -> Option<Apart> {
+) -> Option<SeparateRecord> {
     let (trained, judged) = (whitened.records.len(), unseen.records.len());
     if trained + judged <= LEAST_OTHERS {
         return None;
@@ -60,7 +60,7 @@ pub fn apart(
             Some(place) => (whitened.clone(), unseen.on(without(&unseen.records, place)?)),
         };
         let record = if which < trained { &whitened.records[which] } else { &unseen.records[which - trained] };
-        let Some(it) = is_apart(it, record, nominal, floors) else { continue };
+        let Some(it) = is_separate(it, record, nominal, floors) else { continue };
         if found.is_some() {
             return None;
         }
@@ -75,12 +75,12 @@ fn without(records: &[Prepared], which: usize) -> Option<Vec<Prepared>> {
 }
 
 /// Whether a calibration to the others leaves only noise there, and structure in this record.
-fn is_apart(
+fn is_separate(
     (mut whitened, mut unseen): (WhitenedResiduals, WhitenedResiduals),
     record: &Prepared,
     nominal: &Model,
     floors: &dyn Fn(&WhitenedResiduals, &Fit) -> [Floor; OUTPUTS],
-) -> Option<Apart> {
+) -> Option<SeparateRecord> {
     let mut fit = levenberg::fit(&whitened, on_records(nominal, &whitened), STEPS)?;
     whitened.floors = floors(&whitened, &fit);
     fit = levenberg::fit(&whitened, fit.model, STEPS)?;
@@ -102,7 +102,7 @@ fn is_apart(
                 (Some((value, sd)), value - 2.0 * sd, value + 2.0 * sd, sd);
         }
     }
-    Some(Apart { whitened, unseen, fit, alone, nominal: its })
+    Some(SeparateRecord { whitened, unseen, fit, alone, nominal: its })
 }
 
 /// A model with the initial states of these records.

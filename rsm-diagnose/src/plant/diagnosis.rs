@@ -2,7 +2,7 @@
 //!
 //! In: figures of a verdict. Out: [`Diagnosis`]. Computes no result of its own.
 
-use super::all_rows::Everywhere;
+use super::all_rows::AllRows;
 use super::bursts::BURST;
 use super::cause::{Cause, Interval};
 use super::checks::Finding;
@@ -14,7 +14,7 @@ use super::gaps::Bridged;
 use super::known_loop::KnownLoop;
 use super::nested_models::Step;
 use super::predictors::Predicted;
-use super::row_share::NotSeen;
+use super::row_share::UnusedRows;
 use super::search_history::Limit;
 use super::tails::Tails;
 use super::tested::Tested;
@@ -76,9 +76,9 @@ pub struct Diagnosis {
     /// What is wrong with the data.
     pub findings: Vec<Finding>,
     /// Rows that were left out, because the records are longer than the work limit allows.
-    pub not_seen: Option<NotSeen>,
+    pub unused_rows: Option<UnusedRows>,
     /// The check of the result on all rows, if the search did not use all of them.
-    pub everywhere: Option<Everywhere>,
+    pub all_rows: Option<AllRows>,
     /// Columns whose unit differs from the one in the record. They were converted before all other steps.
     pub units: Vec<InUnit>,
     /// Gaps of a few rows that were bridged.

@@ -18,7 +18,7 @@ pub fn least(squared: f64, rows: usize) -> f64 {
 /// The difference that decides between two explanations: `threshold`, the gain by chance, or a twentieth of the error above the noise if that is
 /// more. The same limit is used to name a cause, to remove it again, to compare rivals and to evaluate holdout records.
 #[must_use]
-pub fn decides(threshold: f64, squared: f64, rows: usize) -> f64 {
+pub fn deciding_difference(threshold: f64, squared: f64, rows: usize) -> f64 {
     threshold.max(least(squared, rows))
 }
 
@@ -37,7 +37,7 @@ mod tests {
     fn noise_asks_for_nothing_and_structure_for_its_twentieth() {
         assert_eq!(least(900.0, 1000), 0.0);
         assert_eq!(least(21_000.0, 1000), 1000.0);
-        assert_eq!((decides(30.0, 900.0, 1000), decides(30.0, 21_000.0, 1000)), (30.0, 1000.0));
+        assert_eq!((deciding_difference(30.0, 900.0, 1000), deciding_difference(30.0, 21_000.0, 1000)), (30.0, 1000.0));
         assert_eq!(tie(500.0, 1900.0, 1000), 500.0);
         assert_eq!(tie(500.0, 5000.0, 1000), 200.0);
     }

@@ -3,7 +3,7 @@
 //! In: the nominal, the calibrated and the extended plant along the evaluation records, and the accepted causes. Out: an [`ErrorBreakdown`]: errors by region, frequency and
 //! order, curves, the calibration, what each cause removes, what is left, and a correction of it. No verdict depends on it.
 
-pub use super::cause::Witness;
+pub use super::cause::Contribution;
 use super::combinations::{self, Combinations, Combined};
 pub use super::compared::Compared;
 use super::correction::{self, Offer};
@@ -13,7 +13,7 @@ use super::orders::{self, Orders};
 use super::posterior::Posterior;
 use super::quantities;
 use super::regions::{self, Region, Side, Slice};
-use super::search::Believed;
+use super::search::AcceptedCause;
 use super::spectrum::{self, Spectrum};
 use super::validation;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
@@ -131,15 +131,15 @@ impl ErrorBreakdown {
 /// The breakdown, and what the strongest causes do on the evaluation records, in the order of the accepted causes. In all its parts, `before` is the
 /// calibrated plant and `after` is the extended plant.
 #[must_use]
-pub fn error_breakdown(it: &Compared<'_>, believed: &[Believed]) -> (ErrorBreakdown, Vec<Option<Witness>>) {
-    let strongest = combinations::strongest(believed);
+pub fn error_breakdown(it: &Compared<'_>, accepted: &[AcceptedCause]) -> (ErrorBreakdown, Vec<Option<Contribution>>) {
+    let strongest = combinations::strongest(accepted);
     let without: Vec<Option<Fit>> =
-        strongest.iter().map(|place| validation::on(it.judged(), &believed[*place].without)).collect();
-    let mut witnesses = vec![None; believed.len()];
+        strongest.iter().map(|place| validation::on(it.judged(), &accepted[*place].without)).collect();
+    let mut contributions = vec![None; accepted.len()];
     for (place, without) in strongest.iter().zip(&without).take(CLOSELY) {
-        witnesses[*place] = without.as_ref().map(|without| witness(it, without));
+        contributions[*place] = without.as_ref().map(|without| contribution(it, without));
     }
-    (ErrorBreakdown { combinations: combinations::combinations(it, believed, &without), ..of_plants(it) }, witnesses)
+    (ErrorBreakdown { combinations: combinations::combinations(it, accepted, &without), ..of_plants(it) }, contributions)
 }
 
 /// The breakdown without the figures of single causes.
@@ -244,7 +244,7 @@ fn calibration(nominal: &Model, fit: &Fit) -> Vec<Moved> {
 }
 
 /// What a cause does on the evaluation records, compared with the plant without it.
-fn witness(it: &Compared<'_>, without: &Fit) -> Witness {
+fn contribution(it: &Compared<'_>, without: &Fit) -> Contribution {
     let judged = it.judged();
     let quantities = quantities::quantities(judged, &it.fit.model, &it.after.simulated);
     let slices = regions::slices(judged, &without.simulated, &it.after.simulated, &quantities);
@@ -257,7 +257,7 @@ fn witness(it: &Compared<'_>, without: &Fit) -> Witness {
         own.iter().map(|value| value * value).sum::<f64>()
     };
     let outputs = validation::errors(judged, without).into_iter().zip(validation::errors(judged, it.after));
-    Witness {
+    Contribution {
         outputs: outputs.map(|(without, with)| (without.output, without.noise_ratio, with.noise_ratio)).collect(),
         records: (0..judged.records.len())
             .map(|k| {
@@ -265,6 +265,6 @@ fn witness(it: &Compared<'_>, without: &Fit) -> Witness {
                 (name, squared(without, k), squared(it.after, k))
             })
             .collect(),
-        places: regions::telling(&regions::regions(&slices, &spectral, Side::Before), PLACES),
+        wrong_regions: regions::telling(&regions::regions(&slices, &spectral, Side::Before), PLACES),
     }
 }

@@ -41,7 +41,7 @@ pub struct Alias {
 
 /// The difference of two plants along a record.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Apart {
+pub struct Difference {
     /// The accepted cause.
     pub cause: String,
     /// Its rival.
@@ -58,21 +58,21 @@ pub struct Apart {
 #[derive(Debug, Clone)]
 pub enum NextExperiment {
     /// This record distinguishes causes.
-    Separates {
+    Distinguishes {
         /// The record.
         excitation: Excitation,
         /// The result for each pair; the strongest rival of the strongest cause comes first.
-        apart: Vec<Apart>,
+        differences: Vec<Difference>,
     },
     /// No record of the library distinguishes these causes. Holds the best record's result for each pair.
-    Alike {
+    NotDistinguishable {
         /// The pairs with their largest differences.
-        apart: Vec<Apart>,
+        differences: Vec<Difference>,
         /// The number of records that were tried.
         tried: usize,
     },
     /// Most rows of this record are where the unexplained error is.
-    Looks {
+    CoversError {
         /// The record.
         excitation: Excitation,
         /// The expected mean squared error above the noise in it, in units of the noise variance.
@@ -96,53 +96,68 @@ pub fn next(
     }
     progress("looking for the next experiment");
     let limits = Limits::of(whitened, fit)?;
-    if aliases.is_empty() { looks(whitened, fit, &limits) } else { separates(whitened, fit, aliases, &limits) }
+    if aliases.is_empty() {
+        covering_record(whitened, fit, &limits)
+    } else {
+        distinguishing_record(whitened, fit, aliases, &limits)
+    }
 }
 
-fn separates(whitened: &WhitenedResiduals, fit: &Fit, aliases: &[Alias], limits: &Limits) -> Option<NextExperiment> {
+fn distinguishing_record(
+    whitened: &WhitenedResiduals,
+    fit: &Fit,
+    aliases: &[Alias],
+    limits: &Limits,
+) -> Option<NextExperiment> {
     let rivals: Vec<(&Alias, Fit)> =
         aliases.iter().take(MOST_PAIRS).filter_map(|it| Some((it, levenberg::here(whitened, it.model.clone())?))).collect();
-    let mut believed: Vec<&PlantFile> = vec![&fit.model.file];
-    believed.extend(rivals.iter().map(|(alias, _)| &alias.model.file));
-    let library = excitations::library(&believed, limits);
+    let mut accepted: Vec<&PlantFile> = vec![&fit.model.file];
+    accepted.extend(rivals.iter().map(|(alias, _)| &alias.model.file));
+    let library = excitations::library(&accepted, limits);
     let rows: Vec<Trial> = library.iter().filter_map(|it| Trial::new(whitened, fit, it)).collect();
-    let mut best: Vec<Apart> = Vec::new();
+    let mut best: Vec<Difference> = Vec::new();
     let mut first: Option<usize> = None;
     for (alias, rival) in &rivals {
-        let found = rows.iter().map(|trial| trial.plain(rival));
+        let found = rows.iter().map(|trial| trial.difference_without_adaptation(rival));
         let mut order: Vec<(usize, f64)> =
             found.enumerate().filter_map(|(place, plain)| Some((place, plain? / rows[place].readings()))).collect();
         order.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let mut most: Option<(usize, Apart)> = None;
+        let mut most: Option<(usize, Difference)> = None;
         for (place, bound) in order {
             // Adapting only reduces a difference, so the remaining records cannot exceed the difference already found.
-            if most.as_ref().is_some_and(|(_, apart)| apart.enough && apart.times_noise * apart.times_noise >= bound) {
+            if most
+                .as_ref()
+                .is_some_and(|(_, difference)| difference.enough && difference.times_noise * difference.times_noise >= bound)
+            {
                 break;
             }
-            let Some(apart) = rows[place].apart(fit, rival, alias) else { continue };
-            let better = |(_, before): &(usize, Apart)| (apart.enough, apart.times_noise) > (before.enough, before.times_noise);
+            let Some(difference) = rows[place].difference(fit, rival, alias) else { continue };
+            let better = |(_, before): &(usize, Difference)| {
+                (difference.enough, difference.times_noise) > (before.enough, before.times_noise)
+            };
             if most.as_ref().is_none_or(better) {
-                most = Some((place, apart));
+                most = Some((place, difference));
             }
         }
-        let Some((place, apart)) = most else { continue };
-        if apart.enough {
+        let Some((place, difference)) = most else { continue };
+        if difference.enough {
             first = Some(place);
             break;
         }
-        best.push(apart);
+        best.push(difference);
     }
     let Some(place) = first else {
-        return (!best.is_empty()).then_some(NextExperiment::Alike { apart: by_name(best), tried: library.len() });
+        return (!best.is_empty())
+            .then_some(NextExperiment::NotDistinguishable { differences: by_name(best), tried: library.len() });
     };
-    let apart = rivals.iter().filter_map(|(alias, rival)| rows[place].apart(fit, rival, alias)).collect();
-    Some(NextExperiment::Separates { excitation: rows[place].excitation.clone(), apart: by_name(apart) })
+    let differences = rivals.iter().filter_map(|(alias, rival)| rows[place].difference(fit, rival, alias)).collect();
+    Some(NextExperiment::Distinguishes { excitation: rows[place].excitation.clone(), differences: by_name(differences) })
 }
 
 /// One line for each pair of names. A rival with and without its optional parameters is two plants; the one with the smaller difference counts.
-fn by_name(apart: Vec<Apart>) -> Vec<Apart> {
-    let mut list: Vec<Apart> = Vec::new();
-    for it in apart {
+fn by_name(differences: Vec<Difference>) -> Vec<Difference> {
+    let mut list: Vec<Difference> = Vec::new();
+    for it in differences {
         match list.iter_mut().find(|there| there.cause == it.cause && there.rival == it.rival) {
             Some(there) if it.squared < there.squared => *there = it,
             Some(_) => {}
@@ -194,18 +209,21 @@ impl<'a> Trial<'a> {
     }
 
     /// The squared difference between a plant and the accepted one, without adaptation.
-    fn plain(&self, rival: &Fit) -> Option<f64> {
+    fn difference_without_adaptation(&self, rival: &Fit) -> Option<f64> {
         let simulated = self.whitened.run(&self.model(rival))?;
         let difference = self.whitened.residual(&simulated);
         Some(dot(&difference, &difference))
     }
 
     /// The remaining difference. Either of the two may be wrong and adapt; the smaller result counts.
-    fn apart(&self, fit: &Fit, rival: &Fit, alias: &Alias) -> Option<Apart> {
+    fn difference(&self, fit: &Fit, rival: &Fit, alias: &Alias) -> Option<Difference> {
         let [of_fit, of_rival] = [fit, rival].map(|it| self.whitened.run(&self.model(it)));
         let (of_fit, of_rival) = (of_fit?, of_rival?);
-        let squared = f64::min(self.remains(rival, &of_rival, &of_fit)?, self.remains(fit, &of_fit, &of_rival)?);
-        Some(Apart {
+        let squared = f64::min(
+            self.remaining_difference(rival, &of_rival, &of_fit)?,
+            self.remaining_difference(fit, &of_fit, &of_rival)?,
+        );
+        Some(Difference {
             cause: alias.cause.clone(),
             rival: alias.rival.clone(),
             squared,
@@ -216,7 +234,7 @@ impl<'a> Trial<'a> {
 
     /// The squared difference between `truth` and a plant that adapts: d.d - p.(F + J^T J)^-1 p with p = J^T d. J is the plant's derivative along
     /// this record, F its information matrix from the present records, priors included.
-    fn remains(&self, adapts: &Fit, its: &[Simulated], truth: &[Simulated]) -> Option<f64> {
+    fn remaining_difference(&self, adapts: &Fit, its: &[Simulated], truth: &[Simulated]) -> Option<f64> {
         let model = self.model(adapts);
         let starts: Vec<usize> =
             (0..model.unknowns.len()).filter(|k| matches!(model.unknowns[*k].place, Place::Start { .. })).collect();
@@ -246,7 +264,7 @@ impl<'a> Trial<'a> {
 }
 
 /// The record with the largest expected error, from the present residual at each operating point.
-fn looks(whitened: &WhitenedResiduals, fit: &Fit, limits: &Limits) -> Option<NextExperiment> {
+fn covering_record(whitened: &WhitenedResiduals, fit: &Fit, limits: &Limits) -> Option<NextExperiment> {
     let kind = fit.model.file.kind;
     let points: Vec<Vec<[f64; 2]>> =
         whitened.records.iter().map(|it| operating(kind, &it.record, &it.outputs, fit_of(fit, whitened, it))).collect();
@@ -304,7 +322,7 @@ fn looks(whitened: &WhitenedResiduals, fit: &Fit, limits: &Limits) -> Option<Nex
             Some((it, expected))
         })
         .max_by(|a, b| a.1.total_cmp(&b.1))?;
-    (best.1 > present).then_some(NextExperiment::Looks { excitation: best.0, expected: best.1, present })
+    (best.1 > present).then_some(NextExperiment::CoversError { excitation: best.0, expected: best.1, present })
 }
 
 fn fit_of<'f>(fit: &'f Fit, whitened: &WhitenedResiduals, prepared: &Prepared) -> &'f Simulated {

@@ -7,7 +7,7 @@ use super::hypotheses::Hypothesis;
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place, Unknown};
 use super::posterior::Posterior;
-use super::search::{Believed, Search};
+use super::search::{AcceptedCause, Search};
 use super::whitened_residuals::WhitenedResiduals;
 use super::{effect_size, plausible, validation};
 use rsm_sim::plant_file::Entry;
@@ -22,36 +22,36 @@ pub struct Refusal {
 }
 
 /// A parameter counts as at the end of its search within this share of its scale.
-const AT_THE_END: f64 = 1e-6;
+const AT_SEARCH_BOUND: f64 = 1e-6;
 
 impl Search<'_> {
     /// Removes causes from a set: causes without a significant effect, with a parameter at the end of its search or beyond the plausible range, or
     /// that make a holdout record worse. One cause is removed at a time, the one with the strongest reason first. The others are then fitted again.
-    pub(super) fn vetoed(
+    pub(super) fn without_rejected(
         &self,
         calibrated: &Fit,
         mut fit: Fit,
-        mut causes: Vec<Believed>,
+        mut causes: Vec<AcceptedCause>,
         threshold: f64,
-    ) -> (Fit, Vec<Believed>, Vec<Refusal>) {
+    ) -> (Fit, Vec<AcceptedCause>, Vec<Refusal>) {
         let mut refused = Vec::new();
         while let Some((place, why)) = self.worst_member(calibrated, &fit, &causes, threshold) {
             let without = fit.model.minus(self.nominal, place);
-            let Some(other) = levenberg::onward(self.whitened, without, self.effort.fit_steps, Some(&fit)) else { break };
+            let Some(other) = levenberg::onward(self.whitened, without, self.limits.fit_steps, Some(&fit)) else { break };
             let cause = causes.remove(place).label;
             (self.progress)(&format!("{cause} is refused: {why}"));
             refused.push(Refusal { cause, why });
             fit = other;
-            self.told_anew(&fit, &mut causes);
+            self.update_gains(&fit, &mut causes);
         }
         (fit, causes, refused)
     }
 
     /// The gain of each cause in the smaller set.
-    fn told_anew(&self, fit: &Fit, causes: &mut [Believed]) {
+    fn update_gains(&self, fit: &Fit, causes: &mut [AcceptedCause]) {
         for (place, cause) in causes.iter_mut().enumerate() {
             let without = fit.model.minus(self.nominal, place);
-            if let Some(base) = levenberg::onward(self.whitened, without, self.effort.fit_steps, Some(fit)) {
+            if let Some(base) = levenberg::onward(self.whitened, without, self.limits.fit_steps, Some(fit)) {
                 cause.gain = base.cost - fit.cost;
                 cause.without = base.model;
             }
@@ -59,13 +59,13 @@ impl Search<'_> {
     }
 
     /// The cause to remove from a set, with the reason; `None` if the set is accepted.
-    fn worst_member(&self, calibrated: &Fit, fit: &Fit, causes: &[Believed], threshold: f64) -> Option<(usize, String)> {
+    fn worst_member(&self, calibrated: &Fit, fit: &Fit, causes: &[AcceptedCause], threshold: f64) -> Option<(usize, String)> {
         if causes.len() != fit.model.file.effects.len() {
             return None;
         }
         let of_itself = |(place, entry): (usize, &Entry)| {
-            let implausible = plausible::why_not(entry, self.survey, &self.nominal.file);
-            let why = implausible.or_else(|| at_its_end(fit, place)).or_else(|| neutral(fit, place, self.hypotheses));
+            let implausible = plausible::implausibility(entry, self.survey, &self.nominal.file);
+            let why = implausible.or_else(|| at_search_bound(fit, place)).or_else(|| neutral(fit, place, self.hypotheses));
             why.map(|why| (place, why))
         };
         fit.model
@@ -78,7 +78,7 @@ impl Search<'_> {
     }
 
     /// The cause that makes a holdout record worse by more than the deciding difference, or that contributes most if the set as a whole does.
-    fn harmful(&self, calibrated: &Fit, fit: &Fit, causes: &[Believed], threshold: f64) -> Option<(usize, String)> {
+    fn harmful(&self, calibrated: &Fit, fit: &Fit, causes: &[AcceptedCause], threshold: f64) -> Option<(usize, String)> {
         if causes.is_empty() || self.unseen.records.is_empty() {
             return None;
         }
@@ -88,14 +88,18 @@ impl Search<'_> {
         // How much worse a record is, as a multiple of the deciding difference.
         let worse = |record: usize, with: f64, without: f64| {
             (with - without)
-                / effect_size::decides(threshold, without.min(with), WhitenedResiduals::length(&self.unseen.records[record]))
+                / effect_size::deciding_difference(
+                    threshold,
+                    without.min(with),
+                    WhitenedResiduals::length(&self.unseen.records[record]),
+                )
         };
         let mut worst: Option<(f64, usize, String)> = None;
         for (place, before) in without.iter().enumerate() {
             for (record, (after, before)) in with.iter().zip(before).enumerate() {
                 let by = worse(record, *after, *before);
                 if by > 1.0 && worst.as_ref().is_none_or(|it| by > it.0) {
-                    worst = Some((by, place, self.told(record, *before, *after)));
+                    worst = Some((by, place, self.worsening(record, *before, *after)));
                 }
             }
         }
@@ -109,13 +113,13 @@ impl Search<'_> {
             let before = nominal[record].min(calibrated[record]);
             if worse(record, *after, before) > 1.0 {
                 let member = (0..causes.len()).min_by(|a, b| without[*a][record].total_cmp(&without[*b][record]))?;
-                return Some((member, self.told(record, before, *after)));
+                return Some((member, self.worsening(record, before, *after)));
             }
         }
         None
     }
 
-    fn told(&self, record: usize, before: f64, after: f64) -> String {
+    fn worsening(&self, record: usize, before: f64, after: f64) -> String {
         let prepared = &self.unseen.records[record];
         let times = |square: f64| (square / WhitenedResiduals::length(prepared).max(1) as f64).sqrt();
         format!(
@@ -150,7 +154,7 @@ fn by_record(unseen: &WhitenedResiduals, model: &Model, guides: &[&Model], fit: 
 }
 
 /// Whether a parameter of an entry is at an end of its search that is no physical bound; the reason in words.
-fn at_its_end(fit: &Fit, entry: usize) -> Option<String> {
+fn at_search_bound(fit: &Fit, entry: usize) -> Option<String> {
     let its = |unknown: &&Unknown| matches!(unknown.place, Place::Effect { entry: its, .. } if its == entry);
     let places = (0..fit.model.unknowns.len()).filter(|k| its(&&fit.model.unknowns[*k]));
     let mut ends = places.filter_map(|k| {
@@ -160,7 +164,7 @@ fn at_its_end(fit: &Fit, entry: usize) -> Option<String> {
             return None;
         }
         let at = unknown.inward(fit.model.value(k));
-        let near = |end: f64| (at - unknown.inward(end)).abs() < AT_THE_END * unknown.scale;
+        let near = |end: f64| (at - unknown.inward(end)).abs() < AT_SEARCH_BOUND * unknown.scale;
         (near(unknown.low) || near(unknown.high))
             .then(|| format!("{number} reached the bound of its search, {:.4}", fit.model.value(k)))
     });
@@ -203,16 +207,16 @@ mod tests {
         let search = axis_under_steps::search(&whitened, &other, &nominal, &all, &survey);
         let with = nominal.with_effects(&nominal, file(0.1).effects);
         let fit = levenberg::fit(&whitened, with, 20).unwrap();
-        let believed = Believed {
+        let accepted = AcceptedCause {
             label: "coulomb-friction".to_string(),
             gain: calibrated.cost - fit.cost,
             rivals: Vec::new(),
             rival_models: Vec::new(),
-            alike: Vec::new(),
-            asked: true,
+            aliases_not_fitted: Vec::new(),
+            rivals_tested: true,
             without: calibrated.model.clone(),
         };
-        let (fit, causes, refused) = search.vetoed(&calibrated, fit, vec![believed], 30.0);
+        let (fit, causes, refused) = search.without_rejected(&calibrated, fit, vec![accepted], 30.0);
         assert_eq!((fit.model.file.effects.len(), causes.len() + refused.len()), (causes.len(), 1));
         refused.into_iter().map(|it| it.why).collect()
     }

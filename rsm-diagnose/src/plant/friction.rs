@@ -25,7 +25,7 @@ impl Search<'_> {
         let found = entries.iter().enumerate().find_map(|(place, it)| Some((place, forms(it).alike?)));
         let Some((place, parts)) = found else { return fit };
         let is_there = |part: &Part| entries.iter().any(|it| it.description.kind == part.kind);
-        if parts.iter().any(is_there) || entries.len() == self.effort.causes {
+        if parts.iter().any(is_there) || entries.len() == self.limits.causes {
             return fit;
         }
         let Some(parts) = parts.iter().map(|part| self.entry(part)).collect::<Option<Vec<Entry>>>() else { return fit };
@@ -86,7 +86,7 @@ impl Search<'_> {
         let guess = special.guesses.first().and_then(|it| it.values.first()).copied().unwrap_or(0.0);
         let level = if levels.is_empty() { guess } else { level };
         let model = fit.model.minus(self.nominal, place).plus(self.nominal, special.entry(self.nominal.file.kind, &[level]));
-        let worse = self.decides(&fit, threshold);
+        let worse = self.deciding_difference(&fit, threshold);
         self.or_plainer(fit, model, worse)
     }
 
@@ -98,7 +98,7 @@ impl Search<'_> {
 
     /// The fit of a simpler model, if it is worse by less than `worse`; otherwise the given fit.
     fn or_plainer(&self, fit: Fit, model: Model, worse: f64) -> Fit {
-        match levenberg::onward(self.whitened, model, self.effort.fit_steps, Some(&fit)) {
+        match levenberg::onward(self.whitened, model, self.limits.fit_steps, Some(&fit)) {
             Some(other) if other.cost < fit.cost + worse => other,
             _ => fit,
         }

@@ -174,10 +174,10 @@ impl Search<'_> {
     /// The best additional causes at the beginning of the records, each followed to their end. Empty if the plant already follows nearly the whole of
     /// the records: then the usual search sees the same.
     fn at_beginnings(&self, fit: &Fit, threshold: f64) -> Vec<Candidate> {
-        let effort = self.effort;
+        let limits = self.limits;
         // Calibrated again: a calibration to the whole records is biased by the missing cause.
         let plain = self.nominal.with_effects(self.nominal, fit.model.file.effects.clone());
-        let Some(base) = beginning(self.whitened, plain, effort.fit_steps) else { return Vec::new() };
+        let Some(base) = beginning(self.whitened, plain, limits.fit_steps) else { return Vec::new() };
         let rows: usize = self.whitened.records.iter().map(|it| it.record.rows()).sum();
         if base.ends.iter().sum::<usize>() as f64 > NEARLY_ALL * rows as f64 {
             return Vec::new();
@@ -189,13 +189,13 @@ impl Search<'_> {
         let there = Search { whitened: &short, unseen: &unseen, hypotheses: &hypotheses, ..*self };
         let mut screened = screen(&short, &base.fit, self.nominal, &hypotheses);
         screened.iter_mut().for_each(Screened::slim);
-        let mut found = there.compete(&base.fit, &screened, threshold);
+        let mut found = there.fit_candidates(&base.fit, &screened, threshold);
         found.retain(|it| base.fit.cost - it.fit.cost > threshold);
         found.truncate(FOLLOWED);
         let mut candidates = Vec::new();
         for it in found {
             (self.progress)(&format!("following {}", it.label));
-            let whole = followed(self.whitened, it.fit.model, base.ends.clone(), effort.fit_steps, threshold);
+            let whole = followed(self.whitened, it.fit.model, base.ends.clone(), limits.fit_steps, threshold);
             candidates.extend(whole.and_then(|whole| self.judged(fit, whole)));
         }
         candidates
@@ -262,7 +262,7 @@ mod tests {
         let unseen = whitened.on(Vec::new());
         let search = axis_under_steps::search(&whitened, &unseen, &nominal, &slips, &survey);
         let screened = screen(&whitened, &calibrated, &nominal, &slips);
-        let mut candidates = search.compete(&calibrated, &screened, 40.0);
+        let mut candidates = search.fit_candidates(&calibrated, &screened, 40.0);
         let rows = calibrated.residual.len() as f64;
         // On the whole nothing comes near: a hundred times the noise is left.
         assert!(

@@ -136,10 +136,10 @@ impl KnownLoop {
                 indistinguishable_from: Vec::new(),
                 gain: rows as f64 * ((self.stated / self.left).powi(2) - 1.0),
                 rivals: Vec::new(),
-                asked: true,
+                rivals_tested: true,
                 sentence: format!("{sentence} The law of the controller shows it, whatever the plant."),
                 check: entry.description.check,
-                witness: None,
+                contribution: None,
                 only_in: None,
             };
             (cause, entry)

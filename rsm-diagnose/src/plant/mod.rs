@@ -94,9 +94,9 @@ pub mod whiteness;
 use crate::engine::normal;
 use calibrated_records::HeavyTails;
 pub use rsm_fit::random;
-use search_rounds::searched;
+use search_rounds::diagnose_records;
 
-pub use cause::{Cause, Interval, Witness};
+pub use cause::{Cause, Contribution, Interval};
 pub use diagnosis::{Diagnosis, Verdict};
 pub use experiment::Alias;
 use rsm_sim::plant_file::PlantFile;
@@ -250,11 +250,11 @@ fn of_nominal(
     test: &[Record],
     options: &Options<'_>,
 ) -> Result<Diagnosis, Refused> {
-    let found = searched(file, training, validation, test, options, HeavyTails::LookedFor)?;
+    let found = diagnose_records(file, training, validation, test, options, HeavyTails::Corrected)?;
     if !found.has_uneven_noise() || found.verdict != Verdict::Unexplained {
         return Ok(found);
     }
     // If the records are explained without a change of the noise model, the heavy tails and bursts were structure, not noise.
-    let plain = searched(file, training, validation, test, options, HeavyTails::LeftAlone)?;
+    let plain = diagnose_records(file, training, validation, test, options, HeavyTails::Ignored)?;
     Ok(if plain.verdict == Verdict::Unexplained { found } else { plain })
 }

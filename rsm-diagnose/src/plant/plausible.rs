@@ -28,7 +28,7 @@ const NEAR_UNIT: f64 = 0.02;
 
 /// Why an entry is implausible; `None` if it is plausible.
 #[must_use]
-pub fn why_not(entry: &Entry, survey: &Survey, file: &PlantFile) -> Option<String> {
+pub fn implausibility(entry: &Entry, survey: &Survey, file: &PlantFile) -> Option<String> {
     let numbers = entry.arguments.numbers.iter();
     let mut beyond = numbers.filter_map(|(name, value)| {
         let (low, high) = range(entry, name, survey, file)?;
@@ -102,7 +102,7 @@ mod tests {
         let all = hypotheses::all(file.kind, &survey, &[0]);
         let refused = |kind: &str, subject: Option<&str>, value: f64| {
             let it = all.iter().find(|it| it.description.kind == kind && it.subject == subject).unwrap();
-            why_not(&it.entry(file.kind, &[value]), &survey, &file).is_some()
+            implausibility(&it.entry(file.kind, &[value]), &survey, &file).is_some()
         };
         // The axis has 2 kg, 4 N/V and steps of 2 V and -1.5 V; it moves by some centimetres.
         assert!(refused("parameter-error", Some("mass"), 46.0) && !refused("parameter-error", Some("mass"), 3.0));

@@ -50,19 +50,19 @@ pub struct Share {
 
 /// The rows that the search did not use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct NotSeen {
+pub struct UnusedRows {
     /// The number of used rows.
-    pub seen: usize,
+    pub used: usize,
     /// The number of rows of all records.
-    pub of: usize,
+    pub total: usize,
 }
 
-impl fmt::Display for NotSeen {
+impl fmt::Display for UnusedRows {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
             "Of {} rows the search for causes looked at {}, of each record its beginning and pieces of the rest, where the plant forgets its start fast enough: all of them would take longer than a diagnosis may",
-            self.of, self.seen
+            self.total, self.used
         )
     }
 }
@@ -137,8 +137,8 @@ impl Share {
 
     /// The rows that are not used; `None` if all are.
     #[must_use]
-    pub fn not_seen(&self) -> Option<NotSeen> {
-        (self.rows.0 < self.rows.1).then_some(NotSeen { seen: self.rows.0, of: self.rows.1 })
+    pub fn unused_rows(&self) -> Option<UnusedRows> {
+        (self.rows.0 < self.rows.1).then_some(UnusedRows { used: self.rows.0, total: self.rows.1 })
     }
 }
 
@@ -182,7 +182,7 @@ mod tests {
         Record::read(&Source::new("r.csv", csv), file).unwrap()
     }
 
-    fn seen(file: &PlantFile, rows: usize, most: u64) -> (usize, Option<NotSeen>) {
+    fn seen(file: &PlantFile, rows: usize, most: u64) -> (usize, Option<UnusedRows>) {
         let training = [record(file, rows)];
         let mut share = Share::of_rows(&training, &[]);
         let pieces = share.pieces(&training[0], file).into_iter();
@@ -190,7 +190,7 @@ mod tests {
         let mut whitened = WhitenedResiduals::new(prepared, [Floor::white(1.0); OUTPUTS], 1);
         let mut unseen = whitened.on(Vec::new());
         share.cut_to(most, &mut whitened, &mut unseen, file);
-        (whitened.records.iter().map(|it| it.record.rows()).sum(), share.not_seen())
+        (whitened.records.iter().map(|it| it.record.rows()).sum(), share.unused_rows())
     }
 
     #[test]
@@ -198,12 +198,12 @@ mod tests {
         let slow = axis_under_steps::file("mass = 0.1", "");
         assert_eq!(seen(&slow, 20_000, MOST_STEPS_A_RUN), (20_000, None));
         assert_eq!(seen(&slow, 60_000, MOST_STEPS_A_RUN), (60_000, None));
-        assert_eq!(seen(&slow, 90_000, MOST_STEPS_A_RUN), (24_000, Some(NotSeen { seen: 24_000, of: 90_000 })));
+        assert_eq!(seen(&slow, 90_000, MOST_STEPS_A_RUN), (24_000, Some(UnusedRows { used: 24_000, total: 90_000 })));
         // A step a row, and a friction that takes several where the axis turns: a limit between them cuts the one and not the other.
         let fast = axis_under_steps::file("mass = 0.1", &axis_under_steps::friction(5.0));
         assert_eq!(seen(&slow, 20_000, 20_000), (20_000, None));
         let (rows, not_seen) = seen(&fast, 20_000, 20_000);
-        assert!((LEAST_ROWS..20_000).contains(&rows) && not_seen.is_some_and(|it| it.seen == rows), "{rows}");
+        assert!((LEAST_ROWS..20_000).contains(&rows) && not_seen.is_some_and(|it| it.used == rows), "{rows}");
     }
 
     #[test]

@@ -11,7 +11,7 @@ use rsm_sim::effect::Survey;
 
 /// The amount of work of each stage, as counts instead of seconds: the same records give the same answer on every machine.
 #[derive(Debug, Clone, Copy)]
-pub struct Effort {
+pub struct WorkLimits {
     /// The number of hypotheses whose own parameters are fitted.
     pub profiled: usize,
     /// The number of steps of those fits.
@@ -32,18 +32,18 @@ pub struct Effort {
 /// one or two causes are tested in any case.
 const FOR_RIVALS: f64 = 0.25;
 
-impl Effort {
+impl WorkLimits {
     /// The usual counts, with this limit of simulation sub-steps.
     #[must_use]
     pub fn within(steps: u64) -> Self {
         let steps_for_rivals = (FOR_RIVALS * steps as f64) as u64;
-        Effort { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, steps, steps_for_rivals }
+        WorkLimits { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, steps, steps_for_rivals }
     }
 }
 
 /// An accepted cause.
 #[derive(Debug, Clone)]
-pub struct Believed {
+pub struct AcceptedCause {
     /// Its name in lists.
     pub label: String,
     /// How much the squared residual grows without it.
@@ -51,11 +51,11 @@ pub struct Believed {
     /// Its rivals and how much worse they fit, the best first.
     pub rivals: Vec<(String, f64)>,
     /// Hypotheses with the same trace, which were therefore not fitted.
-    pub alike: Vec<String>,
+    pub aliases_not_fitted: Vec<String>,
     /// The rivals as models, for the next experiment.
     pub rival_models: Vec<(String, Model)>,
     /// Whether rivals were tested; false if the work limit was reached first.
-    pub asked: bool,
+    pub rivals_tested: bool,
     /// The plant without it and everything else fitted again. The evidence is relative to this plant.
     pub without: Model,
 }
@@ -73,20 +73,20 @@ pub struct Search<'a> {
     /// The scales of the records, which decide whether parameters are plausible.
     pub survey: &'a Survey,
     /// The number of further guesses that were examined to choose these.
-    pub looks: usize,
+    pub further_guesses: usize,
     /// Rounded outputs with their steps.
     pub rounded: &'a [(usize, f64)],
     /// Plants with the causes from the equation errors, fitted, one more cause in each. All of these causes are tested again in the search.
-    pub said: &'a [Fit],
+    pub equation_error_fits: &'a [Fit],
     /// The amount of work.
-    pub effort: Effort,
+    pub limits: WorkLimits,
     /// Called with progress messages.
     pub progress: &'a (dyn Fn(&str) + Sync),
 }
 
 impl Search<'_> {
     /// The difference of cost above which the better of two explanations is accepted.
-    pub(super) fn decides(&self, fit: &Fit, threshold: f64) -> f64 {
-        effect_size::decides(threshold, fit.cost, self.whitened.rows())
+    pub(super) fn deciding_difference(&self, fit: &Fit, threshold: f64) -> f64 {
+        effect_size::deciding_difference(threshold, fit.cost, self.whitened.rows())
     }
 }

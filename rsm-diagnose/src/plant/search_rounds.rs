@@ -2,14 +2,14 @@
 //!
 //! In: a plant file, records. Out: a [`Diagnosis`]. Calls the parts in their order; `selection` decides whether a cause is accepted.
 
-use super::calibrated_records::{HeavyTails, Ready};
+use super::calibrated_records::{CalibratedRecords, HeavyTails};
 use super::cause::Cause;
-use super::configurations::Apart;
+use super::configurations::SeparateRecord;
 use super::diagnosis::{Diagnosis, Verdict};
 use super::equations::Said;
 use super::levenberg::{self, Fit};
 use super::model::Model;
-use super::search::{Effort, Search};
+use super::search::{Search, WorkLimits};
 use super::selection::Selection;
 use super::verdict;
 use super::whitened_residuals::WhitenedResiduals;
@@ -37,49 +37,50 @@ const MOST_STEPS: u64 = 400_000_000;
 const ROUNDS: usize = 2;
 
 /// What all rounds of a search share.
-struct Asked<'a> {
+struct SearchInput<'a> {
     hypotheses: Vec<hypotheses::Hypothesis>,
     survey: Survey,
     rounded: Vec<(usize, f64)>,
-    effort: Effort,
+    limits: WorkLimits,
     /// The equation errors with the recorded signals.
-    said: Option<Said>,
+    equation_errors: Option<Said>,
     /// The number of guesses that were examined in addition to those of the catalogue.
-    looks: usize,
+    further_guesses: usize,
     progress: &'a (dyn Fn(&str) + Sync),
 }
 
-impl<'a> Asked<'a> {
+impl<'a> SearchInput<'a> {
     /// The hypotheses that the records can show. Also measures the work of one run of the calibrated plant, the unit of the work limit.
-    fn of(ready: &mut Ready, file: &PlantFile, options: &Options<'a>) -> Result<Self, Refused> {
-        let mut present: Vec<usize> = ready.whitened.records.iter().flat_map(|it| it.outputs.clone()).collect();
+    fn of(prepared: &mut CalibratedRecords, file: &PlantFile, options: &Options<'a>) -> Result<Self, Refused> {
+        let mut present: Vec<usize> = prepared.whitened.records.iter().flat_map(|it| it.outputs.clone()).collect();
         present.sort_unstable();
         present.dedup();
-        let mut hypotheses = hypotheses::all(file.kind, &ready.survey, &present);
-        let is_rounded = |name: &str| ready.rounded.iter().any(|(k, _)| name == file.kind.outputs()[*k].name);
+        let mut hypotheses = hypotheses::all(file.kind, &prepared.survey, &present);
+        let is_rounded = |name: &str| prepared.rounded.iter().any(|(k, _)| name == file.kind.outputs()[*k].name);
         hypotheses.retain(|it| it.description.declared.role != Role::Rounding || !it.subject.is_some_and(is_rounded));
         (options.progress)("asking the equations along the records");
-        let said = equations::look(&ready.whitened, &ready.nominal, &hypotheses);
-        said.iter().for_each(|it| it.hand_over(&mut hypotheses));
-        let whitened = &mut ready.whitened;
+        let equation_errors = equations::look(&prepared.whitened, &prepared.nominal, &hypotheses);
+        equation_errors.iter().for_each(|it| it.hand_over(&mut hypotheses));
+        let whitened = &mut prepared.whitened;
         let before = whitened.pace.taken();
-        whitened.run(&ready.calibrated.model).ok_or(Refused::CannotSimulate)?;
+        whitened.run(&prepared.calibrated.model).ok_or(Refused::CannotSimulate)?;
         let run = whitened.pace.taken() - before;
         let rows = whitened.records.iter().map(|it| it.record.rows()).sum();
         whitened.pace = whitened.pace.beside(run, rows);
-        ready.unseen.pace = whitened.pace.clone();
+        prepared.unseen.pace = whitened.pace.clone();
         // For long records, the final check on all rows takes work too.
-        let most = if ready.share.not_seen().is_some() { MOST_STEPS / 2 } else { MOST_STEPS };
+        let most = if prepared.share.unused_rows().is_some() { MOST_STEPS / 2 } else { MOST_STEPS };
         // The wave lengths of an axis are the best of many, and so are the terms and orders of the equations.
         let waves = if file.kind == PlantKind::ServoAxis { 2 * waves::MOST } else { 0 };
-        let terms = said.as_ref().filter(|it| !it.terms.is_empty() || !it.orders.is_empty()).map_or(0, |it| it.looks);
-        Ok(Asked {
+        let terms =
+            equation_errors.as_ref().filter(|it| !it.terms.is_empty() || !it.orders.is_empty()).map_or(0, |it| it.looks);
+        Ok(SearchInput {
             hypotheses,
-            survey: ready.survey.clone(),
-            rounded: ready.rounded.clone(),
-            effort: Effort::within((MOST_RUNS * run.max(LEAST_STEPS_A_ROW * rows as u64)).min(most)),
-            said,
-            looks: waves + terms,
+            survey: prepared.survey.clone(),
+            rounded: prepared.rounded.clone(),
+            limits: WorkLimits::within((MOST_RUNS * run.max(LEAST_STEPS_A_ROW * rows as u64)).min(most)),
+            equation_errors,
+            further_guesses: waves + terms,
             progress: options.progress,
         })
     }
@@ -89,7 +90,7 @@ impl<'a> Asked<'a> {
         whitened: &'s WhitenedResiduals,
         unseen: &'s WhitenedResiduals,
         nominal: &'s Model,
-        said: &'s [Fit],
+        equation_error_fits: &'s [Fit],
     ) -> Search<'s> {
         Search {
             whitened,
@@ -97,17 +98,17 @@ impl<'a> Asked<'a> {
             nominal,
             hypotheses: &self.hypotheses,
             survey: &self.survey,
-            looks: self.looks,
+            further_guesses: self.further_guesses,
             rounded: &self.rounded,
-            said,
-            effort: self.effort,
+            equation_error_fits,
+            limits: self.limits,
             progress: self.progress,
         }
     }
 }
 
 /// Diagnoses a plant with given effects, if it has any.
-pub(super) fn searched(
+pub(super) fn diagnose_records(
     file: &PlantFile,
     training: &[Record],
     validation: &[Record],
@@ -115,99 +116,102 @@ pub(super) fn searched(
     options: &Options<'_>,
     tails: HeavyTails,
 ) -> Result<Diagnosis, Refused> {
-    let mut ready = Ready::of(file, training, validation, tails, options)?;
-    let asked = Asked::of(&mut ready, file, options)?;
+    let mut prepared = CalibratedRecords::of(file, training, validation, tails, options)?;
+    let input = SearchInput::of(&mut prepared, file, options)?;
     // A known control law shows a wrong sensor before friction and mass are estimated.
-    let known_loop = known_loop::look(&ready.whitened.records, file);
+    let known_loop = known_loop::look(&prepared.whitened.records, file);
     let entries = known_loop.as_ref().map_or_else(Vec::new, |it| it.entries(file));
-    let mut seed = seeded(&ready.whitened, &ready.nominal, &ready.calibrated, &entries);
-    if let (Some(fit), true) = (&seed, ready.rounded.is_empty()) {
+    let mut seed = seeded(&prepared.whitened, &prepared.nominal, &prepared.calibrated, &entries);
+    if let (Some(fit), true) = (&seed, prepared.rounded.is_empty()) {
         (options.progress)("a sensor is off by the law of the loop");
-        ready.whitened.floors = ready.floors(fit, file);
-        ready.unseen.floors = ready.whitened.floors;
-        ready.calibrated = levenberg::fit(&ready.whitened, ready.calibrated.model, 4).ok_or(Refused::CannotSimulate)?;
-        seed = seeded(&ready.whitened, &ready.nominal, &ready.calibrated, &entries);
+        prepared.whitened.floors = prepared.floors(fit, file);
+        prepared.unseen.floors = prepared.whitened.floors;
+        prepared.calibrated =
+            levenberg::fit(&prepared.whitened, prepared.calibrated.model, 4).ok_or(Refused::CannotSimulate)?;
+        seed = seeded(&prepared.whitened, &prepared.nominal, &prepared.calibrated, &entries);
     }
-    if ready.rounded.is_empty() && seed.is_none() {
+    if prepared.rounded.is_empty() && seed.is_none() {
         let floors = |whitened: &WhitenedResiduals, fit: &Fit| calibration::floors(whitened, fit, file);
-        if let Some(own) = configurations::apart(&ready.whitened, &ready.unseen, &ready.nominal, &floors) {
+        if let Some(own) = configurations::separate_record(&prepared.whitened, &prepared.unseen, &prepared.nominal, &floors) {
             let none = own.alone.on(Vec::new());
-            let search = asked.search(&own.alone, &none, &own.nominal, &[]);
-            let mut whole = of_one_record(file, &own, &search, ready.findings, test, options)?;
-            whole.not_seen = ready.share.not_seen();
-            whole.equations = asked.said;
+            let search = input.search(&own.alone, &none, &own.nominal, &[]);
+            let mut whole = of_one_record(file, &own, &search, prepared.findings, test, options)?;
+            whole.unused_rows = prepared.share.unused_rows();
+            whole.equations = input.equation_errors;
             return Ok(whole);
         }
     }
-    let mut selection = in_rounds(&mut ready, &asked, seed, file, tails).ok_or(Refused::CannotSimulate)?;
-    selection.fit = final_fit::polish(&mut ready.whitened, selection.fit, |whitened, fit| {
-        calibration::with_rounding(whitened, fit, calibration::floors(whitened, fit, file), &ready.rounded)
+    let mut selection = in_rounds(&mut prepared, &input, seed, file, tails).ok_or(Refused::CannotSimulate)?;
+    selection.fit = final_fit::polish(&mut prepared.whitened, selection.fit, |whitened, fit| {
+        calibration::with_rounding(whitened, fit, calibration::floors(whitened, fit, file), &prepared.rounded)
     });
-    let Ready { whitened, mut unseen, nominal, findings, share, rounded, .. } = ready;
+    let CalibratedRecords { whitened, mut unseen, nominal, findings, share, rounded, .. } = prepared;
     unseen.floors = whitened.floors;
     selection.known_loop = known_loop;
-    if share.not_seen().is_some() {
+    if share.unused_rows().is_some() {
         (options.progress)("asking all rows");
         let all: Vec<&Record> = training.iter().chain(validation).collect();
-        selection.everywhere = Some(all_rows::look(&all, file, &whitened, &selection.fit));
+        selection.all_rows = Some(all_rows::check(&all, file, &whitened, &selection.fit));
     }
     let fit = selection.fit.clone();
     let mut found = verdict::conclude(file, &whitened, &unseen, &nominal, selection, findings, &rounded);
     found.next = experiment::next(&whitened, &fit, &found.aliases, found.verdict, options.progress);
     found.tested = tested::tested(file, test, &whitened, &nominal, &fit.model);
-    found.not_seen = share.not_seen();
-    found.equations = asked.said;
+    found.unused_rows = share.unused_rows();
+    found.equations = input.equation_errors;
     Ok(found)
 }
 
 /// Searches, and searches again if the causes of the first round show that noise, initial states or gaps were wrong with the calibrated plant.
 fn in_rounds(
-    ready: &mut Ready,
-    asked: &Asked<'_>,
+    prepared: &mut CalibratedRecords,
+    input: &SearchInput<'_>,
     mut seed: Option<Fit>,
     file: &PlantFile,
     tails: HeavyTails,
 ) -> Option<Selection> {
-    let mut said = asked.said.as_ref().map_or_else(Vec::new, |it| it.fitted(&ready.whitened, &ready.calibrated));
+    let mut equation_error_fits =
+        input.equation_errors.as_ref().map_or_else(Vec::new, |it| it.fitted(&prepared.whitened, &prepared.calibrated));
     let mut selection = None;
     for round in 1..=ROUNDS {
-        let search = asked.search(&ready.whitened, &ready.unseen, &ready.nominal, &said);
-        let found = selection.insert(search.run_from(ready.calibrated.clone(), seed.clone()));
+        let search = input.search(&prepared.whitened, &prepared.unseen, &prepared.nominal, &equation_error_fits);
+        let found = selection.insert(search.run_from(prepared.calibrated.clone(), seed.clone()));
         if found.causes.is_empty() {
             break;
         }
         let fit = &found.fit;
         if round == ROUNDS {
-            ready.correct_unseen(&fit.model);
+            prepared.correct_unseen(&fit.model);
             break;
         }
         // A motion at the start may be visible now.
-        let begun = initial_motion::shown(&ready.whitened, fit, &ready.unseen);
-        let tailed = tails == HeavyTails::LookedFor && ready.tails_beside(fit);
-        let floors = ready.floors(fit, file);
-        let moved = floors.iter().zip(&ready.whitened.floors).any(|(new, old)| {
+        let begun = initial_motion::shown(&prepared.whitened, fit, &prepared.unseen);
+        let tailed = tails == HeavyTails::Corrected && prepared.correct_hidden_tails(fit);
+        let floors = prepared.floors(fit, file);
+        let moved = floors.iter().zip(&prepared.whitened.floors).any(|(new, old)| {
             (new.sd / old.sd - 1.0).abs() > 0.1
                 || new.rounding.is_some() != old.rounding.is_some()
                 || growth::differ(new.growth, old.growth)
         });
         // With causes in the plant, the readings after a gap give better estimates of the inputs in the gap.
-        let corrected = ready.correct_gaps(fit);
+        let corrected = prepared.correct_gaps(fit);
         if !(moved || tailed || begun || corrected) {
             break;
         }
-        ready.whitened.floors = floors;
-        ready.unseen.floors = floors;
+        prepared.whitened.floors = floors;
+        prepared.unseen.floors = floors;
         if begun {
-            ready.begins_in_motion();
+            prepared.begins_in_motion();
             seed = None;
         }
-        match levenberg::fit(&ready.whitened, ready.calibrated.model.clone(), 4) {
-            Some(fit) => ready.calibrated = fit,
+        match levenberg::fit(&prepared.whitened, prepared.calibrated.model.clone(), 4) {
+            Some(fit) => prepared.calibrated = fit,
             None => break,
         }
-        seed = seed.and_then(|it| levenberg::fit(&ready.whitened, it.model, 4));
+        seed = seed.and_then(|it| levenberg::fit(&prepared.whitened, it.model, 4));
         // From the initial states of the calibrated plant, which may now begin in motion.
-        said = asked.said.as_ref().map_or_else(Vec::new, |it| it.fitted(&ready.whitened, &ready.calibrated));
+        equation_error_fits =
+            input.equation_errors.as_ref().map_or_else(Vec::new, |it| it.fitted(&prepared.whitened, &prepared.calibrated));
     }
     selection
 }
@@ -226,7 +230,7 @@ fn seeded(whitened: &WhitenedResiduals, nominal: &Model, calibrated: &Fit, entri
 /// The result if only one record is wrong: the others have no discrepancy, and the causes belong to that record.
 fn of_one_record(
     file: &PlantFile,
-    own: &Apart,
+    own: &SeparateRecord,
     search: &Search<'_>,
     findings: Vec<super::checks::Finding>,
     test: &[Record],
@@ -248,7 +252,7 @@ fn of_one_record(
         remaining: Vec::new(),
         stopped,
         known_loop: None,
-        everywhere: None,
+        all_rows: None,
     };
     let records: Vec<&Record> = own.whitened.records.iter().map(|it| &it.record).collect();
     let nominal = Model::beginning(file, own.fit.model.at_start, &records, own.whitened.floors.map(|floor| floor.sd));

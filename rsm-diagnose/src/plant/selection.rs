@@ -3,7 +3,7 @@
 //! In: whitened residuals, the calibrated plant, hypotheses. Out: the causes, with the rivals of each. Null simulations and the smallest effect size
 //! give the gain that a cause needs. In a tie the simpler cause wins. Validation records take part in decisions; no parameter is fitted to them.
 
-use super::all_rows::Everywhere;
+use super::all_rows::AllRows;
 use super::candidates::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
 use super::final_test::Refusal;
 use super::hypotheses::label;
@@ -12,7 +12,7 @@ use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::nuisance::Nuisance;
 use super::screen::{Pair, Screened, null, pairs, screen};
-use super::search::{Believed, Search};
+use super::search::{AcceptedCause, Search};
 use super::search_history::{Limit, Path};
 use super::variable_projection::project;
 use super::{waves, whiteness};
@@ -43,7 +43,7 @@ pub struct Selection {
     /// The plant with all causes.
     pub fit: Fit,
     /// The causes, in the order of the effects of the fit.
-    pub causes: Vec<Believed>,
+    pub causes: Vec<AcceptedCause>,
     /// Causes that were accepted for a time and rejected at the end.
     pub refused: Vec<Refusal>,
     /// The gain that a cause needs.
@@ -57,7 +57,7 @@ pub struct Selection {
     /// The check of the sensors by a known control law, independent of the search.
     pub known_loop: Option<KnownLoop>,
     /// The check of the result on all rows of records that are too long for the search.
-    pub everywhere: Option<Everywhere>,
+    pub all_rows: Option<AllRows>,
 }
 
 impl Search<'_> {
@@ -73,18 +73,18 @@ impl Search<'_> {
         (self.progress)("screening the catalogue");
         let mut screened = screen(self.whitened, &calibrated, self.nominal, self.hypotheses);
         let worth = WORTH * calibrated.residual.len() as f64;
-        let looks = screened.len() + self.looks;
+        let looks = screened.len() + self.further_guesses;
         let numbers = screened.iter().map(|it| form_of(it).1).max().unwrap_or(1);
         let threshold =
             null(self.whitened, &calibrated, &screened, self.rounded, DRAWS).max(best_of(looks, numbers)).max(worth);
         let strongest = best_guesses(&screened, PAIR_GUESSES);
-        let strongest = leading(strongest, self.effort.profiled, PAIR_GUESSES, |it| form_of(it));
+        let strongest = leading(strongest, self.limits.profiled, PAIR_GUESSES, |it| form_of(it));
         let pairs = pairs(&calibrated, self.hypotheses, &strongest);
         screened.iter_mut().for_each(Screened::slim);
         let ranking = self.ranking(&screened);
         let mut remaining = ranking.clone();
-        let until = self.whitened.pace.taken() + self.effort.steps;
-        let mut path = Path::until(until, self.effort.steps_for_rivals);
+        let until = self.whitened.pace.taken() + self.limits.steps;
+        let mut path = Path::until(until, self.limits.steps_for_rivals);
         self.whitened.pace.ends_at(until);
         let mut competed: Vec<(String, Vec<Candidate>)> = Vec::new();
         let first = seed.as_ref().map_or(Some(screened), |_| None);
@@ -113,37 +113,26 @@ impl Search<'_> {
             }
         }
         if !self.leaves_noise(&fit, threshold)
-            && let Some(said) = self.said_together(&calibrated).last().filter(|it| path.visit(labels(&it.model)))
+            && let Some(from_equations) = self.said_together(&calibrated).last().filter(|it| path.visit(labels(&it.model)))
         {
             (self.progress)("going on from what the equations say");
             let mut after = remaining.clone();
-            let from = self.grown(said.clone(), None, threshold, &mut competed, &mut after, &mut path);
-            let from = from.into_iter().next_back().unwrap_or_else(|| said.clone());
+            let from = self.grown(from_equations.clone(), None, threshold, &mut competed, &mut after, &mut path);
+            let from = from.into_iter().next_back().unwrap_or_else(|| from_equations.clone());
             if self.prefers(&from, &fit, &calibrated, threshold) {
                 (fit, remaining) = (from, after);
             }
         }
         let fit = self.split(self.narrowed(self.levelled(fit), threshold));
-        self.whitened.pace.ends_at(until + self.effort.steps_for_rivals);
+        self.whitened.pace.ends_at(until + self.limits.steps_for_rivals);
         let fit = self.merged(fit, threshold, &mut path);
         let (fit, causes) = self.exchanged(&calibrated, fit, &competed, threshold, &mut path);
-        let (fit, causes, refused) = self.vetoed(&calibrated, fit, causes, threshold);
+        let (fit, causes, refused) = self.without_rejected(&calibrated, fit, causes, threshold);
         let stopped = path.stopped();
         if let Some(limit) = stopped {
             (self.progress)(&format!("the search stopped {limit}"));
         }
-        Selection {
-            calibrated,
-            fit,
-            causes,
-            refused,
-            threshold,
-            ranking,
-            remaining,
-            stopped,
-            known_loop: None,
-            everywhere: None,
-        }
+        Selection { calibrated, fit, causes, refused, threshold, ranking, remaining, stopped, known_loop: None, all_rows: None }
     }
 
     /// Adds causes one at a time while they gain enough. Returns the fit after each addition; empty if none gains enough.
@@ -157,14 +146,14 @@ impl Search<'_> {
         path: &mut Path,
     ) -> Vec<Fit> {
         let mut stages = Vec::new();
-        while fit.model.file.effects.len() < self.effort.causes && self.goes_on(path) && path.competes() {
+        while fit.model.file.effects.len() < self.limits.causes && self.goes_on(path) && path.competes() {
             let screened = screened.take().unwrap_or_else(|| {
                 let mut screened = screen(self.whitened, &fit, self.nominal, self.hypotheses);
                 screened.iter_mut().for_each(Screened::slim);
                 screened
             });
             *remaining = self.ranking(&screened);
-            let mut candidates = self.compete(&fit, &screened, threshold);
+            let mut candidates = self.fit_candidates(&fit, &screened, threshold);
             self.add_said(&fit, &mut candidates);
             if !self.winner(&fit, &candidates, threshold).is_some_and(|it| self.leaves_noise(&it.fit, threshold)) {
                 self.add_from_beginnings(&fit, &mut candidates, threshold);
@@ -187,12 +176,15 @@ impl Search<'_> {
 
     /// A single cause from the equation errors competes with the other candidates for the first place.
     fn add_said(&self, fit: &Fit, candidates: &mut Vec<Candidate>) {
-        let alone = self.said.first().filter(|it| it.model.file.effects.len() == 1 && fit.model.file.effects.is_empty());
-        let Some(said) = alone.and_then(|it| self.judged(fit, it.clone())) else { return };
-        match candidates.iter_mut().find(|it| it.label == said.label) {
-            Some(known) if said.score < known.score => *known = Candidate { alike: std::mem::take(&mut known.alike), ..said },
+        let alone =
+            self.equation_error_fits.first().filter(|it| it.model.file.effects.len() == 1 && fit.model.file.effects.is_empty());
+        let Some(from_equations) = alone.and_then(|it| self.judged(fit, it.clone())) else { return };
+        match candidates.iter_mut().find(|it| it.label == from_equations.label) {
+            Some(known) if from_equations.score < known.score => {
+                *known = Candidate { aliases_not_fitted: std::mem::take(&mut known.aliases_not_fitted), ..from_equations }
+            }
             Some(_) => {}
-            None => candidates.push(said),
+            None => candidates.push(from_equations),
         }
         candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
     }
@@ -201,8 +193,8 @@ impl Search<'_> {
     fn said_together(&self, fit: &Fit) -> impl Iterator<Item = &Fit> {
         let none = fit.model.file.effects.is_empty();
         let sound =
-            |it: &Entry| !within_tolerance(self.nominal, it) && self.may_be(it) && waves::comes_again(self.whitened, it);
-        self.said.iter().filter(move |it| {
+            |it: &Entry| !within_tolerance(self.nominal, it) && self.is_plausible(it) && waves::comes_again(self.whitened, it);
+        self.equation_error_fits.iter().filter(move |it| {
             let effects = &it.model.file.effects;
             none && effects.len() > 1 && effects.iter().all(sound)
         })
@@ -225,7 +217,7 @@ impl Search<'_> {
         let mut tried: Vec<Vec<String>> = Vec::new();
         let mut best: Option<Fit> = None;
         for pair in pairs {
-            if tried.len() == self.effort.fitted || !self.goes_on(path) {
+            if tried.len() == self.limits.fitted || !self.goes_on(path) {
                 break;
             }
             let mut model = calibrated.model.clone();
@@ -239,10 +231,11 @@ impl Search<'_> {
             }
             (self.progress)(&format!("fitting {}", names.join(" with ")));
             tried.push(names);
-            let Some((model, _)) = project(self.whitened, &nuisance, model, 0, self.effort.profile_steps) else { continue };
-            let Some(fit) = levenberg::onward(self.whitened, model, self.effort.fit_steps, Some(calibrated)) else { continue };
-            let sound =
-                |it: &Entry| !within_tolerance(self.nominal, it) && self.may_be(it) && waves::comes_again(self.whitened, it);
+            let Some((model, _)) = project(self.whitened, &nuisance, model, 0, self.limits.profile_steps) else { continue };
+            let Some(fit) = levenberg::onward(self.whitened, model, self.limits.fit_steps, Some(calibrated)) else { continue };
+            let sound = |it: &Entry| {
+                !within_tolerance(self.nominal, it) && self.is_plausible(it) && waves::comes_again(self.whitened, it)
+            };
             if !fit.model.file.effects.iter().all(sound) {
                 continue;
             }
@@ -268,8 +261,8 @@ impl Search<'_> {
             // The last one has just gained enough.
             for place in 0..count.saturating_sub(1) {
                 let without = fit.model.minus(self.nominal, place);
-                if let Some(other) = levenberg::onward(self.whitened, without, self.effort.fit_steps, Some(&fit))
-                    && other.cost - fit.cost < self.decides(&fit, threshold)
+                if let Some(other) = levenberg::onward(self.whitened, without, self.limits.fit_steps, Some(&fit))
+                    && other.cost - fit.cost < self.deciding_difference(&fit, threshold)
                 {
                     fit = other;
                     continue 'again;
@@ -287,14 +280,14 @@ impl Search<'_> {
         competed: &[(String, Vec<Candidate>)],
         threshold: f64,
         path: &mut Path,
-    ) -> (Fit, Vec<Believed>) {
+    ) -> (Fit, Vec<AcceptedCause>) {
         let mut drops = 0;
         'again: loop {
             let mut causes = Vec::new();
             let entries = fit.model.file.effects.clone();
             for (place, entry) in entries.iter().enumerate() {
                 let name = label(entry.description.kind, entry.arguments.subject.as_deref());
-                let (base, asked) = if entries.len() == 1 {
+                let (base, rivals_tested) = if entries.len() == 1 {
                     // The first competition was for the place of a single cause, so its result can be used again.
                     let known = competed.first().filter(|(_, list)| list.iter().all(|it| it.fit.model.file.effects.len() == 1));
                     match known {
@@ -304,20 +297,20 @@ impl Search<'_> {
                 } else {
                     (self.progress)(&format!("asking what else could stand for {name}"));
                     let without = fit.model.minus(self.nominal, place);
-                    let Some(base) = levenberg::onward(self.whitened, without, self.effort.fit_steps, Some(&fit)) else {
+                    let Some(base) = levenberg::onward(self.whitened, without, self.limits.fit_steps, Some(&fit)) else {
                         continue;
                     };
-                    if base.cost - fit.cost < self.decides(&fit, threshold) && drops < self.effort.causes {
+                    if base.cost - fit.cost < self.deciding_difference(&fit, threshold) && drops < self.limits.causes {
                         // The cause gained enough only while the others were not yet fitted well.
                         fit = base;
                         drops += 1;
                         continue 'again;
                     }
-                    let asked = self.anew(&base, threshold, path);
-                    (base, asked)
+                    let rivals_tested = self.anew(&base, threshold, path);
+                    (base, rivals_tested)
                 };
-                let (asked, candidates) = (asked.is_some(), asked.unwrap_or_default());
-                let least = self.decides(&fit, threshold);
+                let (rivals_tested, candidates) = (rivals_tested.is_some(), rivals_tested.unwrap_or_default());
+                let least = self.deciding_difference(&fit, threshold);
                 let simpler = |it: &Candidate| it.numbers < entry.arguments.numbers.len() && it.fit.cost < fit.cost + least;
                 if let Some(winner) = self.winner(&base, &candidates, threshold)
                     && winner.label != name
@@ -337,16 +330,17 @@ impl Search<'_> {
                     .map(|it| (it.label.clone(), it.fit.cost - fit.cost, it.fit.model.clone()))
                     .collect();
                 rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
-                let mut alike = candidates.iter().find(|it| it.label == name).map_or_else(Vec::new, |it| it.alike.clone());
-                if !asked {
+                let mut alike =
+                    candidates.iter().find(|it| it.label == name).map_or_else(Vec::new, |it| it.aliases_not_fitted.clone());
+                if !rivals_tested {
                     // Even at the work limit, the answer lists the hypotheses with the same trace.
                     alike = self.of_one_trace(&base, entry, least);
                 }
-                causes.push(Believed {
+                causes.push(AcceptedCause {
                     label: name,
-                    alike,
+                    aliases_not_fitted: alike,
                     gain: base.cost - fit.cost,
-                    asked,
+                    rivals_tested,
                     rival_models: rivals.iter().map(|it| (it.0.clone(), it.2.clone())).collect(),
                     rivals: rivals.into_iter().map(|it| (it.0, it.1)).collect(),
                     without: base.model,
@@ -369,7 +363,7 @@ impl Search<'_> {
                     return fit;
                 }
                 let without = fit.model.minus(self.nominal, b).minus(self.nominal, a);
-                let Some(base) = levenberg::onward(self.whitened, without, self.effort.fit_steps, Some(&fit)) else { continue };
+                let Some(base) = levenberg::onward(self.whitened, without, self.limits.fit_steps, Some(&fit)) else { continue };
                 let screened = screen(self.whitened, &base, self.nominal, self.hypotheses);
                 // A hypothesis is tried if its predicted gain is a sufficient share of the joint gain of the two causes.
                 let promising = best_guesses(&screened, 1).into_iter().filter(|it| it.gain > OF_BOTH * (base.cost - fit.cost));
@@ -378,7 +372,7 @@ impl Search<'_> {
                     .map(|it| self.hypotheses[it.hypothesis].entry(fit.model.file.kind, &it.values))
                     .collect();
                 for entry in promising {
-                    let enough = fit.cost + self.decides(&fit, threshold);
+                    let enough = fit.cost + self.deciding_difference(&fit, threshold);
                     let Some(one) = self.fitted(&base, &entry).filter(|it| it.fit.cost < enough) else { continue };
                     if count_of(&one.fit) <= count_of(&fit) && path.visit(labels(&one.fit.model)) {
                         (self.progress)(&format!("{} in place of two", one.label));
@@ -415,7 +409,7 @@ impl Search<'_> {
         }
         let mut screened = screen(self.whitened, base, self.nominal, self.hypotheses);
         screened.iter_mut().for_each(Screened::slim);
-        Some(self.compete(base, &screened, threshold))
+        Some(self.fit_candidates(base, &screened, threshold))
     }
 }
 
@@ -451,10 +445,10 @@ mod tests {
         // All work is spent.
         let mut path = Path::until(0, 0);
         let (_, causes) = search.exchanged(&calibrated, fit, &[], 30.0, &mut path);
-        assert!(!causes[0].asked && path.stopped() == Some(Limit::Steps));
+        assert!(!causes[0].rivals_tested && path.stopped() == Some(Limit::Steps));
         for name in ["parameter-error:force_gain", "sensor-gain:position"] {
-            assert!(causes[0].alike.iter().any(|it| it == name), "{name}: {:?}", causes[0].alike);
+            assert!(causes[0].aliases_not_fitted.iter().any(|it| it == name), "{name}: {:?}", causes[0].aliases_not_fitted);
         }
-        assert!(!causes[0].alike.iter().any(|it| it.contains("friction")), "{:?}", causes[0].alike);
+        assert!(!causes[0].aliases_not_fitted.iter().any(|it| it.contains("friction")), "{:?}", causes[0].aliases_not_fitted);
     }
 }

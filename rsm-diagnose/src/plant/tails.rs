@@ -184,9 +184,9 @@ impl Tails {
         for (row, value) in tamed.iter_mut().enumerate() {
             follows *= self.correlation;
             if let Some(off) = off[row] {
-                let believed = limited(off, size);
-                follows += scale * self.tame(off / scale) - believed;
-                *value += uneven[row] * (believed - off + follows);
+                let accepted = limited(off, size);
+                follows += scale * self.tame(off / scale) - accepted;
+                *value += uneven[row] * (accepted - off + follows);
             }
         }
         tamed
@@ -406,7 +406,7 @@ mod tests {
         assert_eq!(found(6000, |k| corners(k) + random.normal()), None);
     }
 
-    /// Over many draws the variance of the mean of tamed readings, times their number, and the mean of a slow wave that is in them.
+    /// Over many draws the variance of the mean of corrected readings, times their number, and the mean of a slow wave that is in them.
     fn of_means(mut noise: impl FnMut() -> f64) -> (f64, f64) {
         let (rows, draws) = (2000, 200);
         let mut means = Vec::new();

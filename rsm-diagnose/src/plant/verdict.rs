@@ -32,7 +32,7 @@ use super::whiteness;
 use crate::engine::probability::Probability;
 use crate::engine::verdict::Verdict;
 pub(super) use cause_report::{cause, numbers, with_unit};
-use cause_report::{off_lattice, rounding, rounding_entry};
+use cause_report::{rounding, rounding_entry, step_uncertainty};
 use rsm_sim::plant_file::{Entry, PlantFile};
 
 /// Structure below this share of the calibrated plant's squared error counts as none. Two simulations of the same equations with different steps
@@ -83,14 +83,14 @@ pub fn conclude(
     let Selection {
         calibrated,
         fit,
-        causes: believed,
+        causes: accepted,
         refused,
         threshold,
         ranking,
         remaining,
         stopped,
         known_loop,
-        everywhere,
+        all_rows: everywhere,
     } = selection;
     let judged = if unseen.records.is_empty() { whitened } else { unseen };
     let before = validation::on(judged, nominal);
@@ -103,7 +103,7 @@ pub fn conclude(
         before.as_ref().map_or_else(Vec::new, |fit| validation::errors(judged, fit)),
         after.as_ref().map_or_else(Vec::new, |fit| validation::errors(judged, fit)),
     );
-    let order = by_gain(&believed.iter().map(|it| it.gain).collect::<Vec<_>>());
+    let order = by_gain(&accepted.iter().map(|it| it.gain).collect::<Vec<_>>());
     let steps = nested_models::steps(whitened, judged, nominal, &calibrated, &fit, &order);
     let left = whiteness::look(whitened, &fit);
     // On holdout records the parameters of the plant may move within their uncertainty.
@@ -113,7 +113,7 @@ pub fn conclude(
     let left_unseen = there.as_ref().map(|(there, fit)| whiteness::look(there, fit));
     let predicts = there.iter().filter_map(|(there, fit)| predictors::look(there, fit)).chain(predictors::look(whitened, &fit));
     let predicted = predicts.max_by(|a, b| a.excess.total_cmp(&b.excess));
-    let wrong = wrong_a_row(calibrated.cost, calibrated.residual.len());
+    let wrong = mean_excess(calibrated.cost, calibrated.residual.len());
     let elsewhere = [
         left_unseen.as_ref().map(|it| it.excess),
         predicted.as_ref().map(|it| it.excess),
@@ -121,7 +121,7 @@ pub fn conclude(
     ];
     let most_left = elsewhere.into_iter().flatten().fold(left.excess, f64::max);
     let allowed = allowed(of_rounding(rounded.iter().map(|(output, _)| &whitened.floors[*output])), wrong);
-    let (structure, practical) = weighed(most_left, allowed, wrong, believed.is_empty());
+    let (structure, practical) = weighed(most_left, allowed, wrong, accepted.is_empty());
     let calibrated_there = validation::on(judged, &calibrated.model);
     let compared = match (&before, &calibrated_there, &after) {
         (Some(nominal_there), Some(before), Some(after)) => {
@@ -129,34 +129,40 @@ pub fn conclude(
         }
         _ => None,
     };
-    let (error_breakdown, witnesses) =
-        compared.as_ref().map(|it| error_breakdown::error_breakdown(it, &believed)).unwrap_or_default();
+    let (error_breakdown, contributions) =
+        compared.as_ref().map(|it| error_breakdown::error_breakdown(it, &accepted)).unwrap_or_default();
     let mut aliases: Vec<(f64, Alias)> = Vec::new();
     let mut causes: Vec<Cause> = Vec::new();
-    for (place, one) in believed.iter().enumerate() {
-        let decides = effect_size::decides(threshold, fit.cost, fit.residual.len());
+    for (place, one) in accepted.iter().enumerate() {
+        let decides = effect_size::deciding_difference(threshold, fit.cost, fit.residual.len());
         let same = rivals::same(decides, one.gain);
         let one = &rivals::without_general(one);
         aliases.extend(rivals::aliases(one, same).into_iter().map(|it| (one.gain, it)));
-        let alike = rivals::alike(one, same);
+        let alike = rivals::equal_rivals(one, same);
         let judged = Case {
             gain: one.gain,
             rivals: &one.rivals,
             same,
             not_fitted: rivals::not_fitted(one).count(),
-            unit: decides,
+            deciding_difference: decides,
             left: most_left * fit.residual.len() as f64,
             explained: is_explained(structure, stopped),
-            asked: one.asked,
+            rivals_tested: one.rivals_tested,
         };
         let by_law = known_loop.as_ref().is_some_and(|it| it.says(file, &fit.model.file.effects[place]));
         let confidence = sure(confidence::confidence(&judged), by_law);
-        causes.push(cause(&fit, place, one, alike, confidence, witnesses.get(place).cloned().flatten()));
+        causes.push(cause(&fit, place, one, alike, confidence, contributions.get(place).cloned().flatten()));
     }
     let present = outputs(whitened);
     let coarse = resolution::blamed(rounded, present.len(), &whitened.floors);
     for (output, step) in &coarse {
-        causes.extend(rounding(file.kind, *output, *step, off_lattice(whitened, *output, *step), fit.residual.len() as f64));
+        causes.extend(rounding(
+            file.kind,
+            *output,
+            *step,
+            step_uncertainty(whitened, *output, *step),
+            fit.residual.len() as f64,
+        ));
     }
     let rows = whitened.records.iter().map(|it| it.record.rows()).sum();
     let by_law = known_loop.as_ref().map_or_else(Vec::new, |it| it.beside(file, &fit.model.file.effects, rows));
@@ -189,8 +195,8 @@ pub fn conclude(
         extended: extended_errors,
         plant,
         findings,
-        not_seen: None,
-        everywhere,
+        unused_rows: None,
+        all_rows: everywhere,
         units: Vec::new(),
         bridged: gaps::bridged(whitened.records.iter().chain(&unseen.records)),
         noise: present.iter().map(|k| (*k, whitened.floors[*k].sd, whitened.floors[*k].correlation)).collect(),
@@ -233,7 +239,7 @@ fn growing(whitened: &WhitenedResiduals, present: &[usize]) -> Vec<(usize, f64, 
 }
 
 /// The mean error of a calibrated plant per row: its squared error over the noise variance, minus 1.
-fn wrong_a_row(cost: f64, rows: usize) -> f64 {
+fn mean_excess(cost: f64, rows: usize) -> f64 {
     (cost / rows.max(1) as f64 - 1.0).max(0.0)
 }
 

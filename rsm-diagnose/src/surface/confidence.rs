@@ -15,7 +15,7 @@ const EXPLAINED: f64 = 0.96;
 const UNEXPLAINED: f64 = 0.03;
 
 /// The probability among all causes, known or not.
-pub(super) fn beside_the_unknown(among_known: Probability, verdict: Verdict) -> Probability {
+pub(super) fn with_unlisted_cause(among_known: Probability, verdict: Verdict) -> Probability {
     let known = if verdict == Verdict::Unexplained { UNEXPLAINED } else { EXPLAINED };
     among_known.times(known)
 }

@@ -357,7 +357,7 @@ fn of_response(
         Verdict::Explained
     };
     for cause in &mut causes {
-        cause.believe(confidence::beside_the_unknown(cause.probability(), verdict));
+        cause.believe(confidence::with_unlisted_cause(cause.probability(), verdict));
     }
     let mut notes = extension.notes.clone();
     if stopped {

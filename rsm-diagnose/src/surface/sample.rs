@@ -164,7 +164,7 @@ impl Sample {
         sample
     }
 
-    /// The indices of rows that are inside for at least one of the believed sensors: `sensors` has the gains and biases for each input.
+    /// The indices of rows that are inside for at least one of the plausible sensors: `sensors` has the gains and biases for each input.
     pub fn truly_inside(&self, sensors: &[Vec<(f64, f64)>]) -> Vec<usize> {
         let region = Region::new(&self.surface, &self.inputs);
         let is_inside = |row: &usize| {

@@ -70,8 +70,8 @@ fn friction_and_a_constant_load_are_told_apart_by_the_record_that_is_asked_for()
         assert!([kind, rival].contains(&cause.kind), "{}", cause.kind);
         let other = if cause.kind == kind { rival } else { kind };
         assert!(cause.indistinguishable_from.iter().any(|it| it == other), "{:?}", cause.indistinguishable_from);
-        let Some(NextExperiment::Separates { excitation, apart }) = &found.next else { panic!("{:?}", found.next) };
-        assert!(apart.iter().any(|it| it.rival == other && it.enough && it.times_noise > 0.1), "{apart:?}");
+        let Some(NextExperiment::Distinguishes { excitation, differences }) = &found.next else { panic!("{:?}", found.next) };
+        assert!(differences.iter().any(|it| it.rival == other && it.enough && it.times_noise > 0.1), "{differences:?}");
 
         // As a bench would: the file is read, the true plant runs along it, and everything is diagnosed again.
         let file = excitations::csv(&found.plant, excitation);
@@ -118,10 +118,10 @@ fn car_against(rival: &str) -> Option<NextExperiment> {
 fn no_record_tells_a_dragging_brake_from_a_slope_and_that_is_said() {
     // sin(grade) = T/(r m g) = 100/(0.32 * 1560 * 9.80665) = 0.020427
     match car_against(&effect("road-grade", "grade = 0.020428")) {
-        Some(NextExperiment::Alike { apart, tried }) => {
-            assert!(tried >= 12 && apart.len() == 1 && !apart[0].enough, "{tried} {apart:?}");
+        Some(NextExperiment::NotDistinguishable { differences, tried }) => {
+            assert!(tried >= 12 && differences.len() == 1 && !differences[0].enough, "{tried} {differences:?}");
             // While the wheel turns forward the two are one torque.
-            assert!(apart[0].times_noise < 0.01, "{apart:?}");
+            assert!(differences[0].times_noise < 0.01, "{differences:?}");
         }
         other => panic!("{other:?}"),
     }
@@ -132,9 +132,9 @@ fn another_gear_tells_a_dragging_brake_from_friction_of_the_engine() {
     // In second gear 100 N m at the wheel are 100/(2.2 * 3.7) = 12.285 N m at the engine, whose friction is 15 N m.
     let friction = effect("parameter-error", "parameter = \"engine_friction_0\", value = 27.285");
     match car_against(&friction) {
-        Some(NextExperiment::Separates { excitation, apart }) => {
+        Some(NextExperiment::Distinguishes { excitation, differences }) => {
             assert!(excitation.record.gear != 2, "{}", excitation.name);
-            assert!(apart[0].enough && apart[0].times_noise > 1.0, "{apart:?}");
+            assert!(differences[0].enough && differences[0].times_noise > 1.0, "{differences:?}");
         }
         other => panic!("{other:?}"),
     }
@@ -150,7 +150,7 @@ fn an_error_without_a_cause_is_looked_for_where_it_is() {
         *value += if *speed < 60.0 { 0.6 } else { 0.0 };
     }
     let (whitened, fit) = fitted(&file, &records);
-    let Some(NextExperiment::Looks { excitation, expected, present }) =
+    let Some(NextExperiment::CoversError { excitation, expected, present }) =
         next(&whitened, &fit, &[], Verdict::Unexplained, &|_| {})
     else {
         panic!("there is an error to look for")

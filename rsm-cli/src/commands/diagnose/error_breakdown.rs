@@ -33,7 +33,7 @@ pub fn evidence(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Value {
     let it = evidence::of(kind, found, cause);
     json!({
         "for": it.supports, "against": it.speaks_against, "check": cause.check, "gain": finite(cause.gain),
-        "rivals": told::rivals(&cause.rivals), "rivals_asked": cause.asked,
+        "rivals": told::rivals(&cause.rivals), "rivals_asked": cause.rivals_tested,
     })
 }
 

@@ -48,21 +48,21 @@ fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) 
         );
         it.supports.push(words);
     }
-    let Some(witness) = &cause.witness else { return };
+    let Some(contribution) = &cause.contribution else { return };
     let records = if found.error_breakdown.unseen { "validation records" } else { "the records of the fit" };
     let words = |changes: &Changes| -> Vec<String> {
         let each = changes.iter();
         each.map(|(k, without, with)| format!("{} from {} to {}", kind.outputs()[*k].name, multiple(*without), multiple(*with)))
             .collect()
     };
-    let [moved, worse] = witness.changes().each_ref().map(words);
+    let [moved, worse] = contribution.changes().each_ref().map(words);
     if !moved.is_empty() {
         it.supports.push(format!("On {records} it lowers the error, in multiples of the noise: {}.", moved.join(", ")));
     }
     if !worse.is_empty() {
         it.speaks_against.push(format!("On {records} it raises the error, in multiples of the noise: {}.", worse.join(", ")));
     }
-    let (none, all) = (witness.without_gain(), witness.records.len());
+    let (none, all) = (contribution.without_gain(), contribution.records.len());
     let judged = if found.error_breakdown.unseen { "validation record" } else { "record of the fit" };
     let plural = if all == 1 { "" } else { "s" };
     if none.is_empty() {
@@ -71,7 +71,7 @@ fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) 
     } else {
         it.speaks_against.push(format!("{} of {all} {judged}{plural} gain nothing from it: {}.", none.len(), none.join(", ")));
     }
-    if let Some(place) = witness.places.first() {
+    if let Some(place) = contribution.wrong_regions.first() {
         it.supports.push(format!("Without it {}.", words::place(kind, place)));
     }
     if !found.error_breakdown.unseen {
@@ -93,11 +93,11 @@ fn rivals(cause: &Cause, it: &mut Evidence) {
             // A rival that was fitted badly may do worse than nothing.
             100.0 * (1.0 - behind / cause.gain).max(0.0)
         )),
-        _ if !cause.asked => {
+        _ if !cause.rivals_tested => {
             let words = "Alternatives in its place were not tested: the search reached its work limit before.";
             it.speaks_against.push(words.to_string());
         }
-        None if cause.indistinguishable_from.is_empty() && cause.witness.is_some() => {
+        None if cause.indistinguishable_from.is_empty() && cause.contribution.is_some() => {
             it.supports.push("No other entry of the catalogue had a first-order gain large enough to be fitted in its place.".to_string());
         }
         None => {}

@@ -360,10 +360,10 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
             "gain": { "value": output::finite(it.gain[0]), "low": output::finite(it.gain[1]), "high": output::finite(it.gain[2]) },
             "indistinguishable_from": it.alike,
         })).collect::<Vec<Value>>(),
-        "rows_seen": found.not_seen.map(|it| json!({ "seen": it.seen, "of": it.of })),
-        "all_rows": found.everywhere.as_ref().map(|it| json!({
-            "rows": it.rows, "of": it.of, "windows": it.windows, "excess": output::finite(it.excess), "not_simulated": it.lost,
-            "beyond_noise": it.beyond.iter().map(|it| json!({ "record": it.record, "excess": output::finite(it.excess) })).collect::<Vec<Value>>(),
+        "rows_seen": found.unused_rows.map(|it| json!({ "seen": it.used, "of": it.total })),
+        "all_rows": found.all_rows.as_ref().map(|it| json!({
+            "rows": it.rows, "of": it.total_rows, "windows": it.windows, "excess": output::finite(it.excess), "not_simulated": it.not_simulated,
+            "beyond_noise": it.beyond_noise.iter().map(|it| json!({ "record": it.record, "excess": output::finite(it.excess) })).collect::<Vec<Value>>(),
         })),
         "threshold": found.threshold,
         "stopped": found.stopped.map(|limit| limit.to_string()),

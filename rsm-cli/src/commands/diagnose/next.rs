@@ -4,7 +4,7 @@
 
 use rsm_diagnose::plant::Diagnosis;
 use rsm_diagnose::plant::excitations::{self, Excitation};
-use rsm_diagnose::plant::experiment::{Apart, NextExperiment};
+use rsm_diagnose::plant::experiment::{Difference, NextExperiment};
 use serde_json::{Value, json};
 
 use crate::output;
@@ -15,8 +15,8 @@ pub const FILE: &str = "next_experiment.csv";
 /// The proposed record, if there is one.
 fn excitation(found: &Diagnosis) -> Option<&Excitation> {
     match found.next.as_ref()? {
-        NextExperiment::Separates { excitation, .. } | NextExperiment::Looks { excitation, .. } => Some(excitation),
-        NextExperiment::Alike { .. } => None,
+        NextExperiment::Distinguishes { excitation, .. } | NextExperiment::CoversError { excitation, .. } => Some(excitation),
+        NextExperiment::NotDistinguishable { .. } => None,
     }
 }
 
@@ -28,9 +28,9 @@ pub fn csv(found: &Diagnosis) -> Option<String> {
 /// The next experiment in words: which record to make, its purpose, and the expected difference as a multiple of the noise.
 pub fn sentence(found: &Diagnosis) -> Option<String> {
     Some(match found.next.as_ref()? {
-        NextExperiment::Separates { excitation, apart } => {
+        NextExperiment::Distinguishes { excitation, differences } => {
             let record = record(excitation);
-            let (told, not): (Vec<&Apart>, Vec<&Apart>) = apart.iter().partition(|it| it.enough);
+            let (told, not): (Vec<&Difference>, Vec<&Difference>) = differences.iter().partition(|it| it.enough);
             let told: Vec<String> = told
                 .iter()
                 .map(|it| format!("{} from {} ({:.2} times the noise)", it.cause, it.rival, it.times_noise))
@@ -47,8 +47,8 @@ pub fn sentence(found: &Diagnosis) -> Option<String> {
             }
             text
         }
-        NextExperiment::Alike { apart, tried } => {
-            let pairs: Vec<String> = apart
+        NextExperiment::NotDistinguishable { differences, tried } => {
+            let pairs: Vec<String> = differences
                 .iter()
                 .map(|it| format!("{} from {} (at most {:.2} times the noise)", it.cause, it.rival, it.times_noise))
                 .collect();
@@ -58,7 +58,7 @@ pub fn sentence(found: &Diagnosis) -> Option<String> {
                 pairs.join(", nor ")
             )
         }
-        NextExperiment::Looks { excitation, expected, present } => format!(
+        NextExperiment::CoversError { excitation, expected, present } => format!(
             "Make the record \"{}\" ({}; {}, in {FILE}): most of its rows are in the region of the unexplained error. Its expected squared error above the noise is {:.2} \
              of the noise's own, {:.2} in the present records.",
             excitation.name,
@@ -77,8 +77,8 @@ fn record(excitation: &Excitation) -> String {
 
 /// The same for programs; null where there is nothing to do.
 pub fn value(found: &Diagnosis) -> Value {
-    let pairs = |apart: &[Apart]| -> Vec<Value> {
-        let each = apart.iter().map(|it| {
+    let pairs = |differences: &[Difference]| -> Vec<Value> {
+        let each = differences.iter().map(|it| {
             json!({
                 "cause": it.cause,
                 "rival": it.rival,
@@ -91,11 +91,13 @@ pub fn value(found: &Diagnosis) -> Value {
     };
     match &found.next {
         None => Value::Null,
-        Some(NextExperiment::Separates { excitation, apart }) => {
-            json!({ "record": excitation.name, "file": FILE, "pairs": pairs(apart) })
+        Some(NextExperiment::Distinguishes { excitation, differences }) => {
+            json!({ "record": excitation.name, "file": FILE, "pairs": pairs(differences) })
         }
-        Some(NextExperiment::Alike { apart, tried }) => json!({ "record": null, "tried": tried, "pairs": pairs(apart) }),
-        Some(NextExperiment::Looks { excitation, expected, present }) => {
+        Some(NextExperiment::NotDistinguishable { differences, tried }) => {
+            json!({ "record": null, "tried": tried, "pairs": pairs(differences) })
+        }
+        Some(NextExperiment::CoversError { excitation, expected, present }) => {
             json!({ "record": excitation.name, "file": FILE, "expected_error": expected, "present_error": present })
         }
     }

@@ -233,10 +233,10 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     for it in &found.units {
         tell!("{it}.");
     }
-    if let Some(it) = &found.not_seen {
+    if let Some(it) = &found.unused_rows {
         tell!("{it}.");
     }
-    if let Some(it) = &found.everywhere {
+    if let Some(it) = &found.all_rows {
         tell!("{it}.");
     }
     for it in &found.bridged {

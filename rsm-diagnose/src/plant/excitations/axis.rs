@@ -96,8 +96,8 @@ fn moves(path: &mut Path, to: f64, speed: f64, acceleration: f64, period: f64) {
 }
 
 /// All excitations of an axis.
-pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
-    let Some(plant) = believed.first() else { return Vec::new() };
+pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
+    let Some(plant) = accepted.first() else { return Vec::new() };
     let [low, high] = limits.seen[0];
     let half = 0.5 * (high - low);
     if half.is_nan() || half <= 0.0 || !half.is_finite() || limits.speed <= 0.0 || limits.acceleration <= 0.0 {
@@ -108,7 +108,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     let (fast, steep) = (limits.speed, limits.acceleration);
     let mut list = Vec::new();
     let mut add = |name: &str, words: &'static str, make: &super::Maker<'_>| {
-        list.extend(fitting(believed, limits, name, words, make));
+        list.extend(fitting(accepted, limits, name, words, make));
     };
     // Moves to one position after another at a speed, with rests, until the record is full.
     let places = |places: &[f64], speed: f64, rest: f64, a: f64| {

@@ -48,8 +48,8 @@ impl Track<'_> {
 }
 
 /// All excitations of a car.
-pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
-    let Some(plant) = believed.first() else { return Vec::new() };
+pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
+    let Some(plant) = accepted.first() else { return Vec::new() };
     let [low, high] = limits.seen[0];
     if low.is_nan() || high - low <= 0.0 || !(high - low).is_finite() {
         return Vec::new();
@@ -64,7 +64,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     gears.extend([1, 3, 5].into_iter().filter(|gear| !limits.gears.contains(gear)));
     for gear in gears {
         let mut add = |name: &str, words: &'static str, make: &super::Maker<'_>| {
-            list.extend(fitting(believed, limits, &format!("{name}, gear {gear}"), words, make));
+            list.extend(fitting(accepted, limits, &format!("{name}, gear {gear}"), words, make));
         };
         add("tip-in and tip-out", "the pedal from closed to open and back, between the engine speeds that were seen", &|a| {
             let mut pressed = true;

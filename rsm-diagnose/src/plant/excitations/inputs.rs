@@ -21,8 +21,8 @@ const LOWEST: f64 = 2.0;
 const HOLDS: [f64; 2] = [0.002, 0.02];
 
 /// All excitations of a plant of equations.
-pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
-    let Some(plant) = believed.first() else { return Vec::new() };
+pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
+    let Some(plant) = accepted.first() else { return Vec::new() };
     let mut list = Vec::new();
     let names = plant.kind.inputs();
     for (moved, signal) in names.iter().enumerate().take(limits.inputs.len()) {
@@ -34,7 +34,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         let mut add = |name: &str, words: &'static str, shape: &dyn Fn(usize) -> Vec<f64>| {
             let make =
                 |amplitude: f64| Some(record(limits, &|input, rows| (input == moved).then(|| scaled(shape(rows), amplitude))));
-            list.extend(fitting(believed, limits, &format!("{name} of {}", signal.name), words, &make));
+            list.extend(fitting(accepted, limits, &format!("{name} of {}", signal.name), words, &make));
         };
         add("steps", "one input goes through levels of its range, up and down, while the others stay", &|rows| {
             steps(rows, limits.period)
@@ -58,7 +58,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
             Some(record(limits, &|input, rows| Some(scaled(binary(rows, (rows / 100).max(1), 97 * (input + 1)), amplitude))))
         };
         list.extend(fitting(
-            believed,
+            accepted,
             limits,
             "random steps of all inputs",
             "all inputs jump between two values at random, each by itself",

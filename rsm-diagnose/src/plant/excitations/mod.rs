@@ -187,38 +187,38 @@ fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>, gear: 
     }
 }
 
-/// The excitations of a plant, in the order of the library. Every plant of `believed` must stay within the limits along each; the first one predicts
+/// The excitations of a plant, in the order of the library. Every plant of `accepted` must stay within the limits along each; the first one predicts
 /// the outputs.
 #[must_use]
-pub fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
-    let Some(first) = believed.first() else { return Vec::new() };
+pub fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
+    let Some(first) = accepted.first() else { return Vec::new() };
     match first.kind {
-        PlantKind::Pmac => motor::library(believed, limits),
-        PlantKind::Driveline => driveline::library(believed, limits),
-        PlantKind::ServoAxis => axis::library(believed, limits),
-        PlantKind::Equations(_) => inputs::library(believed, limits),
+        PlantKind::Pmac => motor::library(accepted, limits),
+        PlantKind::Driveline => driveline::library(accepted, limits),
+        PlantKind::ServoAxis => axis::library(accepted, limits),
+        PlantKind::Equations(_) => inputs::library(accepted, limits),
     }
 }
 
 /// The record with the largest amplitude for which every plant stays within the limits.
-fn fitting(believed: &[&PlantFile], limits: &Limits, name: &str, words: &'static str, make: &Maker<'_>) -> Option<Excitation> {
+fn fitting(accepted: &[&PlantFile], limits: &Limits, name: &str, words: &'static str, make: &Maker<'_>) -> Option<Excitation> {
     AMPLITUDES.iter().find_map(|amplitude| {
-        let record = predicted(believed, limits, make(*amplitude)?)?;
+        let record = predicted(accepted, limits, make(*amplitude)?)?;
         Some(Excitation { name: name.to_string(), words, record })
     })
 }
 
 /// The record with the first plant's outputs, if all plants stay within the limits.
-fn predicted(believed: &[&PlantFile], limits: &Limits, mut record: Record) -> Option<Record> {
+fn predicted(accepted: &[&PlantFile], limits: &Limits, mut record: Record) -> Option<Record> {
     let mut prediction = None;
-    for plant in believed {
+    for plant in accepted {
         let outputs = along(plant, &record)?;
         if !limits.keeps(plant, &outputs) {
             return None;
         }
         prediction = prediction.or(Some(outputs));
     }
-    let kind = believed.first()?.kind;
+    let kind = accepted.first()?.kind;
     let outputs = prediction?;
     record.measured = kind.outputs().iter().map(|signal| outputs.of(signal.name).map(<[f64]>::to_vec)).collect();
     Some(record)

@@ -143,8 +143,8 @@ impl Motor<'_> {
 }
 
 /// All excitations of a motor.
-pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
-    let Some(plant) = believed.first() else { return Vec::new() };
+pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
+    let Some(plant) = accepted.first() else { return Vec::new() };
     let parameters = plant.effective_parameters();
     let of = |name| parameters.number(name);
     let motor = Motor {
@@ -164,7 +164,7 @@ pub(super) fn library(believed: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     let none = Path::from(0.0);
     let mut list = Vec::new();
     let mut add = |name: &str, words: &'static str, make: &super::Maker<'_>| {
-        list.extend(fitting(believed, limits, name, words, make));
+        list.extend(fitting(accepted, limits, name, words, make));
     };
     let turning = |name: &'static str, speeds: Vec<f64>, share: f64| {
         let motor = &motor;

@@ -2,11 +2,11 @@
 //!
 //! In: an entry of a fitted plant, or the rounding of an output. Out: a [`Cause`]. Makes no decision.
 
-use super::super::cause::{Cause, Interval, Witness};
+use super::super::cause::{Cause, Contribution, Interval};
 use super::super::levenberg::Fit;
 use super::super::model::Place;
 use super::super::posterior::Posterior;
-use super::super::search::Believed;
+use super::super::search::AcceptedCause;
 use super::super::whitened_residuals::WhitenedResiduals;
 use crate::engine::probability::Probability;
 use rsm_sim::effect::{Arguments, Role, Subject};
@@ -29,10 +29,10 @@ pub(crate) fn numbers(fit: &Fit, place: usize) -> Vec<Interval> {
 pub(crate) fn cause(
     fit: &Fit,
     place: usize,
-    believed: &Believed,
+    accepted: &AcceptedCause,
     alike: Vec<String>,
     confidence: Probability,
-    witness: Option<Witness>,
+    contribution: Option<Contribution>,
 ) -> Cause {
     let entry = &fit.model.file.effects[place];
     let subject = entry.arguments.subject.clone();
@@ -58,12 +58,12 @@ pub(crate) fn cause(
         confidence: confidence.own,
         confidence_of_any: confidence.of_any,
         indistinguishable_from: alike,
-        gain: believed.gain,
-        rivals: believed.rivals.clone(),
-        asked: believed.asked,
+        gain: accepted.gain,
+        rivals: accepted.rivals.clone(),
+        rivals_tested: accepted.rivals_tested,
         sentence,
         check: entry.description.check,
-        witness,
+        contribution,
         only_in: None,
     }
 }
@@ -78,7 +78,7 @@ pub(super) fn rounding_entry(kind: PlantKind, output: usize, step: f64) -> Optio
 
 /// The largest deviation of changes of readings from multiples of the step: the uncertainty of the step. It is at least the rounding of the largest
 /// reading.
-pub(super) fn off_lattice(whitened: &WhitenedResiduals, output: usize, step: f64) -> f64 {
+pub(super) fn step_uncertainty(whitened: &WhitenedResiduals, output: usize, step: f64) -> f64 {
     let mut off = 0.0_f64;
     for prepared in &whitened.records {
         let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
@@ -117,10 +117,10 @@ pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows
         // All rows are multiples of the step: about one squared standard deviation for each row.
         gain: rows,
         rivals: Vec::new(),
-        asked: true,
+        rivals_tested: true,
         sentence: format!("The sensor of {} rounds to multiples of {step} {}.", signal.name, signal.unit),
         check: description.check,
-        witness: None,
+        contribution: None,
         only_in: None,
     })
 }

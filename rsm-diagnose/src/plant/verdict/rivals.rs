@@ -4,39 +4,39 @@
 
 use super::super::experiment::Alias;
 use super::super::hypotheses::generalises;
-use super::super::search::Believed;
+use super::super::search::AcceptedCause;
 
 /// Rivals are equal if they fit worse by less than this share of the gain. Different integrators and smoothings of one formula differ by that much.
-const ALIKE: f64 = 1e-5;
+const EQUAL: f64 = 1e-5;
 
 /// The limit below which a rival counts as equal; `decides` is the deciding difference between two explanations.
 pub(super) fn same(decides: f64, gain: f64) -> f64 {
-    decides.max(ALIKE * gain)
+    decides.max(EQUAL * gain)
 }
 
 /// The cause without those rivals that contain it as a special case.
-pub(super) fn without_general(one: &Believed) -> Believed {
+pub(super) fn without_general(one: &AcceptedCause) -> AcceptedCause {
     let rivals = one.rivals.iter().filter(|it| !generalises(&it.0, &one.label)).cloned().collect();
-    Believed { rivals, ..one.clone() }
+    AcceptedCause { rivals, ..one.clone() }
 }
 
 /// Fitted rivals that fit worse by less than `same`.
-fn as_good(one: &Believed, same: f64) -> impl Iterator<Item = &String> {
+fn as_good(one: &AcceptedCause, same: f64) -> impl Iterator<Item = &String> {
     one.rivals.iter().filter(move |it| it.1 < same).map(|it| &it.0)
 }
 
 /// Hypotheses with the same trace that were not fitted. They would fit as well.
-pub(super) fn not_fitted(one: &Believed) -> impl Iterator<Item = &String> {
-    one.alike.iter().filter(|it| !one.rivals.iter().any(|rival| rival.0 == **it))
+pub(super) fn not_fitted(one: &AcceptedCause) -> impl Iterator<Item = &String> {
+    one.aliases_not_fitted.iter().filter(|it| !one.rivals.iter().any(|rival| rival.0 == **it))
 }
 
 /// The names of equal rivals, including those with the same trace that were not fitted.
-pub(super) fn alike(one: &Believed, same: f64) -> Vec<String> {
+pub(super) fn equal_rivals(one: &AcceptedCause, same: f64) -> Vec<String> {
     as_good(one, same).chain(not_fitted(one)).cloned().collect()
 }
 
 /// The equal rivals that were fitted, each with its plant.
-pub(super) fn aliases(one: &Believed, same: f64) -> Vec<Alias> {
+pub(super) fn aliases(one: &AcceptedCause, same: f64) -> Vec<Alias> {
     let alias = |rival: &String| {
         let (_, model) = one.rival_models.iter().find(|it| it.0 == *rival)?;
         Some(Alias { cause: one.label.clone(), rival: rival.clone(), model: model.clone(), limit: same })

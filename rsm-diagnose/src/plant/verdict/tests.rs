@@ -7,7 +7,7 @@ use super::*;
 mod whole;
 
 use super::super::levenberg::Fit;
-use super::super::search::Believed;
+use super::super::search::AcceptedCause;
 use super::cause_report::unit;
 use rsm_sim::effect::Subject;
 use rsm_sim::kind::PlantKind;
@@ -40,9 +40,9 @@ fn causes_that_leave_noise_stand_when_only_the_work_ran_out() {
 
 #[test]
 fn a_plant_in_order_gets_nothing_wrong_and_causes_are_practical_that_remove_nearly_all() {
-    assert_eq!(wrong_a_row(900.0, 300), 2.0);
+    assert_eq!(mean_excess(900.0, 300), 2.0);
     // Less than the noise is not wrong; without rows there is no mean.
-    assert_eq!([wrong_a_row(200.0, 300), wrong_a_row(3.0, 1), wrong_a_row(5.0, 0)], [0.0, 2.0, 4.0]);
+    assert_eq!([mean_excess(200.0, 300), mean_excess(3.0, 1), mean_excess(5.0, 0)], [0.0, 2.0, 4.0]);
     let of = |left: f64, wrong: f64| practical(left, wrong);
     assert_eq!(of(0.005, 10.0), Some(Practical { gone: 1.0 - 0.0005, left: 0.005 }));
     // A hundredth of the noise matters; a hair less does not.
@@ -60,7 +60,7 @@ fn a_step_is_known_to_the_digits_of_the_readings_or_to_what_their_changes_miss()
     let (mut whitened, _) = axis_under_steps::whitened(&axis_under_steps::file("", ""), &axis_under_steps::file("", ""), false);
     let mut off = |values: &[f64]| {
         whitened.records[0].record.measured[0] = Some(values.to_vec());
-        off_lattice(&whitened, 0, 0.25)
+        step_uncertainty(&whitened, 0, 0.25)
     };
     // Multiples to the last bit: the digits of the largest reading.
     assert_eq!(off(&[0.5, 0.25, -4.0, 1.0]), 16.0 * f64::EPSILON);
@@ -73,7 +73,7 @@ fn a_step_is_known_to_the_digits_of_the_readings_or_to_what_their_changes_miss()
     // A hundredth of a step is too far by a hair.
     assert_eq!(off(&[0.0, 0.0025]), 4.0 * f64::EPSILON * 0.0025);
     // Another output is not recorded.
-    assert_eq!(off_lattice(&whitened, 1, 0.25), 0.0);
+    assert_eq!(step_uncertainty(&whitened, 1, 0.25), 0.0);
 }
 
 #[test]
@@ -81,7 +81,7 @@ fn rounding_is_a_cause_of_its_own_and_an_entry_of_the_file() {
     let found = rounding(PlantKind::ServoAxis, 0, 0.5, 0.125, 600.0).unwrap();
     let step = &found.parameters[0];
     assert_eq!((step.value, step.low, step.high, step.unit.as_str()), (0.5, 0.375, 0.625, "m"));
-    assert_eq!((found.confidence, found.gain, found.asked), (0.99, 600.0, true));
+    assert_eq!((found.confidence, found.gain, found.rivals_tested), (0.99, 600.0, true));
     assert_eq!(found.subject.as_deref(), Some("position"));
     let entry = rounding_entry(PlantKind::ServoAxis, 0, 0.5).unwrap();
     assert_eq!((entry.description.kind, entry.arguments.subject.as_deref()), ("sensor-quantisation", Some("position")));
@@ -129,16 +129,16 @@ fn fitted(effects: &str, tolerances: &str) -> Fit {
 }
 
 fn named(fit: &Fit, place: usize) -> Cause {
-    let believed = Believed {
+    let accepted = AcceptedCause {
         label: String::new(),
         gain: 7.0,
         rivals: Vec::new(),
-        alike: Vec::new(),
+        aliases_not_fitted: Vec::new(),
         rival_models: Vec::new(),
-        asked: true,
+        rivals_tested: true,
         without: fit.model.clone(),
     };
-    cause(fit, place, &believed, Vec::new(), Probability::plain(0.5), None)
+    cause(fit, place, &accepted, Vec::new(), Probability::plain(0.5), None)
 }
 
 #[test]
@@ -215,14 +215,14 @@ fn new_ones_take_the_place_of_those_of_the_same_name() {
     assert_eq!(list, [("bias", 2), ("gain", 10), ("drift", 11)]);
 }
 
-fn believed(label: &str, gain: f64, rivals: &[(&str, f64)], model: &Model) -> Believed {
-    Believed {
+fn accepted(label: &str, gain: f64, rivals: &[(&str, f64)], model: &Model) -> AcceptedCause {
+    AcceptedCause {
         label: label.to_string(),
         gain,
         rivals: rivals.iter().map(|(name, behind)| (name.to_string(), *behind)).collect(),
-        alike: Vec::new(),
+        aliases_not_fitted: Vec::new(),
         rival_models: Vec::new(),
-        asked: true,
+        rivals_tested: true,
         without: model.clone(),
     }
 }
@@ -233,8 +233,8 @@ fn rivals_are_alike_that_do_worse_by_less_than_decides() {
     assert_eq!([rivals::same(30.0, 1e6), rivals::same(30.0, 5e6)], [30.0, 1e-5 * 5e6]);
     let (_, nominal) = axis_under_steps::whitened(&axis_under_steps::file("", ""), &axis_under_steps::file("", ""), false);
     let fitted = [("asymmetric-friction", 1.0), ("near", 29.0), ("at the limit", 30.0), ("far", 900.0), ("nearer", 2.0)];
-    let mut one = believed("coulomb-friction", 1e6, &fitted, &nominal);
-    one.alike = vec!["far".to_string(), "same trace".to_string()];
+    let mut one = accepted("coulomb-friction", 1e6, &fitted, &nominal);
+    one.aliases_not_fitted = vec!["far".to_string(), "same trace".to_string()];
     let [mut first, mut second, third] = [0; 3].map(|_| nominal.clone());
     first.file.effects = axis_under_steps::file("", &axis_under_steps::friction(1.0)).effects;
     second.file.effects = axis_under_steps::file("", &axis_under_steps::friction(2.0)).effects;
@@ -245,7 +245,7 @@ fn rivals_are_alike_that_do_worse_by_less_than_decides() {
     let one = rivals::without_general(&one);
     assert_eq!(one.rivals.iter().map(|it| it.0.as_str()).collect::<Vec<_>>(), ["near", "at the limit", "far", "nearer"]);
     // Of the same trace the one that was fitted and does worse is distinguished.
-    assert_eq!(rivals::alike(&one, 30.0), ["near", "nearer", "same trace"]);
+    assert_eq!(rivals::equal_rivals(&one, 30.0), ["near", "nearer", "same trace"]);
     let aliases = rivals::aliases(&one, 30.0);
     let told: Vec<_> = aliases.iter().map(|it| (it.cause.as_str(), it.rival.as_str(), it.limit)).collect();
     assert_eq!(told, [("coulomb-friction", "near", 30.0), ("coulomb-friction", "nearer", 30.0)]);

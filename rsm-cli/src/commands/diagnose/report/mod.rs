@@ -128,10 +128,10 @@ fn data(body: &mut String, found: &Diagnosis) {
     for it in &found.units {
         let _ = writeln!(body, "<p><b>A column in another unit.</b> {}.</p>", escaped(&it.to_string()));
     }
-    if let Some(it) = &found.not_seen {
+    if let Some(it) = &found.unused_rows {
         let _ = writeln!(body, "<p>{it}.</p>");
     }
-    if let Some(it) = &found.everywhere {
+    if let Some(it) = &found.all_rows {
         let _ = writeln!(body, "<p>{}.</p>", escaped(&it.to_string()));
     }
     for it in &found.bridged {

@@ -19,7 +19,7 @@ fn axis() -> (PlantFile, WhitenedResiduals, WhitenedResiduals, Model) {
 }
 
 /// What a search would say that believes the effects, one cause each.
-fn selection(whitened: &WhitenedResiduals, nominal: &Model, effects: &str, causes: Vec<Believed>) -> Selection {
+fn selection(whitened: &WhitenedResiduals, nominal: &Model, effects: &str, causes: Vec<AcceptedCause>) -> Selection {
     let effects = axis_under_steps::file("mass = 0.02", effects).effects;
     Selection {
         calibrated: levenberg::fit(whitened, nominal.clone(), 8).unwrap(),
@@ -31,7 +31,7 @@ fn selection(whitened: &WhitenedResiduals, nominal: &Model, effects: &str, cause
         remaining: Vec::new(),
         stopped: None,
         known_loop: None,
-        everywhere: None,
+        all_rows: None,
     }
 }
 
@@ -39,8 +39,8 @@ fn selection(whitened: &WhitenedResiduals, nominal: &Model, effects: &str, cause
 fn causes_that_leave_noise_are_told_with_all_their_figures() {
     let (file, whitened, unseen, nominal) = axis();
     let mut causes = vec![
-        believed("coulomb-friction", 2e5, &[("backlash", 10.0), ("asymmetric-friction", 0.0)], &nominal),
-        believed("sensor-drift position", 9e5, &[("sensor-bias position", 2.0)], &nominal),
+        accepted("coulomb-friction", 2e5, &[("backlash", 10.0), ("asymmetric-friction", 0.0)], &nominal),
+        accepted("sensor-drift position", 9e5, &[("sensor-bias position", 2.0)], &nominal),
     ];
     causes[0].rival_models = vec![("backlash".to_string(), nominal.clone())];
     causes[1].rival_models = vec![("sensor-bias position".to_string(), nominal.clone())];
@@ -61,7 +61,7 @@ fn causes_that_leave_noise_are_told_with_all_their_figures() {
     let (low, high) = found.gain_interval;
     assert!(found.gain > 0.99 && low <= found.gain && found.gain <= high && low > 0.9, "{} {low} {high}", found.gain);
     assert!(found.error_breakdown.unseen && !found.error_breakdown.slices.is_empty());
-    assert!(found.causes[0].witness.is_some() && found.causes[1].witness.is_some());
+    assert!(found.causes[0].contribution.is_some() && found.causes[1].contribution.is_some());
     assert_eq!(found.noise.iter().map(|it| it.0).collect::<Vec<_>>(), [0]);
 }
 
@@ -70,10 +70,10 @@ fn a_cause_beside_structure_helps_and_what_the_law_shows_takes_its_place() {
     let (file, whitened, _, nominal) = axis();
     let nothing = whitened.on(Vec::new());
     let of = |gain: f64, known_loop: Option<KnownLoop>| {
-        let causes = vec![believed("sensor-drift position", gain, &[], &nominal)];
+        let causes = vec![accepted("sensor-drift position", gain, &[], &nominal)];
         let selection = Selection { known_loop, ..selection(&whitened, &nominal, DRIFT, causes) };
         let rows = selection.fit.residual.len();
-        let unit = effect_size::decides(selection.threshold, selection.fit.cost, rows);
+        let unit = effect_size::deciding_difference(selection.threshold, selection.fit.cost, rows);
         (conclude(&file, &whitened, &nothing, &nominal, selection, Vec::new(), &[]), rows as f64, unit)
     };
     let (found, rows, unit) = of(1e4, None);
@@ -82,8 +82,16 @@ fn a_cause_beside_structure_helps_and_what_the_law_shows_takes_its_place() {
     assert!(found.left.excess > 1.0 && found.left_unseen.is_none() && !found.error_breakdown.unseen);
     // The worst of what is left, over all rows, stands beside its gain.
     let left = found.predicted.as_ref().map_or(found.left.excess, |it| it.excess.max(found.left.excess));
-    let case =
-        Case { gain: 1e4, rivals: &[], same: unit, not_fitted: 0, unit, left: left * rows, explained: false, asked: true };
+    let case = Case {
+        gain: 1e4,
+        rivals: &[],
+        same: unit,
+        not_fitted: 0,
+        deciding_difference: unit,
+        left: left * rows,
+        explained: false,
+        rivals_tested: true,
+    };
     assert_eq!(drift.confidence, confidence::confidence(&case).own);
     assert!(drift.confidence > 0.0 && drift.confidence < LEAST_CONFIDENCE, "{}", drift.confidence);
     // A gain of the command by the law alone: a cause and an entry of its own.
@@ -102,12 +110,12 @@ fn what_was_not_believed_has_the_first_reason_that_holds() {
     use super::super::super::rejected::Why;
     let (file, whitened, unseen, nominal) = axis();
     let causes = vec![
-        believed("coulomb-friction", 2e5, &[("backlash", 10.0), ("ripple", 900.0)], &nominal),
-        believed("sensor-drift:position", 9e5, &[], &nominal),
+        accepted("coulomb-friction", 2e5, &[("backlash", 10.0), ("ripple", 900.0)], &nominal),
+        accepted("sensor-drift:position", 9e5, &[], &nominal),
     ];
     let mut selection = selection(&whitened, &nominal, &(axis_under_steps::friction(0.5) + DRIFT), causes);
     let list = |list: &[(&str, f64)]| list.iter().map(|(name, gain)| ((*name).to_string(), *gain)).collect();
-    // What is believed is not rejected, and 30 is asked of a cause.
+    // An accepted cause is not rejected, and a cause must gain 30.
     selection.ranking = list(&[
         ("coulomb-friction", 1e5),
         ("refused", 5e4),
