@@ -125,17 +125,18 @@ pub fn check(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals
             if prepared.iter().all(|it| it.outputs.is_empty()) {
                 continue;
             }
-            let there = outlier_correction::tamed(whitened.on(prepared), &fit.model);
+            let there = outlier_correction::corrected(whitened.on(prepared), &fit.model);
             // First a quick start from the first readings. If that leaves an error, the start is fitted as for a holdout record.
-            let quick = validation::at_once(&there, &fit.model).map(|started| own_noise::left_there(&there, started, looks));
+            let quick =
+                validation::at_once(&there, &fit.model).map(|started| own_noise::remaining_structure(&there, started, looks));
             let left = quick.filter(|it| it.excess <= 0.0).or_else(|| {
                 let started = validation::on(&there, &fit.model)?;
-                let left = own_noise::left_there(&there, started.clone(), looks);
+                let left = own_noise::remaining_structure(&there, started.clone(), looks);
                 if left.excess <= 0.0 {
                     return Some(left);
                 }
                 let moved = validation::within(&there, &fit.model, &sds, &started);
-                Some(moved.map_or(left, |moved| own_noise::left_there(&there, moved, looks)))
+                Some(moved.map_or(left, |moved| own_noise::remaining_structure(&there, moved, looks)))
             });
             let Some(left) = left else {
                 found.not_simulated.push(name);

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::checks::Finding;
 use super::levenberg::Fit;
-use super::outlier_correction::less;
+use super::outlier_correction::difference;
 use super::prepared::Prepared;
 use super::tails::{deviation, off_neighbours};
 use super::validation;
@@ -26,10 +26,10 @@ const WINDOW: usize = 8;
 
 /// With this many large readings in a window, a channel has bursts. Of normal noise one window in 10^8 has as many; of noise six times as large, four
 /// in five have.
-const SHOWS: usize = 5;
+const LEAST_TO_DETECT: usize = 5;
 
 /// In a channel with bursts, a window with this many large readings belongs to a burst. Of normal noise one window in 10,000 has as many.
-const BELONGS: usize = 3;
+const LEAST_IN_BURST: usize = 3;
 
 /// Rows added at each end of a burst, because its first and last readings may be small by chance: with noise six times as large, one reading in three
 /// is small.
@@ -42,35 +42,35 @@ const MOST_IN_BURSTS: f64 = 0.2;
 const LEAST_ROWS: usize = 20;
 
 /// The largest lag in rows of the autocorrelation test.
-const LATER: usize = 4;
+const MOST_LAG: usize = 4;
 
 /// For independent readings, a sum of products exceeds this many of its standard deviations once in a thousand cases.
 const CORRELATED: f64 = 3.3;
 
 /// The residual of an output in one record, and which rows count.
-pub(super) type LeftOf<'a> = (&'a [f64], &'a [bool]);
+pub(super) type OutputResidual<'a> = (&'a [f64], &'a [bool]);
 
 /// The bursts of an output, one list for each record. Empty if there are none, or if the bursts are autocorrelated.
 #[must_use]
-pub(super) fn of_output(lists: &[LeftOf<'_>]) -> Vec<Vec<Range<usize>>> {
+pub(super) fn of_output(lists: &[OutputResidual<'_>]) -> Vec<Vec<Range<usize>>> {
     let none = vec![Vec::new(); lists.len()];
-    if lists.iter().all(|(left, used)| loud(left, used, SHOWS).is_empty()) {
+    if lists.iter().all(|(left, used)| burst_rows(left, used, LEAST_TO_DETECT).is_empty()) {
         return none;
     }
-    let bursts: Vec<Vec<Range<usize>>> = lists.iter().map(|(left, used)| loud(left, used, BELONGS)).collect();
+    let bursts: Vec<Vec<Range<usize>>> = lists.iter().map(|(left, used)| burst_rows(left, used, LEAST_IN_BURST)).collect();
     let rows: usize = bursts.iter().flatten().map(ExactSizeIterator::len).sum();
-    let few = |(bursts, (_, used)): (&Vec<Range<usize>>, &LeftOf<'_>)| {
+    let few = |(bursts, (_, used)): (&Vec<Range<usize>>, &OutputResidual<'_>)| {
         let counted = used.iter().filter(|used| **used).count();
         bursts.iter().map(ExactSizeIterator::len).sum::<usize>() as f64 <= MOST_IN_BURSTS * counted as f64
     };
-    if rows < LEAST_ROWS || !bursts.iter().zip(lists).all(few) || follows(lists, &bursts) {
+    if rows < LEAST_ROWS || !bursts.iter().zip(lists).all(few) || is_autocorrelated(lists, &bursts) {
         return none;
     }
     bursts
 }
 
 /// Rows of a record in windows with at least this many large readings.
-fn loud(left: &[f64], used: &[bool], least: usize) -> Vec<Range<usize>> {
+fn burst_rows(left: &[f64], used: &[bool], least: usize) -> Vec<Range<usize>> {
     let off = off_neighbours(left, used);
     let Some(size) = deviation(&off).filter(|size| *size > 0.0) else { return Vec::new() };
     let large: Vec<bool> = off.iter().map(|off| off.is_some_and(|off| off.abs() > LARGE_READING * size)).collect();
@@ -93,8 +93,8 @@ fn loud(left: &[f64], used: &[bool], least: usize) -> Vec<Range<usize>> {
 
 /// Whether readings in bursts are autocorrelated. The test uses their mean and the products of readings some rows apart; each sum is divided by the
 /// root of its sum of squares.
-fn follows(lists: &[LeftOf<'_>], bursts: &[Vec<Range<usize>>]) -> bool {
-    let mut sums = [(0.0, 0.0); LATER + 1];
+fn is_autocorrelated(lists: &[OutputResidual<'_>], bursts: &[Vec<Range<usize>>]) -> bool {
+    let mut sums = [(0.0, 0.0); MOST_LAG + 1];
     for ((left, used), bursts) in lists.iter().zip(bursts) {
         for burst in bursts {
             // A slow deviation is not part of a burst: the median of the rows beside it is subtracted.
@@ -133,11 +133,11 @@ pub(super) fn leave_out(
         let mut holding: Vec<(&mut Prepared, usize, Vec<f64>)> = Vec::new();
         for (prepared, simulated) in records {
             if let Some(k) = prepared.outputs.iter().position(|it| *it == output) {
-                let left = less(prepared.measured(k), &simulated[k]);
+                let left = difference(prepared.measured(k), &simulated[k]);
                 holding.push((prepared, k, left));
             }
         }
-        let lists: Vec<LeftOf<'_>> =
+        let lists: Vec<OutputResidual<'_>> =
             holding.iter().map(|(prepared, k, left)| (left.as_slice(), prepared.used[*k].as_slice())).collect();
         let bursts = of_output(&lists);
         for ((prepared, k, _), bursts) in holding.into_iter().zip(bursts) {

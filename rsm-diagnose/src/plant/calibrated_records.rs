@@ -6,7 +6,7 @@
 use super::calibration::{calibrate, floors, with_rounding};
 use super::checks::{self, Finding};
 use super::levenberg::{self, Fit};
-use super::model::{AtStart, Model};
+use super::model::{InitialMotion, Model};
 use super::noise::Floor;
 use super::outlier_correction::{self, Recorded};
 use super::row_share::Share;
@@ -96,12 +96,12 @@ impl CalibratedRecords {
         }
         if initial_motion::shown(&whitened, &calibrated, &unseen) {
             (options.progress)("a record begins in the middle of a motion: what no column shows of its start is unknown");
-            (nominal, calibrated) = anew(&mut whitened, &mut unseen, AtStart::InMotion)?;
+            (nominal, calibrated) = anew(&mut whitened, &mut unseen, InitialMotion::InMotion)?;
         }
         let mut recorded = [&whitened, &unseen].map(Recorded::of);
         if tails == HeavyTails::Corrected {
             for _ in 0..TAILS {
-                if !outlier_correction::found(&mut whitened, &mut unseen, &mut recorded, &calibrated, &findings) {
+                if !outlier_correction::detect(&mut whitened, &mut unseen, &mut recorded, &calibrated, &findings) {
                     break;
                 }
                 (options.progress)("noise with heavy tails: readings far off their neighbours count less");
@@ -154,7 +154,7 @@ impl CalibratedRecords {
 
     /// Detects heavy tails that were hidden by structure until this fit removed it. Returns whether readings changed.
     pub fn correct_hidden_tails(&mut self, fit: &Fit) -> bool {
-        outlier_correction::found(&mut self.whitened, &mut self.unseen, &mut self.recorded, fit, &self.findings)
+        outlier_correction::detect(&mut self.whitened, &mut self.unseen, &mut self.recorded, fit, &self.findings)
     }
 
     /// Estimates the inputs in the gaps of records from the readings, with the plant of a fit. Returns whether those of the training records changed.
@@ -177,7 +177,7 @@ impl CalibratedRecords {
     pub fn begins_in_motion(&mut self) {
         let records: Vec<&Record> = self.whitened.records.iter().map(|it| &it.record).collect();
         for model in [&mut self.nominal, &mut self.calibrated.model] {
-            model.at_start = AtStart::InMotion;
+            model.at_start = InitialMotion::InMotion;
             model.take_starts(&records, self.whitened.floors.map(|floor| floor.sd));
         }
     }
@@ -185,7 +185,7 @@ impl CalibratedRecords {
 
 /// Estimates the inputs in the gaps of holdout records from their readings, with the plant of a model.
 fn correct_unseen(unseen: &mut WhitenedResiduals, model: &Model) {
-    if unseen.records.iter().all(|it| it.bridges.is_empty()) {
+    if unseen.records.iter().all(|it| it.filled_gaps.is_empty()) {
         return;
     }
     let there = validation::on(unseen, model);

@@ -5,7 +5,7 @@
 //! Never adds a cause.
 
 use super::levenberg::{self, Fit};
-use super::model::{self, AtStart, Model};
+use super::model::{self, InitialMotion, Model};
 use super::noise::Floor;
 use super::rounding::Rounding;
 use super::whitened_residuals::{self, WhitenedResiduals};
@@ -14,7 +14,7 @@ use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
 /// Estimates the noise floor and the calibrated plant in turn: the floor is the residual of the calibrated plant at high frequencies.
-pub fn calibrate(whitened: &mut WhitenedResiduals, file: &PlantFile, at_start: AtStart) -> Option<(Model, Fit)> {
+pub fn calibrate(whitened: &mut WhitenedResiduals, file: &PlantFile, at_start: InitialMotion) -> Option<(Model, Fit)> {
     let records: Vec<Record> = whitened.records.iter().map(|it| it.record.clone()).collect();
     let records: Vec<&Record> = records.iter().collect();
     let bare = PlantFile { effects: Vec::new(), ..file.clone() };
@@ -31,7 +31,7 @@ pub fn calibrate(whitened: &mut WhitenedResiduals, file: &PlantFile, at_start: A
     }
     // There may be a better local minimum: try the beginnings of the records, and the opposite side of the calibrated values.
     let mut best = fit;
-    let from_beginnings = from_beginnings(whitened, &nominal);
+    let from_beginnings = over_growing_horizon(whitened, &nominal);
     for start in from_beginnings.into_iter().chain([mirrored(&nominal, &best.model)]) {
         let Some(other) = levenberg::fit(whitened, start, 8) else { continue };
         if other.cost < 0.9 * best.cost {
@@ -55,7 +55,7 @@ fn is_near_noise(fit: &Fit) -> bool {
 /// Continues a fit while it gains a thousandth of its cost, at most four times. Eight steps are enough near a minimum, but not far from it.
 fn converged(whitened: &WhitenedResiduals, mut fit: Fit) -> Option<Fit> {
     for _ in 0..4 {
-        let further = levenberg::onward(whitened, fit.model.clone(), 8, Some(&fit))?;
+        let further = levenberg::refit(whitened, fit.model.clone(), 8, Some(&fit))?;
         let done = fit.cost - further.cost < (1e-3 * fit.cost).max(1.0);
         if further.cost < fit.cost {
             fit = further;
@@ -69,7 +69,7 @@ fn converged(whitened: &WhitenedResiduals, mut fit: Fit) -> Option<Fit> {
 
 /// A calibration to the first eighth of each record, then to twice as much, and so on. A rotation or an oscillation is still in phase at the
 /// beginning.
-fn from_beginnings(whitened: &WhitenedResiduals, nominal: &Model) -> Option<Model> {
+fn over_growing_horizon(whitened: &WhitenedResiduals, nominal: &Model) -> Option<Model> {
     let mut model = nominal.clone();
     for share in [8, 4, 2] {
         let records = whitened.records.iter().map(|it| it.shortened(it.record.rows() / share)).collect();
@@ -140,25 +140,25 @@ pub fn with_rounding(
 /// the largest reading.
 fn estimate(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simulated], file: &PlantFile) -> [Floor; OUTPUTS] {
     let mut floors = whitened.floors;
-    for ((output, floor), shown) in floors.iter_mut().enumerate().zip(shown(whitened, simulated)) {
+    for ((output, floor), noise) in floors.iter_mut().enumerate().zip(noise_estimates(whitened, simulated)) {
         let name = file.kind.outputs().get(output).map_or("", |signal| signal.name);
         let stated = file.noise.iter().find(|(found, _)| *found == name).map(|(_, sd)| *sd).filter(|sd| *sd > 0.0);
-        let otherwise = || Floor::white(stated.unwrap_or(1e-3 * shown.largest).max(shown.least()));
-        *floor = shown.floor.unwrap_or_else(otherwise);
+        let otherwise = || Floor::white(stated.unwrap_or(1e-3 * noise.largest).max(noise.least()));
+        *floor = noise.floor.unwrap_or_else(otherwise);
     }
     floors
 }
 
 /// The noise of an output as estimated from the records.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Shown {
+pub struct NoiseEstimate {
     /// The floor, if the records are long enough for a spectrum.
     pub floor: Option<Floor>,
     /// The largest reading.
     pub largest: f64,
 }
 
-impl Shown {
+impl NoiseEstimate {
     /// The smallest noise that can be separated from the error of a simulation.
     fn least(&self) -> f64 {
         1e-9 * self.largest.max(1e-291)
@@ -166,22 +166,22 @@ impl Shown {
 }
 
 /// The noise of each output after a simulation is subtracted from the records.
-pub fn shown(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simulated]) -> [Shown; OUTPUTS] {
-    let mut all = [Shown::default(); OUTPUTS];
-    for (output, shown) in all.iter_mut().enumerate() {
+pub fn noise_estimates(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simulated]) -> [NoiseEstimate; OUTPUTS] {
+    let mut all = [NoiseEstimate::default(); OUTPUTS];
+    for (output, noise) in all.iter_mut().enumerate() {
         let mut residuals: Vec<(&[f64], Vec<f64>, &[bool])> = Vec::new();
         for (prepared, simulated) in whitened.records.iter().zip(simulated) {
             let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
             let difference = prepared.measured(k).iter().zip(&simulated[k]).map(|(a, b)| a - b).collect();
-            shown.largest = prepared.measured(k).iter().fold(shown.largest, |most, value| most.max(value.abs()));
+            noise.largest = prepared.measured(k).iter().fold(noise.largest, |most, value| most.max(value.abs()));
             residuals.push((prepared.measured(k), difference, &prepared.used[k]));
         }
         let lists: Vec<(&[f64], &[bool])> = residuals.iter().map(|(_, values, used)| (values.as_slice(), *used)).collect();
         let with_readings: Vec<(&[f64], &[f64], &[bool])> =
             residuals.iter().map(|(measured, values, used)| (*measured, values.as_slice(), *used)).collect();
-        let least = shown.least();
+        let least = noise.least();
         let above = |floor: Floor| if floor.sd >= least { floor } else { Floor::white(least) };
-        shown.floor = Floor::of_growing(&with_readings).or_else(|| Floor::estimate(&lists)).map(above);
+        noise.floor = Floor::of_growing(&with_readings).or_else(|| Floor::estimate(&lists)).map(above);
     }
     all
 }

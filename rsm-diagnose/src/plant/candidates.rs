@@ -175,7 +175,7 @@ impl Search<'_> {
     fn converged(&self, fit: &Fit, found: &Candidate, threshold: f64) -> Option<Candidate> {
         let enough = 0.1 * threshold;
         let steps = self.limits.fit_steps;
-        let mut further = levenberg::onward(self.whitened, found.fit.model.clone(), FINAL_STEPS * steps, Some(&found.fit))?;
+        let mut further = levenberg::refit(self.whitened, found.fit.model.clone(), FINAL_STEPS * steps, Some(&found.fit))?;
         let entry = further.model.file.effects.last()?;
         let several = entry.arguments.numbers.len() > 1;
         let scales = |it: &Hypothesis| it.guesses.iter().all(|guess| guess.neutral.is_some());
@@ -183,7 +183,7 @@ impl Search<'_> {
         if !scales {
             further = multistart::escaped(self.whitened, further, steps, enough);
         }
-        let hops = if several && !scales { multistart::IN_VAIN } else { 0 };
+        let hops = if several && !scales { multistart::MOST_FAILED_HOPS } else { 0 };
         if hops > 0 || multistart::in_few_parts(self.whitened, &further) {
             further = multistart::settled(self.whitened, further, steps, hops, enough);
         }
@@ -264,7 +264,7 @@ impl Search<'_> {
             Some((model, _)) => levenberg::fit(self.whitened, model, self.limits.fit_steps)?,
             None => {
                 let model = fit.model.joined(self.nominal, entry.clone());
-                levenberg::onward(self.whitened, model, self.limits.fit_steps, Some(fit))?
+                levenberg::refit(self.whitened, model, self.limits.fit_steps, Some(fit))?
             }
         };
         self.judged(fit, found)
@@ -294,7 +294,7 @@ impl Search<'_> {
     /// A fit with a wave that reached a poor local minimum. Starting again from a wave fit along the readings may improve it.
     fn continued_wave_fit(&self, mut fit: Fit) -> Fit {
         for reach in waves::AGAIN {
-            if whiteness::look(self.whitened, &fit).excess <= 0.0 {
+            if whiteness::test(self.whitened, &fit).excess <= 0.0 {
                 break;
             }
             let place = fit.model.file.effects.len() - 1;
@@ -341,7 +341,7 @@ impl Search<'_> {
     /// residual is always preferred.
     pub(super) fn tie(&self, best: &Fit, gain: f64, score: f64, threshold: f64) -> f64 {
         let rows = self.whitened.rows() + self.unseen.rows();
-        let left = whiteness::look(self.whitened, best).excess * rows as f64;
+        let left = whiteness::test(self.whitened, best).excess * rows as f64;
         threshold.max(effect_size::tie(left.min((1.0 - AS_GOOD) * gain), score, rows))
     }
 }
@@ -410,7 +410,8 @@ mod tests {
     fn four_forms_of_one_trace_compete_and_no_more() {
         // Six hypotheses of one trace promise most, and the seventh is another.
         let promised = [100.0, 99.0, 98.0, 97.0, 96.0, 60.0, 50.0];
-        let one = |(hypothesis, gain): (usize, &f64)| Screened::told(hypothesis, *gain, Some(usize::from(hypothesis == 6)));
+        let one =
+            |(hypothesis, gain): (usize, &f64)| Screened::with_gain(hypothesis, *gain, Some(usize::from(hypothesis == 6)));
         let screened: Vec<Screened> = promised.iter().enumerate().map(one).collect();
         let split = split_duplicates(&screened, 10.0);
         assert_eq!(split.kept.iter().map(|it| it.hypothesis).collect::<Vec<_>>(), [0, 1, 2, 3, 6]);

@@ -188,7 +188,7 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
     anew.gain = validation::gain(&anew.nominal, &anew.extended);
     let judges = if setting.validation.is_empty() { setting.training } else { setting.validation };
     let (prepared, _) = checks::prepared(judges.iter().cloned().map(Piece::whole), setting.filed);
-    let whitened = outlier_correction::tamed(judged.noise.on(prepared), &judged.filed.model);
+    let whitened = outlier_correction::corrected(judged.noise.on(prepared), &judged.filed.model);
     let records: Vec<&Record> = judges.iter().collect();
     let sds = judged.noise.floors.map(|floor| floor.sd);
     let [filed, extended] = [setting.filed, &anew.plant].map(|plant| Model::nominal(plant, &records, sds));

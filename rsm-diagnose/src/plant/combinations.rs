@@ -52,7 +52,7 @@ pub(super) fn combinations(it: &Compared<'_>, accepted: &[AcceptedCause], withou
         // Remove the highest index first, so that the other indices stay valid.
         out.sort_by_key(|k| std::cmp::Reverse(order[*k]));
         let model = out.iter().fold(it.fit.model.clone(), |model, k| model.minus(it.nominal, order[*k]));
-        let fit = levenberg::onward(&training, model, STEPS, Some(it.fit))?;
+        let fit = levenberg::refit(&training, model, STEPS, Some(it.fit))?;
         validation::on(judged, &fit.model).map(|fit| combined(judged, &fit))
     })
 }

@@ -86,7 +86,7 @@ fn is_separate(
     fit = levenberg::fit(&whitened, fit.model, STEPS)?;
     unseen.floors = whitened.floors;
     let sds = Posterior::of(&fit).deviations().to_vec();
-    if whiteness::look(&whitened, &fit).excess > SLIGHT || structure(&unseen, &fit, &sds)? > SLIGHT {
+    if whiteness::test(&whitened, &fit).excess > SLIGHT || structure(&unseen, &fit, &sds)? > SLIGHT {
         return None;
     }
     let alone = whitened.on(vec![record.clone()]);
@@ -120,5 +120,5 @@ fn structure(whitened: &WhitenedResiduals, fit: &Fit, sds: &[Option<f64>]) -> Op
     }
     let there = validation::on(whitened, &fit.model)?;
     let moved = validation::within(whitened, &fit.model, sds, &there)?;
-    Some(own_noise::left_there(whitened, moved, 1).excess)
+    Some(own_noise::remaining_structure(whitened, moved, 1).excess)
 }

@@ -66,7 +66,7 @@ mod tests {
     fn bends_tell_what_traces_miss_of_a_move_of_two_parameters() {
         let file = axis_under_steps::file("mass = 0.04\nviscous_friction = 0.08", "");
         let (whitened, nominal) = axis_under_steps::whitened(&file, &file, false);
-        let fit = levenberg::here(&whitened, nominal.clone()).unwrap();
+        let fit = levenberg::linearised(&whitened, nominal.clone()).unwrap();
         let steps = [1.5, -1.0];
         let mut moved = nominal.clone();
         for (k, step) in steps.iter().enumerate() {

@@ -10,17 +10,17 @@ use super::equations::Said;
 use super::error_breakdown::{ErrorBreakdown, Moved};
 use super::experiment::{Alias, NextExperiment};
 use super::final_test::Refusal;
-use super::gaps::Bridged;
+use super::gaps::FilledGaps;
 use super::known_loop::KnownLoop;
 use super::nested_models::Step;
-use super::predictors::Predicted;
+use super::predictors::Predictor;
 use super::row_share::UnusedRows;
 use super::search_history::Limit;
 use super::tails::Tails;
 use super::tested::Tested;
-use super::units::InUnit;
+use super::units::WrongUnit;
 use super::validation::{Error, worst};
-use super::whiteness::Left;
+use super::whiteness::RemainingStructure;
 pub use crate::engine::verdict::Verdict;
 use rsm_sim::plant_file::PlantFile;
 
@@ -80,9 +80,9 @@ pub struct Diagnosis {
     /// The check of the result on all rows, if the search did not use all of them.
     pub all_rows: Option<AllRows>,
     /// Columns whose unit differs from the one in the record. They were converted before all other steps.
-    pub units: Vec<InUnit>,
-    /// Gaps of a few rows that were bridged.
-    pub bridged: Vec<Bridged>,
+    pub units: Vec<WrongUnit>,
+    /// Gaps of a few rows that were filled.
+    pub filled_gaps: Vec<FilledGaps>,
     /// The noise of each recorded output: its place, standard deviation, and correlation from row to row.
     pub noise: Vec<(usize, f64, f64)>,
     /// Outputs whose noise grows with the reading: its standard deviation at a reading of 0 and at the largest one.
@@ -102,15 +102,15 @@ pub struct Diagnosis {
     /// The work limit that stopped the search, if any.
     pub stopped: Option<Limit>,
     /// What is left on the training records.
-    pub left: Left,
+    pub left: RemainingStructure,
     /// What is left on the validation records, if there are any.
-    pub left_unseen: Option<Left>,
+    pub left_unseen: Option<RemainingStructure>,
     /// The check of the sensors by the known law of the control loop.
     pub known_loop: Option<KnownLoop>,
     /// The equation errors with the recorded signals, without a free run.
     pub equations: Option<Said>,
     /// A signal that predicts a part of the residual, on the records where it predicts more.
-    pub predicted: Option<Predicted>,
+    pub predicted: Option<Predictor>,
     /// Rivals with the same trace. Those of the strongest cause come first, the strongest first.
     pub aliases: Vec<Alias>,
     /// The next record: it would distinguish the rivals, or cover the region of an unexplained error.

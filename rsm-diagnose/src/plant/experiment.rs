@@ -109,8 +109,11 @@ fn distinguishing_record(
     aliases: &[Alias],
     limits: &Limits,
 ) -> Option<NextExperiment> {
-    let rivals: Vec<(&Alias, Fit)> =
-        aliases.iter().take(MOST_PAIRS).filter_map(|it| Some((it, levenberg::here(whitened, it.model.clone())?))).collect();
+    let rivals: Vec<(&Alias, Fit)> = aliases
+        .iter()
+        .take(MOST_PAIRS)
+        .filter_map(|it| Some((it, levenberg::linearised(whitened, it.model.clone())?)))
+        .collect();
     let mut accepted: Vec<&PlantFile> = vec![&fit.model.file];
     accepted.extend(rivals.iter().map(|(alias, _)| &alias.model.file));
     let library = excitations::library(&accepted, limits);

@@ -7,7 +7,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::identifiability;
 use super::levenberg::{self, Fit};
-use super::model::{AtStart, Model, Place};
+use super::model::{InitialMotion, Model, Place};
 use super::noise::Floor;
 use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::plant_file::PlantFile;
@@ -38,7 +38,7 @@ pub fn polish(
             None => break,
         }
     }
-    identifiability::settled(whitened, fit)
+    identifiability::converged(whitened, fit)
 }
 
 /// The extended plant as a file. A parameter at the end of its tolerance gets its nominal value again if the records no longer determine it, because
@@ -82,10 +82,10 @@ pub fn written(file: &PlantFile, whitened: &WhitenedResiduals, nominal: &Model, 
 /// A fit of only the initial state of the first record, with its records; `None` if records begin steadily. The first rows, which no other fit
 /// compares, determine the initial state best, now that the causes are known.
 fn began(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(WhitenedResiduals, Fit)> {
-    if fit.model.at_start == AtStart::Steady {
+    if fit.model.at_start == InitialMotion::Steady {
         return None;
     }
-    let first = whitened.records.first()?.with_led_rows();
+    let first = whitened.records.first()?.with_settling_rows();
     let of_first = |place: &Place| matches!(place, Place::Start { record: 0, .. });
     let unknowns = fit.model.unknowns.iter().filter(|it| of_first(&it.place)).cloned().collect();
     let model = Model { starts: fit.model.starts[..1].to_vec(), unknowns, ..fit.model.clone() };

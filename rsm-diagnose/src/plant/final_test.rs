@@ -37,7 +37,7 @@ impl Search<'_> {
         let mut refused = Vec::new();
         while let Some((place, why)) = self.worst_member(calibrated, &fit, &causes, threshold) {
             let without = fit.model.minus(self.nominal, place);
-            let Some(other) = levenberg::onward(self.whitened, without, self.limits.fit_steps, Some(&fit)) else { break };
+            let Some(other) = levenberg::refit(self.whitened, without, self.limits.fit_steps, Some(&fit)) else { break };
             let cause = causes.remove(place).label;
             (self.progress)(&format!("{cause} is refused: {why}"));
             refused.push(Refusal { cause, why });
@@ -51,7 +51,7 @@ impl Search<'_> {
     fn update_gains(&self, fit: &Fit, causes: &mut [AcceptedCause]) {
         for (place, cause) in causes.iter_mut().enumerate() {
             let without = fit.model.minus(self.nominal, place);
-            if let Some(base) = levenberg::onward(self.whitened, without, self.limits.fit_steps, Some(fit)) {
+            if let Some(base) = levenberg::refit(self.whitened, without, self.limits.fit_steps, Some(fit)) {
                 cause.gain = base.cost - fit.cost;
                 cause.without = base.model;
             }
@@ -163,8 +163,8 @@ fn at_search_bound(fit: &Fit, entry: usize) -> Option<String> {
         if !unknown.logarithmic {
             return None;
         }
-        let at = unknown.inward(fit.model.value(k));
-        let near = |end: f64| (at - unknown.inward(end)).abs() < AT_SEARCH_BOUND * unknown.scale;
+        let at = unknown.to_search_scale(fit.model.value(k));
+        let near = |end: f64| (at - unknown.to_search_scale(end)).abs() < AT_SEARCH_BOUND * unknown.scale;
         (near(unknown.low) || near(unknown.high))
             .then(|| format!("{number} reached the bound of its search, {:.4}", fit.model.value(k)))
     });

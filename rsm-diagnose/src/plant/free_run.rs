@@ -3,7 +3,7 @@
 //! In: a plant file with its effects, and records. Out: its parameters, fitted to the simulation error, and root mean square errors. Names no cause.
 
 use super::levenberg::{self, Fit};
-use super::model::{AtStart, Model, Place};
+use super::model::{InitialMotion, Model, Place};
 use super::noise::Floor;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_sim::kind::OUTPUTS;
@@ -32,7 +32,7 @@ pub fn adapted(found: &Fit, record: &Record, rows: usize, numbers: &[&str], nois
     let own = |place: &Place| matches!(place, Place::Effect { number, .. } if numbers.contains(number));
     model.unknowns.retain(|it| own(&it.place));
     model.file.initial.clear();
-    model.at_start = AtStart::of(model.file.kind, whole.into_iter());
+    model.at_start = InitialMotion::of(model.file.kind, whole.into_iter());
     model.take_starts(&whole, noise);
     let beginning = Prepared::new(record.clone(), model.file.kind.outputs().len()).shortened(rows);
     let whitened = WhitenedResiduals::new(vec![beginning], noise.map(Floor::white), 1);

@@ -98,7 +98,7 @@ impl Search<'_> {
 
     /// The fit of a simpler model, if it is worse by less than `worse`; otherwise the given fit.
     fn or_plainer(&self, fit: Fit, model: Model, worse: f64) -> Fit {
-        match levenberg::onward(self.whitened, model, self.limits.fit_steps, Some(&fit)) {
+        match levenberg::refit(self.whitened, model, self.limits.fit_steps, Some(&fit)) {
             Some(other) if other.cost < fit.cost + worse => other,
             _ => fit,
         }

@@ -2,20 +2,20 @@
 //!
 //! In: a prepared record with gaps. Out: the same record with rows in the gaps, so that a simulation can run through. Outputs in these rows do not
 //! count. Inputs are interpolated linearly across the gap. If the readings after a gap show that an input was higher or lower inside it, the line is
-//! moved by that amount. Three kinds of gap are not bridged: a long gap, a gap that is not a whole number of rows, and a step back in time. Never
+//! moved by that amount. Three kinds of gap are not filled: a long gap, a gap that is not a whole number of rows, and a step back in time. Never
 //! changes a recorded row.
 
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::nuisance::Nuisance;
-pub use super::prepared::Bridge;
+pub use super::prepared::FilledGap;
 use super::prepared::Prepared;
 use super::whitened_residuals::{Column, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::normal::{Normal, symmetric};
 use rsm_sim::kind::OUTPUTS;
 
-/// The longest gap that is bridged, in rows. A time stamp may be wrong by 1 % of a period, so the length of ten rows is known to a tenth of a row. If
+/// The longest gap that is filled, in rows. A time stamp may be wrong by 1 % of a period, so the length of ten rows is known to a tenth of a row. If
 /// an input changes once in the gap, its mean shows when it changed; if it changes twice, the mean does not.
 pub const LONGEST: usize = 10;
 
@@ -24,12 +24,12 @@ const OFF_GRID: f64 = 0.1;
 
 /// The effect of an input in a gap, in squared standard deviations of the noise, below which its course does not matter: a hundredth of the gain that
 /// a cause needs.
-const MATTERS: f64 = 0.3;
+const LEAST_EFFECT: f64 = 0.3;
 
 /// The largest number of gap inputs that are estimated, those with the largest effect. A record of 8000 rows that lost one row in 97 has 82 gaps;
 /// with three inputs these are 246. Each needs a simulation of its record. Together they cost a quarter to a half of the search of one cause (500 to
 /// 1000 runs).
-const MOST_ASKED: usize = 250;
+const MOST_ESTIMATED: usize = 250;
 
 /// The squared residual per row, in squared standard deviations, below which the residual counts as noise. The upper band gives the noise level to 2
 /// to 4 %, which is 4 to 8 % in squares: a smaller limit would reject noise. The smallest detectable effect, a third of the noise, adds 10 %: with a
@@ -52,9 +52,9 @@ const OF_A_CHANGE: f64 = 1.0 / 12.0;
 /// If all offsets together gain less, in squared standard deviations of the noise, no further calibration is done.
 const LEAST_GAIN: f64 = 1.0;
 
-/// The bridged gaps of a record.
+/// The filled gaps of a record.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Bridged {
+pub struct FilledGaps {
     /// The name of the record in messages.
     pub record: String,
     /// The number of gaps.
@@ -65,16 +65,16 @@ pub struct Bridged {
     pub longest: usize,
 }
 
-/// The bridged gaps of records; records without gaps are left out.
+/// The filled gaps of records; records without gaps are left out.
 #[must_use]
-pub fn bridged<'a>(records: impl IntoIterator<Item = &'a Prepared>) -> Vec<Bridged> {
-    let of = |it: &Prepared| Bridged {
+pub fn filled_gaps<'a>(records: impl IntoIterator<Item = &'a Prepared>) -> Vec<FilledGaps> {
+    let of = |it: &Prepared| FilledGaps {
         record: it.record.file.clone(),
-        gaps: it.bridges.len(),
-        rows: it.bridges.iter().map(|bridge| bridge.rows.len()).sum(),
-        longest: it.bridges.iter().map(|bridge| bridge.rows.len()).max().unwrap_or(0),
+        gaps: it.filled_gaps.len(),
+        rows: it.filled_gaps.iter().map(|bridge| bridge.rows.len()).sum(),
+        longest: it.filled_gaps.iter().map(|bridge| bridge.rows.len()).max().unwrap_or(0),
     };
-    records.into_iter().filter(|it| !it.bridges.is_empty()).map(of).collect()
+    records.into_iter().filter(|it| !it.filled_gaps.is_empty()).map(of).collect()
 }
 
 /// Fills the short gaps of a record. The breaks that remain were not filled.
@@ -107,7 +107,7 @@ pub fn fill(prepared: &mut Prepared) {
         if *count == 0 {
             breaks.push(start);
         } else {
-            prepared.bridges.push(Bridge { rows: start..start + count, offsets: [0.0; OUTPUTS] });
+            prepared.filled_gaps.push(FilledGap { rows: start..start + count, offsets: [0.0; OUTPUTS] });
         }
         inserted += count;
     }
@@ -120,7 +120,7 @@ pub fn fill(prepared: &mut Prepared) {
     let rows = prepared.record.rows();
     for used in &mut prepared.used {
         *used = vec![true; rows];
-        prepared.bridges.iter().for_each(|it| used[it.rows.clone()].fill(false));
+        prepared.filled_gaps.iter().for_each(|it| used[it.rows.clone()].fill(false));
     }
 }
 
@@ -130,7 +130,7 @@ fn between(before: f64, after: f64, share: f64) -> f64 {
 
 /// Writes an input in a gap: the line between the rows beside it, plus an offset.
 fn write(prepared: &mut Prepared, place: Place, offset: f64) {
-    let bridge = &mut prepared.bridges[place.bridge];
+    let bridge = &mut prepared.filled_gaps[place.bridge];
     bridge.offsets[place.input] = offset;
     let rows = bridge.rows.clone();
     let values = &mut prepared.record.inputs[place.input];
@@ -157,9 +157,9 @@ fn open(prepared: &Prepared) -> Vec<Place> {
     let mut list = Vec::new();
     for (input, values) in prepared.record.inputs.iter().enumerate().filter(|(_, values)| !values.is_empty()) {
         let mut elsewhere = [None; LONGEST + 1];
-        for (bridge, it) in prepared.bridges.iter().enumerate() {
+        for (bridge, it) in prepared.filled_gaps.iter().enumerate() {
             let rows = it.rows.len();
-            let usual = *elsewhere[rows].get_or_insert_with(|| off_a_line(values, rows));
+            let usual = *elsewhere[rows].get_or_insert_with(|| interpolation_error(values, rows));
             let change = values[it.rows.end] - values[it.rows.start - 1];
             let sd = f64::max(usual, OF_A_CHANGE * change * change).sqrt();
             if sd > 0.0 {
@@ -171,7 +171,7 @@ fn open(prepared: &Prepared) -> Vec<Place> {
 }
 
 /// The mean square difference between the mean of this many values and the line between the values beside them.
-fn off_a_line(values: &[f64], rows: usize) -> f64 {
+fn interpolation_error(values: &[f64], rows: usize) -> f64 {
     let off = values.windows(rows + 2).map(|w| {
         let mean = w[1..=rows].iter().sum::<f64>() / rows as f64;
         (mean - 0.5 * (w[0] + w[rows + 1])).powi(2)
@@ -180,7 +180,7 @@ fn off_a_line(values: &[f64], rows: usize) -> f64 {
 }
 
 /// The gap inputs that matter. The effect of one gap is simulated; the effects of the others follow in proportion.
-fn that_matter(whitened: &WhitenedResiduals, fit: &Fit, record: usize) -> Vec<Place> {
+fn significant(whitened: &WhitenedResiduals, fit: &Fit, record: usize) -> Vec<Place> {
     let all = open(&whitened.records[record]);
     let mut list: Vec<(f64, Place)> = Vec::new();
     for input in 0..whitened.records[record].record.inputs.len() {
@@ -190,10 +190,10 @@ fn that_matter(whitened: &WhitenedResiduals, fit: &Fit, record: usize) -> Vec<Pl
         let Some(Some(trace)) = traces(whitened, fit, record, &[*first]).pop() else { continue };
         let energy = trace.and(&trace);
         let of = |it: &Place| energy * (it.sd * it.rows / first.rows).powi(2);
-        list.extend(its.iter().map(|it| (of(it), *it)).filter(|it| it.0 > MATTERS));
+        list.extend(its.iter().map(|it| (of(it), *it)).filter(|it| it.0 > LEAST_EFFECT));
     }
     list.sort_by(|a, b| b.0.total_cmp(&a.0));
-    list.truncate(MOST_ASKED);
+    list.truncate(MOST_ESTIMATED);
     list.into_iter().map(|it| it.1).collect()
 }
 
@@ -201,7 +201,7 @@ fn that_matter(whitened: &WhitenedResiduals, fit: &Fit, record: usize) -> Vec<Pl
 /// inputs would compensate for another error of the plant.
 #[must_use]
 pub fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(Vec<Prepared>, Fit)> {
-    if whitened.records.iter().all(|it| it.bridges.is_empty()) {
+    if whitened.records.iter().all(|it| it.filled_gaps.is_empty()) {
         return None;
     }
     let mut other = whitened.clone();
@@ -231,7 +231,7 @@ fn correct(whitened: &mut WhitenedResiduals, fit: &Fit) -> bool {
 
 /// The same for one record. The residual of all records is updated.
 fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<'_>, record: usize, residual: &mut Vec<f64>) {
-    let places = that_matter(whitened, fit, record);
+    let places = significant(whitened, fit, record);
     let traces = traces(whitened, fit, record, &places).into_iter().zip(places);
     let traces: Vec<(Place, Column)> = traces.filter_map(|(trace, place)| Some((place, trace?))).collect();
     if traces.is_empty() {
@@ -250,8 +250,8 @@ fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<
         let certain: Vec<f64> = traces.iter().map(|(it, _)| 1.0 / (it.sd * it.sd)).collect();
         (0..n).for_each(|i| matrix[i * n + i] += certain[i]);
         let now: Vec<f64> =
-            traces.iter().map(|(it, _)| whitened.records[record].bridges[it.bridge].offsets[it.input]).collect();
-        let asked = nuisance.asked(&traces, &products, residual);
+            traces.iter().map(|(it, _)| whitened.records[record].filled_gaps[it.bridge].offsets[it.input]).collect();
+        let asked = nuisance.projections(&traces, &products, residual);
         let right: Vec<f64> = (0..n).map(|i| asked[i] / noise - now[i] * certain[i]).collect();
         let change = Normal::new(&matrix, n, 0.0).solve(&right);
         let mut tried = whitened.records[record].clone();
@@ -285,7 +285,7 @@ fn traces(whitened: &WhitenedResiduals, fit: &Fit, record: usize, places: &[Plac
     let mut list = Vec::new();
     // A few at a time: each needs a copy of the record.
     for some in places.chunks(4 * whitened.threads.max(1)) {
-        let now = |it: &Place| whitened.records[record].bridges[it.bridge].offsets[it.input];
+        let now = |it: &Place| whitened.records[record].filled_gaps[it.bridge].offsets[it.input];
         let moved = |it: &Place| {
             let mut prepared = whitened.records[record].clone();
             write(&mut prepared, *it, now(it) + it.sd);
@@ -334,7 +334,7 @@ mod tests {
         lost.extend(60..71);
         let mut prepared = without(100, &lost, |k| (k as f64, 2.0 * k as f64));
         fill(&mut prepared);
-        assert_eq!(prepared.bridges.iter().map(|it| it.rows.clone()).collect::<Vec<_>>(), [20..21, 40..42]);
+        assert_eq!(prepared.filled_gaps.iter().map(|it| it.rows.clone()).collect::<Vec<_>>(), [20..21, 40..42]);
         // Eleven rows stay a break: the one before row 71 of the truth, 11 rows are lost there.
         assert_eq!(prepared.record.breaks, [60]);
         assert_eq!(prepared.record.rows(), 100 - 11);
@@ -348,7 +348,7 @@ mod tests {
         assert_eq!((prepared.row_of(29), prepared.row_of(47), prepared.row_of(86)), (Some(30), Some(50), None));
         prepared.keep(30..60);
         assert_eq!((prepared.file_row(0), prepared.file_row(20), prepared.row_of(47)), (29, 47, Some(20)));
-        assert_eq!(bridged([&prepared]), [Bridged { record: "r.csv".to_string(), gaps: 1, rows: 2, longest: 2 }]);
+        assert_eq!(filled_gaps([&prepared]), [FilledGaps { record: "r.csv".to_string(), gaps: 1, rows: 2, longest: 2 }]);
     }
 
     #[test]
@@ -360,7 +360,7 @@ mod tests {
         }
         let mut prepared = Prepared::new(record(csv), 2);
         fill(&mut prepared);
-        assert_eq!((prepared.record.breaks.len(), prepared.bridges.len()), (1, 0));
+        assert_eq!((prepared.record.breaks.len(), prepared.filled_gaps.len()), (1, 0));
     }
 
     #[test]
@@ -383,14 +383,14 @@ mod tests {
         let before = levenberg::fit(&whitened, model, 8).unwrap();
         let (records, after) = corrected(&whitened, &before).unwrap();
         whitened.records = records;
-        let offsets: Vec<f64> = whitened.records[0].bridges.iter().map(|it| it.offsets[0]).collect();
+        let offsets: Vec<f64> = whitened.records[0].filled_gaps.iter().map(|it| it.offsets[0]).collect();
         // Half of 5 V up.
         assert!((offsets[0] - 2.5).abs() < 0.05 && (offsets[1] - 2.5).abs() < 0.05, "{offsets:?}");
         // Of a plant that is wrong otherwise nothing is asked.
         let mut wrong = before.model.clone();
         wrong.file.parameters.set("force_gain", 3.0);
         let records: Vec<Prepared> = whitened.records.clone();
-        let there = levenberg::here(&whitened.on(records), wrong).unwrap();
+        let there = levenberg::linearised(&whitened.on(records), wrong).unwrap();
         assert!(corrected(&whitened, &there).is_none());
         // 398 readings: four standard deviations of their squared noise, 4 sqrt(2 * 398), and what the priors of two offsets leave.
         assert!(after.cost < 398.0 + 113.0 + 10.0, "{} from {}", after.cost, before.cost);

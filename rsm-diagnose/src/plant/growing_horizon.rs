@@ -17,7 +17,7 @@ use rsm_sim::effect::{Guess, Role};
 
 /// A beginning ends where the squared residual, summed from the first row, exceeds this many times the noise. Then three quarters of it are error.
 /// That is enough to fit a parameter, and small enough for a first-order step.
-const TIMES: f64 = 4.0;
+const TIMES_THE_NOISE: f64 = 4.0;
 
 /// The smallest number of rows for this test. With one output and fewer rows, noise alone may reach a large ratio; with these, it exceeds 1.6 once in
 /// ten thousand cases.
@@ -33,7 +33,7 @@ const STEP: f64 = 0.05;
 const STAGES: usize = 24;
 
 /// The number of hypotheses that are followed.
-const FOLLOWED: usize = 2;
+const MOST_HYPOTHESES: usize = 2;
 
 /// If the beginnings hold this share of all rows, they show no more than the whole records.
 const NEARLY_ALL: f64 = 0.8;
@@ -43,7 +43,7 @@ const NEARLY_ALL: f64 = 0.8;
 const SCAN: usize = 24;
 
 /// The first rows of the records, as far as a plant follows them, with the plant.
-struct Beginning {
+struct Horizon {
     /// Rows of each record.
     ends: Vec<usize>,
     /// The fit to these rows.
@@ -66,7 +66,7 @@ fn reach(whitened: &WhitenedResiduals, model: &Model) -> Option<Vec<usize>> {
         let mut end = rows;
         for row in 0..rows {
             squared += (0..outputs).map(|k| residual[first + k * rows + row].powi(2)).sum::<f64>();
-            if row >= LEAST_ROWS && squared > TIMES * (outputs * (row + 1)) as f64 {
+            if row >= LEAST_ROWS && squared > TIMES_THE_NOISE * (outputs * (row + 1)) as f64 {
                 end = row + 1;
                 break;
             }
@@ -93,7 +93,7 @@ fn further(whitened: &WhitenedResiduals, model: &Model, ends: &[usize]) -> Optio
 }
 
 /// Whether any record has grown enough, or is complete.
-fn leads_on(whitened: &WhitenedResiduals, before: &[usize], after: &[usize]) -> bool {
+fn has_grown(whitened: &WhitenedResiduals, before: &[usize], after: &[usize]) -> bool {
     let mut each = before.iter().zip(after).zip(&whitened.records);
     each.any(|((before, after), it)| {
         after > before && (*after == it.record.rows() || *after as f64 > (1.0 + STEP) * *before as f64)
@@ -105,15 +105,15 @@ fn is_whole(whitened: &WhitenedResiduals, ends: &[usize]) -> bool {
 }
 
 /// How far the plant follows the records when it is calibrated to these rows only.
-fn beginning(whitened: &WhitenedResiduals, model: Model, steps: usize) -> Option<Beginning> {
+fn first_horizon(whitened: &WhitenedResiduals, model: Model, steps: usize) -> Option<Horizon> {
     let mut ends = reach(whitened, &model)?;
     let mut model = model;
     for _ in 0..STAGES {
         let fit = levenberg::fit(&cut(whitened, &ends), model, steps)?;
         let found = reach(whitened, &fit.model)?;
         let found: Vec<usize> = found.iter().zip(&ends).map(|(found, end)| *found.max(end)).collect();
-        if !leads_on(whitened, &ends, &found) {
-            return Some(Beginning { ends, fit });
+        if !has_grown(whitened, &ends, &found) {
+            return Some(Horizon { ends, fit });
         }
         (ends, model) = (found, fit.model);
     }
@@ -130,7 +130,7 @@ fn followed(whitened: &WhitenedResiduals, model: Model, mut ends: Vec<usize>, st
             return Some(fit);
         }
         let found = further(whitened, &fit.model, &ends)?;
-        if !leads_on(whitened, &ends, &found) {
+        if !has_grown(whitened, &ends, &found) {
             return None;
         }
         (ends, model) = (found, fit.model);
@@ -159,8 +159,8 @@ fn scanned(hypotheses: &[Hypothesis]) -> Vec<Hypothesis> {
 
 impl Search<'_> {
     /// Adds the results from the beginnings of the records to the candidates of a competition. Of two fits of one hypothesis, the better one is kept.
-    pub(super) fn add_from_beginnings(&self, fit: &Fit, candidates: &mut Vec<Candidate>, threshold: f64) {
-        for it in self.at_beginnings(fit, threshold) {
+    pub(super) fn add_from_first_horizon(&self, fit: &Fit, candidates: &mut Vec<Candidate>, threshold: f64) {
+        for it in self.at_first_horizon(fit, threshold) {
             let same = candidates.iter().position(|other| other.label == it.label && other.numbers == it.numbers);
             match same {
                 Some(place) if candidates[place].score <= it.score => {}
@@ -173,11 +173,11 @@ impl Search<'_> {
 
     /// The best additional causes at the beginning of the records, each followed to their end. Empty if the plant already follows nearly the whole of
     /// the records: then the usual search sees the same.
-    fn at_beginnings(&self, fit: &Fit, threshold: f64) -> Vec<Candidate> {
+    fn at_first_horizon(&self, fit: &Fit, threshold: f64) -> Vec<Candidate> {
         let limits = self.limits;
         // Calibrated again: a calibration to the whole records is biased by the missing cause.
         let plain = self.nominal.with_effects(self.nominal, fit.model.file.effects.clone());
-        let Some(base) = beginning(self.whitened, plain, limits.fit_steps) else { return Vec::new() };
+        let Some(base) = first_horizon(self.whitened, plain, limits.fit_steps) else { return Vec::new() };
         let rows: usize = self.whitened.records.iter().map(|it| it.record.rows()).sum();
         if base.ends.iter().sum::<usize>() as f64 > NEARLY_ALL * rows as f64 {
             return Vec::new();
@@ -188,10 +188,10 @@ impl Search<'_> {
         let hypotheses = scanned(self.hypotheses);
         let there = Search { whitened: &short, unseen: &unseen, hypotheses: &hypotheses, ..*self };
         let mut screened = screen(&short, &base.fit, self.nominal, &hypotheses);
-        screened.iter_mut().for_each(Screened::slim);
+        screened.iter_mut().for_each(Screened::without_traces);
         let mut found = there.fit_candidates(&base.fit, &screened, threshold);
         found.retain(|it| base.fit.cost - it.fit.cost > threshold);
-        found.truncate(FOLLOWED);
+        found.truncate(MOST_HYPOTHESES);
         let mut candidates = Vec::new();
         for it in found {
             (self.progress)(&format!("following {}", it.label));
@@ -205,7 +205,7 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::calibration::calibrate;
-    use super::super::model::AtStart;
+    use super::super::model::InitialMotion;
     use super::super::noise::Floor;
     use super::super::whitened_residuals::Prepared;
     use super::super::{axis_under_steps, hypotheses, survey};
@@ -255,7 +255,7 @@ mod tests {
     #[test]
     fn a_clutch_that_swings_at_its_limit_is_followed_from_its_first_slip() {
         let (mut whitened, file) = slipping(140.0);
-        let (nominal, calibrated) = calibrate(&mut whitened, &file, AtStart::Steady).unwrap();
+        let (nominal, calibrated) = calibrate(&mut whitened, &file, InitialMotion::Steady).unwrap();
         let survey = survey::survey(&whitened, &calibrated);
         let all = hypotheses::all(file.kind, &survey, &[0, 1, 2]);
         let slips: Vec<Hypothesis> = all.into_iter().filter(|it| it.description.kind == "clutch-slip").collect();
@@ -270,7 +270,7 @@ mod tests {
             "{:?}",
             candidates.iter().map(|it| it.fit.cost / rows).collect::<Vec<_>>()
         );
-        search.add_from_beginnings(&calibrated, &mut candidates, 40.0);
+        search.add_from_first_horizon(&calibrated, &mut candidates, 40.0);
         let best = &candidates[0].fit;
         let capacity = best.model.file.effects[0].arguments.number("capacity");
         // A tenth of a per cent; and what is left is noise, as far as floors that were made beside a slipping clutch say.

@@ -13,10 +13,10 @@ use crate::engine::normal::Normal;
 
 /// A direction is open if its posterior standard deviation is more than this share of its prior one. Errors from curvature can simulate information
 /// down to a thousandth.
-const OPEN: f64 = 1e-3;
+const UNIDENTIFIED: f64 = 1e-3;
 
 /// The number of rounds in which directions are measured. The first ones are too short, because of the curvature errors; later ones are longer.
-const MEASURED: usize = 3;
+const MEASURING_ROUNDS: usize = 3;
 
 /// A direction has its final length if it grew by less than this share.
 const SAME_LENGTH: f64 = 0.05;
@@ -43,7 +43,7 @@ struct Direction {
 
 /// The converged fit. If it cannot be improved it is returned with accurate derivatives.
 #[must_use]
-pub fn settled(whitened: &WhitenedResiduals, fit: Fit) -> Fit {
+pub fn converged(whitened: &WhitenedResiduals, fit: Fit) -> Fit {
     let mut best = fit;
     for _ in 0..ROUNDS {
         let columns = corrected(whitened, &best);
@@ -51,7 +51,7 @@ pub fn settled(whitened: &WhitenedResiduals, fit: Fit) -> Fit {
         let mut end = Equations::new(&model, &columns, &residual);
         for _ in 0..STEPS {
             let change = end.newton(&model);
-            let promised = end.promised(&change);
+            let promised = end.predicted_gain(&change);
             if promised.is_nan() || promised < AT_ITS_END {
                 break;
             }
@@ -84,7 +84,7 @@ fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Column> {
     // Every unknown is either free or held.
     let mut columns: Vec<Column> = columns.into_iter().flatten().collect();
     let mut lengths: Vec<f64> = Vec::new();
-    for _ in 0..MEASURED {
+    for _ in 0..MEASURING_ROUNDS {
         let directions = directions(&fit.model, &columns);
         let now: Vec<f64> = directions.iter().map(|it| it.left).collect();
         let is_same = |(a, b): (&f64, &f64)| (a / b - 1.0).abs() < SAME_LENGTH;
@@ -118,7 +118,7 @@ fn along(whitened: &WhitenedResiduals, model: &Model, step: &[f64]) -> Option<Ve
         let mut moved = model.clone();
         for (k, step) in step.iter().enumerate() {
             let unknown = &model.unknowns[k];
-            let searched = unknown.inward(model.value(k)) + sign * step;
+            let searched = unknown.to_search_scale(model.value(k)) + sign * step;
             // A tolerance limits a search; derivatives beyond it are valid.
             let value = if unknown.logarithmic { searched.exp() } else { searched };
             let is_possible = matches!(unknown.place, Place::Nominal(_)) || (unknown.low..=unknown.high).contains(&value);
@@ -148,7 +148,7 @@ fn directions(model: &Model, columns: &[Column]) -> Vec<Direction> {
     }
     let mut list = Vec::new();
     for (value, vector) in eigen(left, n) {
-        if value < OPEN * OPEN || value.is_nan() {
+        if value < UNIDENTIFIED * UNIDENTIFIED || value.is_nan() {
             continue;
         }
         // v = C P^(1/2) w/sqrt(value), of length one by the posterior, and its inverse H v = P^(1/2) w/sqrt(value).
@@ -248,7 +248,7 @@ mod tests {
         let (mut held, mut by_one_deviation) = ([0; 4], [0; 4]);
         for _ in 0..draws {
             let (whitened, fit, truths) = symmetric(&mut random);
-            let fit = settled(&whitened, fit);
+            let fit = converged(&whitened, fit);
             let posterior = Posterior::of(&fit);
             for (k, truth) in truths.iter().enumerate().filter_map(|(k, truth)| Some((k, (*truth)?))) {
                 let (low, high) = posterior.interval(&fit, k).unwrap();

@@ -8,7 +8,7 @@
 //! in the first rows the simulation settles, and they are not compared.
 
 use super::levenberg::{self, Fit};
-use super::model::{self, AtStart, Model};
+use super::model::{self, InitialMotion, Model};
 use super::validation;
 use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::kind::PlantKind;
@@ -31,16 +31,16 @@ const MOST_SHARE: usize = 10;
 
 /// The initial motion of axis records. If they begin in motion, their first rows let the simulation settle and are not compared. Other plants count
 /// as steady until a fit shows the contrary.
-pub fn of_axis(whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals, file: &PlantFile) -> AtStart {
+pub fn of_axis(whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals, file: &PlantFile) -> InitialMotion {
     let records = whitened.records.iter().chain(&unseen.records).map(|it| &it.record);
-    let at_start = AtStart::of(file.kind, records);
-    if at_start == AtStart::Steady {
+    let at_start = InitialMotion::of(file.kind, records);
+    if at_start == InitialMotion::Steady {
         return at_start;
     }
     for prepared in whitened.records.iter_mut().chain(&mut unseen.records) {
         let rows = prepared.record.rows();
         let first = ((REMEMBERED / prepared.record.period) as usize).min(rows / MOST_SHARE);
-        prepared.lead(first);
+        prepared.set_settling_rows(first);
     }
     at_start
 }
@@ -49,7 +49,7 @@ pub fn of_axis(whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals,
 #[must_use]
 pub fn shown(whitened: &WhitenedResiduals, fit: &Fit, unseen: &WhitenedResiduals) -> bool {
     let has_hidden = matches!(fit.model.file.kind, PlantKind::Driveline | PlantKind::Equations(_));
-    if !has_hidden || fit.model.at_start == AtStart::InMotion {
+    if !has_hidden || fit.model.at_start == InitialMotion::InMotion {
         return false;
     }
     let free = levenberg::fit(whitened, freed(whitened, &fit.model), STEPS);
@@ -64,7 +64,7 @@ pub fn shown(whitened: &WhitenedResiduals, fit: &Fit, unseen: &WhitenedResiduals
 
 /// The model with free initial states, and the other ones as they were.
 fn freed(whitened: &WhitenedResiduals, model: &Model) -> Model {
-    let mut free = Model { at_start: AtStart::InMotion, ..model.clone() };
+    let mut free = Model { at_start: InitialMotion::InMotion, ..model.clone() };
     let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
     free.take_starts(&records, whitened.floors.map(|floor| floor.sd));
     free.starts.clone_from(&model.starts);
@@ -104,7 +104,7 @@ mod tests {
     }
 
     /// How records with these speeds begin, the speeds that are unknown, and the rows of each record that judge.
-    fn begun(speeds: &[f64]) -> (AtStart, usize, Vec<usize>) {
+    fn begun(speeds: &[f64]) -> (InitialMotion, usize, Vec<usize>) {
         let text = include_str!("../../../rsm-sim/plants/servo-axis.toml");
         // A record of a command: without the gains of a loop.
         let open: String = text
@@ -127,8 +127,8 @@ mod tests {
 
     #[test]
     fn one_record_that_begins_in_motion_says_so_of_all() {
-        assert_eq!(begun(&[0.0, 0.0]), (AtStart::Steady, 0, vec![400; 3]));
+        assert_eq!(begun(&[0.0, 0.0]), (InitialMotion::Steady, 0, vec![400; 3]));
         // The second is too slow for its first rows to show it. A tenth of 400 rows is less than 0.1 s.
-        assert_eq!(begun(&[0.2, 0.0005]), (AtStart::InMotion, 2, vec![360; 3]));
+        assert_eq!(begun(&[0.2, 0.0005]), (InitialMotion::InMotion, 2, vec![360; 3]));
     }
 }

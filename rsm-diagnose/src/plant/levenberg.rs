@@ -115,29 +115,29 @@ pub(super) fn pull(model: &Model, free: &[usize], columns: &[Column], residual: 
 
 /// A fit at the current values of a model: simulation and derivatives, without a step.
 #[must_use]
-pub fn here(whitened: &WhitenedResiduals, model: Model) -> Option<Fit> {
+pub fn linearised(whitened: &WhitenedResiduals, model: Model) -> Option<Fit> {
     fit(whitened, model, 0)
 }
 
 /// Fits all unknowns, in at most `steps` steps.
 #[must_use]
 pub fn fit(whitened: &WhitenedResiduals, model: Model, steps: usize) -> Option<Fit> {
-    onward(whitened, model, steps, None)
+    refit(whitened, model, steps, None)
 }
 
 /// The current point of a fit.
-struct Standing {
+struct Iterate {
     model: Model,
     simulated: Vec<Simulated>,
     residual: Vec<f64>,
     cost: f64,
 }
 
-impl Standing {
+impl Iterate {
     fn of(whitened: &WhitenedResiduals, model: Model) -> Option<Self> {
         let simulated = whitened.run(&model)?;
         let residual = whitened.residual(&simulated);
-        Some(Standing { cost: cost(&model, &residual), model, simulated, residual })
+        Some(Iterate { cost: cost(&model, &residual), model, simulated, residual })
     }
 }
 
@@ -149,34 +149,34 @@ impl Standing {
 struct AllUnknowns<'a>(&'a WhitenedResiduals);
 
 impl Problem for AllUnknowns<'_> {
-    type Place = Standing;
+    type Place = Iterate;
     type Derivatives = Vec<Column>;
     type Equations = Equations;
 
-    fn cost(&self, at: &Standing) -> f64 {
+    fn cost(&self, at: &Iterate) -> f64 {
         at.cost
     }
 
-    fn derivatives(&self, at: &Standing) -> Option<Vec<Column>> {
+    fn derivatives(&self, at: &Iterate) -> Option<Vec<Column>> {
         let all: Vec<usize> = (0..at.model.unknowns.len()).collect();
         self.0.derivatives(&at.model, &at.simulated, &all)
     }
 
-    fn equations(&self, at: &Standing, columns: &Vec<Column>) -> Equations {
+    fn equations(&self, at: &Iterate, columns: &Vec<Column>) -> Equations {
         Equations::new(&at.model, columns, &at.residual)
     }
 
-    fn step(&self, at: &Standing, equations: &Equations, damping: f64) -> (Vec<f64>, f64) {
+    fn step(&self, at: &Iterate, equations: &Equations, damping: f64) -> (Vec<f64>, f64) {
         let change = equations.change(&at.model, damping);
-        let promised = equations.promised(&change);
+        let promised = equations.predicted_gain(&change);
         (change, promised)
     }
 
-    fn moved(&self, at: &Standing, equations: &Equations, step: &[f64]) -> Option<Standing> {
-        Standing::of(self.0, equations.moved(&at.model, step))
+    fn moved(&self, at: &Iterate, equations: &Equations, step: &[f64]) -> Option<Iterate> {
+        Iterate::of(self.0, equations.moved(&at.model, step))
     }
 
-    fn corrected(&self, mut columns: Vec<Column>, from: &Standing, to: &Standing) -> Option<Vec<Column>> {
+    fn corrected(&self, mut columns: Vec<Column>, from: &Iterate, to: &Iterate) -> Option<Vec<Column>> {
         correct(&mut columns, &from.model, &to.model, self.0.changes(&from.simulated, &to.simulated, 1.0));
         Some(columns)
     }
@@ -184,8 +184,8 @@ impl Problem for AllUnknowns<'_> {
 
 /// Fits all unknowns. Starts with the derivatives of an earlier fit to the same records, for the unknowns that both have.
 #[must_use]
-pub fn onward(whitened: &WhitenedResiduals, model: Model, steps: usize, earlier: Option<&Fit>) -> Option<Fit> {
-    let start = Standing::of(whitened, model)?;
+pub fn refit(whitened: &WhitenedResiduals, model: Model, steps: usize, earlier: Option<&Fit>) -> Option<Fit> {
+    let start = Iterate::of(whitened, model)?;
     let all = 0..start.model.unknowns.len();
     let known: Vec<Option<Column>> = all.clone().map(|k| earlier.and_then(|fit| fit.column_of(&start.model, k))).collect();
     let missing: Vec<usize> = all.filter(|k| known[*k].is_none()).collect();
@@ -216,7 +216,7 @@ impl Equations {
     pub(super) fn new(model: &Model, columns: &[Column], residual: &[f64]) -> Self {
         let all: Vec<usize> = (0..model.unknowns.len()).collect();
         let asked = pull(model, &all, columns, residual);
-        let pressed: Vec<usize> = all.iter().copied().filter(|&k| pressed(model, k, asked[k])).collect();
+        let pressed: Vec<usize> = all.iter().copied().filter(|&k| is_bound_active(model, k, asked[k])).collect();
         let released = released(model, &pressed, &asked, columns);
         let (held, free): (Vec<usize>, Vec<usize>) =
             all.into_iter().partition(|k| pressed.contains(k) && !released.contains(k));
@@ -243,7 +243,7 @@ impl Equations {
     }
 
     /// The first-order gain of a step.
-    pub(super) fn promised(&self, change: &[f64]) -> f64 {
+    pub(super) fn predicted_gain(&self, change: &[f64]) -> f64 {
         change.iter().zip(&self.right).map(|(change, right)| change * right).sum()
     }
 
@@ -259,7 +259,7 @@ fn correct(columns: &mut [Column], from: &Model, to: &Model, seen: Vec<f64>) {
     let mut missed = seen;
     let mut steps = Vec::new();
     for (k, (unknown, column)) in from.unknowns.iter().zip(columns.iter()).enumerate() {
-        let step = unknown.inward(to.value(k)) - unknown.inward(from.value(k));
+        let step = unknown.to_search_scale(to.value(k)) - unknown.to_search_scale(from.value(k));
         if step != 0.0 {
             for (missed, value) in missed[column.first..].iter_mut().zip(&column.values) {
                 *missed -= step * value;
@@ -308,11 +308,11 @@ fn solved_within_bounds(
         let mut beyond = false;
         for (&i, step) in moving.iter().zip(&solved) {
             let unknown = &model.unknowns[free[i]];
-            let at = unknown.inward(model.value(free[i]));
+            let at = unknown.to_search_scale(model.value(free[i]));
             // A logarithm may change by at most 2 in a step: a factor of e^2.
             let limit = if unknown.logarithmic { 2.0 } else { f64::INFINITY };
             let wanted = at + step.clamp(-limit, limit);
-            let (low, high) = (unknown.inward(unknown.low), unknown.inward(unknown.high));
+            let (low, high) = (unknown.to_search_scale(unknown.low), unknown.to_search_scale(unknown.high));
             if wanted < low || wanted > high {
                 fixed[i] = Some(wanted.clamp(low, high) - at);
                 beyond = true;
@@ -361,7 +361,7 @@ fn released(model: &Model, pressed: &[usize], asked: &[f64], columns: &[Column])
 }
 
 /// Whether an unknown is at a bound and the gradient points outwards.
-fn pressed(model: &Model, k: usize, pull: f64) -> bool {
+fn is_bound_active(model: &Model, k: usize, pull: f64) -> bool {
     let unknown = &model.unknowns[k];
     if matches!(unknown.place, Place::Start { .. }) {
         return false;
@@ -394,20 +394,20 @@ mod tests {
         // White noise over 600 rows: four standard deviations, 4 sqrt(2 * 600).
         assert!((whole.cost - 600.0).abs() < 139.0, "{}", whole.cost);
         // Derivatives from where the search begins, far from its end.
-        let elsewhere = here(&whitened, model.clone()).unwrap();
-        let onward = onward(&whitened, model, 20, Some(&elsewhere)).unwrap();
+        let elsewhere = linearised(&whitened, model.clone()).unwrap();
+        let again = refit(&whitened, model, 20, Some(&elsewhere)).unwrap();
         // What ends a fit promises less than this.
-        assert!((onward.cost - whole.cost).abs() < ENOUGH, "{} {}", onward.cost, whole.cost);
+        assert!((again.cost - whole.cost).abs() < ENOUGH, "{} {}", again.cost, whole.cost);
     }
 
     #[test]
     fn a_correction_makes_the_derivatives_tell_the_step_that_was_seen() {
         let (whitened, model) = axis();
-        let mut fit = here(&whitened, model.clone()).unwrap();
+        let mut fit = linearised(&whitened, model.clone()).unwrap();
         let mut to = model.clone();
         for (k, share) in [(0, 0.7), (1, -1.3), (2, 2.0)] {
             let unknown = &model.unknowns[k];
-            to.set(k, unknown.outward(unknown.inward(model.value(k)) + share * unknown.scale));
+            to.set(k, unknown.from_search_scale(unknown.to_search_scale(model.value(k)) + share * unknown.scale));
         }
         let simulated = whitened.run(&to).unwrap();
         let seen = whitened.changes(&fit.simulated, &simulated, 1.0);
@@ -415,7 +415,8 @@ mod tests {
         for (row, seen) in seen.iter().enumerate() {
             let told: f64 = (0..model.unknowns.len())
                 .map(|k| {
-                    let step = model.unknowns[k].inward(to.value(k)) - model.unknowns[k].inward(model.value(k));
+                    let step =
+                        model.unknowns[k].to_search_scale(to.value(k)) - model.unknowns[k].to_search_scale(model.value(k));
                     step * fit.columns[k].values[row]
                 })
                 .sum();
@@ -438,7 +439,7 @@ mod tests {
             }
         }
         let mass = |fit: &Fit| fit.model.file.parameters.number("mass");
-        let begun = here(&whitened, model.clone()).unwrap();
+        let begun = linearised(&whitened, model.clone()).unwrap();
         assert!((mass(&begun) - 2.06).abs() < 1e-9 && begun.cost < 740.0, "{}", begun.cost);
         let found = fit(&whitened, model, 20).unwrap();
         // Both priors ask for the nominal mass, and noise moves the ratio of the two by its own hundredth: half a standard deviation of the tolerance, 0.02.

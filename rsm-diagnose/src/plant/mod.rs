@@ -197,7 +197,7 @@ pub fn diagnose_and_test(
 ) -> Result<Diagnosis, Refused> {
     let mut right = [training, validation, test].map(<[Record]>::to_vec);
     let swapped: Vec<checks::Finding> =
-        right.iter_mut().flat_map(|records| swapped_columns::put_right(file, records, options.threads)).collect();
+        right.iter_mut().flat_map(|records| swapped_columns::correct(file, records, options.threads)).collect();
     let [training, validation, test] = &right;
     let mut whole = in_units(file, training, validation, test, options)?;
     whole.findings.splice(0..0, swapped);
@@ -212,7 +212,7 @@ fn in_units(
     test: &[Record],
     options: &Options<'_>,
 ) -> Result<Diagnosis, Refused> {
-    let found = units::look(file, training, options.threads);
+    let found = units::find(file, training, options.threads);
     let diagnosed = |training: &[Record], validation: &[Record], test: &[Record]| {
         if file.effects.is_empty() {
             of_nominal(file, training, validation, test, options)
@@ -230,7 +230,7 @@ fn in_units(
     }
     let mut whole = diagnosed(&all[0], &all[1], &all[2])?;
     let noise = &whole.noise;
-    let gains = units::asked_again(&found, &whole.plant, &all[0], noise, options.threads);
+    let gains = units::gains_with_causes(&found, &whole.plant, &all[0], noise, options.threads);
     if whole.verdict != Verdict::Unexplained && gains.iter().any(Option::is_none) {
         // With causes in the plant, the estimated factor no longer corresponds to a unit.
         return diagnosed(training, validation, test);

@@ -123,13 +123,13 @@ impl Unknown {
 
     /// Converts a value to the scale of the search.
     #[must_use]
-    pub fn inward(&self, value: f64) -> f64 {
+    pub fn to_search_scale(&self, value: f64) -> f64 {
         if self.logarithmic { value.ln() } else { value }
     }
 
     /// Converts a value of the search to the plant's value, within the bounds.
     #[must_use]
-    pub fn outward(&self, searched: f64) -> f64 {
+    pub fn from_search_scale(&self, searched: f64) -> f64 {
         let value = if self.logarithmic { searched.clamp(-700.0, 700.0).exp() } else { searched };
         value.max(self.low).min(self.high)
     }
@@ -137,7 +137,7 @@ impl Unknown {
 
 /// The initial motion of records of a car or an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum AtStart {
+pub enum InitialMotion {
     /// Steady: torque and twist of a car follow from its speed; an axis is at rest.
     Steady,
     /// In motion: torque and twist of a car, or the speed of an axis, are unknown. A car forgets them within seconds, so they cannot compensate for
@@ -145,12 +145,12 @@ pub enum AtStart {
     InMotion,
 }
 
-impl AtStart {
+impl InitialMotion {
     /// For an axis: in motion if the first readings of any record show motion. Records of other plants count as steady until a simulation shows the
     /// contrary.
     pub fn of<'a>(kind: PlantKind, mut records: impl Iterator<Item = &'a Record>) -> Self {
         let moves = |record| speed_of(record).is_some_and(|(speed, sd)| speed.abs() > MOVES * sd);
-        if kind == PlantKind::ServoAxis && records.any(moves) { AtStart::InMotion } else { AtStart::Steady }
+        if kind == PlantKind::ServoAxis && records.any(moves) { InitialMotion::InMotion } else { InitialMotion::Steady }
     }
 }
 
@@ -173,19 +173,19 @@ pub struct Model {
     /// The unknowns.
     pub unknowns: Vec<Unknown>,
     /// The initial motion of the records.
-    pub at_start: AtStart,
+    pub at_start: InitialMotion,
 }
 
 impl Model {
     /// The nominal plant: parameters with a tolerance and all initial states are unknown.
     #[must_use]
     pub fn nominal(file: &PlantFile, records: &[&Record], sds: [f64; OUTPUTS]) -> Self {
-        Model::beginning(file, AtStart::of(file.kind, records.iter().copied()), records, sds)
+        Model::beginning(file, InitialMotion::of(file.kind, records.iter().copied()), records, sds)
     }
 
     /// The same with a given initial motion.
     #[must_use]
-    pub fn beginning(file: &PlantFile, at_start: AtStart, records: &[&Record], sds: [f64; OUTPUTS]) -> Self {
+    pub fn beginning(file: &PlantFile, at_start: InitialMotion, records: &[&Record], sds: [f64; OUTPUTS]) -> Self {
         let mut unknowns = Vec::new();
         for (name, tolerance) in &file.tolerance {
             let (Some(value), true) = (file.parameters.optional(name), *tolerance > 0.0) else { continue };
@@ -240,7 +240,7 @@ impl Model {
         if let Some(output) = read {
             return Some((at, sds[output], None));
         }
-        if self.at_start == AtStart::Steady {
+        if self.at_start == InitialMotion::Steady {
             return None;
         }
         if is_of_equations(&self.file) {
@@ -276,7 +276,7 @@ impl Model {
         let mut moved = self.clone();
         for (&k, change) in unknowns.iter().zip(change) {
             let unknown = &self.unknowns[k];
-            moved.set(k, unknown.outward(unknown.inward(self.value(k)) + change));
+            moved.set(k, unknown.from_search_scale(unknown.to_search_scale(self.value(k)) + change));
         }
         moved
     }
@@ -304,7 +304,7 @@ impl Model {
         let is_read =
             |place: usize| file.kind.output(file.kind.starts()[place].name).is_some_and(|it| of.measured[it].is_some());
         // A state without a reading starts as the equations define, unless it is an unknown.
-        let counts = |place: usize| !is_of_equations(&file) || self.at_start == AtStart::InMotion || is_read(place);
+        let counts = |place: usize| !is_of_equations(&file) || self.at_start == InitialMotion::InMotion || is_read(place);
         let initial =
             places.into_iter().filter(|place| counts(*place)).map(|place| (file.kind.starts()[place].name, start[place]));
         let mut initial: Vec<_> = initial.collect();

@@ -13,13 +13,13 @@ use crate::engine::levenberg::{Amount, Problem, Rules, descend};
 use rsm_fit::random::Random;
 
 /// The last step of the line search, as a share of a parameter's scale: 2.5 % of a positive parameter, the resolution of an earlier scan.
-const OUT: f64 = 0.25;
+const LAST_STEP: f64 = 0.25;
 
 /// The factor between steps of the line search.
-const WIDER: f64 = 1.5;
+const STEP_RATIO: f64 = 1.5;
 
 /// The number of further local minima that are tried, and how often a success may repeat the search.
-const VALLEYS: usize = 3;
+const MOST_MINIMA: usize = 3;
 
 /// A fit is noise if its squared residual is within this many standard deviations of the noise. Then nothing is tried.
 const NOISE: f64 = 4.0;
@@ -30,11 +30,11 @@ const PARTS: usize = 100;
 
 /// The loss of a part is linear up to half of its noise energy, and logarithmic above. Noise is reduced by a third. A bounce at the wrong time with
 /// 400 times the noise energy counts as little as three times the noise.
-const COUNTS: f64 = 0.5;
+const LINEAR_UP_TO: f64 = 0.5;
 
 /// The error is in few parts if this share of the parts holds most of it. A uniform error has a tenth of itself in a tenth of the parts; one that
 /// grows along a record has a fifth.
-const FEW: f64 = 0.1;
+const FEW_PARTS: f64 = 0.1;
 
 /// The largest number of robust steps: ten reduce an error of a tenth to a thousandth.
 const ROBUST_STEPS: usize = 20;
@@ -49,7 +49,7 @@ const DAMPINGS: usize = 6;
 const HOPS: [f64; 3] = [0.25, 0.08, 0.025];
 
 /// The search ends after this many hops without success: three of each size.
-pub const IN_VAIN: usize = 9;
+pub const MOST_FAILED_HOPS: usize = 9;
 
 /// The largest number of hops.
 const MOST_HOPS: usize = 36;
@@ -62,7 +62,7 @@ const SEED: u64 = 7;
 #[must_use]
 pub fn escaped(whitened: &WhitenedResiduals, fit: Fit, steps: usize, threshold: f64) -> Fit {
     let mut fit = fit;
-    for _ in 0..VALLEYS {
+    for _ in 0..MOST_MINIMA {
         if is_noise(&fit) || whitened.pace.is_spent() {
             break;
         }
@@ -73,23 +73,23 @@ pub fn escaped(whitened: &WhitenedResiduals, fit: Fit, steps: usize, threshold: 
             if !of_last(&fit.model, k) {
                 continue;
             }
-            let at = unknown.inward(fit.model.value(k));
+            let at = unknown.to_search_scale(fit.model.value(k));
             // A step of one standard deviation with all else fixed changes the outputs by as much as the noise.
             let mut step = 1.0 / dot(&column.values, &column.values).sqrt();
-            while step < OUT * unknown.scale {
-                for value in [unknown.outward(at - step), unknown.outward(at + step)] {
+            while step < LAST_STEP * unknown.scale {
+                for value in [unknown.from_search_scale(at - step), unknown.from_search_scale(at + step)] {
                     let mut model = fit.model.clone();
                     model.set(k, value);
                     models.push(model);
                 }
-                step *= WIDER;
+                step *= STEP_RATIO;
             }
         }
         let runs = whitened.run_all(&models);
         let costs = runs.into_iter().map(|run| run.map(|run| nuisance.left(&whitened.residual(&run)).0));
         let mut order: Vec<(f64, Model)> = costs.zip(models).filter_map(|(cost, model)| Some((cost?, model))).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let others = order.into_iter().take(VALLEYS).filter_map(|(_, model)| levenberg::fit(whitened, model, steps));
+        let others = order.into_iter().take(MOST_MINIMA).filter_map(|(_, model)| levenberg::fit(whitened, model, steps));
         let lower = others.into_iter().find(|other| other.cost < fit.cost - threshold);
         let Some(lower) = lower else { break };
         fit = lower;
@@ -124,7 +124,7 @@ fn parts(whitened: &WhitenedResiduals, residual: &[f64]) -> Vec<Vec<f64>> {
 pub fn in_few_parts(whitened: &WhitenedResiduals, fit: &Fit) -> bool {
     let mut beyond: Vec<f64> = parts(whitened, &fit.residual).into_iter().flatten().map(|it| (it - 1.0).max(0.0)).collect();
     beyond.sort_by(f64::total_cmp);
-    let few = (FEW * beyond.len() as f64).ceil() as usize;
+    let few = (FEW_PARTS * beyond.len() as f64).ceil() as usize;
     let of_few: f64 = beyond.iter().rev().take(few).sum();
     !is_noise(fit) && of_few > 0.5 * beyond.iter().sum::<f64>()
 }
@@ -136,16 +136,16 @@ fn by_logarithm(whitened: &WhitenedResiduals, model: &Model, residual: &[f64]) -
     let (mut sum, mut weights) = (levenberg::cost(model, &[]), Vec::with_capacity(residual.len()));
     for (prepared, squares) in whitened.records.iter().zip(parts(whitened, residual)) {
         let (rows, outputs, length) = (prepared.record.rows(), prepared.outputs.len(), length(prepared));
-        sum += squares.iter().map(|it| COUNTS * (1.0 + it / COUNTS).ln() * (length * outputs) as f64).sum::<f64>();
+        sum += squares.iter().map(|it| LINEAR_UP_TO * (1.0 + it / LINEAR_UP_TO).ln() * (length * outputs) as f64).sum::<f64>();
         for _ in 0..outputs {
-            weights.extend((0..rows).map(|row| 1.0 / (1.0 + squares[row / length] / COUNTS)));
+            weights.extend((0..rows).map(|row| 1.0 / (1.0 + squares[row / length] / LINEAR_UP_TO)));
         }
     }
     (sum, weights)
 }
 
 /// The current point of a robust fit: the robust sum and the weights there.
-struct Standing {
+struct Iterate {
     model: Model,
     simulated: Vec<Simulated>,
     residual: Vec<f64>,
@@ -153,12 +153,12 @@ struct Standing {
     weights: Vec<f64>,
 }
 
-impl Standing {
+impl Iterate {
     fn of(whitened: &WhitenedResiduals, model: Model) -> Option<Self> {
         let simulated = whitened.run(&model)?;
         let residual = whitened.residual(&simulated);
         let (sum, weights) = by_logarithm(whitened, &model, &residual);
-        Some(Standing { model, simulated, residual, sum, weights })
+        Some(Iterate { model, simulated, residual, sum, weights })
     }
 }
 
@@ -166,20 +166,20 @@ impl Standing {
 struct MostParts<'a>(&'a WhitenedResiduals);
 
 impl Problem for MostParts<'_> {
-    type Place = Standing;
+    type Place = Iterate;
     type Derivatives = Vec<Column>;
     type Equations = levenberg::Equations;
 
-    fn cost(&self, at: &Standing) -> f64 {
+    fn cost(&self, at: &Iterate) -> f64 {
         at.sum
     }
 
-    fn derivatives(&self, at: &Standing) -> Option<Vec<Column>> {
+    fn derivatives(&self, at: &Iterate) -> Option<Vec<Column>> {
         let all: Vec<usize> = (0..at.model.unknowns.len()).collect();
         self.0.derivatives(&at.model, &at.simulated, &all)
     }
 
-    fn equations(&self, at: &Standing, columns: &Vec<Column>) -> levenberg::Equations {
+    fn equations(&self, at: &Iterate, columns: &Vec<Column>) -> levenberg::Equations {
         let roots: Vec<f64> = at.weights.iter().map(|it| it.sqrt()).collect();
         let weighted: Vec<f64> = at.residual.iter().zip(&roots).map(|(value, root)| value * root).collect();
         let mut columns = columns.clone();
@@ -189,14 +189,14 @@ impl Problem for MostParts<'_> {
         levenberg::Equations::new(&at.model, &columns, &weighted)
     }
 
-    fn step(&self, at: &Standing, equations: &levenberg::Equations, damping: f64) -> (Vec<f64>, f64) {
+    fn step(&self, at: &Iterate, equations: &levenberg::Equations, damping: f64) -> (Vec<f64>, f64) {
         let change = equations.change(&at.model, damping);
-        let promised = equations.promised(&change);
+        let promised = equations.predicted_gain(&change);
         (change, promised)
     }
 
-    fn moved(&self, at: &Standing, equations: &levenberg::Equations, step: &[f64]) -> Option<Standing> {
-        Standing::of(self.0, equations.moved(&at.model, step))
+    fn moved(&self, at: &Iterate, equations: &levenberg::Equations, step: &[f64]) -> Option<Iterate> {
+        Iterate::of(self.0, equations.moved(&at.model, step))
     }
 }
 
@@ -213,7 +213,7 @@ pub fn by_most_parts(whitened: &WhitenedResiduals, model: Model) -> Option<Model
         kept_promise: 0.0,
         ends_exact: false,
     };
-    Some(descend(&MostParts(whitened), Standing::of(whitened, model)?, None, &rules)?.0.model)
+    Some(descend(&MostParts(whitened), Iterate::of(whitened, model)?, None, &rules)?.0.model)
 }
 
 /// Leaves local minima in several parameters by random hops (D. J. Wales, J. P. K. Doye, 1997): fits from the robust fit, from the given fit, and
@@ -235,8 +235,8 @@ pub fn settled(whitened: &WhitenedResiduals, fit: Fit, steps: usize, hops: usize
         if vain > 0 {
             for k in (0..model.unknowns.len()).filter(|k| of_last(from, *k)) {
                 let unknown = &from.unknowns[k];
-                let to = unknown.inward(from.value(k)) + HOPS[hop % HOPS.len()] * unknown.scale * random.normal();
-                model.set(k, unknown.outward(to));
+                let to = unknown.to_search_scale(from.value(k)) + HOPS[hop % HOPS.len()] * unknown.scale * random.normal();
+                model.set(k, unknown.from_search_scale(to));
             }
         }
         match levenberg::fit(whitened, model, steps) {
@@ -319,7 +319,7 @@ mod tests {
             let start = [truth[0] * gap, truth[1] * ratio, truth[2] * stiffness, truth[3] * damping];
             let fit = levenberg::fit(&whitened, started(start, &record), 24).unwrap();
             assert!(fit.cost > 20.0 * rows, "{}", fit.cost);
-            let found = settled(&whitened, fit, 8, IN_VAIN, 4.0);
+            let found = settled(&whitened, fit, 8, MOST_FAILED_HOPS, 4.0);
             assert!(is_noise(&found), "{} of {rows}", found.cost);
             let gap = found.model.file.effects[0].arguments.number("gap");
             // A thousandth: the play shows in the phase of every contact, of which there are tens, each to a hundredth.
@@ -340,7 +340,7 @@ mod tests {
         bounced[..60].iter_mut().for_each(|it| *it = 40.0);
         let (plain, with) = (sum(&noise).0, sum(&bounced).0);
         // Of one part of 120 values: c ln(1 + E/c) with E = 800.5 less the same with E = 1.
-        let expected = 120.0 * COUNTS * ((1.0 + 800.5 / COUNTS) / (1.0 + 1.0 / COUNTS)).ln();
+        let expected = 120.0 * LINEAR_UP_TO * ((1.0 + 800.5 / LINEAR_UP_TO) / (1.0 + 1.0 / LINEAR_UP_TO)).ln();
         assert!((with - plain - expected).abs() < 1e-6 * expected, "{} {expected}", with - plain);
         // d/dr = 2 weight r.
         for row in [7, 3500] {
@@ -356,7 +356,7 @@ mod tests {
     fn an_error_in_one_moment_is_in_few_parts_and_one_that_grows_is_not() {
         let truth = [3.5e-4, 0.35, 8.5e5, 640.0];
         let (whitened, record) = recorded(&axis(truth));
-        let mut fit = levenberg::here(&whitened, started(truth, &record)).unwrap();
+        let mut fit = levenberg::linearised(&whitened, started(truth, &record)).unwrap();
         assert!(!in_few_parts(&whitened, &fit), "noise");
         let rows = whitened.rows();
         let noise = fit.residual.clone();

@@ -46,7 +46,7 @@ impl Floor {
         let whole = whole(&residuals, rows)?;
         let spectrum = spectrum(&residuals)?;
         let band = Band::upper(&spectrum, rows);
-        let floor = if !band.refuses(&whole) && is_white(&whole, &residuals) {
+        let floor = if !band.rejects(&whole) && is_white(&whole, &residuals) {
             whole
         } else {
             let even: Vec<_> =
@@ -64,7 +64,7 @@ impl Floor {
         let rows = residuals.iter().map(|(_, used)| used.iter().filter(|used| **used).count()).sum::<usize>() as f64;
         let band = Band::upper(&spectrum, rows);
         let upper = band.best(&slow(residuals))?;
-        let accepted = |whole: &Floor| !band.refuses(whole) && is_white(whole, residuals);
+        let accepted = |whole: &Floor| !band.rejects(whole) && is_white(whole, residuals);
         Some(whole(residuals, rows).filter(accepted).unwrap_or(upper))
     }
 }

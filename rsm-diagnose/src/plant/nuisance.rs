@@ -37,7 +37,7 @@ impl Part {
 }
 
 /// A set of released unknowns, as bits.
-pub type Back = usize;
+pub type Released = usize;
 
 impl<'a> Nuisance<'a> {
     /// Of a fit.
@@ -46,7 +46,7 @@ impl<'a> Nuisance<'a> {
         let (matrix, pull) = fit.equations_with_held();
         let (free, all) = (fit.columns.len(), pull.len());
         let held = fit.held.len().min(MOST_HELD);
-        let part = |back: Back| {
+        let part = |back: Released| {
             let columns: Vec<usize> = (0..free).chain((0..held).filter(|k| back >> k & 1 == 1).map(|k| free + k)).collect();
             let small: Vec<f64> =
                 columns.iter().flat_map(|i| columns.iter().map(move |j| i * all + j)).map(|at| matrix[at]).collect();
@@ -58,7 +58,7 @@ impl<'a> Nuisance<'a> {
 
     /// The set of all held unknowns: the first one to try.
     #[must_use]
-    pub fn all_back(&self) -> Back {
+    pub fn all_released(&self) -> Released {
         self.parts.len() - 1
     }
 
@@ -78,7 +78,7 @@ impl<'a> Nuisance<'a> {
 
     /// The projection of a residual on such traces after the free unknowns are projected out; priors included.
     #[must_use]
-    pub fn asked<T>(&self, traces: &[(T, Column)], products: &[Vec<f64>], residual: &[f64]) -> Vec<f64> {
+    pub fn projections<T>(&self, traces: &[(T, Column)], products: &[Vec<f64>], residual: &[f64]) -> Vec<f64> {
         let part = &self.parts[0];
         let (new, own) = (self.products(residual), self.products(&self.fit.residual));
         let right: Vec<f64> = part.columns.iter().zip(&part.pull).map(|(k, pull)| new[*k] + pull - own[*k]).collect();
@@ -98,21 +98,21 @@ impl<'a> Nuisance<'a> {
 
     /// The inner product of two traces after the free unknowns are projected out, from their products.
     #[must_use]
-    pub fn between(&self, plain: f64, a: &[f64], b: &[f64], back: Back) -> f64 {
+    pub fn between(&self, plain: f64, a: &[f64], b: &[f64], back: Released) -> f64 {
         let part = &self.parts[back];
         plain - dot(&part.pick(a), &part.normal.solve(&part.pick(b)))
     }
 
     /// The inner product of a trace with the residual after the free unknowns are projected out; priors included.
     #[must_use]
-    pub fn with_residual(&self, trace: &[f64], products: &[f64], back: Back) -> f64 {
+    pub fn with_residual(&self, trace: &[f64], products: &[f64], back: Released) -> f64 {
         let part = &self.parts[back];
         dot(trace, &self.fit.residual) - dot(&part.pick(products), &part.normal.solve(&part.pull))
     }
 
     /// The released unknowns that move inwards when traces are added with these shares.
     #[must_use]
-    pub fn still_back(&self, shares: &[f64], products: &[&[f64]], back: Back) -> Back {
+    pub fn still_released(&self, shares: &[f64], products: &[&[f64]], back: Released) -> Released {
         let part = &self.parts[back];
         let taken = |k: usize| shares.iter().zip(products).map(|(share, products)| share * products[k]).sum::<f64>();
         let right: Vec<f64> = part.columns.iter().zip(&part.pull).map(|(k, pull)| pull - taken(*k)).collect();
@@ -120,7 +120,7 @@ impl<'a> Nuisance<'a> {
     }
 
     /// The unknowns of a set that a step moves inwards.
-    fn inwards(&self, step: &[f64], back: Back) -> Back {
+    fn inwards(&self, step: &[f64], back: Released) -> Released {
         let free = self.fit.columns.len();
         let mut still = 0;
         for (k, step) in self.parts[back].columns.iter().zip(step).filter(|(k, _)| **k >= free) {
@@ -133,18 +133,18 @@ impl<'a> Nuisance<'a> {
 
     /// The reduction of the squared residual if these bounds were absent. A trace that makes the bounds unnecessary gains this too.
     #[must_use]
-    pub fn gain_of(&self, back: Back) -> f64 {
+    pub fn gain_of(&self, back: Released) -> f64 {
         let of = |part: &Part| dot(&part.pull, &part.normal.solve(&part.pull));
         of(&self.parts[back]) - of(&self.parts[0])
     }
 
     /// The squared residual after a first-order step of the free unknowns, and which held ones are released.
     #[must_use]
-    pub fn left(&self, residual: &[f64]) -> (f64, Back) {
+    pub fn left(&self, residual: &[f64]) -> (f64, Released) {
         let products: Vec<f64> = self.products(residual);
         // The priors contribute the difference between the fit's gradient and its residual's gradient.
         let own: Vec<f64> = self.products(&self.fit.residual);
-        let mut back = self.all_back();
+        let mut back = self.all_released();
         loop {
             let part = &self.parts[back];
             let right: Vec<f64> = part.columns.iter().zip(&part.pull).map(|(k, pull)| products[*k] + pull - own[*k]).collect();

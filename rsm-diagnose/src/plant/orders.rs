@@ -387,7 +387,7 @@ mod tests {
             file,
             starts: vec![rsm_sim::kind::StartValues::default()],
             unknowns: Vec::new(),
-            at_start: super::super::model::AtStart::Steady,
+            at_start: super::super::model::InitialMotion::Steady,
         };
         let simulated = vec![vec![smooth]];
         let found = orders(&whitened, &model, &simulated, &simulated);

@@ -8,14 +8,14 @@ use super::checks::Finding;
 use super::levenberg::Fit;
 use super::model::Model;
 use super::prepared::Prepared;
-use super::tails::{Left, Tails, evened};
+use super::tails::{OutputResidual, Tails, to_uniform_noise};
 use super::validation;
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::PlantKind;
 
 /// The noise distributions of all outputs, from the residual of a simulation.
-fn laws(
+fn noise_distributions(
     whitened: &WhitenedResiduals,
     simulated: &[Simulated],
     kind: PlantKind,
@@ -27,13 +27,13 @@ fn laws(
         let mut even: Vec<(&Prepared, usize, Vec<f64>)> = Vec::new();
         for (prepared, simulated) in whitened.records.iter().zip(simulated) {
             let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
-            let left = less(prepared.measured(k), &simulated[k]);
-            even.push((prepared, k, evened(floor, prepared.measured(k), &left).0));
+            let left = difference(prepared.measured(k), &simulated[k]);
+            even.push((prepared, k, to_uniform_noise(floor, prepared.measured(k), &left).0));
         }
-        let mut lists: Vec<Left<'_>> = Vec::new();
+        let mut lists: Vec<OutputResidual<'_>> = Vec::new();
         for (prepared, k, left) in &even {
             let jumps = alignment::jumps_of(prepared, *k, kind, findings);
-            lists.push(Left { measured: prepared.measured(*k), left, used: &prepared.used[*k], jumps });
+            lists.push(OutputResidual { measured: prepared.measured(*k), left, used: &prepared.used[*k], jumps });
         }
         *law = if lists.is_empty() { None } else { Tails::found(&lists) };
     }
@@ -58,12 +58,12 @@ impl Recorded {
 }
 
 /// A change of the noise correlation below this changes readings by less than a tenth of the noise, and only after outliers.
-const SAME_COLOUR: f64 = 0.1;
+const LEAST_CORRELATION_CHANGE: f64 = 0.1;
 
 /// Detects heavy tails with a fit, and corrects outliers in both sets of records. Returns whether readings changed. A fit with an error hides tails
 /// under structure, or takes structure for correlated noise, so distributions are estimated again when a better fit exists. `recorded` holds the
 /// readings of both sets as recorded; `findings` tell which rows were left out as jumps.
-pub(super) fn found(
+pub(super) fn detect(
     whitened: &mut WhitenedResiduals,
     unseen: &mut WhitenedResiduals,
     recorded: &mut [Recorded; 2],
@@ -71,9 +71,9 @@ pub(super) fn found(
     findings: &[Finding],
 ) -> bool {
     recorded[0].swap(whitened);
-    let laws = laws(whitened, &fit.simulated, fit.model.file.kind, findings);
+    let laws = noise_distributions(whitened, &fit.simulated, fit.model.file.kind, findings);
     let is_same = |(one, other): (&Option<Tails>, &Option<Tails>)| match (one, other) {
-        (Some(one), Some(other)) => (one.correlation - other.correlation).abs() < SAME_COLOUR,
+        (Some(one), Some(other)) => (one.correlation - other.correlation).abs() < LEAST_CORRELATION_CHANGE,
         (one, other) => one.is_none() && other.is_none(),
     };
     let changes = !laws.iter().zip(&whitened.tails).all(is_same);
@@ -81,8 +81,8 @@ pub(super) fn found(
         recorded[1].swap(unseen);
         *recorded = [Recorded::of(whitened), Recorded::of(unseen)];
         whitened.tails = laws;
-        tame(whitened, &fit.simulated);
-        *unseen = tamed(whitened.on(std::mem::take(&mut unseen.records)), &fit.model);
+        correct(whitened, &fit.simulated);
+        *unseen = corrected(whitened.on(std::mem::take(&mut unseen.records)), &fit.model);
     } else {
         recorded[0].swap(whitened);
     }
@@ -90,31 +90,32 @@ pub(super) fn found(
 }
 
 /// Corrects the readings of the records by their noise distributions. `simulated` is a simulation of them; the readings must be as recorded.
-fn tame(whitened: &mut WhitenedResiduals, simulated: &[Simulated]) {
+fn correct(whitened: &mut WhitenedResiduals, simulated: &[Simulated]) {
     for (prepared, simulated) in whitened.records.iter_mut().zip(simulated) {
         for (k, values) in simulated.iter().enumerate() {
             let output = prepared.outputs[k];
             let Some(law) = whitened.tails[output] else { continue };
             let measured = prepared.measured(k);
-            let tamed = law.tamed(measured, &less(measured, values), &prepared.used[k], &whitened.floors[output]);
-            prepared.record.measured[output] = Some(tamed);
+            let corrected =
+                law.corrected_readings(measured, &difference(measured, values), &prepared.used[k], &whitened.floors[output]);
+            prepared.record.measured[output] = Some(corrected);
         }
     }
 }
 
 /// Holdout records, corrected with the distributions of the fitted records. If a model cannot be simulated along them, they stay unchanged.
 #[must_use]
-pub(super) fn tamed(mut unseen: WhitenedResiduals, model: &Model) -> WhitenedResiduals {
+pub(super) fn corrected(mut unseen: WhitenedResiduals, model: &Model) -> WhitenedResiduals {
     if unseen.tails.iter().any(Option::is_some)
         && let Some(there) = validation::on(&unseen, model)
     {
-        tame(&mut unseen, &there.simulated);
+        correct(&mut unseen, &there.simulated);
     }
     unseen
 }
 
 /// Readings minus simulation.
-pub(super) fn less(measured: &[f64], simulated: &[f64]) -> Vec<f64> {
+pub(super) fn difference(measured: &[f64], simulated: &[f64]) -> Vec<f64> {
     measured.iter().zip(simulated).map(|(measured, simulated)| measured - simulated).collect()
 }
 
@@ -154,18 +155,18 @@ mod tests {
         missed.simulated[0][0].iter_mut().enumerate().filter(|(k, _)| k / 10 % 4 == 0).for_each(|(_, value)| *value += 3e-5);
         let mut unseen = WhitenedResiduals::new(Vec::new(), whitened.floors, 1);
         let mut recorded = [&whitened, &unseen].map(Recorded::of);
-        assert!(found(&mut whitened, &mut unseen, &mut recorded, &missed, &[]));
+        assert!(detect(&mut whitened, &mut unseen, &mut recorded, &missed, &[]));
         assert!(whitened.tails[0].is_none() && whitened.tails[1].is_some(), "{:?}", whitened.tails);
         assert_eq!(whitened.records[0].record.measured[0], record.measured[0]);
-        assert!(found(&mut whitened, &mut unseen, &mut recorded, &fit, &[]));
+        assert!(detect(&mut whitened, &mut unseen, &mut recorded, &fit, &[]));
         assert!(whitened.tails[0].is_some() && unseen.tails == whitened.tails, "{:?}", whitened.tails);
-        // Tame by what was recorded, not by what was tame before, and once.
+        // Corrected from the recorded readings, not from corrected ones, and once.
         let mut once = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], sds.map(Floor::white), 1);
         let mut of_once = [&once, &unseen].map(Recorded::of);
-        assert!(found(&mut once, &mut unseen.clone(), &mut of_once, &fit, &[]));
+        assert!(detect(&mut once, &mut unseen.clone(), &mut of_once, &fit, &[]));
         assert_eq!(whitened.records[0].record.measured, once.records[0].record.measured);
         assert_ne!(whitened.records[0].record.measured, record.measured);
-        assert!(!found(&mut whitened, &mut unseen, &mut recorded, &fit, &[]));
+        assert!(!detect(&mut whitened, &mut unseen, &mut recorded, &fit, &[]));
         assert_eq!(whitened.records[0].record.measured, once.records[0].record.measured);
     }
 }

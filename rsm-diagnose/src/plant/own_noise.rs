@@ -7,7 +7,7 @@ use super::calibration;
 use super::levenberg::Fit;
 use super::noise::Floor;
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
-use super::whiteness::{self, Left};
+use super::whiteness::{self, RemainingStructure};
 use rsm_sim::kind::OUTPUTS;
 
 /// Holdout records may have up to this many times the noise of the others, as a standard deviation, for example from a warmer sensor or another
@@ -15,9 +15,9 @@ use rsm_sim::kind::OUTPUTS;
 const MOST_NOISE: f64 = 1.5;
 
 /// The residual on holdout records relative to their own noise, as one of `looks` tests.
-pub(crate) fn left_there(unseen: &WhitenedResiduals, moved: Fit, looks: usize) -> Left {
+pub(crate) fn remaining_structure(unseen: &WhitenedResiduals, moved: Fit, looks: usize) -> RemainingStructure {
     let (there, fit) = by_own_noise(unseen, moved);
-    whiteness::look_among(&there, &fit, looks)
+    whiteness::test_among(&there, &fit, looks)
 }
 
 /// Holdout records with their own noise, and a fit with it. The noise level changes from day to day, so the level of the other records is not
@@ -25,8 +25,8 @@ pub(crate) fn left_there(unseen: &WhitenedResiduals, moved: Fit, looks: usize) -
 pub(super) fn by_own_noise(unseen: &WhitenedResiduals, moved: Fit) -> (WhitenedResiduals, Fit) {
     let all_own = |floors: &[Floor; OUTPUTS], whitened: &WhitenedResiduals, simulated: &[Simulated]| {
         let mut floors = *floors;
-        for (floor, shown) in floors.iter_mut().zip(calibration::shown(whitened, simulated)) {
-            *floor = its_own(floor, shown.floor);
+        for (floor, shown) in floors.iter_mut().zip(calibration::noise_estimates(whitened, simulated)) {
+            *floor = with_own_floor(floor, shown.floor);
         }
         floors
     };
@@ -48,7 +48,7 @@ pub(super) fn by_own_noise(unseen: &WhitenedResiduals, moved: Fit) -> (WhitenedR
 }
 
 /// The noise of a record in place of that of the others, if it can be estimated and is not much larger.
-fn its_own(others: &Floor, shown: Option<Floor>) -> Floor {
+fn with_own_floor(others: &Floor, shown: Option<Floor>) -> Floor {
     shown.filter(|own| others.rounding.is_none() && own.sd < MOST_NOISE * others.sd).unwrap_or(*others)
 }
 
@@ -71,7 +71,7 @@ mod tests {
                 let swing = swing * whitened.floors[0].sd * (0.1 * row as f64).sin();
                 *value = simulated + louder * (*value - simulated) + swing;
             }
-            left_there(&unseen, fit.clone(), 1).excess
+            remaining_structure(&unseen, fit.clone(), 1).excess
         };
         assert_eq!(left(1.0, 0.0), 0.0);
         assert_eq!(left(1.4, 0.0), 0.0);
@@ -83,11 +83,11 @@ mod tests {
     fn records_have_their_own_noise_where_they_show_it_and_far_more_is_none() {
         let others = Floor::white(2.0);
         let rounded = Floor { rounding: Some(super::super::rounding::Rounding { step: 0.3, noise: 0.1 }), ..others };
-        assert_eq!(its_own(&others, None), others);
-        assert_eq!(its_own(&others, Some(Floor::white(2.9))), Floor::white(2.9));
-        assert_eq!(its_own(&others, Some(Floor::white(0.5))), Floor::white(0.5));
-        assert_eq!(its_own(&others, Some(Floor::white(3.0))), others);
-        assert_eq!(its_own(&rounded, Some(Floor::white(1.9))), rounded);
+        assert_eq!(with_own_floor(&others, None), others);
+        assert_eq!(with_own_floor(&others, Some(Floor::white(2.9))), Floor::white(2.9));
+        assert_eq!(with_own_floor(&others, Some(Floor::white(0.5))), Floor::white(0.5));
+        assert_eq!(with_own_floor(&others, Some(Floor::white(3.0))), others);
+        assert_eq!(with_own_floor(&rounded, Some(Floor::white(1.9))), rounded);
     }
 
     #[test]

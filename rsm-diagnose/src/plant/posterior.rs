@@ -21,7 +21,7 @@ const WITHIN_REACH: f64 = 3.1;
 const DRAWS: usize = 20_000;
 
 /// Draws that are discarded at the beginning, until the draws have moved from a corner, where most bounds meet, to the bulk of the distribution.
-const BEFORE: usize = 500;
+const BURN_IN: usize = 500;
 
 /// A share of the draws, or of their range, that is below the accuracy of the shortest interval.
 const NEXT_TO_NOTHING: f64 = 0.005;
@@ -72,20 +72,20 @@ impl Posterior {
         let pull = levenberg::pull(model, &which, &columns, &fit.residual);
         let pressed: Vec<f64> = (0..n).map(|k| if k < free { 0.0 } else { pull[k] / spread }).collect();
         let beyond: Vec<f64> = covariances.iter().map(|it| it.iter().zip(&pressed).map(|(c, p)| c * p).sum()).collect();
-        let bell = Bell::new(&covariance, &beyond, |k| {
+        let bell = TruncatedNormal::new(&covariance, &beyond, |k| {
             let unknown = &model.unknowns[which[asked[k]]];
-            let at = unknown.inward(model.value(which[asked[k]]));
+            let at = unknown.to_search_scale(model.value(which[asked[k]]));
             let ends = if bounded(unknown) {
-                (unknown.inward(unknown.low), unknown.inward(unknown.high))
+                (unknown.to_search_scale(unknown.low), unknown.to_search_scale(unknown.high))
             } else {
                 (f64::NEG_INFINITY, f64::INFINITY)
             };
             (ends.0 - at, ends.1 - at)
         });
-        let told = bell.told();
+        let told = bell.marginals();
         let (mut deviations, mut ends) = (vec![None; model.unknowns.len()], vec![None; model.unknowns.len()]);
         for (k, (deviation, low, high)) in asked.iter().zip(told) {
-            let at = model.unknowns[which[*k]].inward(model.value(which[*k]));
+            let at = model.unknowns[which[*k]].to_search_scale(model.value(which[*k]));
             deviations[which[*k]] = Some(deviation);
             ends[which[*k]] = Some((at + low, at + high));
         }
@@ -109,7 +109,7 @@ impl Posterior {
 }
 
 /// A normal distribution relative to the fit at 0, truncated by bounds.
-struct Bell {
+struct TruncatedNormal {
     /// The lower triangle of the Cholesky factor of the covariance.
     factor: Vec<f64>,
     /// The mean without bounds.
@@ -117,7 +117,7 @@ struct Bell {
     bounds: Vec<(f64, f64)>,
 }
 
-impl Bell {
+impl TruncatedNormal {
     fn new(covariance: &[f64], top: &[f64], bounds: impl Fn(usize) -> (f64, f64)) -> Self {
         let n = top.len();
         let mut factor = vec![0.0; n * n];
@@ -133,7 +133,7 @@ impl Bell {
                 };
             }
         }
-        Bell { factor, top: top.to_vec(), bounds: (0..n).map(bounds).collect() }
+        TruncatedNormal { factor, top: top.to_vec(), bounds: (0..n).map(bounds).collect() }
     }
 
     fn row(&self, k: usize) -> &[f64] {
@@ -146,7 +146,7 @@ impl Bell {
     }
 
     /// For each unknown: its standard deviation and the two ends of its interval.
-    fn told(&self) -> Vec<(f64, f64, f64)> {
+    fn marginals(&self) -> Vec<(f64, f64, f64)> {
         let n = self.top.len();
         let is_within = |k: &usize| {
             let (deviation, (low, high)) = (self.deviation(*k), self.bounds[*k]);
@@ -177,7 +177,7 @@ impl Bell {
         let mut values: Vec<f64> =
             (0..n).map(|k| self.top[k] + self.row(k).iter().zip(&at).map(|(f, z)| f * z).sum::<f64>()).collect();
         let mut draws = vec![Vec::with_capacity(DRAWS); n];
-        for turn in 0..BEFORE + DRAWS {
+        for turn in 0..BURN_IN + DRAWS {
             for (j, at) in at.iter_mut().enumerate() {
                 let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
                 for &k in bounded {
@@ -196,7 +196,7 @@ impl Bell {
                 }
                 *at = next;
             }
-            if turn >= BEFORE {
+            if turn >= BURN_IN {
                 draws.iter_mut().zip(&values).for_each(|(list, value)| list.push(*value));
             }
         }
@@ -272,14 +272,16 @@ mod tests {
     use super::*;
 
     /// Two numbers of deviations 1 and 10 that are nearly one, the first within two of its standard deviations.
-    fn bell(top: f64) -> Bell {
+    fn bell(top: f64) -> TruncatedNormal {
         let covariance = [1.0, 9.99, 9.99, 100.0];
-        Bell::new(&covariance, &[top, 10.0 * top], |k| if k == 0 { (-2.0, 2.0) } else { (f64::NEG_INFINITY, f64::INFINITY) })
+        TruncatedNormal::new(&covariance, &[top, 10.0 * top], |k| {
+            if k == 0 { (-2.0, 2.0) } else { (f64::NEG_INFINITY, f64::INFINITY) }
+        })
     }
 
     #[test]
     fn a_bell_that_bounds_cut_at_two_deviations_holds_95_of_100_within_1_68() {
-        let told = bell(0.0).told();
+        let told = bell(0.0).marginals();
         // erf(2/sqrt 2) = 0.9545, of which 95 % is 0.9068 = erf(1.68/sqrt 2). The ends are known to some hundredths by this many draws, more where the bell is flat.
         for (k, scale) in [(0, 1.0), (1, 10.0)] {
             let (deviation, low, high) = told[k];
@@ -295,7 +297,7 @@ mod tests {
         let mut bell = bell(6.0);
         bell.bounds[0] = (-2.0, 0.0);
         bell.top = vec![6.0, 60.0];
-        let (deviation, low, high) = bell.told()[0];
+        let (deviation, low, high) = bell.marginals()[0];
         assert_eq!(high, 0.0);
         assert!((-0.5..-0.42).contains(&low) && (0.1..0.17).contains(&deviation), "{low} {deviation}");
     }
@@ -303,14 +305,19 @@ mod tests {
     #[test]
     fn an_edge_that_another_number_makes_is_not_a_bound_of_ones_own() {
         // The first number is at its upper end, the second goes along with it, down from 0 by 20, and might be as low as -100 by itself.
-        let bell = Bell::new(&[1.0, 9.999, 9.999, 100.0], &[3.0, 30.0], |k| if k == 0 { (-2.0, 0.0) } else { (-100.0, 100.0) });
-        let (_, low, high) = bell.told()[1];
+        let bell =
+            TruncatedNormal::new(
+                &[1.0, 9.999, 9.999, 100.0],
+                &[3.0, 30.0],
+                |k| if k == 0 { (-2.0, 0.0) } else { (-100.0, 100.0) },
+            );
+        let (_, low, high) = bell.marginals()[1];
         assert!((-12.0..-6.0).contains(&low) && (0.0..1.0).contains(&high), "{low} {high}");
     }
 
     #[test]
     fn without_a_bound_within_reach_an_interval_is_1_96_deviations() {
-        let told = Bell::new(&[4.0], &[0.0], |_| (-7.0, 7.0)).told();
+        let told = TruncatedNormal::new(&[4.0], &[0.0], |_| (-7.0, 7.0)).marginals();
         assert_eq!(told, [(2.0, -3.92, 3.92)]);
     }
 

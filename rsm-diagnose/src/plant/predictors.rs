@@ -13,7 +13,7 @@ use super::levenberg::Fit;
 use super::orders::{self, HIGHEST_FREQUENCY, Way};
 use super::quantities::rounded;
 use super::whitened_residuals::WhitenedResiduals;
-use super::whiteness::LOOKS;
+use super::whiteness::TESTS;
 use crate::engine::columns::Basis;
 use crate::engine::significance::{chi_squared_of, ln_upper_chi_squared, rarest};
 
@@ -37,7 +37,7 @@ const LEAST_ROWS: usize = 64;
 
 /// A predictor of the residual.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Predicted {
+pub struct Predictor {
     /// The output, by its place in the plant.
     pub output: usize,
     /// The predictor in words.
@@ -68,7 +68,7 @@ impl Tried {
 
 /// The best predictor of the residual of a fit; `None` if chance could predict as much.
 #[must_use]
-pub fn look(whitened: &WhitenedResiduals, fit: &Fit) -> Option<Predicted> {
+pub fn best_predictor(whitened: &WhitenedResiduals, fit: &Fit) -> Option<Predictor> {
     let ways = orders::ways(whitened, &fit.model, &fit.simulated);
     let mut tried = Vec::new();
     for output in 0..whitened.floors.len() {
@@ -81,10 +81,10 @@ pub fn look(whitened: &WhitenedResiduals, fit: &Fit) -> Option<Predicted> {
         }
         tried.extend(powers(whitened, fit, output, &parts));
     }
-    let (ln_p, best) = rarest(tried.iter().map(|it| (it.ln_p(), it)), LOOKS as f64)?;
+    let (ln_p, best) = rarest(tried.iter().map(|it| (it.ln_p(), it)), TESTS as f64)?;
     let rows: usize = whitened.records.iter().flat_map(|it| &it.used).map(|used| used.iter().filter(|it| **it).count()).sum();
     let excess = (best.gain - best.level * best.freedom as f64) / rows.max(1) as f64;
-    (ln_p < ALARM_OF_PREDICTION.ln()).then(|| Predicted { output: best.output, what: best.what.clone(), excess, ln_p })
+    (ln_p < ALARM_OF_PREDICTION.ln()).then(|| Predictor { output: best.output, what: best.what.clone(), excess, ln_p })
 }
 
 /// The residual of an output in each record that holds it: the record, its index there, the residual.
@@ -230,7 +230,7 @@ mod tests {
     const SD: f64 = 0.3;
 
     /// A motor that runs up and down through 0; its speed has noise of a correlation, and what `more` says from speed, angle and q voltage.
-    fn found(seed: u64, correlation: f64, told: f64, more: &dyn Fn(f64, f64, f64) -> f64) -> Option<Predicted> {
+    fn found(seed: u64, correlation: f64, told: f64, more: &dyn Fn(f64, f64, f64) -> f64) -> Option<Predictor> {
         let text = include_str!("../../../rsm-sim/plants/pmac.toml").to_string();
         let file = PlantFile::read(&Source::new("pmac.toml", text)).unwrap();
         let mut random = Random::new(seed);
@@ -252,13 +252,13 @@ mod tests {
             file,
             starts: vec![rsm_sim::kind::StartValues::default()],
             unknowns: Vec::new(),
-            at_start: super::super::model::AtStart::Steady,
+            at_start: super::super::model::InitialMotion::Steady,
         };
         let simulated = vec![vec![smooth]];
         let residual = whitened.residual(&simulated);
         let cost = dot(&residual, &residual);
         let fit = Fit { model, simulated, residual, cost, free: Vec::new(), columns: Vec::new(), held: Vec::new() };
-        look(&whitened, &fit)
+        best_predictor(&whitened, &fit)
     }
 
     #[test]

@@ -28,7 +28,7 @@ impl Piece {
 
 /// A filled gap.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Bridge {
+pub struct FilledGap {
     /// The rows that were added.
     pub rows: Range<usize>,
     /// The offset of each input from the line between the rows beside the gap.
@@ -47,9 +47,9 @@ pub struct Prepared {
     /// The number of rows of the file before its first row.
     pub from: usize,
     /// The filled gaps, in their order.
-    pub bridges: Vec<Bridge>,
+    pub filled_gaps: Vec<FilledGap>,
     /// For each of `outputs`, which of the first rows counted before they were set aside to let the simulation settle. Empty if none were set aside.
-    pub(super) led: Vec<Vec<bool>>,
+    pub(super) used_before_settling: Vec<Vec<bool>>,
 }
 
 impl Prepared {
@@ -64,7 +64,7 @@ impl Prepared {
         };
         let outputs: Vec<usize> = (0..outputs_of_plant).filter(|k| shown(*k) && record.measured[*k].is_some()).collect();
         let used = vec![vec![true; record.rows()]; outputs.len()];
-        Prepared { record, outputs, used, from: 0, bridges: Vec::new(), led: Vec::new() }
+        Prepared { record, outputs, used, from: 0, filled_gaps: Vec::new(), used_before_settling: Vec::new() }
     }
 
     /// The measured values of the k-th of its outputs.
@@ -76,7 +76,7 @@ impl Prepared {
     /// The row of the file for a row of the record; for an added row, the row before it.
     #[must_use]
     pub fn file_row(&self, row: usize) -> usize {
-        let filled: usize = self.bridges.iter().map(|it| (row + 1).clamp(it.rows.start, it.rows.end) - it.rows.start).sum();
+        let filled: usize = self.filled_gaps.iter().map(|it| (row + 1).clamp(it.rows.start, it.rows.end) - it.rows.start).sum();
         self.from + row - filled
     }
 
@@ -84,7 +84,7 @@ impl Prepared {
     #[must_use]
     pub fn row_of(&self, file_row: usize) -> Option<usize> {
         let mut row = file_row.checked_sub(self.from)?;
-        for bridge in &self.bridges {
+        for bridge in &self.filled_gaps {
             row += if row >= bridge.rows.start { bridge.rows.len() } else { 0 };
         }
         (row < self.record.rows()).then_some(row)
@@ -99,37 +99,39 @@ impl Prepared {
     }
 
     /// Sets the first rows aside: the simulation settles there, and they do not count.
-    pub(super) fn lead(&mut self, rows: usize) {
-        self.led = self.used.iter().map(|used| used[..rows].to_vec()).collect();
+    pub(super) fn set_settling_rows(&mut self, rows: usize) {
+        self.used_before_settling = self.used.iter().map(|used| used[..rows].to_vec()).collect();
         self.used.iter_mut().for_each(|used| used[..rows].fill(false));
     }
 
     /// The same record with those first rows counting again. Rows left out for other reasons stay out.
-    pub(super) fn with_led_rows(&self) -> Self {
+    pub(super) fn with_settling_rows(&self) -> Self {
         let mut whole = self.clone();
-        for (used, led) in whole.used.iter_mut().zip(&self.led) {
-            used[..led.len()].copy_from_slice(led);
+        for (used, before) in whole.used.iter_mut().zip(&self.used_before_settling) {
+            used[..before.len()].copy_from_slice(before);
         }
-        whole.led.clear();
+        whole.used_before_settling.clear();
         whole
     }
 
     /// No row of its k-th output counts any more.
     pub(super) fn leave_out(&mut self, k: usize) {
         self.used[k].fill(false);
-        self.led.iter_mut().skip(k).take(1).for_each(|led| led.fill(false));
+        self.used_before_settling.iter_mut().skip(k).take(1).for_each(|before| before.fill(false));
     }
 
     /// Keeps only these rows.
     pub fn keep(&mut self, rows: Range<usize>) {
         self.from = self.file_row(rows.start);
         self.record = self.record.piece(rows.clone());
-        self.bridges.retain(|it| rows.start < it.rows.start && it.rows.end < rows.end);
-        for bridge in &mut self.bridges {
+        self.filled_gaps.retain(|it| rows.start < it.rows.start && it.rows.end < rows.end);
+        for bridge in &mut self.filled_gaps {
             bridge.rows = bridge.rows.start - rows.start..bridge.rows.end - rows.start;
         }
         self.used.iter_mut().for_each(|used| *used = used[rows.clone()].to_vec());
-        self.led.iter_mut().for_each(|led| *led = led.iter().take(rows.end).skip(rows.start).copied().collect());
+        self.used_before_settling
+            .iter_mut()
+            .for_each(|before| *before = before.iter().take(rows.end).skip(rows.start).copied().collect());
     }
 }
 
@@ -148,20 +150,20 @@ mod tests {
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let mut prepared = Prepared::new(record, 2);
         prepared.used[0][1] = false;
-        prepared.lead(3);
+        prepared.set_settling_rows(3);
         let t = true;
         assert_eq!(prepared.used, [[!t, !t, !t, t, t, t, t, t]; 2]);
-        assert_eq!(prepared.with_led_rows().used, [[t, !t, t, t, t, t, t, t], [t; 8]]);
+        assert_eq!(prepared.with_settling_rows().used, [[t, !t, t, t, t, t, t, t], [t; 8]]);
         // Shorter records, and an output that is left out afterwards.
         let mut short = prepared.shortened(2);
-        assert_eq!(short.with_led_rows().used, [[t, !t], [t, t]]);
+        assert_eq!(short.with_settling_rows().used, [[t, !t], [t, t]]);
         short.leave_out(1);
-        assert_eq!(short.with_led_rows().used, [[t, !t], [!t, !t]]);
+        assert_eq!(short.with_settling_rows().used, [[t, !t], [!t, !t]]);
         let mut late = prepared.clone();
         late.keep(2..5);
-        assert_eq!(late.with_led_rows().used, [[t; 3]; 2]);
+        assert_eq!(late.with_settling_rows().used, [[t; 3]; 2]);
         let mut later = prepared;
         later.keep(4..6);
-        assert_eq!(later.with_led_rows().used, [[t; 2]; 2]);
+        assert_eq!(later.with_settling_rows().used, [[t; 2]; 2]);
     }
 }

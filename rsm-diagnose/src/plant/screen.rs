@@ -7,7 +7,7 @@
 use super::hypotheses::{Hypothesis, generalises};
 use super::levenberg::Fit;
 use super::model::Model;
-use super::nuisance::{Back, Nuisance};
+use super::nuisance::{Nuisance, Released};
 use super::null;
 use super::position_traces::PositionTraces;
 use super::waves;
@@ -22,10 +22,10 @@ use rsm_sim::plant_file::Entry;
 
 /// The smallest share of a trace, as a square, that must be left after projection. With less, the free unknowns can make the same trace, within the
 /// accuracy of finite differences.
-const LEAST_OF_ITS_OWN: f64 = 1e-7;
+const LEAST_INDEPENDENT_SHARE: f64 = 1e-7;
 
 /// If a trace is longer than the residual by this factor, the guess is too large for a linear approximation.
-const IN_PROPORTION: f64 = 3.0;
+const LINEAR_UP_TO: f64 = 3.0;
 
 /// Two traces count as equal if the square of the sine of their angle is below this. Two smoothings, or two sizes of one cause, differ by as much.
 const COLLINEAR: f64 = 1e-3;
@@ -63,7 +63,7 @@ pub fn screen(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, hypothes
         if fit.model.file.effects.iter().any(there) {
             continue;
         }
-        guesses.extend(hypothesis.guesses.iter().map(|guess| (k, about_now(fit, hypothesis, guess))));
+        guesses.extend(hypothesis.guesses.iter().map(|guess| (k, relative_to_fit(fit, hypothesis, guess))));
     }
     let mut list = Vec::new();
     let asked = dot(&fit.residual, &fit.residual).sqrt();
@@ -76,7 +76,7 @@ pub fn screen(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, hypothes
         for (place, ((k, guess), traces)) in some.iter().zip(&simulated).enumerate() {
             let longest = traces.iter().map(|trace| dot(trace, trace).sqrt()).fold(0.0, f64::max);
             if let Some((number, without)) = guess.neutral
-                && longest > IN_PROPORTION * asked
+                && longest > LINEAR_UP_TO * asked
                 && longest.is_finite()
             {
                 let mut guess = guess.clone();
@@ -159,7 +159,7 @@ fn traces(
 
 /// A guess relative to the current fit. A parameter error starts at the calibrated value, not at the value of the file, because calibration may have
 /// reached the end of the tolerance. A general case takes the level of its accepted special case.
-fn about_now(fit: &Fit, hypothesis: &Hypothesis, guess: &Guess) -> Guess {
+fn relative_to_fit(fit: &Fit, hypothesis: &Hypothesis, guess: &Guess) -> Guess {
     let mut special = fit.model.file.effects.iter().filter(|it| generalises(hypothesis.description.kind, it.description.kind));
     if let Some(level) = special.next().and_then(|it| it.arguments.numbers.first()).map(|number| number.1) {
         return from_level(hypothesis, guess, level, fit.model.file.kind);
@@ -190,10 +190,10 @@ fn at(model: &Model, nominal: &Model, hypothesis: &Hypothesis, values: &[f64], k
 }
 
 /// The joint gain of some traces, and the share of each. `None` if one is dependent on the free unknowns.
-fn together(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]]) -> Option<(Vec<f64>, f64)> {
-    let mut back = nuisance.all_back();
-    while let Some((share, gain)) = beside(nuisance, traces, products, back) {
-        let still = nuisance.still_back(&share, products, back);
+fn joint_gain(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]]) -> Option<(Vec<f64>, f64)> {
+    let mut back = nuisance.all_released();
+    while let Some((share, gain)) = joint_gain_released(nuisance, traces, products, back) {
+        let still = nuisance.still_released(&share, products, back);
         if still == back {
             return Some((share, gain));
         }
@@ -203,17 +203,22 @@ fn together(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]]) -> 
     // is used.
     let sets = (0..back).filter(|set| set & back == *set);
     let stand = sets.filter_map(|set| {
-        let found = beside(nuisance, traces, products, set)?;
-        (nuisance.still_back(&found.0, products, set) == set).then_some(found)
+        let found = joint_gain_released(nuisance, traces, products, set)?;
+        (nuisance.still_released(&found.0, products, set) == set).then_some(found)
     });
     stand.max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// The same with these unknowns released.
-fn beside(nuisance: &Nuisance<'_>, traces: &[&[f64]], products: &[&[f64]], back: Back) -> Option<(Vec<f64>, f64)> {
+fn joint_gain_released(
+    nuisance: &Nuisance<'_>,
+    traces: &[&[f64]],
+    products: &[&[f64]],
+    back: Released,
+) -> Option<(Vec<f64>, f64)> {
     let n = traces.len();
     let matrix = symmetric(n, |i, j| nuisance.between(dot(traces[i], traces[j]), products[i], products[j], back));
-    let has_own = |i: usize| matrix[i * n + i] > LEAST_OF_ITS_OWN * dot(traces[i], traces[i]);
+    let has_own = |i: usize| matrix[i * n + i] > LEAST_INDEPENDENT_SHARE * dot(traces[i], traces[i]);
     if !(0..n).all(has_own) {
         return None;
     }
@@ -251,7 +256,7 @@ fn judge(
     let products: Vec<Vec<f64>> = traces.iter().map(|trace| nuisance.products(trace)).collect();
     let lists: (Vec<&[f64]>, Vec<&[f64]>) =
         (traces.iter().map(Vec::as_slice).collect(), products.iter().map(Vec::as_slice).collect());
-    let (share, gain) = together(nuisance, &lists.0, &lists.1)?;
+    let (share, gain) = joint_gain(nuisance, &lists.0, &lists.1)?;
     let asked = scaled(guess, &share, &hypotheses[which], nuisance.fit.model.file.kind);
     let gain = if asked.is_some() { gain.max(0.0) } else { 0.0 };
     let values = asked.unwrap_or_else(|| guess.values.clone());
@@ -288,7 +293,7 @@ pub fn pairs(fit: &Fit, hypotheses: &[Hypothesis], screened: &[&Screened]) -> Ve
             }
             let traces: Vec<&[f64]> = a.traces.iter().chain(&b.traces).map(Vec::as_slice).collect();
             let products: Vec<&[f64]> = a.products.iter().chain(&b.products).map(Vec::as_slice).collect();
-            let Some((share, gain)) = together(&nuisance, &traces, &products) else { continue };
+            let Some((share, gain)) = joint_gain(&nuisance, &traces, &products) else { continue };
             let (first, second) = share.split_at(a.traces.len());
             let first = scaled(&a.guess, first, &hypotheses[a.hypothesis], kind);
             let second = scaled(&b.guess, second, &hypotheses[b.hypothesis], kind);
@@ -366,13 +371,13 @@ fn drawn(whitened: &WhitenedResiduals, fit: &Fit, rounded: &[(usize, f64)], rand
 impl Screened {
     /// For tests: a guess with one parameter and a predicted gain.
     #[cfg(test)]
-    pub fn told(hypothesis: usize, gain: f64, group: Option<usize>) -> Self {
+    pub fn with_gain(hypothesis: usize, gain: f64, group: Option<usize>) -> Self {
         let guess = Guess::scaled(vec![1.0], 0.0);
         Screened { hypothesis, values: vec![1.0], gain, group, guess, traces: Vec::new(), products: Vec::new() }
     }
 
     /// Removes the traces, which need much memory.
-    pub fn slim(&mut self) {
+    pub fn without_traces(&mut self) {
         self.traces = Vec::new();
     }
 }

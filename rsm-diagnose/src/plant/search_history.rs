@@ -24,7 +24,7 @@ pub enum Limit {
     /// The largest number of integration sub-steps was reached.
     Steps,
     /// The search returned to an earlier set of causes.
-    Circle,
+    Cycle,
 }
 
 impl std::fmt::Display for Limit {
@@ -34,14 +34,14 @@ impl std::fmt::Display for Limit {
             Limit::Competitions => write!(f, "after {MOST_COMPETITIONS} competitions between causes"),
             Limit::Exchanges => write!(f, "after {MOST_EXCHANGES} exchanges of a cause"),
             Limit::Steps => write!(f, "after as many steps of simulations as are allowed"),
-            Limit::Circle => write!(f, "at a set of causes that it had been at before"),
+            Limit::Cycle => write!(f, "at a set of causes that it had been at before"),
         }
     }
 }
 
 /// The history of a search, so that it ends: the sets of causes it has visited, and counts against the limits.
 #[derive(Debug, Default)]
-pub struct Path {
+pub struct SearchHistory {
     visited: Vec<Vec<String>>,
     additions: usize,
     competitions: usize,
@@ -53,11 +53,11 @@ pub struct Path {
     stopped: Option<Limit>,
 }
 
-impl Path {
+impl SearchHistory {
     /// A path whose competitions may begin within `steps` sub-steps, and tests of rivals within `for_rivals` more.
     #[must_use]
     pub fn until(steps: u64, for_rivals: u64) -> Self {
-        Path { until: Some(steps), until_rivals: Some(steps + for_rivals), ..Path::default() }
+        SearchHistory { until: Some(steps), until_rivals: Some(steps + for_rivals), ..SearchHistory::default() }
     }
 
     /// Whether the search may continue after this many sub-steps.
@@ -74,7 +74,7 @@ impl Path {
     pub fn visit(&mut self, mut causes: Vec<String>) -> bool {
         causes.sort_unstable();
         if self.visited.contains(&causes) {
-            return self.stop(Limit::Circle);
+            return self.stop(Limit::Cycle);
         }
         self.visited.push(causes);
         true
@@ -82,24 +82,24 @@ impl Path {
 
     /// Whether the search has visited a sorted set of causes.
     #[must_use]
-    pub fn knows(&self, causes: &[String]) -> bool {
+    pub fn has_visited(&self, causes: &[String]) -> bool {
         self.visited.iter().any(|known| known == causes)
     }
 
     /// Whether one more addition is allowed; counts it.
-    pub fn adds(&mut self) -> bool {
+    pub fn may_add(&mut self) -> bool {
         self.additions += 1;
         self.additions <= MOST_ADDITIONS || self.stop(Limit::Additions)
     }
 
     /// Whether one more competition is allowed; counts it.
-    pub fn competes(&mut self) -> bool {
+    pub fn may_compete(&mut self) -> bool {
         self.competitions += 1;
         self.competitions <= MOST_COMPETITIONS || self.stop(Limit::Competitions)
     }
 
     /// Whether one more exchange is allowed; counts it.
-    pub fn exchanges(&mut self) -> bool {
+    pub fn may_exchange(&mut self) -> bool {
         self.exchanges += 1;
         self.exchanges <= MOST_EXCHANGES || self.stop(Limit::Exchanges)
     }

@@ -13,7 +13,7 @@ use super::model::Model;
 use super::nuisance::Nuisance;
 use super::screen::{Pair, Screened, null, pairs, screen};
 use super::search::{AcceptedCause, Search};
-use super::search_history::{Limit, Path};
+use super::search_history::{Limit, SearchHistory};
 use super::variable_projection::project;
 use super::{waves, whiteness};
 use crate::engine::significance::best_of;
@@ -21,13 +21,13 @@ use rsm_sim::plant_file::Entry;
 
 /// A cause must remove this share of the noise energy. For one output with 24,000 residuals that is 36 squared standard deviations, less than a tenth
 /// of a per cent of its r.m.s. error. Smaller effects may be real, but are not worth reporting.
-const WORTH: f64 = 0.0015;
+const LEAST_EFFECT: f64 = 0.0015;
 
 /// The number of guesses of each hypothesis used in pairs.
 const PAIR_GUESSES: usize = 2;
 
 /// A single cause may replace two if its predicted gain is at least this share of their joint gain, because the first order sees most of it.
-const OF_BOTH: f64 = 0.8;
+const LEAST_SHARE_OF_PAIR: f64 = 0.8;
 
 /// The number of hypotheses tried in place of two causes.
 const MERGED: usize = 2;
@@ -72,7 +72,7 @@ impl Search<'_> {
     pub fn run_from(&self, calibrated: Fit, seed: Option<Fit>) -> Selection {
         (self.progress)("screening the catalogue");
         let mut screened = screen(self.whitened, &calibrated, self.nominal, self.hypotheses);
-        let worth = WORTH * calibrated.residual.len() as f64;
+        let worth = LEAST_EFFECT * calibrated.residual.len() as f64;
         let looks = screened.len() + self.further_guesses;
         let numbers = screened.iter().map(|it| form_of(it).1).max().unwrap_or(1);
         let threshold =
@@ -80,17 +80,17 @@ impl Search<'_> {
         let strongest = best_guesses(&screened, PAIR_GUESSES);
         let strongest = leading(strongest, self.limits.profiled, PAIR_GUESSES, |it| form_of(it));
         let pairs = pairs(&calibrated, self.hypotheses, &strongest);
-        screened.iter_mut().for_each(Screened::slim);
+        screened.iter_mut().for_each(Screened::without_traces);
         let ranking = self.ranking(&screened);
         let mut remaining = ranking.clone();
         let until = self.whitened.pace.taken() + self.limits.steps;
-        let mut path = Path::until(until, self.limits.steps_for_rivals);
+        let mut path = SearchHistory::until(until, self.limits.steps_for_rivals);
         self.whitened.pace.ends_at(until);
         let mut competed: Vec<(String, Vec<Candidate>)> = Vec::new();
         let first = seed.as_ref().map_or(Some(screened), |_| None);
         let begin = seed.unwrap_or_else(|| calibrated.clone());
         path.visit(labels(&begin.model));
-        let mut stages = self.grown(begin.clone(), first, threshold, &mut competed, &mut remaining, &mut path);
+        let mut stages = self.forward_selection(begin.clone(), first, threshold, &mut competed, &mut remaining, &mut path);
         let mut fit = stages.last().cloned().unwrap_or(begin);
         let alone = fit.model.file.effects.len() <= 1 && self.leaves_noise(&fit, threshold);
         let most = if alone { count(&fit.model) } else { usize::MAX };
@@ -105,19 +105,22 @@ impl Search<'_> {
             {
                 (self.progress)(&format!("found {}", labels(&pair.model).join(" with ")));
                 let mut after = remaining.clone();
-                let grown =
-                    self.grown(pair.clone(), None, threshold, &mut competed, &mut after, &mut path).pop().unwrap_or(pair);
+                let grown = self
+                    .forward_selection(pair.clone(), None, threshold, &mut competed, &mut after, &mut path)
+                    .pop()
+                    .unwrap_or(pair);
                 if self.prefers(&grown, &fit, &calibrated, threshold) {
                     (fit, remaining) = (grown, after);
                 }
             }
         }
         if !self.leaves_noise(&fit, threshold)
-            && let Some(from_equations) = self.said_together(&calibrated).last().filter(|it| path.visit(labels(&it.model)))
+            && let Some(from_equations) =
+                self.equation_error_sets(&calibrated).last().filter(|it| path.visit(labels(&it.model)))
         {
             (self.progress)("going on from what the equations say");
             let mut after = remaining.clone();
-            let from = self.grown(from_equations.clone(), None, threshold, &mut competed, &mut after, &mut path);
+            let from = self.forward_selection(from_equations.clone(), None, threshold, &mut competed, &mut after, &mut path);
             let from = from.into_iter().next_back().unwrap_or_else(|| from_equations.clone());
             if self.prefers(&from, &fit, &calibrated, threshold) {
                 (fit, remaining) = (from, after);
@@ -136,35 +139,35 @@ impl Search<'_> {
     }
 
     /// Adds causes one at a time while they gain enough. Returns the fit after each addition; empty if none gains enough.
-    fn grown(
+    fn forward_selection(
         &self,
         mut fit: Fit,
         mut screened: Option<Vec<Screened>>,
         threshold: f64,
         competed: &mut Vec<(String, Vec<Candidate>)>,
         remaining: &mut Vec<(String, f64)>,
-        path: &mut Path,
+        path: &mut SearchHistory,
     ) -> Vec<Fit> {
         let mut stages = Vec::new();
-        while fit.model.file.effects.len() < self.limits.causes && self.goes_on(path) && path.competes() {
+        while fit.model.file.effects.len() < self.limits.causes && self.goes_on(path) && path.may_compete() {
             let screened = screened.take().unwrap_or_else(|| {
                 let mut screened = screen(self.whitened, &fit, self.nominal, self.hypotheses);
-                screened.iter_mut().for_each(Screened::slim);
+                screened.iter_mut().for_each(Screened::without_traces);
                 screened
             });
             *remaining = self.ranking(&screened);
             let mut candidates = self.fit_candidates(&fit, &screened, threshold);
-            self.add_said(&fit, &mut candidates);
+            self.add_equation_error_cause(&fit, &mut candidates);
             if !self.winner(&fit, &candidates, threshold).is_some_and(|it| self.leaves_noise(&it.fit, threshold)) {
-                self.add_from_beginnings(&fit, &mut candidates, threshold);
+                self.add_from_first_horizon(&fit, &mut candidates, threshold);
             }
             let Some(winner) = self.winner(&fit, &candidates, threshold) else { break };
-            if !path.adds() {
+            if !path.may_add() {
                 break;
             }
             (self.progress)(&format!("found {}", winner.label));
             let name = winner.label.clone();
-            fit = self.without_needless(winner.fit.clone(), threshold);
+            fit = self.backward_elimination(winner.fit.clone(), threshold);
             competed.push((name, candidates));
             stages.push(fit.clone());
             if !path.visit(labels(&fit.model)) {
@@ -175,7 +178,7 @@ impl Search<'_> {
     }
 
     /// A single cause from the equation errors competes with the other candidates for the first place.
-    fn add_said(&self, fit: &Fit, candidates: &mut Vec<Candidate>) {
+    fn add_equation_error_cause(&self, fit: &Fit, candidates: &mut Vec<Candidate>) {
         let alone =
             self.equation_error_fits.first().filter(|it| it.model.file.effects.len() == 1 && fit.model.file.effects.is_empty());
         let Some(from_equations) = alone.and_then(|it| self.judged(fit, it.clone())) else { return };
@@ -190,7 +193,7 @@ impl Search<'_> {
     }
 
     /// Sets of several causes from the equation errors, as starting points without other causes, if each cause is allowed; the smallest sets first.
-    fn said_together(&self, fit: &Fit) -> impl Iterator<Item = &Fit> {
+    fn equation_error_sets(&self, fit: &Fit) -> impl Iterator<Item = &Fit> {
         let none = fit.model.file.effects.is_empty();
         let sound =
             |it: &Entry| !within_tolerance(self.nominal, it) && self.is_plausible(it) && waves::comes_again(self.whitened, it);
@@ -201,17 +204,24 @@ impl Search<'_> {
     }
 
     /// Whether the work limit allows one more competition or pair.
-    fn goes_on(&self, path: &mut Path) -> bool {
+    fn goes_on(&self, path: &mut SearchHistory) -> bool {
         path.has_steps(self.whitened.pace.taken())
     }
 
     /// Whether the residual of a fit is noise, so that no further cause can gain enough.
     fn leaves_noise(&self, fit: &Fit, threshold: f64) -> bool {
-        whiteness::look(self.whitened, fit).excess * fit.residual.len() as f64 <= threshold
+        whiteness::test(self.whitened, fit).excess * fit.residual.len() as f64 <= threshold
     }
 
     /// The best of the most promising pairs, fitted in full; only pairs with fewer than `most` parameters.
-    fn best_pair(&self, calibrated: &Fit, pairs: &[Pair], most: usize, threshold: f64, path: &mut Path) -> Option<Fit> {
+    fn best_pair(
+        &self,
+        calibrated: &Fit,
+        pairs: &[Pair],
+        most: usize,
+        threshold: f64,
+        path: &mut SearchHistory,
+    ) -> Option<Fit> {
         let nuisance = Nuisance::new(calibrated);
         let kind = calibrated.model.file.kind;
         let mut tried: Vec<Vec<String>> = Vec::new();
@@ -226,13 +236,13 @@ impl Search<'_> {
             }
             let mut names = labels(&model);
             names.sort_unstable();
-            if count(&model) >= most || path.knows(&names) || tried.contains(&names) || !model.is_possible() {
+            if count(&model) >= most || path.has_visited(&names) || tried.contains(&names) || !model.is_possible() {
                 continue;
             }
             (self.progress)(&format!("fitting {}", names.join(" with ")));
             tried.push(names);
             let Some((model, _)) = project(self.whitened, &nuisance, model, 0, self.limits.profile_steps) else { continue };
-            let Some(fit) = levenberg::onward(self.whitened, model, self.limits.fit_steps, Some(calibrated)) else { continue };
+            let Some(fit) = levenberg::refit(self.whitened, model, self.limits.fit_steps, Some(calibrated)) else { continue };
             let sound = |it: &Entry| {
                 !within_tolerance(self.nominal, it) && self.is_plausible(it) && waves::comes_again(self.whitened, it)
             };
@@ -255,13 +265,13 @@ impl Search<'_> {
     }
 
     /// Removes causes that no longer gain enough.
-    fn without_needless(&self, mut fit: Fit, threshold: f64) -> Fit {
+    fn backward_elimination(&self, mut fit: Fit, threshold: f64) -> Fit {
         'again: loop {
             let count = fit.model.file.effects.len();
             // The last one has just gained enough.
             for place in 0..count.saturating_sub(1) {
                 let without = fit.model.minus(self.nominal, place);
-                if let Some(other) = levenberg::onward(self.whitened, without, self.limits.fit_steps, Some(&fit))
+                if let Some(other) = levenberg::refit(self.whitened, without, self.limits.fit_steps, Some(&fit))
                     && other.cost - fit.cost < self.deciding_difference(&fit, threshold)
                 {
                     fit = other;
@@ -279,7 +289,7 @@ impl Search<'_> {
         mut fit: Fit,
         competed: &[(String, Vec<Candidate>)],
         threshold: f64,
-        path: &mut Path,
+        path: &mut SearchHistory,
     ) -> (Fit, Vec<AcceptedCause>) {
         let mut drops = 0;
         'again: loop {
@@ -297,7 +307,7 @@ impl Search<'_> {
                 } else {
                     (self.progress)(&format!("asking what else could stand for {name}"));
                     let without = fit.model.minus(self.nominal, place);
-                    let Some(base) = levenberg::onward(self.whitened, without, self.limits.fit_steps, Some(&fit)) else {
+                    let Some(base) = levenberg::refit(self.whitened, without, self.limits.fit_steps, Some(&fit)) else {
                         continue;
                     };
                     if base.cost - fit.cost < self.deciding_difference(&fit, threshold) && drops < self.limits.causes {
@@ -315,9 +325,9 @@ impl Search<'_> {
                 if let Some(winner) = self.winner(&base, &candidates, threshold)
                     && winner.label != name
                     && (winner.fit.cost < fit.cost - least || simpler(winner))
-                    && path.exchanges()
+                    && path.may_exchange()
                 {
-                    let other = self.without_needless(winner.fit.clone(), threshold);
+                    let other = self.backward_elimination(winner.fit.clone(), threshold);
                     if path.visit(labels(&other.model)) {
                         (self.progress)(&format!("{} in place of {name}", winner.label));
                         fit = other;
@@ -334,7 +344,7 @@ impl Search<'_> {
                     candidates.iter().find(|it| it.label == name).map_or_else(Vec::new, |it| it.aliases_not_fitted.clone());
                 if !rivals_tested {
                     // Even at the work limit, the answer lists the hypotheses with the same trace.
-                    alike = self.of_one_trace(&base, entry, least);
+                    alike = self.aliases_of(&base, entry, least);
                 }
                 causes.push(AcceptedCause {
                     label: name,
@@ -352,7 +362,7 @@ impl Search<'_> {
 
     /// Two of three or more causes may be one cause in another form: if all forces of an axis are wrong by the same factor, the mass is wrong. Tries
     /// one hypothesis in place of any two, and keeps it if it fits as well.
-    fn merged(&self, mut fit: Fit, threshold: f64, path: &mut Path) -> Fit {
+    fn merged(&self, mut fit: Fit, threshold: f64, path: &mut SearchHistory) -> Fit {
         'again: loop {
             let count = fit.model.file.effects.len();
             if count < 3 {
@@ -363,10 +373,11 @@ impl Search<'_> {
                     return fit;
                 }
                 let without = fit.model.minus(self.nominal, b).minus(self.nominal, a);
-                let Some(base) = levenberg::onward(self.whitened, without, self.limits.fit_steps, Some(&fit)) else { continue };
+                let Some(base) = levenberg::refit(self.whitened, without, self.limits.fit_steps, Some(&fit)) else { continue };
                 let screened = screen(self.whitened, &base, self.nominal, self.hypotheses);
                 // A hypothesis is tried if its predicted gain is a sufficient share of the joint gain of the two causes.
-                let promising = best_guesses(&screened, 1).into_iter().filter(|it| it.gain > OF_BOTH * (base.cost - fit.cost));
+                let promising =
+                    best_guesses(&screened, 1).into_iter().filter(|it| it.gain > LEAST_SHARE_OF_PAIR * (base.cost - fit.cost));
                 let promising: Vec<Entry> = promising
                     .take(MERGED)
                     .map(|it| self.hypotheses[it.hypothesis].entry(fit.model.file.kind, &it.values))
@@ -386,7 +397,7 @@ impl Search<'_> {
     }
 
     /// Hypotheses whose trace on a plant without the cause is the same, and whose predicted gain is as large, up to the deciding difference.
-    fn of_one_trace(&self, base: &Fit, entry: &Entry, least: f64) -> Vec<String> {
+    fn aliases_of(&self, base: &Fit, entry: &Entry, least: f64) -> Vec<String> {
         let screened = screen(self.whitened, base, self.nominal, self.hypotheses);
         let best = best_guesses(&screened, 1);
         let Some(own) = best.iter().find(|it| self.hypotheses[it.hypothesis].is(entry) && it.group.is_some()) else {
@@ -403,12 +414,12 @@ impl Search<'_> {
     }
 
     /// The candidates for a place; `None` after the work limit is reached.
-    fn anew(&self, base: &Fit, threshold: f64, path: &mut Path) -> Option<Vec<Candidate>> {
-        if !path.has_steps_for_rivals(self.whitened.pace.taken()) || !path.competes() {
+    fn anew(&self, base: &Fit, threshold: f64, path: &mut SearchHistory) -> Option<Vec<Candidate>> {
+        if !path.has_steps_for_rivals(self.whitened.pace.taken()) || !path.may_compete() {
             return None;
         }
         let mut screened = screen(self.whitened, base, self.nominal, self.hypotheses);
-        screened.iter_mut().for_each(Screened::slim);
+        screened.iter_mut().for_each(Screened::without_traces);
         Some(self.fit_candidates(base, &screened, threshold))
     }
 }
@@ -443,7 +454,7 @@ mod tests {
         let search = axis_under_steps::search(&whitened, &unseen, &nominal, &all, &survey);
         let fit = levenberg::fit(&whitened, nominal.with_effects(&nominal, file(gain).effects), 20).unwrap();
         // All work is spent.
-        let mut path = Path::until(0, 0);
+        let mut path = SearchHistory::until(0, 0);
         let (_, causes) = search.exchanged(&calibrated, fit, &[], 30.0, &mut path);
         assert!(!causes[0].rivals_tested && path.stopped() == Some(Limit::Steps));
         for name in ["parameter-error:force_gain", "sensor-gain:position"] {

@@ -7,13 +7,13 @@
 use std::ops::Range;
 
 /// A channel is at rest after this many equal readings in a row.
-const STILL: usize = 3;
+const LEAST_REPEATS: usize = 3;
 
 /// Readings of exactly 0 are rest if the changes before and after are below this share of the largest reading. A dead band is smaller than that.
-const GENTLE: f64 = 0.1;
+const SMALL_CHANGE: f64 = 0.1;
 
 /// They are also rest if the nominal plant, which may have no dry friction, is slower than this share of its largest reading.
-const SLOW: f64 = 0.1;
+const LOW_SPEED: f64 = 0.1;
 
 /// A coarse sensor moves at most this many of its steps from row to row into a rest and out of it. Beside a rest, its change from row to row varies
 /// by at most as much: rounding changes a second difference by up to two steps.
@@ -37,7 +37,7 @@ pub fn moving(values: &[f64]) -> Vec<bool> {
         *at += run.len();
         Some(*at - run.len()..*at)
     }) {
-        if run.len() >= STILL {
+        if run.len() >= LEAST_REPEATS {
             moves[run].fill(false);
         }
     }
@@ -88,8 +88,9 @@ impl<'a> Resting<'a> {
         if self.values[rows.start] != 0.0 {
             return false;
         }
-        let slow = self.nominal.is_some_and(|it| it[rows.clone()].iter().all(|value| value.abs() < SLOW * self.largest[1]));
-        slow || self.ends(rows).iter().all(|off| *off <= GENTLE * self.largest[0])
+        let slow =
+            self.nominal.is_some_and(|it| it[rows.clone()].iter().all(|value| value.abs() < LOW_SPEED * self.largest[1]));
+        slow || self.ends(rows).iter().all(|off| *off <= SMALL_CHANGE * self.largest[0])
     }
 
     /// Whether a coarse sensor repeats its value because the plant creeps or a smooth motion ends. A sensor with noise of some steps would not

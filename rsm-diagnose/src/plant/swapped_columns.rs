@@ -10,11 +10,11 @@ use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
 
 /// An exchange must leave at most this share of the squared error above the noise. Exchanged columns that are otherwise right leave hardly any.
-const LEAVES: f64 = 0.2;
+const MOST_EXCESS_LEFT: f64 = 0.2;
 
 /// It must also leave at most this share of the squared spread, while the record as given leaves more. A record with a larger error does not follow
 /// the plant.
-const FOLLOWS: f64 = 0.5;
+const MOST_SPREAD_LEFT: f64 = 0.5;
 
 /// The number of exchanges that are calibrated.
 const CALIBRATED: usize = 2;
@@ -64,20 +64,20 @@ fn of_record(file: &PlantFile, record: &Record, threads: usize) -> Option<Pair> 
     if pairs.is_empty() {
         return None;
     }
-    let as_given = units::misses(file, record, threads);
+    let as_given = units::plant_errors(file, record, threads);
     // A record that follows the plant has its columns in the right place: an exchange gives an error as large as the signals.
-    if as_given.calibrated < FOLLOWS || as_given.is_noise() {
+    if as_given.calibrated < MOST_SPREAD_LEFT || as_given.is_noise() {
         return None;
     }
     let mut promising: Vec<(f64, Pair)> =
-        pairs.into_iter().map(|pair| (units::misses_at_once(file, &pair.exchanged(record), threads), pair)).collect();
+        pairs.into_iter().map(|pair| (units::nominal_error(file, &pair.exchanged(record), threads), pair)).collect();
     promising.retain(|it| it.0 < as_given.at_once);
     promising.sort_by(|a, b| a.0.total_cmp(&b.0));
     let beyond = |left: f64| (left - as_given.noise).max(0.0);
     let mut best: Option<(f64, Pair)> = None;
     for (_, pair) in promising.into_iter().take(CALIBRATED) {
-        let left = units::misses(file, &pair.exchanged(record), threads).calibrated;
-        let is_right = beyond(left) < LEAVES * beyond(as_given.calibrated) && left < FOLLOWS;
+        let left = units::plant_errors(file, &pair.exchanged(record), threads).calibrated;
+        let is_right = beyond(left) < MOST_EXCESS_LEFT * beyond(as_given.calibrated) && left < MOST_SPREAD_LEFT;
         if is_right && best.is_none_or(|it| left < it.0) {
             best = Some((left, pair));
         }
@@ -86,7 +86,7 @@ fn of_record(file: &PlantFile, record: &Record, threads: usize) -> Option<Pair> 
 }
 
 /// Corrects records with exchanged columns, and returns a finding for each of the two columns.
-pub(super) fn put_right(file: &PlantFile, records: &mut [Record], threads: usize) -> Vec<Finding> {
+pub(super) fn correct(file: &PlantFile, records: &mut [Record], threads: usize) -> Vec<Finding> {
     let mut findings = Vec::new();
     for record in records {
         let Some(pair) = of_record(file, record, threads) else { continue };

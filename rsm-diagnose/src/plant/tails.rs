@@ -16,10 +16,10 @@ const BESIDE: usize = 4;
 
 /// The tested degrees of freedom. Above ten, least squares loses less than 4 % of the information, 3 f/((f + 3)(f - 2)) of it (R. A. Fisher, 1922).
 /// Larger values only show whether there are tails at all.
-const FREEDOMS: [f64; 12] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, LIGHT, 14.0, 20.0, 30.0];
+const DEGREES_OF_FREEDOM: [f64; 12] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, NEARLY_NORMAL, 14.0, 20.0, 30.0];
 
 /// With this many degrees of freedom or more, tails are ignored.
-const LIGHT: f64 = 10.0;
+const NEARLY_NORMAL: f64 = 10.0;
 
 /// With fewer rows, the outermost fiftieth is too small for the tests.
 const LEAST_ROWS: usize = 2000;
@@ -32,11 +32,11 @@ const LEAST_RATIO_OF_TAILS: f64 = 40.0;
 const OUTERMOST: f64 = 0.02;
 
 /// Rows within which a cluster is counted.
-const TOGETHER: usize = 8;
+const CLUSTER_ROWS: usize = 8;
 
 /// How many times the chance frequency of clusters is allowed. Independent noise has no clusters; slow noise with tails has up to twice the chance
 /// frequency. Contacts, ripples and noise in only some part of a record have ten times and more.
-const OF_CHANCE: f64 = 3.0;
+const TIMES_CHANCE: f64 = 3.0;
 
 /// The allowed median deviation of the rows beside the outermost ones, relative to all rows. An outlier is alone; a corner or a bend that the
 /// simulation misses is not. For forty rows with two neighbours each, this median scatters by a seventh. Slow noise with tails has 1.2.
@@ -59,7 +59,7 @@ const ROUNDS: usize = 60;
 
 /// The residual of an output in one record.
 #[derive(Debug, Clone)]
-pub struct Left<'a> {
+pub struct OutputResidual<'a> {
     /// Readings.
     pub measured: &'a [f64],
     /// Their residuals.
@@ -70,7 +70,7 @@ pub struct Left<'a> {
     pub jumps: Vec<usize>,
 }
 
-impl Left<'_> {
+impl OutputResidual<'_> {
     fn with_jumps(&self) -> Vec<bool> {
         let mut used = self.used.to_vec();
         self.jumps.iter().for_each(|row| used[*row] = true);
@@ -98,7 +98,7 @@ pub struct Tails {
 
 impl Tails {
     /// A deviation after the correction, in scales.
-    fn tame(&self, deviation: f64) -> f64 {
+    fn corrected_deviation(&self, deviation: f64) -> f64 {
         deviation / (1.0 + deviation * deviation / self.freedom) / self.slope
     }
 
@@ -107,17 +107,17 @@ impl Tails {
     /// distribution looks lighter than it is. If the distribution with the jumps is heavy, the one without them is used, however light. Jumps in
     /// normal noise are faults of single readings and no sign of tails.
     #[must_use]
-    pub fn found(lists: &[Left<'_>]) -> Option<Tails> {
+    pub fn found(lists: &[OutputResidual<'_>]) -> Option<Tails> {
         let rest: Vec<Used<'_>> = lists.iter().map(|it| (it.measured, it.left, it.used)).collect();
         let correlation = correlation(&rest);
         let law = Tails::likely(&rest, correlation)?;
-        if law.freedom < LIGHT {
+        if law.freedom < NEARLY_NORMAL {
             return Some(law);
         }
-        let counts: Vec<Vec<bool>> = lists.iter().map(Left::with_jumps).collect();
+        let counts: Vec<Vec<bool>> = lists.iter().map(OutputResidual::with_jumps).collect();
         let all: Vec<Used<'_>> = lists.iter().zip(&counts).map(|(it, used)| (it.measured, it.left, used.as_slice())).collect();
         let heavy = lists.iter().any(|it| !it.jumps.is_empty())
-            && Tails::likely(&all, correlation).is_some_and(|all| all.freedom < LIGHT);
+            && Tails::likely(&all, correlation).is_some_and(|all| all.freedom < NEARLY_NORMAL);
         heavy.then_some(law)
     }
 
@@ -141,7 +141,7 @@ impl Tails {
             let is_out = |row: usize| off[row].is_some_and(|it| it.abs() > limit);
             for row in (0..off.len()).filter(|row| is_out(*row)) {
                 outermost += 1;
-                let near = row + 1..off.len().min(row + 1 + TOGETHER);
+                let near = row + 1..off.len().min(row + 1 + CLUSTER_ROWS);
                 places += near.clone().filter(|row| off[*row].is_some()).count();
                 together += near.filter(|row| is_out(*row)).count();
                 let beside = [row.wrapping_sub(1), row + 1].map(|row| off.get(row).copied().flatten());
@@ -153,7 +153,7 @@ impl Tails {
         }
         // The number expected by chance, plus four standard deviations of a count.
         let chance = outermost as f64 / all.len() as f64 * places as f64;
-        if together as f64 > OF_CHANCE * chance + 4.0 * chance.sqrt() {
+        if together as f64 > TIMES_CHANCE * chance + 4.0 * chance.sqrt() {
             return None;
         }
         if median(&mut beside_outermost) > BESIDE_OUTERMOST * MEDIAN_SIZE {
@@ -161,7 +161,7 @@ impl Tails {
         }
         let n = all.len() as f64;
         let normal = 0.5 * n * (1.0 + (all.iter().map(|it| it * it).sum::<f64>() / n).ln() + std::f64::consts::TAU.ln());
-        let laws = FREEDOMS.map(|freedom| (freedom, scale(&all, freedom)));
+        let laws = DEGREES_OF_FREEDOM.map(|freedom| (freedom, scale(&all, freedom)));
         let (freedom, scale) = laws.into_iter().min_by(|a, b| cost(&all, *a).total_cmp(&cost(&all, *b)))?;
         if 2.0 * (normal - cost(&all, (freedom, scale))) < LEAST_RATIO_OF_TAILS {
             return None;
@@ -173,28 +173,28 @@ impl Tails {
     }
 
     /// The readings of a record with outliers moved towards their neighbours. `left` is the residual of a simulation.
-    pub(super) fn tamed(&self, measured: &[f64], left: &[f64], used: &[bool], law: &Floor) -> Vec<f64> {
-        let (even, uneven) = evened(law, measured, left);
+    pub(super) fn corrected_readings(&self, measured: &[f64], left: &[f64], used: &[bool], law: &Floor) -> Vec<f64> {
+        let (even, uneven) = to_uniform_noise(law, measured, left);
         let off = off_expected(&even, used, self.correlation);
         let Some(size) = deviation(&off).filter(|size| *size > 0.0) else { return measured.to_vec() };
         let scale = self.scale * size;
         // Through the correlation, a corrected innovation also changes the following rows; after whitening they are the corrected innovations.
         let mut follows = 0.0;
-        let mut tamed = measured.to_vec();
-        for (row, value) in tamed.iter_mut().enumerate() {
+        let mut corrected = measured.to_vec();
+        for (row, value) in corrected.iter_mut().enumerate() {
             follows *= self.correlation;
             if let Some(off) = off[row] {
                 let accepted = limited(off, size);
-                follows += scale * self.tame(off / scale) - accepted;
+                follows += scale * self.corrected_deviation(off / scale) - accepted;
                 *value += uneven[row] * (accepted - off + follows);
             }
         }
-        tamed
+        corrected
     }
 }
 
 /// The residual scaled to uniform noise if the noise grows with the reading, and the divisor of each row.
-pub(super) fn evened(floor: &Floor, measured: &[f64], left: &[f64]) -> (Vec<f64>, Vec<f64>) {
+pub(super) fn to_uniform_noise(floor: &Floor, measured: &[f64], left: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let (mut even, mut units) = (left.to_vec(), vec![1.0; left.len()]);
     floor.even(measured, &mut even);
     floor.even(measured, &mut units);
@@ -303,7 +303,7 @@ mod tests {
     fn found(rows: usize, mut noise: impl FnMut(usize) -> f64) -> Option<Tails> {
         let left: Vec<f64> = (0..rows).map(&mut noise).collect();
         let measured: Vec<f64> = left.iter().enumerate().map(|(k, left)| 20.0 * (k as f64 / 150.0).sin() + left).collect();
-        Tails::found(&[Left { measured: &measured, left: &left, used: &vec![true; rows], jumps: Vec::new() }])
+        Tails::found(&[OutputResidual { measured: &measured, left: &left, used: &vec![true; rows], jumps: Vec::new() }])
     }
 
     #[test]
@@ -354,13 +354,13 @@ mod tests {
             let law = found(6000, |k| left[k]).unwrap_or_else(|| panic!("{correlation}"));
             // Four of the upper band's errors, the structure being there: 0.043 at 0.6.
             assert!((law.correlation - correlation).abs() < 0.17 && law.freedom < 10.0, "{correlation}: {law:?}");
-            let tamed = law.tamed(&left, &left, &vec![true; 6000], &Floor::white(1.0));
+            let corrected = law.corrected_readings(&left, &left, &vec![true; 6000], &Floor::white(1.0));
             let of_noise = |noise: &[f64]| {
                 let square = noise.iter().map(|it| it * it).sum::<f64>() / 6000.0;
                 (square, noise.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / 6000.0 / square)
             };
-            let tamed: Vec<f64> = tamed.iter().enumerate().map(|(k, it)| it - under(k)).collect();
-            let ((before, follows), (after, then)) = (of_noise(&normal), of_noise(&tamed));
+            let corrected: Vec<f64> = corrected.iter().enumerate().map(|(k, it)| it - under(k)).collect();
+            let ((before, follows), (after, then)) = (of_noise(&normal), of_noise(&corrected));
             // A law of three to five degrees takes a sixth of what normal noise says, and 60 of 6000 rows are gone; 3 % by chance, twice.
             assert!(
                 (after / before - 1.0).abs() < 0.25 && (then - follows).abs() < 0.05,
@@ -375,7 +375,7 @@ mod tests {
         let law = |left: &[f64], jumps: Vec<usize>| {
             let mut used = vec![true; left.len()];
             jumps.iter().for_each(|row| used[*row] = false);
-            Tails::found(&[Left { measured: left, left, used: &used, jumps }])
+            Tails::found(&[OutputResidual { measured: left, left, used: &used, jumps }])
         };
         // A reading in a hundred has 20 times the noise, which follows itself: most of those are left out as jumps, and the rest alone is nearly normal.
         let mut last = 0.0;
@@ -387,7 +387,7 @@ mod tests {
         let rows = jumps(&left);
         assert!(rows.len() > 30, "{}", rows.len());
         let rest = law(&left, rows).expect("outliers");
-        assert!(rest.freedom >= LIGHT && (rest.correlation - 0.8).abs() < 0.05, "{rest:?}");
+        assert!(rest.freedom >= NEARLY_NORMAL && (rest.correlation - 0.8).abs() < 0.05, "{rest:?}");
         // Six readings of a sensor that loses contact, in normal noise: faults, and no law.
         let mut left: Vec<f64> = (0..6000).map(|_| random.normal()).collect();
         left.iter_mut().skip(500).step_by(1000).for_each(|it| *it += 100.0);
@@ -416,10 +416,10 @@ mod tests {
             let left: Vec<f64> = (0..rows).map(|k| wave(k) + noise()).collect();
             let used = vec![true; rows];
             // A record that holds few outliers by chance counts as normal.
-            let law = Tails::found(&[Left { measured: &left, left: &left, used: &used, jumps: Vec::new() }]);
-            let tamed = law.map_or(left.clone(), |law| law.tamed(&left, &left, &used, &Floor::white(1.0)));
-            means.push(tamed.iter().sum::<f64>() / rows as f64);
-            waves += tamed.iter().enumerate().map(|(k, it)| 2.0 * wave(k) * it / rows as f64).sum::<f64>() / draws as f64;
+            let law = Tails::found(&[OutputResidual { measured: &left, left: &left, used: &used, jumps: Vec::new() }]);
+            let corrected = law.map_or(left.clone(), |law| law.corrected_readings(&left, &left, &used, &Floor::white(1.0)));
+            means.push(corrected.iter().sum::<f64>() / rows as f64);
+            waves += corrected.iter().enumerate().map(|(k, it)| 2.0 * wave(k) * it / rows as f64).sum::<f64>() / draws as f64;
         }
         (rows as f64 * means.iter().map(|it| it * it).sum::<f64>() / draws as f64, waves)
     }

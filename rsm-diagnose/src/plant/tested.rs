@@ -46,7 +46,7 @@ pub fn tested(
     if prepared.is_empty() {
         return None;
     }
-    let whitened = outlier_correction::tamed(fitted.on(prepared), extended);
+    let whitened = outlier_correction::corrected(fitted.on(prepared), extended);
     let before = from_first_part(&whitened, nominal)?;
     let after = from_first_part(&whitened, extended)?;
     let mut rest = whitened.clone();

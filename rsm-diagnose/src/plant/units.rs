@@ -41,10 +41,10 @@ const CALIBRATED: usize = 6;
 const STEPS: usize = 8;
 
 /// A factor must leave at most this share of the squared error above the noise. A column with only a wrong unit leaves hardly any after correction.
-const LEAVES: f64 = 0.2;
+const MOST_EXCESS_LEFT: f64 = 0.2;
 
 /// It must also leave at most this share of the squared spread; otherwise the record does not belong to this plant.
-const FOLLOWS: f64 = 0.5;
+const MOST_SPREAD_LEFT: f64 = 0.5;
 
 /// Causes of the catalogue can have the effect of a factor between 1/3 and 3. For such a factor, only noise may be left.
 const LARGE_FACTOR: f64 = 3.0;
@@ -59,7 +59,7 @@ const ALIKE: f64 = 0.1;
 const NEAR_FACTOR: f64 = 0.02;
 
 /// The same for a large factor before causes are known. Different units of one kind differ by more.
-const ROUGHLY: f64 = 0.25;
+const NEAR_LARGE_FACTOR: f64 = 0.25;
 
 /// A gain with a larger relative uncertainty than this does not identify a unit.
 const KNOWN: f64 = 0.1;
@@ -72,7 +72,7 @@ const MOST_COLUMNS: usize = 3;
 
 /// A column in a wrong unit.
 #[derive(Debug, Clone, PartialEq)]
-pub struct InUnit {
+pub struct WrongUnit {
     /// The column, or columns that are wrong together.
     pub columns: Vec<&'static str>,
     /// The unit that the records state.
@@ -87,7 +87,7 @@ pub struct InUnit {
     pub alike: Vec<String>,
 }
 
-impl std::fmt::Display for InUnit {
+impl std::fmt::Display for WrongUnit {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let [value, low, high] = self.gain;
         let (is, reads) = if self.columns.len() > 1 { ("are", "read") } else { ("is", "reads") };
@@ -125,7 +125,7 @@ struct Candidate {
 
 impl Candidate {
     /// Converts the readings.
-    fn put_right(&self, record: &mut Record) {
+    fn convert(&self, record: &mut Record) {
         for &input in &self.which.inputs {
             record.inputs[input].iter_mut().for_each(|value| *value /= self.factor);
         }
@@ -193,7 +193,7 @@ fn candidates(columns: &[Columns]) -> Vec<Candidate> {
 fn prepared(records: &[Record], before: &[Candidate], file: &PlantFile) -> Vec<Prepared> {
     let right = |record: &Record| {
         let mut record = record.clone();
-        before.iter().for_each(|it| it.put_right(&mut record));
+        before.iter().for_each(|it| it.convert(&mut record));
         Piece::whole(record)
     };
     checks::prepared(records.iter().map(right), file).0
@@ -202,7 +202,7 @@ fn prepared(records: &[Record], before: &[Candidate], file: &PlantFile) -> Vec<P
 /// The same with one more corrected column.
 fn beside(given: &[Prepared], it: &Candidate) -> Vec<Prepared> {
     let mut right = given.to_vec();
-    right.iter_mut().for_each(|prepared| it.put_right(&mut prepared.record));
+    right.iter_mut().for_each(|prepared| it.convert(&mut prepared.record));
     right
 }
 
@@ -269,7 +269,7 @@ fn calibrated(whitened: &WhitenedResiduals, file: &PlantFile) -> Option<(Fit, f6
 
 /// The errors of a plant along a record: squared errors over squared spreads, as the mean over the outputs.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Misses {
+pub(super) struct PlantErrors {
     /// The nominal plant.
     pub at_once: f64,
     /// The plant calibrated within its tolerances.
@@ -278,7 +278,7 @@ pub(super) struct Misses {
     pub noise: f64,
 }
 
-impl Misses {
+impl PlantErrors {
     /// Whether a calibrated plant leaves hardly more than noise.
     pub(super) fn is_noise(self) -> bool {
         self.calibrated < NEAR_NOISE * self.noise
@@ -296,20 +296,20 @@ fn at_once(whitened: &WhitenedResiduals, file: &PlantFile) -> f64 {
 }
 
 /// The errors of a plant along a record.
-pub(super) fn misses(file: &PlantFile, record: &Record, threads: usize) -> Misses {
+pub(super) fn plant_errors(file: &PlantFile, record: &Record, threads: usize) -> PlantErrors {
     let whitened = of_record(file, record, threads);
     let calibrated = calibrated(&whitened, file).map_or(WRONG, |it| it.1);
-    Misses { at_once: at_once(&whitened, file), calibrated, noise: noise(&whitened) }
+    PlantErrors { at_once: at_once(&whitened, file), calibrated, noise: noise(&whitened) }
 }
 
 /// The error of the nominal plant only.
-pub(super) fn misses_at_once(file: &PlantFile, record: &Record, threads: usize) -> f64 {
+pub(super) fn nominal_error(file: &PlantFile, record: &Record, threads: usize) -> f64 {
     at_once(&of_record(file, record, threads), file)
 }
 
 /// Columns of training records that are in a wrong unit, one after another.
 #[must_use]
-pub fn look(file: &PlantFile, training: &[Record], threads: usize) -> Vec<(InUnit, PutRight)> {
+pub fn find(file: &PlantFile, training: &[Record], threads: usize) -> Vec<(WrongUnit, UnitCorrection)> {
     let records: Vec<Record> = training.iter().map(|it| it.piece(0..ROWS.min(it.rows()))).collect();
     let columns = columns(file.kind, &records);
     let all = candidates(&columns);
@@ -318,15 +318,15 @@ pub fn look(file: &PlantFile, training: &[Record], threads: usize) -> Vec<(InUni
     while before.len() < MOST_COLUMNS {
         let Some((one, candidate)) = next(file, &records, &before, &all, threads) else { break };
         before.push(candidate.clone());
-        found.push((one, PutRight(candidate)));
+        found.push((one, UnitCorrection(candidate)));
     }
     found
 }
 
 /// The gains of corrected columns with the causes in the plant; `None` if a gain cannot be estimated or does not match its factor.
 #[must_use]
-pub fn asked_again(
-    found: &[(InUnit, PutRight)],
+pub fn gains_with_causes(
+    found: &[(WrongUnit, UnitCorrection)],
     plant: &PlantFile,
     right: &[Record],
     noise: &[(usize, f64, f64)],
@@ -339,7 +339,7 @@ pub fn asked_again(
     let mut whitened = whitened(prepared(&records, &[], &plant), &plant, threads);
     noise.iter().for_each(|(output, sd, _)| whitened.floors[*output] = Floor::white(*sd));
     let fit = calibrated(&whitened, &plant).map(|it| it.0);
-    let of = |it: &PutRight| {
+    let of = |it: &UnitCorrection| {
         let gain = gain(&whitened, fit.as_ref()?, &it.0)?;
         let stands = gain[1] / (1.0 + NEAR_FACTOR) <= it.0.factor && it.0.factor <= gain[2] * (1.0 + NEAR_FACTOR);
         stands.then_some(gain)
@@ -349,12 +349,12 @@ pub fn asked_again(
 
 /// The correction of a record.
 #[derive(Debug, Clone)]
-pub struct PutRight(Candidate);
+pub struct UnitCorrection(Candidate);
 
-impl PutRight {
+impl UnitCorrection {
     /// Converts the record to the unit that it states.
     pub fn apply(&self, record: &mut Record) {
-        self.0.put_right(record);
+        self.0.convert(record);
     }
 }
 
@@ -365,7 +365,7 @@ fn next(
     before: &[Candidate],
     all: &[Candidate],
     threads: usize,
-) -> Option<(InUnit, Candidate)> {
+) -> Option<(WrongUnit, Candidate)> {
     let checked = prepared(records, before, file);
     let given = whitened(checked.clone(), file, threads);
     let noise = noise(&given);
@@ -394,7 +394,7 @@ fn next(
     let beyond = |left: f64| (left - noise).max(0.0);
     let stands = |left: f64, factor: f64| {
         let large = factor.max(1.0 / factor) > LARGE_FACTOR;
-        beyond(left) < LEAVES * beyond(as_given) && left < FOLLOWS && (large || left < NEAR_NOISE * noise)
+        beyond(left) < MOST_EXCESS_LEFT * beyond(as_given) && left < MOST_SPREAD_LEFT && (large || left < NEAR_NOISE * noise)
     };
     let (left, ..) = fits.first()?;
     let enough = (1.0 + ALIKE) * left + ALIKE * noise;
@@ -403,7 +403,7 @@ fn next(
         let Some(gain) = gain(whitened, fit, it) else { continue };
         // Other errors of the plant change the gain. A large factor needs only a rough match at first, and is tested again with the causes that a
         // search finds.
-        let about = if it.factor.max(1.0 / it.factor) > LARGE_FACTOR { ROUGHLY } else { NEAR_FACTOR };
+        let about = if it.factor.max(1.0 / it.factor) > LARGE_FACTOR { NEAR_LARGE_FACTOR } else { NEAR_FACTOR };
         let near = |factor: f64| gain[1] / (1.0 + about) <= factor && factor <= gain[2] * (1.0 + about);
         // Another factor of the list in the same interval: the records do not distinguish them.
         let only = !all.iter().any(|one| one.which.names == it.which.names && one.factor != it.factor && near(one.factor))
@@ -415,7 +415,7 @@ fn next(
     let (candidate, gain) = *told.first()?;
     let alike = told[1..].iter().map(|it| it.0.told()).collect();
     let Candidate { which, factor, unit } = candidate.clone();
-    Some((InUnit { columns: which.names, stated: which.stated, unit, factor, gain, alike }, candidate.clone()))
+    Some((WrongUnit { columns: which.names, stated: which.stated, unit, factor, gain, alike }, candidate.clone()))
 }
 
 /// The gain of a corrected column, estimated together with all free unknowns: value (with the factor) and the ends of its 95 % interval. The interval

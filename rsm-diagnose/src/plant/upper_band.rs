@@ -28,7 +28,7 @@ const OF_MEDIAN_POWER: f64 = 2.08;
 /// The 99.9 % point of chi squared with two degrees of freedom (correlation and level), -2 ln 0.001. If the estimate from the whole record is
 /// rejected wrongly, slow noise must be estimated from the upper band, which hardly shows it. That is worse than accepting a little structure as
 /// noise, because whiteness is tested again later.
-const REFUSED: f64 = 13.82;
+const REJECTION_POINT: f64 = 13.82;
 
 /// The log power of a line exceeds this many standard deviations once in 10^5 cases for a normal distribution; a Hann window adds a fifth to the
 /// scatter. For all lines of the band that is a tenth of a per cent.
@@ -104,14 +104,14 @@ impl<'a> Band<'a> {
     }
 
     /// Whether the likelihood ratio against the best fit of this band rejects a floor, at 0.1 %.
-    pub(super) fn refuses(&self, floor: &Floor) -> bool {
+    pub(super) fn rejects(&self, floor: &Floor) -> bool {
         let level = floor.innovation() * floor.innovation();
         let (own, cost) = self.at(floor.correlation);
         let cost = cost - own.ln() - 1.0 + level.ln() + own / level;
         let grid = (-50..=MOST_CORRELATED).map(|percent| self.at(f64::from(percent) / 100.0).1);
         let least = grid.fold(f64::INFINITY, f64::min);
         let ratio = 2.0 * self.lines * (cost - least);
-        ratio.is_nan() || ratio >= REFUSED
+        ratio.is_nan() || ratio >= REJECTION_POINT
     }
 }
 

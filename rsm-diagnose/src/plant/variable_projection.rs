@@ -6,7 +6,7 @@
 //! changed permanently.
 
 use super::model::{Model, Place};
-use super::nuisance::{Back, Nuisance};
+use super::nuisance::{Nuisance, Released};
 use super::whitened_residuals::{Column, Simulated, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::levenberg::{Amount, Problem, Rules, descend};
@@ -34,45 +34,45 @@ pub struct Projected {
 }
 
 /// The current point of the search.
-struct Standing {
+struct Iterate {
     model: Model,
     simulated: Vec<Simulated>,
     residual: Vec<f64>,
     /// The squared residual after a first-order step of the other free unknowns, and which unknowns that step releases from their bounds.
-    left: (f64, Back),
+    left: (f64, Released),
 }
 
 /// The parameters of some causes, with all other free unknowns eliminated.
-struct OwnNumbers<'a> {
+struct OwnParameters<'a> {
     whitened: &'a WhitenedResiduals,
     nuisance: &'a Nuisance<'a>,
     /// The indices of the parameters among the unknowns.
     own: Vec<usize>,
 }
 
-impl OwnNumbers<'_> {
-    fn standing(&self, model: Model) -> Option<Standing> {
+impl OwnParameters<'_> {
+    fn standing(&self, model: Model) -> Option<Iterate> {
         let simulated = model.is_possible().then(|| self.whitened.run(&model))??;
         let residual = self.whitened.residual(&simulated);
-        Some(Standing { left: self.nuisance.left(&residual), model, simulated, residual })
+        Some(Iterate { left: self.nuisance.left(&residual), model, simulated, residual })
     }
 }
 
-impl Problem for OwnNumbers<'_> {
-    type Place = Standing;
+impl Problem for OwnParameters<'_> {
+    type Place = Iterate;
     type Derivatives = Vec<Column>;
     /// The matrix and the right-hand side after the free unknowns are projected out.
     type Equations = (Vec<f64>, Vec<f64>);
 
-    fn cost(&self, at: &Standing) -> f64 {
+    fn cost(&self, at: &Iterate) -> f64 {
         at.left.0
     }
 
-    fn derivatives(&self, at: &Standing) -> Option<Vec<Column>> {
+    fn derivatives(&self, at: &Iterate) -> Option<Vec<Column>> {
         self.whitened.derivatives(&at.model, &at.simulated, &self.own)
     }
 
-    fn equations(&self, at: &Standing, columns: &Vec<Column>) -> Self::Equations {
+    fn equations(&self, at: &Iterate, columns: &Vec<Column>) -> Self::Equations {
         let (n, nuisance, back) = (columns.len(), self.nuisance, at.left.1);
         let products: Vec<Vec<f64>> = columns.iter().map(|column| nuisance.products(&column.values)).collect();
         let matrix = symmetric(n, |i, j| nuisance.between(columns[i].and(&columns[j]), &products[i], &products[j], back));
@@ -81,16 +81,16 @@ impl Problem for OwnNumbers<'_> {
         (matrix, (0..n).map(asked).collect())
     }
 
-    fn step(&self, _: &Standing, (matrix, pull): &Self::Equations, damping: f64) -> (Vec<f64>, f64) {
+    fn step(&self, _: &Iterate, (matrix, pull): &Self::Equations, damping: f64) -> (Vec<f64>, f64) {
         Normal::new(matrix, pull.len(), damping).gain(pull)
     }
 
-    fn moved(&self, at: &Standing, _: &Self::Equations, step: &[f64]) -> Option<Standing> {
+    fn moved(&self, at: &Iterate, _: &Self::Equations, step: &[f64]) -> Option<Iterate> {
         let mut model = at.model.clone();
         for (&k, change) in self.own.iter().zip(step) {
             let unknown = &at.model.unknowns[k];
             let limit = if unknown.logarithmic { FARTHEST } else { f64::INFINITY };
-            model.set(k, unknown.outward(unknown.inward(at.model.value(k)) + change.clamp(-limit, limit)));
+            model.set(k, unknown.from_search_scale(unknown.to_search_scale(at.model.value(k)) + change.clamp(-limit, limit)));
         }
         self.standing(model)
     }
@@ -119,7 +119,7 @@ pub fn project(
         let value = model.value(k).max(unknown.low).min(unknown.high);
         model.set(k, value);
     }
-    let problem = OwnNumbers { whitened, nuisance, own };
+    let problem = OwnParameters { whitened, nuisance, own };
     let start = problem.standing(model)?;
     if steps == 0 || problem.own.is_empty() || !problem.goes_on() {
         return Some((start.model, start.left.0));

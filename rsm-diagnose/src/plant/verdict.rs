@@ -105,13 +105,16 @@ pub fn conclude(
     );
     let order = by_gain(&accepted.iter().map(|it| it.gain).collect::<Vec<_>>());
     let steps = nested_models::steps(whitened, judged, nominal, &calibrated, &fit, &order);
-    let left = whiteness::look(whitened, &fit);
+    let left = whiteness::test(whitened, &fit);
     // On holdout records the parameters of the plant may move within their uncertainty.
     let moved = after.as_ref().filter(|_| !unseen.records.is_empty());
     let moved = moved.and_then(|after| validation::within(unseen, &fit.model, Posterior::of(&fit).deviations(), after));
     let there = moved.map(|moved| by_own_noise(unseen, moved));
-    let left_unseen = there.as_ref().map(|(there, fit)| whiteness::look(there, fit));
-    let predicts = there.iter().filter_map(|(there, fit)| predictors::look(there, fit)).chain(predictors::look(whitened, &fit));
+    let left_unseen = there.as_ref().map(|(there, fit)| whiteness::test(there, fit));
+    let predicts = there
+        .iter()
+        .filter_map(|(there, fit)| predictors::best_predictor(there, fit))
+        .chain(predictors::best_predictor(whitened, &fit));
     let predicted = predicts.max_by(|a, b| a.excess.total_cmp(&b.excess));
     let wrong = mean_excess(calibrated.cost, calibrated.residual.len());
     let elsewhere = [
@@ -198,7 +201,7 @@ pub fn conclude(
         unused_rows: None,
         all_rows: everywhere,
         units: Vec::new(),
-        bridged: gaps::bridged(whitened.records.iter().chain(&unseen.records)),
+        filled_gaps: gaps::filled_gaps(whitened.records.iter().chain(&unseen.records)),
         noise: present.iter().map(|k| (*k, whitened.floors[*k].sd, whitened.floors[*k].correlation)).collect(),
         growing: growing(whitened, &present),
         rounded: rounded.to_vec(),

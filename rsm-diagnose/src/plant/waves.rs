@@ -226,7 +226,7 @@ pub fn led(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, entry: &Ent
     let mut found = led_once(traces, fit, of(&entry.arguments)?.pitch, 0.5)?;
     for reach in reaches {
         // The plant has changed, so derivatives and responses are computed again.
-        let base = levenberg::here(whitened, found.model.clone())?;
+        let base = levenberg::linearised(whitened, found.model.clone())?;
         traces = PositionTraces::new(whitened, &base);
         traces.follow_with(&base, &found.traces, &found.wave, *reach);
         let next = led_once(traces, &base, found.wave.pitch, 0.05)?;
@@ -244,7 +244,7 @@ pub fn led(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, entry: &Ent
 pub fn led_again(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, place: usize, reach: usize) -> Option<Model> {
     let entry = &fit.model.file.effects[place];
     let wave = of(&entry.arguments)?;
-    let base = levenberg::here(whitened, fit.model.minus(nominal, place))?;
+    let base = levenberg::linearised(whitened, fit.model.minus(nominal, place))?;
     let mut traces = PositionTraces::new(whitened, &base);
     traces.follow(fit, reach);
     let found = led_once(traces, &base, wave.pitch, 0.05)?;

@@ -321,10 +321,10 @@ impl WhitenedResiduals {
         let mut moved = Vec::new();
         for &(k, step) in wanted {
             let unknown = &model.unknowns[k];
-            let at = unknown.inward(model.value(k));
-            let step = if unknown.outward(at + step) >= unknown.high { -step } else { step };
+            let at = unknown.to_search_scale(model.value(k));
+            let step = if unknown.from_search_scale(at + step) >= unknown.high { -step } else { step };
             let mut other = model.clone();
-            other.set(k, unknown.outward(at + step));
+            other.set(k, unknown.from_search_scale(at + step));
             moved.push((k, step, other));
         }
         let mut jobs: Vec<(usize, &Model)> = Vec::new();

@@ -15,7 +15,7 @@ use rsm_sim::kind::OUTPUTS;
 const ALARM_OF_STRUCTURE: f64 = 0.01;
 
 /// A verdict makes two tests: on the training records and on the holdout records.
-pub(super) const LOOKS: usize = 2;
+pub(super) const TESTS: usize = 2;
 
 /// The smallest variance of rounded readings that is assumed, as a share of the floor's variance. A value that is wrong by a hundredth of a step
 /// changes the residual by more.
@@ -42,7 +42,7 @@ pub struct Band {
 
 /// The structure that is left in a residual.
 #[derive(Debug, Clone)]
-pub struct Left {
+pub struct RemainingStructure {
     /// Bands of all outputs.
     pub bands: Vec<Band>,
     /// The value that the largest deviation of noise alone exceeds once in two hundred cases.
@@ -54,18 +54,18 @@ pub struct Left {
 /// The value that the largest of this many deviations of noise exceeds once in two hundred cases, divided among this many tests.
 #[must_use]
 pub fn point(bands: usize, looks: usize) -> f64 {
-    quantile(ALARM_OF_STRUCTURE / (LOOKS * bands.max(1) * looks.max(1)) as f64)
+    quantile(ALARM_OF_STRUCTURE / (TESTS * bands.max(1) * looks.max(1)) as f64)
 }
 
 /// Tests the residual of a fit.
 #[must_use]
-pub fn look(whitened: &WhitenedResiduals, fit: &Fit) -> Left {
-    look_among(whitened, fit, 1)
+pub fn test(whitened: &WhitenedResiduals, fit: &Fit) -> RemainingStructure {
+    test_among(whitened, fit, 1)
 }
 
 /// The same, as one of `looks` tests with a common false alarm rate.
 #[must_use]
-pub fn look_among(whitened: &WhitenedResiduals, fit: &Fit, looks: usize) -> Left {
+pub fn test_among(whitened: &WhitenedResiduals, fit: &Fit, looks: usize) -> RemainingStructure {
     let mut sums = [[Octave::default(); OCTAVES]; OUTPUTS];
     let mut rate = 0.0_f64;
     let mut first = 0;
@@ -99,7 +99,7 @@ pub fn look_among(whitened: &WhitenedResiduals, fit: &Fit, looks: usize) -> Left
     let all: f64 = bands.iter().map(|band| band.lines as f64).sum();
     let beyond = bands.iter().filter(|band| band.deviation > point);
     let excess = beyond.map(|band| (band.ratio - 1.0) * band.lines as f64).sum::<f64>() / all.max(1.0);
-    Left { bands, point, excess }
+    RemainingStructure { bands, point, excess }
 }
 
 /// The octaves of rounded readings. Their variance v is large between two steps and small on a step, so the noise level differs from record to

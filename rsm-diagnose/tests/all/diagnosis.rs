@@ -1,7 +1,7 @@
 //! The diagnosis on records that are simulated here, with noise from a fixed seed: small versions of what tests/hidden-effects judges with other code.
 
 use crate::random::Random;
-use rsm_diagnose::plant::search_history::{Limit, Path};
+use rsm_diagnose::plant::search_history::{Limit, SearchHistory};
 use rsm_diagnose::plant::{Diagnosis, Options, Verdict, diagnose, diagnose_and_test};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -165,25 +165,25 @@ fn two_levels_of_friction_are_told_from_friction_and_a_load_where_the_motor_reve
 #[test]
 fn a_search_that_goes_round_in_a_circle_is_stopped_and_says_so() {
     let set = |names: &[&str]| names.iter().map(|name| (*name).to_string()).collect::<Vec<String>>();
-    let mut path = Path::default();
+    let mut path = SearchHistory::default();
     assert!(path.visit(set(&[])) && path.visit(set(&["a", "b"])) && path.visit(set(&["a"])));
     assert_eq!(path.stopped(), None);
     assert!(!path.visit(set(&["b", "a"])));
-    assert_eq!(path.stopped(), Some(Limit::Circle));
+    assert_eq!(path.stopped(), Some(Limit::Cycle));
 
     // Every count ends: far more is asked than any limit allows.
     let counts = [
-        (Path::adds as fn(&mut Path) -> bool, Limit::Additions),
-        (Path::competes, Limit::Competitions),
-        (Path::exchanges, Limit::Exchanges),
+        (SearchHistory::may_add as fn(&mut SearchHistory) -> bool, Limit::Additions),
+        (SearchHistory::may_compete, Limit::Competitions),
+        (SearchHistory::may_exchange, Limit::Exchanges),
     ];
     for (count, limit) in counts {
-        let mut path = Path::default();
+        let mut path = SearchHistory::default();
         assert!(count(&mut path));
         assert!((0..1000).any(|_| !count(&mut path)));
         assert_eq!(path.stopped(), Some(limit));
     }
-    let mut path = Path::until(100, 20);
+    let mut path = SearchHistory::until(100, 20);
     assert!(path.has_steps(100) && !path.has_steps(101));
     assert_eq!(path.stopped(), Some(Limit::Steps));
 }

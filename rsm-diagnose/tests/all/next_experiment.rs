@@ -91,7 +91,7 @@ fn fitted(file: &PlantFile, records: &[Record]) -> (WhitenedResiduals, Fit) {
     let outputs = file.kind.outputs().len();
     let prepared = records.iter().map(|it| Prepared::new(it.clone(), outputs)).collect();
     let whitened = WhitenedResiduals::new(prepared, floors, 2);
-    let fit = levenberg::here(&whitened, model(file, records)).unwrap();
+    let fit = levenberg::linearised(&whitened, model(file, records)).unwrap();
     (whitened, fit)
 }
 

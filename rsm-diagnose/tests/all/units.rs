@@ -2,7 +2,7 @@
 
 use crate::random::Random;
 use rsm_diagnose::plant::other_units::others;
-use rsm_diagnose::plant::units::{InUnit, look};
+use rsm_diagnose::plant::units::{WrongUnit, find};
 use rsm_diagnose::plant::{Options, Verdict, diagnose};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record, inputs};
@@ -51,12 +51,12 @@ fn scaled(record: &Record, plant: &PlantFile, column: &str, factor: f64) -> Reco
     record
 }
 
-fn found(plant: &PlantFile, record: Record) -> Vec<InUnit> {
-    look(plant, &[record], 1).into_iter().map(|it| it.0).collect()
+fn found(plant: &PlantFile, record: Record) -> Vec<WrongUnit> {
+    find(plant, &[record], 1).into_iter().map(|it| it.0).collect()
 }
 
 /// Whether one column is named with its factor, alone or among those that the records do not tell apart.
-fn is_named(found: &[InUnit], column: &str, factor: f64) -> bool {
+fn is_named(found: &[WrongUnit], column: &str, factor: f64) -> bool {
     let [one] = found else { return false };
     let its = one.columns == [column] && (one.factor / factor - 1.0).abs() < 1e-6;
     let low_to_high = one.gain[1] <= one.gain[0] && one.gain[0] <= one.gain[2];

@@ -23,8 +23,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rsm_core::source::{Collector, Source};
 use rsm_core::toml_reader;
 use rsm_diagnose::plant::checks::Finding;
-use rsm_diagnose::plant::gaps::Bridged;
-use rsm_diagnose::plant::units::InUnit;
+use rsm_diagnose::plant::gaps::FilledGaps;
+use rsm_diagnose::plant::units::WrongUnit;
 use rsm_diagnose::plant::{self, Cause, Diagnosis, Options};
 use rsm_sim::effect::Subject;
 use rsm_sim::equation_plant;
@@ -244,7 +244,7 @@ fn claims(found: &Diagnosis) -> Vec<Value> {
     found.claims.iter().map(one).collect()
 }
 
-fn bridged(list: &[Bridged]) -> Vec<Value> {
+fn bridged(list: &[FilledGaps]) -> Vec<Value> {
     let each = list.iter().map(|it| json!({ "record": it.record, "gaps": it.gaps, "rows": it.rows, "longest": it.longest }));
     each.collect()
 }
@@ -259,8 +259,8 @@ fn findings(list: &[Finding]) -> Vec<Value> {
 }
 
 /// Columns in another unit, as findings about all records.
-fn in_other_units(list: &[InUnit]) -> Vec<Value> {
-    let finding = |it: &InUnit, column: &str| {
+fn in_other_units(list: &[WrongUnit]) -> Vec<Value> {
+    let finding = |it: &WrongUnit, column: &str| {
         json!({
             "kind": "data-fault", "what": format!("in another unit: {}, not {}", it.unit, it.stated), "column": column, "channel": column, "record": null, "rows": null,
         })
@@ -354,7 +354,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
             (kind.outputs()[*k].name.to_string(), noise)
         }).collect::<Map<String, Value>>(),
         "data": in_other_units(&found.units).into_iter().chain(findings(&found.findings)).collect::<Vec<Value>>(),
-        "bridged": bridged(&found.bridged),
+        "bridged": bridged(&found.filled_gaps),
         "units": found.units.iter().map(|it| json!({
             "columns": it.columns, "stated": it.stated, "unit": it.unit, "factor": it.factor,
             "gain": { "value": output::finite(it.gain[0]), "low": output::finite(it.gain[1]), "high": output::finite(it.gain[2]) },

@@ -6,7 +6,7 @@ use rsm_diagnose::plant::checks::SWAPPED;
 use rsm_diagnose::plant::claims::Claim;
 use rsm_diagnose::plant::correction::Offer;
 use rsm_diagnose::plant::error_breakdown::ErrorBreakdown;
-use rsm_diagnose::plant::gaps::Bridged;
+use rsm_diagnose::plant::gaps::FilledGaps;
 use rsm_diagnose::plant::nested_models::Step;
 use rsm_diagnose::plant::regions::{Region, telling};
 use rsm_diagnose::plant::tested::FIRST_PART;
@@ -182,7 +182,7 @@ fn and(names: &[String]) -> String {
 }
 
 /// How gaps of a few rows were filled.
-pub fn bridged(it: &Bridged) -> String {
+pub fn bridged(it: &FilledGaps) -> String {
     let gaps = match (it.gaps, it.longest) {
         (1, 1) => "a lost row was bridged".to_string(),
         (1, rows) => format!("a gap of {rows} rows was bridged"),
@@ -239,7 +239,7 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     if let Some(it) = &found.all_rows {
         tell!("{it}.");
     }
-    for it in &found.bridged {
+    for it in &found.filled_gaps {
         tell!("{}: {}", it.record, bridged(it));
     }
     tell!("{} ({seconds:.1} s). {}", found.verdict.name(), verdict(kind, found));

@@ -5,7 +5,7 @@ use rsm_sim::kind::OUTPUTS;
 
 use super::super::calibration::calibrate;
 use super::super::hypotheses;
-use super::super::model::AtStart;
+use super::super::model::InitialMotion;
 use super::super::noise::Floor;
 use super::super::survey;
 use super::super::whitened_residuals::WhitenedResiduals;
@@ -65,7 +65,7 @@ fn said(plant: &str, record: Record) -> Said {
     let file = file(plant);
     let outputs = file.kind.outputs().len();
     let mut whitened = WhitenedResiduals::new(vec![Prepared::new(record, outputs)], [Floor::white(1.0); OUTPUTS], 1);
-    let (nominal, fit) = calibrate(&mut whitened, &file, AtStart::Steady).unwrap();
+    let (nominal, fit) = calibrate(&mut whitened, &file, InitialMotion::Steady).unwrap();
     let survey = survey::survey(&whitened, &fit);
     let all = hypotheses::all(file.kind, &survey, &whitened.records[0].outputs);
     look(&whitened, &nominal, &all).unwrap()

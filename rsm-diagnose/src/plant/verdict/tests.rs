@@ -35,7 +35,7 @@ fn causes_that_leave_noise_stand_when_only_the_work_ran_out() {
     assert_eq!(judged_by(false, None, true), Verdict::NoDiscrepancy);
     assert_eq!(judged_by(false, Some(Limit::Steps), false), Verdict::Explained);
     assert_eq!(judged_by(true, Some(Limit::Steps), false), Verdict::Unexplained);
-    assert_eq!(judged_by(false, Some(Limit::Circle), false), Verdict::Unexplained);
+    assert_eq!(judged_by(false, Some(Limit::Cycle), false), Verdict::Unexplained);
 }
 
 #[test]

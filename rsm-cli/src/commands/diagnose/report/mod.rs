@@ -134,7 +134,7 @@ fn data(body: &mut String, found: &Diagnosis) {
     if let Some(it) = &found.all_rows {
         let _ = writeln!(body, "<p>{}.</p>", escaped(&it.to_string()));
     }
-    for it in &found.bridged {
+    for it in &found.filled_gaps {
         let _ = writeln!(body, "<p>{}: {}.</p>", escaped(&it.record), words::bridged(it));
     }
     if found.findings.is_empty() {
