@@ -98,9 +98,10 @@ fn axis_in_open_loop(data: &Path) -> Result<(), Box<dyn Error>> {
         Ok(Record::read(&Source::read(&data.join("emps").join(name))?, &file)?)
     };
     let (training, test) = (record("emps_train.csv")?, record("emps_test_pulses.csv")?);
-    let follow = free_run::follow_axis(&file, &training, &test).ok_or("the axis cannot be simulated along its records")?;
+    let free_runs =
+        free_run::axis_free_runs(&file, &training, &test).ok_or("the axis cannot be simulated along its records")?;
     println!("EMPS in open loop, recorded command to position, root mean square error:");
-    for (what, error) in follow.errors {
+    for (what, error) in free_runs.errors {
         println!("  {:5.2} mm  {what}", 1e3 * error);
     }
     Ok(())

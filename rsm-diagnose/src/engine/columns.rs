@@ -79,7 +79,7 @@ impl Basis {
 
     /// The squared length of the projection of a target on the columns.
     #[must_use]
-    pub(crate) fn takes(&self, target: &[f64]) -> f64 {
+    pub(crate) fn projected_square(&self, target: &[f64]) -> f64 {
         self.directions.iter().map(|direction| dot(direction, target).powi(2)).sum()
     }
 
@@ -114,7 +114,7 @@ impl Basis {
 
 /// A least squares solution. A column that depends on columns before it gets the coefficient 0.
 #[derive(Debug, Clone)]
-pub(crate) struct Solved {
+pub(crate) struct LeastSquares {
     /// One coefficient for each column.
     pub coefficients: Vec<f64>,
     /// (A'A)^-1. Rows and columns of dependent columns are zero.
@@ -127,7 +127,7 @@ pub(crate) struct Solved {
 
 /// Solves the least squares problem. Columns are taken in their order.
 #[must_use]
-pub(crate) fn solve(columns: &[Vec<f64>], target: &[f64]) -> Solved {
+pub(crate) fn solve(columns: &[Vec<f64>], target: &[f64]) -> LeastSquares {
     let width = columns.len();
     let basis = Basis::of(columns);
     let rank = basis.rank();
@@ -145,7 +145,7 @@ pub(crate) fn solve(columns: &[Vec<f64>], target: &[f64]) -> Solved {
             covariance[*i][*j] = inverse.iter().map(|column| column[a] * column[b]).sum();
         }
     }
-    Solved { coefficients, covariance, residual, rank }
+    LeastSquares { coefficients, covariance, residual, rank }
 }
 
 #[cfg(test)]
@@ -169,7 +169,7 @@ mod tests {
         let columns = [vec![3.0, 0.0, 0.0], vec![4.0, 2.0, 0.0]];
         let basis = Basis::of(&columns);
         // The first two places of the target, and the determinant of A'A: (3 * 2)^2.
-        assert!((basis.takes(&[1.0, 2.0, 7.0]) - 5.0).abs() < 1e-14);
+        assert!((basis.projected_square(&[1.0, 2.0, 7.0]) - 5.0).abs() < 1e-14);
         assert!((basis.ln_gram() - 36.0_f64.ln()).abs() < 1e-14);
         let mut target = vec![1.0, 2.0, 7.0];
         let parts = basis.project_out(&mut target);

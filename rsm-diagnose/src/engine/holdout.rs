@@ -6,12 +6,12 @@
 const LEAST_ERROR: f64 = 1e-3;
 
 /// The excess of a mean square over the noise. `ratio` is the mean square divided by the variance of the noise. Below the noise the excess is 0.
-pub(crate) fn above(ratio: f64) -> f64 {
+pub(crate) fn excess(ratio: f64) -> f64 {
     (ratio - 1.0).max(0.0)
 }
 
 /// The share of the excess that an extension removes. Both arguments are sums over outputs or responses. The result is at least -1.
-pub(crate) fn gone(before: f64, after: f64) -> f64 {
+pub(crate) fn removed_share(before: f64, after: f64) -> f64 {
     // mutant `< to <=`: equality cannot occur. A ratio of at least 1, minus 1, is a multiple of 2^-52, as is a sum of such numbers; 1e-3 is not.
     if before < LEAST_ERROR { 0.0 } else { (1.0 - after / before).max(-1.0) }
 }
@@ -23,8 +23,8 @@ mod tests {
     #[test]
     fn a_gain_is_what_is_gone_of_what_was_above_the_noise() {
         // 8 and 3 above the noise; 1.25 and nothing are left.
-        let sum = |ratios: [f64; 2]| ratios.map(above).iter().sum();
-        assert_eq!(gone(sum([9.0, 4.0]), sum([2.25, 0.25])), 1.0 - 1.25 / 11.0);
-        assert_eq!([gone(5e-4, 0.0), gone(1.5e-3, 0.0), gone(3.0, 99.0)], [0.0, 1.0, -1.0]);
+        let sum = |ratios: [f64; 2]| ratios.map(excess).iter().sum();
+        assert_eq!(removed_share(sum([9.0, 4.0]), sum([2.25, 0.25])), 1.0 - 1.25 / 11.0);
+        assert_eq!([removed_share(5e-4, 0.0), removed_share(1.5e-3, 0.0), removed_share(3.0, 99.0)], [0.0, 1.0, -1.0]);
     }
 }

@@ -15,50 +15,50 @@ const LEAST_MORE: f64 = 1e-6;
 /// A least squares problem.
 pub(crate) trait Problem {
     /// Values of the unknowns, with the simulation at these values.
-    type Place;
+    type Iterate;
     /// Derivatives of the residual at a place.
     type Derivatives;
     /// The normal equations at a place.
     type Equations;
 
     /// The squared residual, plus the priors if there are any.
-    fn cost(&self, at: &Self::Place) -> f64;
+    fn cost(&self, at: &Self::Iterate) -> f64;
 
     /// The derivatives at a place. `None` if the problem cannot be evaluated there.
-    fn derivatives(&self, at: &Self::Place) -> Option<Self::Derivatives>;
+    fn derivatives(&self, at: &Self::Iterate) -> Option<Self::Derivatives>;
 
     /// The normal equations.
-    fn equations(&self, at: &Self::Place, derivatives: &Self::Derivatives) -> Self::Equations;
+    fn equations(&self, at: &Self::Iterate, derivatives: &Self::Derivatives) -> Self::Equations;
 
     /// The damped step within the bounds, and the first-order prediction of how much it lowers the cost.
-    fn step(&self, at: &Self::Place, equations: &Self::Equations, damping: f64) -> (Vec<f64>, f64);
+    fn step(&self, at: &Self::Iterate, equations: &Self::Equations, damping: f64) -> (Vec<f64>, f64);
 
     /// The place after a step. `None` if the problem cannot be evaluated there.
-    fn moved(&self, at: &Self::Place, equations: &Self::Equations, step: &[f64]) -> Option<Self::Place>;
+    fn moved(&self, at: &Self::Iterate, equations: &Self::Equations, step: &[f64]) -> Option<Self::Iterate>;
 
     /// Derivatives updated with the result of a step. `None`: compute them again after each step.
-    fn corrected(&self, _: Self::Derivatives, _from: &Self::Place, _to: &Self::Place) -> Option<Self::Derivatives> {
+    fn corrected(&self, _: Self::Derivatives, _from: &Self::Iterate, _to: &Self::Iterate) -> Option<Self::Derivatives> {
         None
     }
 
     /// Whether another step may begin.
-    fn goes_on(&self) -> bool {
+    fn may_continue(&self) -> bool {
         true
     }
 }
 
 /// An amount of cost: the larger of an absolute value and a share of the current cost.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Amount {
+pub(crate) struct CostTolerance {
     /// The absolute value.
-    pub least: f64,
+    pub absolute: f64,
     /// The share of the cost.
-    pub share: f64,
+    pub relative: f64,
 }
 
-impl Amount {
+impl CostTolerance {
     fn of(self, cost: f64) -> f64 {
-        self.least.max(self.share * cost)
+        self.absolute.max(self.relative * cost)
     }
 }
 
@@ -70,15 +70,15 @@ pub(crate) struct Rules {
     /// How many dampings to try at each step, each ten times the one before: first with exact derivatives, second with corrected derivatives.
     pub tries: [usize; 2],
     /// A step with a smaller predicted gain is not tried. `None`: every step is tried.
-    pub worth: Option<Amount>,
+    pub least_predicted_gain: Option<CostTolerance>,
     /// Whether a step with too small a predicted gain is computed once more with the smallest damping. In a direction that the records do not
     /// determine, only the prior has curvature, about a millionth of the curvature that records give a single unknown. Normal damping would stop all
     /// motion in that direction.
-    pub undamps: bool,
+    pub retries_undamped: bool,
     /// After a step with a smaller gain, these derivatives are not used again.
-    pub enough: Amount,
+    pub least_gain: CostTolerance,
     /// The same, if the gain is less than this share of its prediction: then the derivatives are not accurate.
-    pub kept_promise: f64,
+    pub least_gain_ratio: f64,
     /// Whether the search may end only with exact derivatives at the final place.
     pub ends_exact: bool,
 }
@@ -99,10 +99,10 @@ fn more(damping: f64) -> f64 {
 /// problem cannot be evaluated.
 pub(crate) fn descend<P: Problem>(
     problem: &P,
-    start: P::Place,
+    start: P::Iterate,
     derivatives: Option<(P::Derivatives, bool)>,
     rules: &Rules,
-) -> Option<(P::Place, P::Equations)> {
+) -> Option<(P::Iterate, P::Equations)> {
     let mut at = start;
     let (mut derivatives, mut exact) = match derivatives {
         Some(known) => known,
@@ -114,9 +114,9 @@ pub(crate) fn descend<P: Problem>(
         let tries = if steps == rules.steps { 0 } else { rules.tries[usize::from(!exact)] };
         let mut taken = None;
         for _ in 0..tries {
-            let (step, promised) = problem.step(&at, &equations, damping);
-            if rules.worth.is_some_and(|worth| promised < worth.of(problem.cost(&at))) {
-                if damping <= LEAST_DAMPING || !rules.undamps {
+            let (step, predicted) = problem.step(&at, &equations, damping);
+            if rules.least_predicted_gain.is_some_and(|least| predicted < least.of(problem.cost(&at))) {
+                if damping <= LEAST_DAMPING || !rules.retries_undamped {
                     break;
                 }
                 damping = LEAST_DAMPING;
@@ -125,24 +125,24 @@ pub(crate) fn descend<P: Problem>(
             match problem.moved(&at, &equations, &step).filter(|to| problem.cost(to) < problem.cost(&at)) {
                 Some(to) => {
                     damping = less(damping);
-                    taken = Some((to, promised));
+                    taken = Some((to, predicted));
                     break;
                 }
                 None => damping = more(damping),
             }
         }
-        let mut goes_on = false;
+        let mut continues = false;
         let mut corrected = Some(derivatives);
-        if let Some((to, promised)) = taken {
+        if let Some((to, predicted)) = taken {
             let gained = problem.cost(&at) - problem.cost(&to);
-            let is_much = gained > rules.enough.of(problem.cost(&to));
-            goes_on = is_much && gained > rules.kept_promise * promised;
+            let is_much = gained > rules.least_gain.of(problem.cost(&to));
+            continues = is_much && gained > rules.least_gain_ratio * predicted;
             exact = exact && !is_much;
             corrected = corrected.and_then(|it| problem.corrected(it, &at, &to));
             at = to;
             steps += 1;
         }
-        let is_last = !goes_on || steps >= rules.steps || !problem.goes_on();
+        let is_last = !continues || steps >= rules.steps || !problem.may_continue();
         if is_last && (exact || !rules.ends_exact) {
             return Some((at, equations));
         }

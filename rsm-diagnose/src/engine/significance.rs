@@ -10,7 +10,7 @@ use statrs::function::gamma::{gamma_lr, gamma_ur, ln_gamma};
 
 /// The probability that noise alone is taken for a cause of a plant. The tests of whiteness add as much. With the errors of noise models, false
 /// alarms stay below 5 %.
-pub(crate) const ALARM: f64 = 0.01;
+pub(crate) const FALSE_ALARM: f64 = 0.01;
 
 /// Below this, an incomplete beta or gamma function is near the smallest f64, and its leading term is used.
 const SMALL: f64 = 1e-280;
@@ -152,23 +152,23 @@ pub(crate) fn median(values: &mut [f64]) -> f64 {
 }
 
 /// ln of the probability that the best of `trials` trials is at least this good by chance; `ln_p` is for one trial (C. E. Bonferroni, 1936).
-pub(crate) fn among(ln_p: f64, trials: f64) -> f64 {
+pub(crate) fn ln_p_of_best(ln_p: f64, trials: f64) -> f64 {
     (ln_p + trials.max(1.0).ln()).min(0.0)
 }
 
 /// The trial with the smallest probability by chance (the first of equal ones), and ln of its probability corrected for the number of trials in
-/// `looks` series of trials.
-pub(crate) fn rarest<T>(tried: impl IntoIterator<Item = (f64, T)>, looks: f64) -> Option<(f64, T)> {
+/// `series` series of trials.
+pub(crate) fn most_significant<T>(tried: impl IntoIterator<Item = (f64, T)>, series: f64) -> Option<(f64, T)> {
     let mut count = 0_u32;
     let best = tried.into_iter().inspect(|_| count += 1).min_by(|a, b| a.0.total_cmp(&b.0));
-    best.map(|(ln_p, what)| (among(ln_p, looks * f64::from(count)), what))
+    best.map(|(ln_p, what)| (ln_p_of_best(ln_p, series * f64::from(count)), what))
 }
 
 /// The gain that the best of `trials` on noise exceeds with the probability [`ALARM`], if each fits `numbers` parameters: chi squared with
 /// Bonferroni's bound (C. E. Bonferroni, 1936). This bound also covers what first-order draws miss: nonlinear parameters, and trials chosen after
 /// looking at the residual.
-pub(crate) fn best_of(trials: usize, numbers: usize) -> f64 {
-    chi_squared_of((ALARM / trials.max(1) as f64).ln(), numbers.max(1) as f64)
+pub(crate) fn best_gain_by_chance(trials: usize, numbers: usize) -> f64 {
+    chi_squared_of((FALSE_ALARM / trials.max(1) as f64).ln(), numbers.max(1) as f64)
 }
 
 /// The value that the largest of many gains exceeds with the probability [`ALARM`], estimated from some draws of the largest gain. A maximum has a
@@ -179,7 +179,7 @@ pub(crate) fn point_of_largest(largest: &[f64]) -> f64 {
     let sd = (largest.iter().map(|gain| (gain - mean) * (gain - mean)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
     // The scale is sd sqrt(6)/pi. Mean minus mode is Euler's constant times the scale.
     let scale = sd * 6.0_f64.sqrt() / std::f64::consts::PI;
-    mean + scale * (-(-(1.0 - ALARM).ln()).ln() - statrs::consts::EULER_MASCHERONI)
+    mean + scale * (-(-(1.0 - FALSE_ALARM).ln()).ln() - statrs::consts::EULER_MASCHERONI)
 }
 
 /// The t with P(|T| >= t) = `p`.
@@ -290,17 +290,17 @@ mod tests {
     #[test]
     fn the_rarest_of_all_that_was_tried_pays_for_the_others() {
         let tried = [(-3.0, "a"), (-9.0, "b"), (-9.0, "c"), (0.0, "d")];
-        assert_eq!(rarest(tried, 2.0), Some((-9.0 + 8.0_f64.ln(), "b")));
-        assert_eq!(rarest([(-0.5, "a"), (-0.1, "b")], 1.0), Some((0.0, "a")));
-        assert_eq!(rarest(Vec::<(f64, ())>::new(), 1.0), None);
+        assert_eq!(most_significant(tried, 2.0), Some((-9.0 + 8.0_f64.ln(), "b")));
+        assert_eq!(most_significant([(-0.5, "a"), (-0.1, "b")], 1.0), Some((0.0, "a")));
+        assert_eq!(most_significant(Vec::<(f64, ())>::new(), 1.0), None);
     }
 
     #[test]
     fn the_best_of_a_hundred_trials_with_two_numbers() {
         // Chi squared with two degrees of freedom passes x with the probability exp(-x/2).
-        assert!((best_of(100, 2) / (2.0 * 1e4_f64.ln()) - 1.0).abs() < 1e-9, "{}", best_of(100, 2));
+        assert!((best_gain_by_chance(100, 2) / (2.0 * 1e4_f64.ln()) - 1.0).abs() < 1e-9, "{}", best_gain_by_chance(100, 2));
         // 99 % of one degree of freedom, any table.
-        assert!((best_of(1, 1) - 6.6349).abs() < 1e-4, "{}", best_of(1, 1));
+        assert!((best_gain_by_chance(1, 1) - 6.6349).abs() < 1e-4, "{}", best_gain_by_chance(1, 1));
     }
 
     #[test]

@@ -18,7 +18,7 @@ const LEAST_SHIFT: usize = 2;
 const BETTER: f64 = 4.0;
 
 /// Removes the findings of jumps that the simulation has too; these rows count again.
-pub fn take_back_motion(records: &mut [Prepared], simulated: &[Simulated], kind: PlantKind, findings: &mut Vec<Finding>) {
+pub fn remove_motion_findings(records: &mut [Prepared], simulated: &[Simulated], kind: PlantKind, findings: &mut Vec<Finding>) {
     for (prepared, simulated) in records.iter_mut().zip(simulated) {
         for (k, values) in simulated.iter().enumerate() {
             let left: Vec<f64> = prepared.measured(k).iter().zip(values).map(|(measured, value)| measured - value).collect();
@@ -76,7 +76,7 @@ pub fn shifts(records: &[(&Prepared, &Simulated)]) -> Vec<Shift> {
             .iter()
             .map(|&(record, k)| {
                 let (prepared, simulated) = records[record];
-                misses(prepared.measured(k), &simulated[k], &prepared.used[k])
+                mean_square_errors(prepared.measured(k), &simulated[k], &prepared.used[k])
             })
             .collect();
         let best = |errors: &Vec<f64>| {
@@ -101,7 +101,7 @@ pub fn shifts(records: &[(&Prepared, &Simulated)]) -> Vec<Shift> {
 }
 
 /// The mean square difference between the readings and a simulation delayed by -`FARTHEST` to `FARTHEST` rows, after subtracting the mean.
-fn misses(measured: &[f64], simulated: &[f64], used: &[bool]) -> Vec<f64> {
+fn mean_square_errors(measured: &[f64], simulated: &[f64], used: &[bool]) -> Vec<f64> {
     let rows = measured.len();
     if rows < 8 * FARTHEST {
         return vec![0.0; 2 * FARTHEST + 1];

@@ -100,11 +100,11 @@ fn windows<'a>(record: &'a Record, file: &PlantFile) -> Box<dyn ExactSizeIterato
     Box::new(order.into_iter().map(one))
 }
 
-/// Tests all rows. `whitened` has the noise and the pace of the search.
+/// Tests all rows. `whitened` has the noise and the work limit of the search.
 #[must_use]
 pub fn check(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals, fit: &Fit) -> AllRows {
     let mut by_record: Vec<_> = records.iter().map(|it| windows(it, file)).collect();
-    let looks: usize = by_record.iter().map(|it| it.len()).sum();
+    let tests: usize = by_record.iter().map(|it| it.len()).sum();
     let sds = Posterior::of(fit).deviations().to_vec();
     let mut found = AllRows {
         rows: 0,
@@ -115,9 +115,9 @@ pub fn check(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals
         excess: 0.0,
     };
     let mut sums = [[Octave::default(); OCTAVES]; OUTPUTS];
-    let begun = whitened.pace.taken();
+    let begun = whitened.work.done();
     // One window of each record in turn.
-    while by_record.iter().any(|it| it.len() > 0) && whitened.pace.taken() - begun < MOST_STEPS {
+    while by_record.iter().any(|it| it.len() > 0) && whitened.work.done() - begun < MOST_STEPS {
         for piece in by_record.iter_mut().filter_map(Iterator::next) {
             let counted = piece.record.rows() - piece.settling;
             let name = piece.record.file.clone();
@@ -128,15 +128,15 @@ pub fn check(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals
             let there = outlier_correction::corrected(whitened.on(prepared), &fit.model);
             // First a quick start from the first readings. If that leaves an error, the start is fitted as for a holdout record.
             let quick =
-                validation::at_once(&there, &fit.model).map(|started| own_noise::remaining_structure(&there, started, looks));
+                validation::at_once(&there, &fit.model).map(|started| own_noise::remaining_structure(&there, started, tests));
             let left = quick.filter(|it| it.excess <= 0.0).or_else(|| {
                 let started = validation::on(&there, &fit.model)?;
-                let left = own_noise::remaining_structure(&there, started.clone(), looks);
+                let left = own_noise::remaining_structure(&there, started.clone(), tests);
                 if left.excess <= 0.0 {
                     return Some(left);
                 }
                 let moved = validation::within(&there, &fit.model, &sds, &started);
-                Some(moved.map_or(left, |moved| own_noise::remaining_structure(&there, moved, looks)))
+                Some(moved.map_or(left, |moved| own_noise::remaining_structure(&there, moved, tests)))
             });
             let Some(left) = left else {
                 found.not_simulated.push(name);
@@ -173,7 +173,7 @@ fn together(whitened: &WhitenedResiduals, sums: &[[Octave; OCTAVES]; OUTPUTS]) -
 mod tests {
     use super::super::levenberg;
     use super::super::model::Model;
-    use super::super::noise::Floor;
+    use super::super::noise::NoiseFloor;
     use super::super::whitened_residuals::Prepared;
     use super::*;
     use rsm_core::source::Source;
@@ -199,7 +199,7 @@ mod tests {
         }
         record.inputs[0][32_000..].iter_mut().for_each(|value| *value -= less);
         let first = record.piece(0..4000);
-        let whitened = WhitenedResiduals::new(vec![Prepared::new(first.clone(), 3)], sds.map(Floor::white), 2);
+        let whitened = WhitenedResiduals::new(vec![Prepared::new(first.clone(), 3)], sds.map(NoiseFloor::white), 2);
         let fit = levenberg::fit(&whitened, Model::nominal(&file, &[&first], sds), 4).unwrap();
         check(&[&record], &file, &whitened, &fit)
     }

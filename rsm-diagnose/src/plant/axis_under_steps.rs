@@ -7,7 +7,7 @@ use rsm_sim::kind::OUTPUTS;
 
 use super::hypotheses::Hypothesis;
 use super::model::Model;
-use super::noise::Floor;
+use super::noise::NoiseFloor;
 use super::search::{Search, WorkLimits};
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_fit::random::Random;
@@ -45,7 +45,7 @@ pub(super) fn whitened(nominal: &PlantFile, truth: &PlantFile, noisy: bool) -> (
     let mut noise = || if noisy { NOISE * random.normal() } else { 0.0 };
     record.measured[0] = Some(simulated.of("position").unwrap().iter().map(|value| value + noise()).collect());
     let model = Model::nominal(nominal, &[&record], [NOISE; OUTPUTS]);
-    (WhitenedResiduals::new(vec![Prepared::new(record, 2)], [Floor::white(NOISE); OUTPUTS], 1), model)
+    (WhitenedResiduals::new(vec![Prepared::new(record, 2)], [NoiseFloor::white(NOISE); OUTPUTS], 1), model)
 }
 
 /// A search without a work limit and without progress messages.

@@ -33,7 +33,8 @@ pub fn gain_interval(
                 let floor = &whitened.floors[*output];
                 let measured = prepared.measured(k);
                 for row in (start..(start + length).min(rows)).filter(|row| prepared.used[k][*row]) {
-                    let error = |simulated: &[Simulated]| (measured[row] - floor.reads(simulated[record][k][row])) / floor.sd;
+                    let error =
+                        |simulated: &[Simulated]| (measured[row] - floor.mean_reading(simulated[record][k][row])) / floor.sd;
                     let sum = &mut sums[*output];
                     sum[0] += error(before) * error(before);
                     sum[1] += error(after) * error(after);

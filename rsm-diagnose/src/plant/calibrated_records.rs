@@ -7,7 +7,7 @@ use super::calibration::{calibrate, floors, with_rounding};
 use super::checks::{self, Finding};
 use super::levenberg::{self, Fit};
 use super::model::{InitialMotion, Model};
-use super::noise::Floor;
+use super::noise::NoiseFloor;
 use super::outlier_correction::{self, Recorded};
 use super::row_share::Share;
 use super::whitened_residuals::WhitenedResiduals;
@@ -70,7 +70,7 @@ impl CalibratedRecords {
         let prepare = |records: &[Record]| checks::prepared(records.iter().flat_map(|record| share.pieces(record, file)), file);
         let ((trained, mut findings), (judging, more)) = (prepare(training), prepare(validation));
         findings.extend(more);
-        let white = [Floor::white(1.0); OUTPUTS];
+        let white = [NoiseFloor::white(1.0); OUTPUTS];
         let mut whitened = WhitenedResiduals::new(trained, white, options.threads);
         let mut unseen = WhitenedResiduals::new(judging, white, options.threads);
         if whitened.records.iter().all(|it| it.outputs.is_empty()) {
@@ -148,7 +148,7 @@ impl CalibratedRecords {
 
     /// The noise of each output from the residual of a fit to the training records.
     #[must_use]
-    pub fn floors(&self, fit: &Fit, file: &PlantFile) -> [Floor; OUTPUTS] {
+    pub fn floors(&self, fit: &Fit, file: &PlantFile) -> [NoiseFloor; OUTPUTS] {
         with_rounding(&self.whitened, fit, floors(&self.whitened, fit, file), &self.rounded)
     }
 
@@ -203,9 +203,9 @@ fn checks_by_simulation(
 ) -> bool {
     let before = findings.len();
     let kind = calibrated.model.file.kind;
-    alignment::take_back_motion(&mut whitened.records, &calibrated.simulated, kind, findings);
+    alignment::remove_motion_findings(&mut whitened.records, &calibrated.simulated, kind, findings);
     let judged = validation::on(unseen, &calibrated.model).map_or_else(Vec::new, |fit| fit.simulated);
-    alignment::take_back_motion(&mut unseen.records[..judged.len()], &judged, kind, findings);
+    alignment::remove_motion_findings(&mut unseen.records[..judged.len()], &judged, kind, findings);
     let mut changed = findings.len() != before;
     let training = whitened.records.iter().zip(&calibrated.simulated);
     let all: Vec<_> = training.chain(unseen.records.iter().zip(&judged)).collect();

@@ -6,7 +6,7 @@
 
 use super::levenberg::{self, Fit};
 use super::model::{self, InitialMotion, Model};
-use super::noise::Floor;
+use super::noise::NoiseFloor;
 use super::rounding::Rounding;
 use super::whitened_residuals::{self, WhitenedResiduals};
 use rsm_sim::kind::OUTPUTS;
@@ -91,7 +91,7 @@ fn mirrored(nominal: &Model, found: &Model) -> Model {
 }
 
 /// The noise of each output from the residual of a fit.
-pub fn floors(whitened: &WhitenedResiduals, fit: &Fit, file: &PlantFile) -> [Floor; OUTPUTS] {
+pub fn floors(whitened: &WhitenedResiduals, fit: &Fit, file: &PlantFile) -> [NoiseFloor; OUTPUTS] {
     estimate(whitened, &fit.simulated, file)
 }
 
@@ -100,9 +100,9 @@ pub fn floors(whitened: &WhitenedResiduals, fit: &Fit, file: &PlantFile) -> [Flo
 pub fn with_rounding(
     whitened: &WhitenedResiduals,
     fit: &Fit,
-    mut floors: [Floor; OUTPUTS],
+    mut floors: [NoiseFloor; OUTPUTS],
     rounded: &[(usize, f64)],
-) -> [Floor; OUTPUTS] {
+) -> [NoiseFloor; OUTPUTS] {
     for &(output, step) in rounded {
         let mut lists: Vec<(&[f64], &[f64], &[bool])> = Vec::new();
         for (prepared, simulated) in whitened.records.iter().zip(&fit.simulated) {
@@ -123,13 +123,13 @@ pub fn with_rounding(
             let left: Vec<(&[f64], &[bool])> =
                 left.iter().zip(&lists).map(|(left, (_, _, used))| (left.as_slice(), *used)).collect();
             let simulated: Vec<&[f64]> = lists.iter().map(|it| it.1).collect();
-            Floor::of_rounding(rounding, &simulated, &left)
+            NoiseFloor::of_rounding(rounding, &simulated, &left)
         });
         // A rounding error is uniform over a step, so its standard deviation is step/sqrt(12).
         let uniform = step / 12.0_f64.sqrt();
         floors[output] = match found {
             Some(floor) => floor,
-            None if floors[output].sd < uniform => Floor::white(uniform),
+            None if floors[output].sd < uniform => NoiseFloor::white(uniform),
             None => floors[output],
         };
     }
@@ -138,12 +138,16 @@ pub fn with_rounding(
 
 /// The noise of each output from the residual of a simulation. If the records are too short for a spectrum: the value in the file, or a thousandth of
 /// the largest reading.
-fn estimate(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simulated], file: &PlantFile) -> [Floor; OUTPUTS] {
+fn estimate(
+    whitened: &WhitenedResiduals,
+    simulated: &[whitened_residuals::Simulated],
+    file: &PlantFile,
+) -> [NoiseFloor; OUTPUTS] {
     let mut floors = whitened.floors;
     for ((output, floor), noise) in floors.iter_mut().enumerate().zip(noise_estimates(whitened, simulated)) {
         let name = file.kind.outputs().get(output).map_or("", |signal| signal.name);
         let stated = file.noise.iter().find(|(found, _)| *found == name).map(|(_, sd)| *sd).filter(|sd| *sd > 0.0);
-        let otherwise = || Floor::white(stated.unwrap_or(1e-3 * noise.largest).max(noise.least()));
+        let otherwise = || NoiseFloor::white(stated.unwrap_or(1e-3 * noise.largest).max(noise.least()));
         *floor = noise.floor.unwrap_or_else(otherwise);
     }
     floors
@@ -153,7 +157,7 @@ fn estimate(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simul
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NoiseEstimate {
     /// The floor, if the records are long enough for a spectrum.
-    pub floor: Option<Floor>,
+    pub floor: Option<NoiseFloor>,
     /// The largest reading.
     pub largest: f64,
 }
@@ -180,8 +184,8 @@ pub fn noise_estimates(whitened: &WhitenedResiduals, simulated: &[whitened_resid
         let with_readings: Vec<(&[f64], &[f64], &[bool])> =
             residuals.iter().map(|(measured, values, used)| (*measured, values.as_slice(), *used)).collect();
         let least = noise.least();
-        let above = |floor: Floor| if floor.sd >= least { floor } else { Floor::white(least) };
-        noise.floor = Floor::of_growing(&with_readings).or_else(|| Floor::estimate(&lists)).map(above);
+        let above = |floor: NoiseFloor| if floor.sd >= least { floor } else { NoiseFloor::white(least) };
+        noise.floor = NoiseFloor::of_growing(&with_readings).or_else(|| NoiseFloor::estimate(&lists)).map(above);
     }
     all
 }

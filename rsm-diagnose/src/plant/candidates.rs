@@ -11,7 +11,7 @@ use super::screen::Screened;
 use super::search::Search;
 use super::variable_projection::{Projected, project};
 use super::{effect_size, multistart, validation, waves, whiteness};
-use crate::engine::significance::best_of;
+use crate::engine::significance::best_gain_by_chance;
 use rsm_sim::plant_file::Entry;
 
 /// A simpler cause wins if it reaches this share of the gain, unless the better cause leaves only noise. Different smoothings and integrators of one
@@ -213,9 +213,12 @@ impl Search<'_> {
             for it in pool {
                 if waves::is_wave(it.entry.description, kind) {
                     // A guess taken from the record is already the first-order optimum.
-                    let led =
-                        it.cost.is_infinite().then(|| waves::led(self.whitened, fit, self.nominal, &it.entry, &[])).flatten();
-                    let entry = led.and_then(|(model, cost)| Some((model.file.effects.last()?.clone(), cost)));
+                    let joint = it
+                        .cost
+                        .is_infinite()
+                        .then(|| waves::joint_fit(self.whitened, fit, self.nominal, &it.entry, &[]))
+                        .flatten();
+                    let entry = joint.and_then(|(model, cost)| Some((model.file.effects.last()?.clone(), cost)));
                     next.push(entry.map_or(it.clone(), |(entry, cost)| Projected { hypothesis: it.hypothesis, entry, cost }));
                     continue;
                 }
@@ -251,12 +254,12 @@ impl Search<'_> {
 
     /// A full fit with this entry. `None` if it cannot be simulated, or if it is a parameter error within the tolerance of calibration.
     pub(super) fn fitted(&self, fit: &Fit, entry: &Entry) -> Option<Candidate> {
-        let led = waves::is_wave(entry.description, entry.arguments.plant)
-            .then(|| waves::led(self.whitened, fit, self.nominal, entry, &waves::REACHES))
+        let joint = waves::is_wave(entry.description, entry.arguments.plant)
+            .then(|| waves::joint_fit(self.whitened, fit, self.nominal, entry, &waves::REACHES))
             .flatten();
-        let found = match led {
+        let found = match joint {
             // The derivatives of a plant without the wave are of no use for a plant with it.
-            Some((model, promised)) if promised < NEAR_NOISE * self.whitened.rows() as f64 => {
+            Some((model, predicted)) if predicted < NEAR_NOISE * self.whitened.rows() as f64 => {
                 // Where the axis creeps over a crest, a free run may diverge late and strongly. Most of the record is before that.
                 let surely = multistart::by_most_parts(self.whitened, model.clone()).unwrap_or(model);
                 self.continued_wave_fit(levenberg::fit(self.whitened, surely, WAVE_STEPS)?)
@@ -274,7 +277,8 @@ impl Search<'_> {
     /// implausible parameters, or if a wave does not repeat.
     pub(super) fn judged(&self, without: &Fit, fit: Fit) -> Option<Candidate> {
         let entry = fit.model.file.effects.last()?;
-        let may_all_be = fit.model.file.effects.iter().all(|it| self.is_plausible(it) && waves::comes_again(self.whitened, it));
+        let may_all_be =
+            fit.model.file.effects.iter().all(|it| self.is_plausible(it) && waves::has_whole_period(self.whitened, it));
         if within_tolerance(self.nominal, entry) || !may_all_be {
             return None;
         }
@@ -293,12 +297,12 @@ impl Search<'_> {
 
     /// A fit with a wave that reached a poor local minimum. Starting again from a wave fit along the readings may improve it.
     fn continued_wave_fit(&self, mut fit: Fit) -> Fit {
-        for reach in waves::AGAIN {
+        for reach in waves::REACHES_FROM_RUN {
             if whiteness::test(self.whitened, &fit).excess <= 0.0 {
                 break;
             }
             let place = fit.model.file.effects.len() - 1;
-            let again = waves::led_again(self.whitened, &fit, self.nominal, place, reach);
+            let again = waves::joint_fit_from_run(self.whitened, &fit, self.nominal, place, reach);
             let other = again.and_then(|model| levenberg::fit(self.whitened, model, WAVE_STEPS));
             fit = other.filter(|other| other.cost < fit.cost).unwrap_or(fit);
         }
@@ -332,7 +336,8 @@ impl Search<'_> {
         let enough = best.score + self.tie(&best.fit, before - best.score, best.score, threshold);
         let simple: Vec<&Candidate> = paying.into_iter().filter(|it| it.score <= enough).collect();
         let first = simple.iter().copied().min_by(|a, b| a.numbers.cmp(&b.numbers).then(a.score.total_cmp(&b.score)))?;
-        let equal = simple.into_iter().filter(|it| it.numbers == first.numbers && it.score <= first.score + best_of(1, 1));
+        let equal =
+            simple.into_iter().filter(|it| it.numbers == first.numbers && it.score <= first.score + best_gain_by_chance(1, 1));
         equal.min_by(|a, b| a.is_of_the_file().cmp(&b.is_of_the_file()).then(a.score.total_cmp(&b.score)))
     }
 
@@ -409,10 +414,10 @@ mod tests {
     #[test]
     fn four_forms_of_one_trace_compete_and_no_more() {
         // Six hypotheses of one trace promise most, and the seventh is another.
-        let promised = [100.0, 99.0, 98.0, 97.0, 96.0, 60.0, 50.0];
+        let predicted = [100.0, 99.0, 98.0, 97.0, 96.0, 60.0, 50.0];
         let one =
             |(hypothesis, gain): (usize, &f64)| Screened::with_gain(hypothesis, *gain, Some(usize::from(hypothesis == 6)));
-        let screened: Vec<Screened> = promised.iter().enumerate().map(one).collect();
+        let screened: Vec<Screened> = predicted.iter().enumerate().map(one).collect();
         let split = split_duplicates(&screened, 10.0);
         assert_eq!(split.kept.iter().map(|it| it.hypothesis).collect::<Vec<_>>(), [0, 1, 2, 3, 6]);
         // What promises as much is an alias; what promises less is none.

@@ -5,7 +5,7 @@
 
 use super::gaps;
 use super::prepared::{Piece, Prepared};
-use super::repeated_blocks::{STUCK, twice};
+use super::repeated_blocks::{STUCK, find};
 use super::standstill::{self, Resting};
 use crate::engine::significance::median;
 use rsm_sim::plant_file::PlantFile;
@@ -23,7 +23,7 @@ const JUMP: f64 = 12.0;
 const FIRST_PART: f64 = 0.25;
 
 /// The effect of a wrong initial state counts as gone when this share of it is left.
-const GONE: f64 = 1e-3;
+const DECAYED: f64 = 1e-3;
 
 /// A channel is stuck if it has one value from some row to the end, and this part is at least one in this many of the record's rows.
 const STAYS: usize = 4;
@@ -73,7 +73,7 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     gaps::fill(prepared);
     let mut findings = without_constant(prepared, file);
     let names = file.kind.outputs();
-    let nominal = along(prepared, file);
+    let nominal = nominal_outputs(prepared, file);
     let record = prepared.record.file.clone();
     let rows = prepared.record.rows();
     let count = prepared.outputs.len();
@@ -87,7 +87,7 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     for row in &prepared.record.breaks {
         findings.push(finding("time", "gap", (row - 1, *row)));
     }
-    let mut blocks = twice(&(0..count).filter(|k| noisy[*k]).map(|k| prepared.measured(k)).collect::<Vec<_>>());
+    let mut blocks = find(&(0..count).filter(|k| noisy[*k]).map(|k| prepared.measured(k)).collect::<Vec<_>>());
     // A plant at rest gives equal readings without noise. A recorder that repeats a block repeats its noise as well.
     let resting: Vec<Resting> = (0..count).map(|k| Resting::new(prepared.measured(k), nominal[k].as_deref())).collect();
     blocks.retain(|(from, to)| (0..count).any(|k| noisy[k] && !resting[k].is_still(*from..*to)));
@@ -149,7 +149,7 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     let unbroken = longest_part(prepared, &blocks);
     if unbroken != (0..rows) {
         // The state after a break is unknown, because sensors do not show all of it.
-        let settled = if unbroken.start == 0 { 0 } else { memory(prepared, file, unbroken.clone()).unwrap_or(0) };
+        let settled = if unbroken.start == 0 { 0 } else { settling_rows(prepared, file, unbroken.clone()).unwrap_or(0) };
         let first = (unbroken.start + settled).min(unbroken.end);
         for lost in [0..unbroken.start, unbroken.end..rows] {
             if !lost.is_empty() {
@@ -192,7 +192,7 @@ fn in_file(prepared: &Prepared, findings: &mut [Finding]) {
 
 /// The nominal plant along a record, one entry for each output; `None` if it cannot be simulated. Used only to decide whether a channel should move
 /// at all.
-fn along(prepared: &Prepared, file: &PlantFile) -> Vec<Option<Vec<f64>>> {
+fn nominal_outputs(prepared: &Prepared, file: &PlantFile) -> Vec<Option<Vec<f64>>> {
     let run = Simulator::new(file, &prepared.record).ok().and_then(|mut it| it.run(&prepared.record).ok());
     let of = |output: &usize| run.as_ref()?.of(file.kind.outputs()[*output].name).map(<[f64]>::to_vec);
     prepared.outputs.iter().map(of).collect()
@@ -201,7 +201,7 @@ fn along(prepared: &Prepared, file: &PlantFile) -> Vec<Option<Vec<f64>>> {
 /// Removes channels that have one value in all rows while the nominal plant moves: the sensor is stuck, or the column was never filled in.
 fn without_constant(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     let mut findings = Vec::new();
-    let nominal = along(prepared, file);
+    let nominal = nominal_outputs(prepared, file);
     for k in (0..prepared.outputs.len()).rev() {
         let values = prepared.measured(k);
         let moves = nominal[k].as_deref().is_some_and(|it| !is_constant(it));
@@ -259,7 +259,7 @@ fn longest_part(prepared: &Prepared, blocks: &[(usize, usize)]) -> std::ops::Ran
 
 /// The number of rows for which the initial state matters: a simulation that starts in the middle of a part is compared with one from the start of
 /// the part. A constant difference is only another start value, which is unknown anyway. `None` if the plant cannot be simulated.
-pub(super) fn memory(prepared: &Prepared, file: &PlantFile, part: std::ops::Range<usize>) -> Option<usize> {
+pub(super) fn settling_rows(prepared: &Prepared, file: &PlantFile, part: std::ops::Range<usize>) -> Option<usize> {
     let whole = prepared.record.piece(part.clone());
     let middle = part.len() / 2;
     // Runs with different starts take different steps, so the tolerance is below the accuracy that is compared.
@@ -282,7 +282,7 @@ pub(super) fn memory(prepared: &Prepared, file: &PlantFile, part: std::ops::Rang
         if most <= 1e-9 * size {
             Some(0)
         } else {
-            off.iter().rposition(|off| (off - end).abs() > GONE * most).map(|row| row + 1)
+            off.iter().rposition(|off| (off - end).abs() > DECAYED * most).map(|row| row + 1)
         }
     };
     prepared.outputs.iter().filter_map(|output| of_output(file.kind.outputs()[*output].name)).max()

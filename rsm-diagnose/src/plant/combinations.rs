@@ -38,7 +38,7 @@ pub(super) fn combinations(it: &Compared<'_>, accepted: &[AcceptedCause], withou
     let judged = it.judged();
     // The search has ended. This work does not count against its limit.
     let mut training = it.whitened.clone();
-    training.pace = it.whitened.pace.anew();
+    training.work = it.whitened.work.with_new_count();
     let effects = &it.fit.model.file.effects;
     let names = order.iter().map(|place| label(effects[*place].description.kind, effects[*place].arguments.subject.as_deref()));
     Combinations::of(names.collect(), |is_in| {
@@ -103,7 +103,7 @@ mod tests {
         };
         let alone: Vec<Option<Fit>> =
             strongest(&accepted).iter().map(|place| validation::on(&whitened, &accepted[*place].without)).collect();
-        let taken = whitened.pace.taken();
+        let taken = whitened.work.done();
         let found = combinations(&compared, &accepted, &alone);
         assert_eq!(found.causes, ["sensor-drift:position", "constant-load", "coulomb-friction"]);
         let error = |set: usize| found.of[set].as_ref().unwrap().errors[0].noise_ratio;
@@ -119,6 +119,6 @@ mod tests {
         // A plant with more causes is never worse.
         assert!((0..8).all(|set| (0..3).all(|cause| error(set | 1 << cause) < 1.01 * error(set))));
         // What the search may still do does not depend on it, but for the look at the evaluation records.
-        assert!(whitened.pace.taken() - taken < 40 * 600 * 8, "{}", whitened.pace.taken() - taken);
+        assert!(whitened.work.done() - taken < 40 * 600 * 8, "{}", whitened.work.done() - taken);
     }
 }

@@ -6,7 +6,7 @@
 
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
-use super::noise::Floor;
+use super::noise::NoiseFloor;
 use super::posterior::Posterior;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use super::{own_noise, validation, whiteness};
@@ -45,7 +45,7 @@ pub fn separate_record(
     whitened: &WhitenedResiduals,
     unseen: &WhitenedResiduals,
     nominal: &Model,
-    floors: &dyn Fn(&WhitenedResiduals, &Fit) -> [Floor; OUTPUTS],
+    floors: &dyn Fn(&WhitenedResiduals, &Fit) -> [NoiseFloor; OUTPUTS],
 ) -> Option<SeparateRecord> {
     let (trained, judged) = (whitened.records.len(), unseen.records.len());
     if trained + judged <= LEAST_OTHERS {
@@ -79,7 +79,7 @@ fn is_separate(
     (mut whitened, mut unseen): (WhitenedResiduals, WhitenedResiduals),
     record: &Prepared,
     nominal: &Model,
-    floors: &dyn Fn(&WhitenedResiduals, &Fit) -> [Floor; OUTPUTS],
+    floors: &dyn Fn(&WhitenedResiduals, &Fit) -> [NoiseFloor; OUTPUTS],
 ) -> Option<SeparateRecord> {
     let mut fit = levenberg::fit(&whitened, on_records(nominal, &whitened), STEPS)?;
     whitened.floors = floors(&whitened, &fit);

@@ -85,11 +85,11 @@ pub struct Correction {
 
 /// The result of a fit of corrections.
 #[derive(Debug, Clone)]
-pub enum Offer {
+pub enum CorrectionResult {
     /// It gains on holdout rows.
-    Gains(Box<Correction>),
+    Useful(Box<Correction>),
     /// Nothing gains on holdout rows.
-    Nothing {
+    NoGain {
         /// The share of the error above the noise that the surfaces would remove; negative if they increase it.
         gain: f64,
     },
@@ -112,7 +112,7 @@ pub fn correction(
     simulated: &[Simulated],
     unseen: &WhitenedResiduals,
     simulated_unseen: &[Simulated],
-) -> Offer {
+) -> CorrectionResult {
     let has_unseen = !unseen.records.is_empty();
     let part = |whitened, simulated, from: f64, to: f64| parts(kind, whitened, simulated, from, to);
     let (training, judging) = if has_unseen {
@@ -120,7 +120,7 @@ pub fn correction(
     } else {
         (part(whitened, simulated, 0.0, 2.0 / 3.0), part(whitened, simulated, 2.0 / 3.0, 1.0))
     };
-    let (Some(first), Some(_)) = (training.first(), judging.first()) else { return Offer::Nothing { gain: 0.0 } };
+    let (Some(first), Some(_)) = (training.first(), judging.first()) else { return CorrectionResult::NoGain { gain: 0.0 } };
     let names = names(kind, first.prepared);
     let mut model = Model { name: "correction".to_string(), ..Model::default() };
     let mut outputs = Vec::new();
@@ -169,13 +169,13 @@ pub fn correction(
         model.surfaces.push(with_evidence);
     }
     if outputs.is_empty() || all <= 0.0 {
-        return Offer::Nothing { gain: if all > 0.0 { lost / all } else { 0.0 } };
+        return CorrectionResult::NoGain { gain: if all > 0.0 { lost / all } else { 0.0 } };
     }
     // A normal variable exceeds 1.645 standard deviations with a probability of 5 %.
     let low = (won - 1.645 * variance.sqrt()) / all;
     // The remaining error may be below the estimated noise. The gain is at most 1.
     let gain = (won / all).min(1.0);
-    Offer::Gains(Box::new(Correction { model, outputs, gain, low: low.min(1.0), unseen: has_unseen }))
+    CorrectionResult::Useful(Box::new(Correction { model, outputs, gain, low: low.min(1.0), unseen: has_unseen }))
 }
 
 /// The correction to add to the simulated output, one value for each row; `None` if the output has no surface.

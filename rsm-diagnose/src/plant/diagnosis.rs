@@ -28,7 +28,7 @@ use rsm_sim::plant_file::PlantFile;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Practical {
     /// The removed share of the squared error above the noise.
-    pub gone: f64,
+    pub removed: f64,
     /// The energy of the residual divided by the energy of the noise.
     pub left: f64,
 }

@@ -6,7 +6,7 @@
 pub use super::cause::Contribution;
 use super::combinations::{self, Combinations, Combined};
 pub use super::compared::Compared;
-use super::correction::{self, Offer};
+use super::correction::{self, CorrectionResult};
 use super::levenberg::Fit;
 use super::model::{Model, Place};
 use super::orders::{self, Orders};
@@ -20,7 +20,7 @@ use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_sim::schema;
 
 /// The number of causes whose evidence is examined in detail.
-const CLOSELY: usize = 3;
+const MOST_DETAILED_CAUSES: usize = 3;
 
 /// The number of regions that are named as places where a cause acts.
 const PLACES: usize = 3;
@@ -96,7 +96,7 @@ pub struct ErrorBreakdown {
     /// Calibrated parameters.
     pub calibration: Vec<Moved>,
     /// The black-box correction, where structure is left.
-    pub correction: Option<Offer>,
+    pub correction: Option<CorrectionResult>,
     /// The result of each combination of the strongest causes.
     pub combinations: Combinations<Combined>,
 }
@@ -107,7 +107,7 @@ const LEAST_ORDERS: usize = 5;
 impl ErrorBreakdown {
     /// Files and rows of the evaluation records.
     #[must_use]
-    pub fn judging(&self) -> &[(String, usize)] {
+    pub fn evaluation_records(&self) -> &[(String, usize)] {
         &self.records[usize::from(self.unseen)]
     }
 
@@ -119,7 +119,7 @@ impl ErrorBreakdown {
     }
 
     /// Spectra over orders of the outputs whose error stands out at an order, before or after.
-    pub fn telling_orders(&self) -> impl Iterator<Item = &Orders> {
+    pub fn significant_orders(&self) -> impl Iterator<Item = &Orders> {
         let has_place = |it: &&Orders| {
             let is_place = |region: &Region| region.output == it.output && region.quantity == "order";
             self.before.iter().chain(&self.after).any(is_place)
@@ -136,7 +136,7 @@ pub fn error_breakdown(it: &Compared<'_>, accepted: &[AcceptedCause]) -> (ErrorB
     let without: Vec<Option<Fit>> =
         strongest.iter().map(|place| validation::on(it.judged(), &accepted[*place].without)).collect();
     let mut contributions = vec![None; accepted.len()];
-    for (place, without) in strongest.iter().zip(&without).take(CLOSELY) {
+    for (place, without) in strongest.iter().zip(&without).take(MOST_DETAILED_CAUSES) {
         contributions[*place] = without.as_ref().map(|without| contribution(it, without));
     }
     (ErrorBreakdown { combinations: combinations::combinations(it, accepted, &without), ..of_plants(it) }, contributions)
@@ -171,7 +171,7 @@ fn of_plants(it: &Compared<'_>) -> ErrorBreakdown {
     for (record, prepared) in judged.records.iter().enumerate() {
         for (k, output) in prepared.outputs.iter().enumerate() {
             let added = match &correction {
-                Some(Offer::Gains(found)) => correction::added(kind, found, prepared, &after[record], *output),
+                Some(CorrectionResult::Useful(found)) => correction::added(kind, found, prepared, &after[record], *output),
                 _ => None,
             };
             let curves = [&it.nominal_there.simulated, before, after].map(|simulated| simulated[record][k].as_slice());
@@ -265,6 +265,6 @@ fn contribution(it: &Compared<'_>, without: &Fit) -> Contribution {
                 (name, squared(without, k), squared(it.after, k))
             })
             .collect(),
-        wrong_regions: regions::telling(&regions::regions(&slices, &spectral, Side::Before), PLACES),
+        wrong_regions: regions::most_informative(&regions::regions(&slices, &spectral, Side::Before), PLACES),
     }
 }

@@ -258,9 +258,9 @@ impl<'a> Trial<'a> {
         let present = adapts.matrix();
         let matrix = symmetric(n, |i, j| {
             let before = if i < known && j < known { present[i * known + j] } else { 0.0 };
-            before + all[i].as_ref().zip(all[j].as_ref()).map_or(0.0, |(a, b)| a.and(b))
+            before + all[i].as_ref().zip(all[j].as_ref()).map_or(0.0, |(a, b)| a.dot(b))
         });
-        let pull: Vec<f64> = all.iter().map(|it| it.as_ref().map_or(0.0, |column| column.with(&difference))).collect();
+        let pull: Vec<f64> = all.iter().map(|it| it.as_ref().map_or(0.0, |column| column.dot_stack(&difference))).collect();
         let solved = Normal::new(&matrix, n, 0.0).solve(&pull);
         Some((dot(&difference, &difference) - dot(&pull, &solved)).max(0.0))
     }

@@ -8,7 +8,7 @@ use std::f64::consts::{PI, TAU};
 use super::identifiability;
 use super::levenberg::{self, Fit};
 use super::model::{InitialMotion, Model, Place};
-use super::noise::Floor;
+use super::noise::NoiseFloor;
 use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::simulate::starting;
@@ -24,7 +24,7 @@ const TURNS: usize = 2;
 pub fn polish(
     whitened: &mut WhitenedResiduals,
     mut fit: Fit,
-    floors: impl Fn(&WhitenedResiduals, &Fit) -> [Floor; OUTPUTS],
+    floors: impl Fn(&WhitenedResiduals, &Fit) -> [NoiseFloor; OUTPUTS],
 ) -> Fit {
     fit.model = plain(fit.model);
     for _ in 0..TURNS {

@@ -4,7 +4,7 @@
 
 use super::levenberg::{self, Fit};
 use super::model::{InitialMotion, Model, Place};
-use super::noise::Floor;
+use super::noise::NoiseFloor;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::PlantFile;
@@ -35,7 +35,7 @@ pub fn adapted(found: &Fit, record: &Record, rows: usize, numbers: &[&str], nois
     model.at_start = InitialMotion::of(model.file.kind, whole.into_iter());
     model.take_starts(&whole, noise);
     let beginning = Prepared::new(record.clone(), model.file.kind.outputs().len()).shortened(rows);
-    let whitened = WhitenedResiduals::new(vec![beginning], noise.map(Floor::white), 1);
+    let whitened = WhitenedResiduals::new(vec![beginning], noise.map(NoiseFloor::white), 1);
     levenberg::fit(&whitened, model, STEPS).map(|fit| fit.model)
 }
 
@@ -55,7 +55,7 @@ pub fn errors(model: &Model, record: &Record, rows: std::ops::Range<usize>) -> O
 
 /// The results of the measured axis in open loop.
 #[derive(Debug, Clone)]
-pub struct Followed {
+pub struct AxisFreeRuns {
     /// Each simulation with the root mean square error of the position, in m.
     pub errors: Vec<(&'static str, f64)>,
     /// The plant as fitted to the training record.
@@ -68,7 +68,7 @@ pub struct Followed {
 /// load belongs to one record; then with the viscous friction fitted to the first quarter of the test record, over all of it and over the other three
 /// quarters. `None` if the axis cannot be simulated.
 #[must_use]
-pub fn follow_axis(file: &PlantFile, training: &Record, test: &Record) -> Option<Followed> {
+pub fn axis_free_runs(file: &PlantFile, training: &Record, test: &Record) -> Option<AxisFreeRuns> {
     /// The smallest step of its encoder, in m. With only one output, this affects only the weight of the priors.
     const ENCODER: f64 = 5e-8;
     let (noise, rows) = ([ENCODER; OUTPUTS], test.rows());
@@ -86,13 +86,13 @@ pub fn follow_axis(file: &PlantFile, training: &Record, test: &Record) -> Option
         ("test record, viscous friction from its first quarter", position(&today, test, 0..rows)?),
         ("  the three quarters behind it", position(&today, test, quarter..rows)?),
     ];
-    Some(Followed { errors, trained, today })
+    Some(AxisFreeRuns { errors, trained, today })
 }
 
 fn whitened(file: &PlantFile, records: &[&Record], noise: [f64; OUTPUTS], threads: usize) -> WhitenedResiduals {
     let outputs = file.kind.outputs().len();
     let prepared = records.iter().map(|record| Prepared::new((*record).clone(), outputs)).collect();
-    WhitenedResiduals::new(prepared, noise.map(Floor::white), threads)
+    WhitenedResiduals::new(prepared, noise.map(NoiseFloor::white), threads)
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use super::hypotheses::{generalises, levels};
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::search::Search;
-use crate::engine::significance::best_of;
+use crate::engine::significance::best_gain_by_chance;
 use rsm_sim::effect::declared::{Forms, Part};
 use rsm_sim::plant_file::Entry;
 
@@ -31,7 +31,7 @@ impl Search<'_> {
         let Some(parts) = parts.iter().map(|part| self.entry(part)).collect::<Option<Vec<Entry>>>() else { return fit };
         let bare = fit.model.minus(self.nominal, place);
         let model = parts.into_iter().fold(bare, |model, part| model.plus(self.nominal, part));
-        self.or_plainer(fit, model, best_of(1, 1))
+        self.simpler_if_as_good(fit, model, best_gain_by_chance(1, 1))
     }
 
     /// Replaces asymmetric friction by one level and one viscous friction, if both directions agree. If a curve beside it already has a level, the
@@ -65,7 +65,7 @@ impl Search<'_> {
         if fewer == 0 {
             return fit;
         }
-        self.or_plainer(fit, model, best_of(1, fewer))
+        self.simpler_if_as_good(fit, model, best_gain_by_chance(1, fewer))
     }
 
     /// Replaces a law by its special case with fewer parameters, if the records do not distinguish them: a Stribeck curve or two levels by one level.
@@ -87,7 +87,7 @@ impl Search<'_> {
         let level = if levels.is_empty() { guess } else { level };
         let model = fit.model.minus(self.nominal, place).plus(self.nominal, special.entry(self.nominal.file.kind, &[level]));
         let worse = self.deciding_difference(&fit, threshold);
-        self.or_plainer(fit, model, worse)
+        self.simpler_if_as_good(fit, model, worse)
     }
 
     /// The entry of a part of a simpler form, if it is a hypothesis on this plant.
@@ -97,7 +97,7 @@ impl Search<'_> {
     }
 
     /// The fit of a simpler model, if it is worse by less than `worse`; otherwise the given fit.
-    fn or_plainer(&self, fit: Fit, model: Model, worse: f64) -> Fit {
+    fn simpler_if_as_good(&self, fit: Fit, model: Model, worse: f64) -> Fit {
         match levenberg::refit(self.whitened, model, self.limits.fit_steps, Some(&fit)) {
             Some(other) if other.cost < fit.cost + worse => other,
             _ => fit,

@@ -71,8 +71,8 @@ pub fn filled_gaps<'a>(records: impl IntoIterator<Item = &'a Prepared>) -> Vec<F
     let of = |it: &Prepared| FilledGaps {
         record: it.record.file.clone(),
         gaps: it.filled_gaps.len(),
-        rows: it.filled_gaps.iter().map(|bridge| bridge.rows.len()).sum(),
-        longest: it.filled_gaps.iter().map(|bridge| bridge.rows.len()).max().unwrap_or(0),
+        rows: it.filled_gaps.iter().map(|gap| gap.rows.len()).sum(),
+        longest: it.filled_gaps.iter().map(|gap| gap.rows.len()).max().unwrap_or(0),
     };
     records.into_iter().filter(|it| !it.filled_gaps.is_empty()).map(of).collect()
 }
@@ -130,9 +130,9 @@ fn between(before: f64, after: f64, share: f64) -> f64 {
 
 /// Writes an input in a gap: the line between the rows beside it, plus an offset.
 fn write(prepared: &mut Prepared, place: Place, offset: f64) {
-    let bridge = &mut prepared.filled_gaps[place.bridge];
-    bridge.offsets[place.input] = offset;
-    let rows = bridge.rows.clone();
+    let gap = &mut prepared.filled_gaps[place.gap];
+    gap.offsets[place.input] = offset;
+    let rows = gap.rows.clone();
     let values = &mut prepared.record.inputs[place.input];
     let (before, after) = (values[rows.start - 1], values[rows.end]);
     for (k, value) in values[rows.clone()].iter_mut().enumerate() {
@@ -143,7 +143,7 @@ fn write(prepared: &mut Prepared, place: Place, offset: f64) {
 /// An input in a gap.
 #[derive(Debug, Clone, Copy)]
 struct Place {
-    bridge: usize,
+    gap: usize,
     input: usize,
     /// Rows of the gap.
     rows: f64,
@@ -157,13 +157,13 @@ fn open(prepared: &Prepared) -> Vec<Place> {
     let mut list = Vec::new();
     for (input, values) in prepared.record.inputs.iter().enumerate().filter(|(_, values)| !values.is_empty()) {
         let mut elsewhere = [None; LONGEST + 1];
-        for (bridge, it) in prepared.filled_gaps.iter().enumerate() {
+        for (gap, it) in prepared.filled_gaps.iter().enumerate() {
             let rows = it.rows.len();
             let usual = *elsewhere[rows].get_or_insert_with(|| interpolation_error(values, rows));
             let change = values[it.rows.end] - values[it.rows.start - 1];
             let sd = f64::max(usual, OF_A_CHANGE * change * change).sqrt();
             if sd > 0.0 {
-                list.push(Place { bridge, input, rows: rows as f64, sd });
+                list.push(Place { gap, input, rows: rows as f64, sd });
             }
         }
     }
@@ -188,7 +188,7 @@ fn significant(whitened: &WhitenedResiduals, fit: &Fit, record: usize) -> Vec<Pl
         // The first gap is simulated, because its effect has the longest time.
         let Some(first) = its.first() else { continue };
         let Some(Some(trace)) = traces(whitened, fit, record, &[*first]).pop() else { continue };
-        let energy = trace.and(&trace);
+        let energy = trace.dot(&trace);
         let of = |it: &Place| energy * (it.sd * it.rows / first.rows).powi(2);
         list.extend(its.iter().map(|it| (of(it), *it)).filter(|it| it.0 > LEAST_EFFECT));
     }
@@ -239,7 +239,7 @@ fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<
     }
     let n = traces.len();
     let products: Vec<Vec<f64>> = traces.iter().map(|(_, trace)| nuisance.products_of(trace)).collect();
-    let own = symmetric(n, |i, j| nuisance.between(traces[i].1.and(&traces[j].1), &products[i], &products[j], 0));
+    let own = symmetric(n, |i, j| nuisance.between(traces[i].1.dot(&traces[j].1), &products[i], &products[j], 0));
     let first = whitened.first(record);
     let mut cost = nuisance.left(residual).0;
     for _ in 0..TURNS {
@@ -250,7 +250,7 @@ fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<
         let certain: Vec<f64> = traces.iter().map(|(it, _)| 1.0 / (it.sd * it.sd)).collect();
         (0..n).for_each(|i| matrix[i * n + i] += certain[i]);
         let now: Vec<f64> =
-            traces.iter().map(|(it, _)| whitened.records[record].filled_gaps[it.bridge].offsets[it.input]).collect();
+            traces.iter().map(|(it, _)| whitened.records[record].filled_gaps[it.gap].offsets[it.input]).collect();
         let asked = nuisance.projections(&traces, &products, residual);
         let right: Vec<f64> = (0..n).map(|i| asked[i] / noise - now[i] * certain[i]).collect();
         let change = Normal::new(&matrix, n, 0.0).solve(&right);
@@ -285,7 +285,7 @@ fn traces(whitened: &WhitenedResiduals, fit: &Fit, record: usize, places: &[Plac
     let mut list = Vec::new();
     // A few at a time: each needs a copy of the record.
     for some in places.chunks(4 * whitened.threads.max(1)) {
-        let now = |it: &Place| whitened.records[record].filled_gaps[it.bridge].offsets[it.input];
+        let now = |it: &Place| whitened.records[record].filled_gaps[it.gap].offsets[it.input];
         let moved = |it: &Place| {
             let mut prepared = whitened.records[record].clone();
             write(&mut prepared, *it, now(it) + it.sd);
@@ -304,7 +304,7 @@ fn traces(whitened: &WhitenedResiduals, fit: &Fit, record: usize, places: &[Plac
 
 #[cfg(test)]
 mod tests {
-    use super::super::noise::Floor;
+    use super::super::noise::NoiseFloor;
     use super::super::{axis_under_steps, levenberg};
     use super::*;
     use rsm_core::source::Source;
@@ -376,7 +376,7 @@ mod tests {
         whole.record.measured[0] = Some(read.clone());
         let mut prepared = without(400, &[100, 200], |k| (command(k), read[k]));
         fill(&mut prepared);
-        let floors = [Floor::white(noise); OUTPUTS];
+        let floors = [NoiseFloor::white(noise); OUTPUTS];
         let mut whitened = WhitenedResiduals::new(vec![prepared], floors, 1);
         let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
         let model = Model::nominal(&file, &records, [noise; OUTPUTS]);

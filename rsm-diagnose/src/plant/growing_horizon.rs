@@ -206,7 +206,7 @@ impl Search<'_> {
 mod tests {
     use super::super::calibration::calibrate;
     use super::super::model::InitialMotion;
-    use super::super::noise::Floor;
+    use super::super::noise::NoiseFloor;
     use super::super::whitened_residuals::Prepared;
     use super::super::{axis_under_steps, hypotheses, survey};
     use super::*;
@@ -249,7 +249,7 @@ mod tests {
             }
             Prepared::new(record, 3)
         });
-        (WhitenedResiduals::new(records.to_vec(), sds.map(Floor::white), 2), nominal)
+        (WhitenedResiduals::new(records.to_vec(), sds.map(NoiseFloor::white), 2), nominal)
     }
 
     #[test]

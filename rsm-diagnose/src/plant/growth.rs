@@ -67,7 +67,7 @@ impl Growth {
     }
 
     /// Divides the values of rows by the relative standard deviation of the noise there.
-    pub fn even(&self, measured: &[f64], values: &mut [f64]) {
+    pub fn to_uniform_noise(&self, measured: &[f64], values: &mut [f64]) {
         for (value, size) in values.iter_mut().zip(sizes(measured)) {
             *value /= self.at(size);
         }
@@ -150,7 +150,7 @@ pub fn differ(one: Option<Growth>, other: Option<Growth>) -> bool {
 /// Whether the residual has the same correlations at small and at large readings, apart from its size. Noise that grows has. Structure at large
 /// readings (a ripple, an oscillation, a contact) has different correlations there. Lists as in [`Growth::found`].
 #[must_use]
-pub fn of_one_shape(lists: &[(&[f64], &[f64], &[bool])]) -> bool {
+pub fn has_one_correlation(lists: &[(&[f64], &[f64], &[bool])]) -> bool {
     // Products of each second difference with those one and two rows later, and squares, by the size of the reading.
     let mut rows: Vec<(f64, [f64; 3])> = Vec::new();
     for (measured, left, used) in lists {
@@ -224,7 +224,7 @@ mod tests {
         assert!((growth.plain(20.0) / growth.plain(0.0) / 5.0 - 1.0).abs() < 0.3, "{growth:?}");
         let (measured, mut left) = record(6000, 2, |size| 0.1 * (1.0 + 0.2 * size));
         let before = left.iter().map(|it| it * it).sum::<f64>();
-        growth.even(&measured, &mut left);
+        growth.to_uniform_noise(&measured, &mut left);
         // The usual deviation stays; 6000 rows of uneven squares know it to 3 %, and the law to as much.
         let after = left.iter().map(|it| it * it).sum::<f64>();
         assert!((after / before - 1.0).abs() < 0.12, "{after} {before}");

@@ -39,7 +39,7 @@ pub fn generalises(general: &str, special: &str) -> bool {
 }
 
 /// Parameters that are exact counts or limits set by the user. An error of them is not a hypothesis.
-const KNOWN: [&str; 3] = ["pole_pairs", "bus_voltage", "current_limit"];
+const EXACT_PARAMETERS: [&str; 3] = ["pole_pairs", "bus_voltage", "current_limit"];
 
 /// All hypotheses of a plant. `outputs` are those that at least one record holds.
 #[must_use]
@@ -74,7 +74,7 @@ pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesi
                         && !is_counted
                         && !survey.exact.contains(&nominal.name)
                         && description.at.is_none_or(|at| at == nominal.name)
-                        && !KNOWN.contains(&nominal.name)
+                        && !EXACT_PARAMETERS.contains(&nominal.name)
                     {
                         add(Some(nominal.name), &Survey { nominal: value, ..survey.clone() });
                     }

@@ -51,8 +51,8 @@ pub fn converged(whitened: &WhitenedResiduals, fit: Fit) -> Fit {
         let mut end = Equations::new(&model, &columns, &residual);
         for _ in 0..STEPS {
             let change = end.newton(&model);
-            let promised = end.predicted_gain(&change);
-            if promised.is_nan() || promised < AT_ITS_END {
+            let predicted = end.predicted_gain(&change);
+            if predicted.is_nan() || predicted < AT_ITS_END {
                 break;
             }
             let moved = end.moved(&model, &change);
@@ -198,7 +198,7 @@ fn eigen(mut a: Vec<f64>, n: usize) -> Vec<(f64, Vec<f64>)> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::noise::Floor;
+    use super::super::noise::NoiseFloor;
     use super::super::posterior::{Posterior, REACH};
     use super::super::{axis_under_steps, levenberg};
     use super::*;
@@ -228,7 +228,7 @@ mod tests {
         for value in whitened.records[0].record.measured[0].as_mut().unwrap() {
             *value += NOISE * random.normal();
         }
-        whitened.floors = [Floor::white(NOISE); OUTPUTS];
+        whitened.floors = [NoiseFloor::white(NOISE); OUTPUTS];
         let fit = levenberg::fit(&whitened, nominal.with_effects(&nominal, truth.effects.clone()), 8).unwrap();
         let true_value = |place| match place {
             Place::Nominal("mass") => Some(mass),

@@ -86,7 +86,7 @@ fn gains(whitened: &WhitenedResiduals, steady: &Fit, free: &Fit) -> bool {
 mod tests {
     use rsm_core::source::Source;
 
-    use super::super::noise::Floor;
+    use super::super::noise::NoiseFloor;
     use super::super::whitened_residuals::Prepared;
     use super::*;
     use rsm_fit::random::Random;
@@ -114,8 +114,8 @@ mod tests {
             .collect();
         let file = PlantFile::read(&Source::new("axis.toml", open)).unwrap();
         let records = speeds.iter().zip(5..).map(|(speed, seed)| axis(&file, *speed, seed)).collect();
-        let mut whitened = WhitenedResiduals::new(records, [Floor::white(1e-6); OUTPUTS], 1);
-        let mut unseen = WhitenedResiduals::new(vec![axis(&file, 0.0, 4)], [Floor::white(1e-6); OUTPUTS], 1);
+        let mut whitened = WhitenedResiduals::new(records, [NoiseFloor::white(1e-6); OUTPUTS], 1);
+        let mut unseen = WhitenedResiduals::new(vec![axis(&file, 0.0, 4)], [NoiseFloor::white(1e-6); OUTPUTS], 1);
         let at_start = of_axis(&mut whitened, &mut unseen, &file);
         let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
         let model = Model::beginning(&file, at_start, &records, [1e-6; OUTPUTS]);

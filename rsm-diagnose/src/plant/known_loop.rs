@@ -22,7 +22,7 @@ use rsm_sim::plant_file::{Entry, PlantFile, VelocityFrom};
 use rsm_sim::record::Drive;
 
 /// The instrument is taken this many rows earlier, because the velocity uses three readings.
-const OLDER: usize = 5;
+const INSTRUMENT_LAG: usize = 5;
 
 /// The number of parts; one is left out at a time.
 const PARTS: usize = 10;
@@ -65,7 +65,7 @@ pub struct Known {
 
 impl Known {
     /// Whether a gain differs significantly from 1.
-    fn is_off(&self) -> bool {
+    fn is_wrong(&self) -> bool {
         let sd = 0.5 * (self.high - self.low) / T_POINT;
         (self.value - 1.0).abs() > OFF_POINT * sd
     }
@@ -90,17 +90,18 @@ pub struct KnownLoop {
 
 impl KnownLoop {
     /// Whether the law with these gains is the controller's, and the law as stated is not.
-    fn is_worth(&self) -> bool {
+    fn is_confirmed(&self) -> bool {
         self.left * self.left < LEFT_BY_GAINS * self.stated * self.stated && self.left < LEFT_BY_LAW * self.size
     }
 
     /// The sensors with wrong gains, as entries of the plant.
     #[must_use]
     pub fn entries(&self, file: &PlantFile) -> Vec<Entry> {
-        let Some(description) = rsm_sim::effects::with(Role::ReadingGain).filter(|_| self.is_worth() && self.late == 0) else {
+        let Some(description) = rsm_sim::effects::with(Role::ReadingGain).filter(|_| self.is_confirmed() && self.late == 0)
+        else {
             return Vec::new();
         };
-        let off = [("position", &self.position), ("command", &self.command)].into_iter().filter(|(_, gain)| gain.is_off());
+        let off = [("position", &self.position), ("command", &self.command)].into_iter().filter(|(_, gain)| gain.is_wrong());
         off.map(|(name, gain)| {
             let numbers = vec![("gain", gain.value)];
             Entry { description, arguments: Arguments { plant: file.kind, subject: Some(name.to_string()), numbers } }
@@ -111,9 +112,9 @@ impl KnownLoop {
     /// The causes that only the law shows and that a search did not keep, with their entries. In a free run a sensor error may be small beside
     /// unexplained friction; in the law it is the only error. `rows` is the number of rows of the records.
     #[must_use]
-    pub fn beside(&self, file: &PlantFile, kept: &[Entry], rows: usize) -> Vec<(Cause, Entry)> {
+    pub fn further_causes(&self, file: &PlantFile, kept: &[Entry], rows: usize) -> Vec<(Cause, Entry)> {
         let is_kept =
-            |it: &Entry| kept.iter().any(|kept| self.says(file, kept) && kept.arguments.subject == it.arguments.subject);
+            |it: &Entry| kept.iter().any(|kept| self.identifies(file, kept) && kept.arguments.subject == it.arguments.subject);
         let entries = self.entries(file).into_iter().filter(|it| !is_kept(it));
         let each = entries.map(|entry| {
             let subject = entry.arguments.subject.clone().unwrap_or_default();
@@ -149,7 +150,7 @@ impl KnownLoop {
 
     /// Whether the law alone shows what an entry does. Then no rival of the plant counts against the entry.
     #[must_use]
-    pub fn says(&self, file: &PlantFile, entry: &Entry) -> bool {
+    pub fn identifies(&self, file: &PlantFile, entry: &Entry) -> bool {
         let same =
             |it: &Entry| it.description.kind == entry.description.kind && it.arguments.subject == entry.arguments.subject;
         let off = |it: &Entry| it.arguments.optional("gain").map(|gain| gain - 1.0);
@@ -201,8 +202,8 @@ fn rows(records: &[Prepared], file: &PlantFile, late: isize) -> Vec<Row> {
             let speed = (q[after] - q[before]) / (2.0 * prepared.record.period);
             Some(velocity_gain * (position_gain * (reference[row] - q[at]) - speed))
         };
-        for row in OLDER..u.len() {
-            if let (true, Some(now), Some(older)) = (used(row) && u[row].abs() < limit, law(row), law(row - OLDER)) {
+        for row in INSTRUMENT_LAG..u.len() {
+            if let (true, Some(now), Some(older)) = (used(row) && u[row].abs() < limit, law(row), law(row - INSTRUMENT_LAG)) {
                 let reference = velocity_gain * position_gain * reference[row];
                 list.push(Row { command: u[row], reference, law: now, older });
             }
@@ -276,7 +277,7 @@ fn missed(rows: &[Row]) -> f64 {
 
 /// Checks the law. `None` if no record has the closed loop with both outputs, or if they do not move.
 #[must_use]
-pub fn look(records: &[Prepared], file: &PlantFile) -> Option<KnownLoop> {
+pub fn check(records: &[Prepared], file: &PlantFile) -> Option<KnownLoop> {
     if file.acting().next().is_some() {
         return None;
     }
@@ -363,7 +364,7 @@ mod tests {
                 values.iter_mut().for_each(|value| *value += bias);
             }
         }
-        (look(&[Prepared::new(record, 2)], &file).unwrap(), file)
+        (check(&[Prepared::new(record, 2)], &file).unwrap(), file)
     }
 
     #[test]
@@ -374,10 +375,14 @@ mod tests {
             let off: Vec<&str> =
                 ["position", "command"].into_iter().zip(gains).filter(|it| it.1 != 1.0).map(|it| it.0).collect();
             assert_eq!(names, off, "{found:?}");
-            assert!(found.entries(&file).iter().all(|it| found.says(&file, it)), "{found:?}");
-            let beside = found.beside(&file, &[], 3000);
+            assert!(found.entries(&file).iter().all(|it| found.identifies(&file, it)), "{found:?}");
+            let beside = found.further_causes(&file, &[], 3000);
             assert!(beside.iter().map(|it| it.0.subject.as_deref()).eq(off.iter().map(|name| Some(*name))), "{beside:?}");
-            assert!(beside.iter().all(|it| it.0.gain > 3000.0 && found.beside(&file, &found.entries(&file), 3000).is_empty()));
+            assert!(
+                beside
+                    .iter()
+                    .all(|it| it.0.gain > 3000.0 && found.further_causes(&file, &found.entries(&file), 3000).is_empty())
+            );
             // The command follows the law but for its own noise and that of the velocity: parts of a thousand.
             assert!((found.position.value - gains[0]).abs() < 1e-3, "{found:?}");
             assert!((found.command.value - gains[1]).abs() < 1e-2 && found.late == 0, "{found:?}");

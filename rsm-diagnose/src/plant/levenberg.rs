@@ -5,7 +5,7 @@
 
 use super::model::{Model, Place};
 use super::whitened_residuals::{Column, Simulated, WhitenedResiduals};
-use crate::engine::levenberg::{Amount, LEAST_DAMPING, Problem, Rules, descend};
+use crate::engine::levenberg::{CostTolerance, LEAST_DAMPING, Problem, Rules, descend};
 use crate::engine::normal::{Normal, symmetric};
 
 /// A step with a smaller predicted gain, in squared residuals with unit noise, is not worth its simulations.
@@ -95,7 +95,7 @@ pub fn cost(model: &Model, residual: &[f64]) -> f64 {
 
 pub(super) fn gram(model: &Model, free: &[usize], columns: &[Column]) -> Vec<f64> {
     let n = free.len();
-    let mut matrix = symmetric(n, |i, j| columns[i].and(&columns[j]));
+    let mut matrix = symmetric(n, |i, j| columns[i].dot(&columns[j]));
     for i in 0..n {
         if let Some((_, sd)) = model.unknowns[free[i]].prior {
             matrix[i * n + i] += 1.0 / (sd * sd);
@@ -108,7 +108,7 @@ pub(super) fn pull(model: &Model, free: &[usize], columns: &[Column], residual: 
     let each = free.iter().zip(columns);
     each.map(|(&k, column)| {
         let prior = model.unknowns[k].prior.map_or(0.0, |(centre, sd)| (centre - model.value(k)) / (sd * sd));
-        column.with(residual) + prior
+        column.dot_stack(residual) + prior
     })
     .collect()
 }
@@ -149,7 +149,7 @@ impl Iterate {
 struct AllUnknowns<'a>(&'a WhitenedResiduals);
 
 impl Problem for AllUnknowns<'_> {
-    type Place = Iterate;
+    type Iterate = Iterate;
     type Derivatives = Vec<Column>;
     type Equations = Equations;
 
@@ -168,8 +168,8 @@ impl Problem for AllUnknowns<'_> {
 
     fn step(&self, at: &Iterate, equations: &Equations, damping: f64) -> (Vec<f64>, f64) {
         let change = equations.change(&at.model, damping);
-        let promised = equations.predicted_gain(&change);
-        (change, promised)
+        let predicted = equations.predicted_gain(&change);
+        (change, predicted)
     }
 
     fn moved(&self, at: &Iterate, equations: &Equations, step: &[f64]) -> Option<Iterate> {
@@ -192,10 +192,18 @@ pub fn refit(whitened: &WhitenedResiduals, model: Model, steps: usize, earlier: 
     let exact = missing.len() == known.len();
     let mut fresh = whitened.derivatives(&start.model, &start.simulated, &missing)?.into_iter();
     let columns: Vec<Column> = known.into_iter().map(|column| column.or_else(|| fresh.next())).collect::<Option<_>>()?;
-    let enough = Amount { least: ENOUGH, share: ENOUGH_SHARE };
+    let enough = CostTolerance { absolute: ENOUGH, relative: ENOUGH_SHARE };
     // Five dampings cover a factor of ten thousand. If none of them improves the cost, the point is a minimum. With corrected derivatives only two
     // are tried, because exact ones can be computed.
-    let rules = Rules { steps, tries: [5, 2], worth: Some(enough), undamps: true, enough, kept_promise: 0.5, ends_exact: true };
+    let rules = Rules {
+        steps,
+        tries: [5, 2],
+        least_predicted_gain: Some(enough),
+        retries_undamped: true,
+        least_gain: enough,
+        least_gain_ratio: 0.5,
+        ends_exact: true,
+    };
     let (at, equations) = descend(&AllUnknowns(whitened), start, Some((columns, exact)), &rules)?;
     let Equations { free, columns, held, .. } = equations;
     Some(Fit { model: at.model, simulated: at.simulated, residual: at.residual, cost: at.cost, free, columns, held })

@@ -9,7 +9,7 @@ use super::model::{Model, Place};
 use super::nuisance::Nuisance;
 use super::whitened_residuals::{Column, Prepared, Simulated, WhitenedResiduals};
 use crate::engine::columns::dot;
-use crate::engine::levenberg::{Amount, Problem, Rules, descend};
+use crate::engine::levenberg::{CostTolerance, Problem, Rules, descend};
 use rsm_fit::random::Random;
 
 /// The last step of the line search, as a share of a parameter's scale: 2.5 % of a positive parameter, the resolution of an earlier scan.
@@ -63,7 +63,7 @@ const SEED: u64 = 7;
 pub fn escaped(whitened: &WhitenedResiduals, fit: Fit, steps: usize, threshold: f64) -> Fit {
     let mut fit = fit;
     for _ in 0..MOST_MINIMA {
-        if is_noise(&fit) || whitened.pace.is_spent() {
+        if is_noise(&fit) || whitened.work.is_limit_reached() {
             break;
         }
         let nuisance = Nuisance::new(&fit);
@@ -166,7 +166,7 @@ impl Iterate {
 struct MostParts<'a>(&'a WhitenedResiduals);
 
 impl Problem for MostParts<'_> {
-    type Place = Iterate;
+    type Iterate = Iterate;
     type Derivatives = Vec<Column>;
     type Equations = levenberg::Equations;
 
@@ -191,8 +191,8 @@ impl Problem for MostParts<'_> {
 
     fn step(&self, at: &Iterate, equations: &levenberg::Equations, damping: f64) -> (Vec<f64>, f64) {
         let change = equations.change(&at.model, damping);
-        let promised = equations.predicted_gain(&change);
-        (change, promised)
+        let predicted = equations.predicted_gain(&change);
+        (change, predicted)
     }
 
     fn moved(&self, at: &Iterate, equations: &levenberg::Equations, step: &[f64]) -> Option<Iterate> {
@@ -203,14 +203,14 @@ impl Problem for MostParts<'_> {
 /// A model fitted robustly to most parts of the records. `None` if it cannot be simulated.
 #[must_use]
 pub fn by_most_parts(whitened: &WhitenedResiduals, model: Model) -> Option<Model> {
-    let enough = Amount { least: ROBUST_ENOUGH, share: 0.0 };
+    let enough = CostTolerance { absolute: ROBUST_ENOUGH, relative: 0.0 };
     let rules = Rules {
         steps: ROBUST_STEPS,
         tries: [DAMPINGS; 2],
-        worth: None,
-        undamps: false,
-        enough,
-        kept_promise: 0.0,
+        least_predicted_gain: None,
+        retries_undamped: false,
+        least_gain: enough,
+        least_gain_ratio: 0.0,
         ends_exact: false,
     };
     Some(descend(&MostParts(whitened), Iterate::of(whitened, model)?, None, &rules)?.0.model)
@@ -225,7 +225,7 @@ pub fn settled(whitened: &WhitenedResiduals, fit: Fit, steps: usize, hops: usize
     let mut led = None;
     let mut vain = 0;
     for hop in 0..MOST_HOPS {
-        if is_noise(&fit) || vain > hops || whitened.pace.is_spent() {
+        if is_noise(&fit) || vain > hops || whitened.work.is_limit_reached() {
             break;
         }
         let led_to = led.get_or_insert_with(|| by_most_parts(whitened, fit.model.clone()));
@@ -263,7 +263,7 @@ fn is_noise(fit: &Fit) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::noise::Floor;
+    use super::super::noise::NoiseFloor;
     use super::*;
     use rsm_core::source::Source;
     use rsm_sim::kind::by_output;
@@ -300,7 +300,7 @@ mod tests {
             let noisy = simulated.of(name).unwrap().iter().map(|value| value + NOISE[k] * random.normal());
             record.measured[k] = Some(noisy.collect());
         }
-        let floors = by_output(&NOISE, 1.0).map(Floor::white);
+        let floors = by_output(&NOISE, 1.0).map(NoiseFloor::white);
         (WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], floors, 2), record)
     }
 

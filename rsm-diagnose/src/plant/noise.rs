@@ -9,7 +9,7 @@
 //! not reject it, and the residual that it whitens is white in every octave. Energy above the noise at low frequencies therefore remains structure.
 
 use super::growth::{self, Growth};
-pub use super::noise_floor::Floor;
+pub use super::noise_floor::NoiseFloor;
 use super::octave_spectrum::{LEAST_LINES, OCTAVES, Octave, octaves};
 use super::rounding::Rounding;
 use super::upper_band::{Band, LOWEST, WHITE, positive, spectrum};
@@ -17,27 +17,27 @@ use super::upper_band::{Band, LOWEST, WHITE, positive, spectrum};
 /// The largest correlation that is estimated from a whole record. Above it, noise cannot be distinguished from a drift.
 const SLOWEST: f64 = 0.999;
 
-impl Floor {
+impl NoiseFloor {
     /// The floor of a rounding sensor, from simulated values and the residuals about the mean reading, one list for each record: the standard
     /// deviation from the rounding model, and the correlation from row to row.
     #[must_use]
-    pub fn of_rounding(rounding: Rounding, simulated: &[&[f64]], left: &[(&[f64], &[bool])]) -> Option<Floor> {
+    pub fn of_rounding(rounding: Rounding, simulated: &[&[f64]], left: &[(&[f64], &[bool])]) -> Option<NoiseFloor> {
         let rows: usize = simulated.iter().map(|values| values.len()).sum();
         let variance = simulated.iter().flat_map(|values| values.iter()).map(|value| rounding.moments(*value)[1]).sum::<f64>();
         let sd = positive(variance / rows.max(1) as f64)?.sqrt();
-        let neighbours = whole(left, rows as f64).unwrap_or(Floor::white(sd));
-        Some(Floor { sd, rounding: Some(rounding), ..neighbours })
+        let neighbours = whole(left, rows as f64).unwrap_or(NoiseFloor::white(sd));
+        Some(NoiseFloor { sd, rounding: Some(rounding), ..neighbours })
     }
 
     /// The floor of noise that grows with the reading, from readings and residuals, one list for each record; `None` if it does not grow. If more
     /// than such noise is left, the law is used as row weights only if the residual has the same correlations at all readings. Otherwise structure at
     /// large readings would count as noise.
     #[must_use]
-    pub fn of_growing(lists: &[(&[f64], &[f64], &[bool])]) -> Option<Floor> {
+    pub fn of_growing(lists: &[(&[f64], &[f64], &[bool])]) -> Option<NoiseFloor> {
         let growth = Growth::found(lists)?;
         let even = |(measured, left, _): &(&[f64], &[f64], &[bool])| {
             let mut left = left.to_vec();
-            growth.even(measured, &mut left);
+            growth.to_uniform_noise(measured, &mut left);
             left
         };
         let even: Vec<Vec<f64>> = lists.iter().map(even).collect();
@@ -52,19 +52,19 @@ impl Floor {
             let even: Vec<_> =
                 lists.iter().zip(&even).map(|((measured, _, used), left)| (*measured, left.as_slice(), *used)).collect();
             let upper = band.best(&slow(&residuals))?;
-            (band.is_smooth(&upper) && growth::of_one_shape(&even)).then_some(upper)?
+            (band.is_smooth(&upper) && growth::has_one_correlation(&even)).then_some(upper)?
         };
-        Some(Floor { growth: Some(growth), ..floor })
+        Some(NoiseFloor { growth: Some(growth), ..floor })
     }
 
     /// The noise floor from residuals, one list for each record. `None` if there are too few rows.
     #[must_use]
-    pub fn estimate(residuals: &[(&[f64], &[bool])]) -> Option<Floor> {
+    pub fn estimate(residuals: &[(&[f64], &[bool])]) -> Option<NoiseFloor> {
         let spectrum = spectrum(residuals)?;
         let rows = residuals.iter().map(|(_, used)| used.iter().filter(|used| **used).count()).sum::<usize>() as f64;
         let band = Band::upper(&spectrum, rows);
         let upper = band.best(&slow(residuals))?;
-        let accepted = |whole: &Floor| !band.rejects(whole) && is_white(whole, residuals);
+        let accepted = |whole: &NoiseFloor| !band.rejects(whole) && is_white(whole, residuals);
         Some(whole(residuals, rows).filter(accepted).unwrap_or(upper))
     }
 }
@@ -81,7 +81,7 @@ fn slow(residuals: &[(&[f64], &[bool])]) -> Vec<(usize, Octave)> {
 }
 
 /// The estimate from all frequencies: products of neighbours divided by squares.
-fn whole(residuals: &[(&[f64], &[bool])], rows: f64) -> Option<Floor> {
+fn whole(residuals: &[(&[f64], &[bool])], rows: f64) -> Option<NoiseFloor> {
     let (mut squares, mut before, mut products, mut count) = (0.0, 0.0, 0.0, 0.0);
     for (values, used) in residuals {
         for row in 1..values.len() {
@@ -98,11 +98,11 @@ fn whole(residuals: &[(&[f64], &[bool])], rows: f64) -> Option<Floor> {
     // M. S. Bartlett, 1946.
     let error = ((1.0 - rho * rho) / rows).sqrt();
     let correlation = if rho.abs() < WHITE * error { 0.0 } else { rho };
-    (correlation.abs() < SLOWEST).then_some(Floor { correlation, error, ..Floor::white(sd) })
+    (correlation.abs() < SLOWEST).then_some(NoiseFloor { correlation, error, ..NoiseFloor::white(sd) })
 }
 
 /// Whether no octave has more than noise after whitening by a floor, at 0.1 % for all octaves together.
-fn is_white(floor: &Floor, residuals: &[(&[f64], &[bool])]) -> bool {
+fn is_white(floor: &NoiseFloor, residuals: &[(&[f64], &[bool])]) -> bool {
     let mut sums = [Octave::default(); OCTAVES];
     for (values, used) in residuals {
         let mut white = Vec::with_capacity(values.len());
@@ -140,7 +140,7 @@ mod tests {
             for (k, value) in values.iter_mut().enumerate() {
                 *value += 30.0 * (k as f64 / 400.0).sin() + if k > 5000 { 5.0 } else { 0.0 };
             }
-            let floor = Floor::estimate(&[(&values, &vec![true; 8000])]).unwrap();
+            let floor = NoiseFloor::estimate(&[(&values, &vec![true; 8000])]).unwrap();
             assert!((floor.sd / 0.3 - 1.0).abs() < share, "{correlation}: {floor:?}");
             assert!((floor.correlation - correlation).abs() < off, "{correlation}: {floor:?}");
         }
@@ -169,7 +169,7 @@ mod tests {
             values[place + 4..].iter_mut().take(4).for_each(|value| *value -= 3.0);
             place += 8 + (30.0 * random.uniform()) as usize;
         }
-        let floor = Floor::estimate(&[(&values, &vec![true; 8000])]).unwrap();
+        let floor = NoiseFloor::estimate(&[(&values, &vec![true; 8000])]).unwrap();
         // The whole record holds 0.3 and the steps: 3 for 8 of 23 rows.
         assert!(floor.sd < (0.3_f64.powi(2) + 9.0 * 8.0 / 23.0).sqrt(), "{floor:?}");
         assert!(floor.error < 0.2, "{floor:?}");
@@ -179,7 +179,7 @@ mod tests {
     fn noise_alone_is_estimated_from_the_whole_record() {
         for correlation in [0.0, 0.3, 0.6, 0.9] {
             let values = noise(correlation, 0.3, 8000);
-            let floor = Floor::estimate(&[(&values, &vec![true; 8000])]).unwrap();
+            let floor = NoiseFloor::estimate(&[(&values, &vec![true; 8000])]).unwrap();
             // Bartlett's error, and that of a variance of a first-order process, halved for its root; three of each.
             let error = ((1.0 - correlation * correlation) / 8000.0_f64).sqrt();
             let of_sd = 0.5 * (2.0 / 8000.0 * (1.0 + correlation * correlation) / (1.0 - correlation * correlation)).sqrt();
@@ -209,7 +209,7 @@ mod tests {
                 let used = vec![true; 1000];
                 let lists: Vec<(&[f64], &[bool])> = records.iter().map(|values| (values.as_slice(), used.as_slice())).collect();
                 let whole = whole(&lists, 3000.0).unwrap();
-                refused += usize::from(Floor::estimate(&lists).unwrap() != whole);
+                refused += usize::from(NoiseFloor::estimate(&lists).unwrap() != whole);
             }
             // Two tests at 0.1 % each: 0.4 of 200, and four times the root of that.
             assert!(refused <= 3, "{correlation}: {refused}");
@@ -225,7 +225,7 @@ mod tests {
             for (k, value) in values.iter_mut().enumerate() {
                 *value += if correlation > 0.0 { wander.next().unwrap() } else { 0.4 * (TAU * k as f64 / 800.0).sin() };
             }
-            let floor = Floor::estimate(&[(&values, &vec![true; 8000])]).unwrap();
+            let floor = NoiseFloor::estimate(&[(&values, &vec![true; 8000])]).unwrap();
             // Four of the upper band's errors (0.013 and 0.043): the wandering moves its lowest lines, too.
             let off = if correlation > 0.0 { 0.17 } else { 0.05 };
             assert!((floor.correlation - correlation).abs() < off, "{correlation}: {floor:?}");
@@ -246,7 +246,7 @@ mod tests {
                 *value += 30.0 * (k as f64 / 400.0).sin();
             }
             let used: Vec<bool> = (0..8000).map(|k| k % every > 0).collect();
-            let floor = Floor::estimate(&[(&values, &used)]).unwrap();
+            let floor = NoiseFloor::estimate(&[(&values, &used)]).unwrap();
             // As of the record without gaps, of which three quarters stand in segments at least.
             let (off, share) = if correlation > 0.0 { (0.15, 0.2) } else { (0.06, 0.05) };
             assert!((floor.sd / 0.3 - 1.0).abs() < share, "{every} {correlation}: {floor:?}");
@@ -261,7 +261,7 @@ mod tests {
         let grown = |values: Vec<f64>| -> Vec<f64> {
             values.iter().zip(&readings).map(|(value, reading)| value * (1.0 + 0.2 * reading.abs())).collect()
         };
-        let found = |left: &[f64]| Floor::of_growing(&[(&readings, left, &used)]);
+        let found = |left: &[f64]| NoiseFloor::of_growing(&[(&readings, left, &used)]);
         let noisy = grown(noise(0.0, 0.1, 6000));
         let floor = found(&noisy).unwrap();
         // Twelve parts of 500 rows know their deviations to 5 %, three of each. The sum of both parts and the root of the sum of their squares are not distinguished by so few, and at a reading of 0 one is a third above the other.
@@ -277,7 +277,7 @@ mod tests {
     fn whitened_noise_is_white() {
         let values = noise(0.8, 2.0, 8000);
         let mut white = Vec::new();
-        Floor { correlation: 0.8, ..Floor::white(2.0) }.whiten(&values, &vec![true; 8000], &mut white);
+        NoiseFloor { correlation: 0.8, ..NoiseFloor::white(2.0) }.whiten(&values, &vec![true; 8000], &mut white);
         let power = white.iter().map(|w| w * w).sum::<f64>() / 8000.0;
         let next = white.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / 8000.0;
         // Four standard deviations of a mean over 8000 rows: 4 sqrt(2/8000), 4/sqrt(8000).

@@ -10,7 +10,7 @@ use crate::engine::autoregression::innovations;
 
 /// The noise of an output.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Floor {
+pub struct NoiseFloor {
     /// Standard deviation of the noise.
     pub sd: f64,
     /// Correlation from row to row.
@@ -23,16 +23,16 @@ pub struct Floor {
     pub growth: Option<Growth>,
 }
 
-impl Floor {
+impl NoiseFloor {
     /// White noise.
     #[must_use]
     pub fn white(sd: f64) -> Self {
-        Floor { sd, correlation: 0.0, error: 0.0, rounding: None, growth: None }
+        NoiseFloor { sd, correlation: 0.0, error: 0.0, rounding: None, growth: None }
     }
 
     /// The mean reading for a true value.
     #[must_use]
-    pub fn reads(&self, value: f64) -> f64 {
+    pub fn mean_reading(&self, value: f64) -> f64 {
         self.rounding.map_or(value, |rounding| rounding.expected(value))
     }
 
@@ -43,9 +43,9 @@ impl Floor {
     }
 
     /// Scales the values of rows to uniform noise, if the noise grows with the reading.
-    pub fn even(&self, measured: &[f64], values: &mut [f64]) {
+    pub fn to_uniform_noise(&self, measured: &[f64], values: &mut [f64]) {
         if let Some(growth) = self.growth {
-            growth.even(measured, values);
+            growth.to_uniform_noise(measured, values);
         }
     }
 
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn a_row_that_is_missing_costs_no_other_one() {
-        let floor = Floor { correlation: 0.6, ..Floor::white(2.0) };
+        let floor = NoiseFloor { correlation: 0.6, ..NoiseFloor::white(2.0) };
         let (values, used) = ([2.0, 9.0, 3.0, 1.0], [true, false, true, true]);
         let mut white = Vec::new();
         floor.whiten(&values, &used, &mut white);

@@ -66,14 +66,14 @@ impl<'a> Nuisance<'a> {
     #[must_use]
     pub fn products(&self, trace: &[f64]) -> Vec<f64> {
         let held = self.fit.held.iter().map(|held| &held.column);
-        self.fit.columns.iter().chain(held).map(|column: &Column| column.with(trace)).collect()
+        self.fit.columns.iter().chain(held).map(|column: &Column| column.dot_stack(trace)).collect()
     }
 
     /// The same for a trace that is zero except in some records.
     #[must_use]
     pub fn products_of(&self, trace: &Column) -> Vec<f64> {
         let held = self.fit.held.iter().map(|held| &held.column);
-        self.fit.columns.iter().chain(held).map(|column: &Column| column.and(trace)).collect()
+        self.fit.columns.iter().chain(held).map(|column: &Column| column.dot(trace)).collect()
     }
 
     /// The projection of a residual on such traces after the free unknowns are projected out; priors included.
@@ -86,7 +86,7 @@ impl<'a> Nuisance<'a> {
         traces
             .iter()
             .zip(products)
-            .map(|((_, trace), products)| trace.with(residual) - dot(&part.pick(products), &free))
+            .map(|((_, trace), products)| trace.dot_stack(residual) - dot(&part.pick(products), &free))
             .collect()
     }
 

@@ -4,7 +4,7 @@
 
 use std::f64::consts::TAU;
 
-use super::noise_floor::Floor;
+use super::noise_floor::NoiseFloor;
 use crate::engine::significance::deviate_of_chi_squared;
 
 /// The number of octaves below the Nyquist frequency. The last one holds all lower frequencies.
@@ -32,7 +32,7 @@ impl Octave {
     /// The deviation of its power from noise, as the normal deviate of equal probability. The power of noise is half of chi squared with two degrees
     /// of freedom for each line, and the error of the noise floor is included.
     #[must_use]
-    pub fn deviation(&self, floor: &Floor, octave: usize) -> f64 {
+    pub fn deviation(&self, floor: &NoiseFloor, octave: usize) -> f64 {
         let normal = deviate_of_chi_squared(2.0 * self.power, 2.0 * self.lines);
         let error = floor.error * floor.slope(centre(octave));
         normal / (1.0 + self.lines * error * error).sqrt()
@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn octaves_of_noise_deviate_as_a_normal_variable_does() {
-        let floor = Floor::white(1.0);
+        let floor = NoiseFloor::white(1.0);
         let mut random = Random::new(11);
         let (mut sum, mut squares, mut beyond) = (0.0, 0.0, 0);
         for _ in 0..200 {

@@ -355,7 +355,7 @@ pub fn spectral(
 
 #[cfg(test)]
 mod tests {
-    use super::super::noise::Floor;
+    use super::super::noise::NoiseFloor;
     use super::super::whitened_residuals::Prepared;
     use super::*;
     use rsm_core::source::Source;
@@ -381,7 +381,7 @@ mod tests {
             csv += &format!("{time},0,0,0,{}\n", speed + amplitude * (order * angle).sin() + 0.3 * random.normal());
         }
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
-        let whitened = WhitenedResiduals::new(vec![Prepared::new(record, 3)], [Floor::white(0.3); OUTPUTS], 1);
+        let whitened = WhitenedResiduals::new(vec![Prepared::new(record, 3)], [NoiseFloor::white(0.3); OUTPUTS], 1);
         assert_eq!(whitened.records[0].outputs, [2]);
         let model = Model {
             file,

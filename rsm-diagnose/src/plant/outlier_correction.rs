@@ -122,7 +122,7 @@ pub(super) fn difference(measured: &[f64], simulated: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::super::levenberg;
-    use super::super::noise::Floor;
+    use super::super::noise::NoiseFloor;
     use super::*;
     use rsm_core::source::Source;
     use rsm_fit::random::Random;
@@ -147,7 +147,7 @@ mod tests {
             let mut noise = || if random.uniform() < 0.02 { 20.0 } else { 1.0 } * sds[k] * random.normal();
             record.measured[k] = Some(simulated.of(name).unwrap().iter().map(|value| value + noise()).collect());
         }
-        let mut whitened = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], sds.map(Floor::white), 1);
+        let mut whitened = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], sds.map(NoiseFloor::white), 1);
         let model = Model::nominal(&PlantFile { tolerance: Vec::new(), ..file }, &[&record], sds);
         let fit = levenberg::fit(&whitened, model, 4).unwrap();
         let mut missed = fit.clone();
@@ -161,7 +161,7 @@ mod tests {
         assert!(detect(&mut whitened, &mut unseen, &mut recorded, &fit, &[]));
         assert!(whitened.tails[0].is_some() && unseen.tails == whitened.tails, "{:?}", whitened.tails);
         // Corrected from the recorded readings, not from corrected ones, and once.
-        let mut once = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], sds.map(Floor::white), 1);
+        let mut once = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], sds.map(NoiseFloor::white), 1);
         let mut of_once = [&once, &unseen].map(Recorded::of);
         assert!(detect(&mut once, &mut unseen.clone(), &mut of_once, &fit, &[]));
         assert_eq!(whitened.records[0].record.measured, once.records[0].record.measured);

@@ -5,7 +5,7 @@
 
 use super::calibration;
 use super::levenberg::Fit;
-use super::noise::Floor;
+use super::noise::NoiseFloor;
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use super::whiteness::{self, RemainingStructure};
 use rsm_sim::kind::OUTPUTS;
@@ -14,16 +14,16 @@ use rsm_sim::kind::OUTPUTS;
 /// cable. Any excess counts as structure.
 const MOST_NOISE: f64 = 1.5;
 
-/// The residual on holdout records relative to their own noise, as one of `looks` tests.
-pub(crate) fn remaining_structure(unseen: &WhitenedResiduals, moved: Fit, looks: usize) -> RemainingStructure {
+/// The residual on holdout records relative to their own noise, as one of `tests` tests.
+pub(crate) fn remaining_structure(unseen: &WhitenedResiduals, moved: Fit, tests: usize) -> RemainingStructure {
     let (there, fit) = by_own_noise(unseen, moved);
-    whiteness::test_among(&there, &fit, looks)
+    whiteness::test_among(&there, &fit, tests)
 }
 
 /// Holdout records with their own noise, and a fit with it. The noise level changes from day to day, so the level of the other records is not
 /// accurate enough. If the noise is much larger, or if the records are too short to estimate it, the noise of the others is used.
 pub(super) fn by_own_noise(unseen: &WhitenedResiduals, moved: Fit) -> (WhitenedResiduals, Fit) {
-    let all_own = |floors: &[Floor; OUTPUTS], whitened: &WhitenedResiduals, simulated: &[Simulated]| {
+    let all_own = |floors: &[NoiseFloor; OUTPUTS], whitened: &WhitenedResiduals, simulated: &[Simulated]| {
         let mut floors = *floors;
         for (floor, shown) in floors.iter_mut().zip(calibration::noise_estimates(whitened, simulated)) {
             *floor = with_own_floor(floor, shown.floor);
@@ -48,7 +48,7 @@ pub(super) fn by_own_noise(unseen: &WhitenedResiduals, moved: Fit) -> (WhitenedR
 }
 
 /// The noise of a record in place of that of the others, if it can be estimated and is not much larger.
-fn with_own_floor(others: &Floor, shown: Option<Floor>) -> Floor {
+fn with_own_floor(others: &NoiseFloor, shown: Option<NoiseFloor>) -> NoiseFloor {
     shown.filter(|own| others.rounding.is_none() && own.sd < MOST_NOISE * others.sd).unwrap_or(*others)
 }
 
@@ -81,13 +81,13 @@ mod tests {
 
     #[test]
     fn records_have_their_own_noise_where_they_show_it_and_far_more_is_none() {
-        let others = Floor::white(2.0);
-        let rounded = Floor { rounding: Some(super::super::rounding::Rounding { step: 0.3, noise: 0.1 }), ..others };
+        let others = NoiseFloor::white(2.0);
+        let rounded = NoiseFloor { rounding: Some(super::super::rounding::Rounding { step: 0.3, noise: 0.1 }), ..others };
         assert_eq!(with_own_floor(&others, None), others);
-        assert_eq!(with_own_floor(&others, Some(Floor::white(2.9))), Floor::white(2.9));
-        assert_eq!(with_own_floor(&others, Some(Floor::white(0.5))), Floor::white(0.5));
-        assert_eq!(with_own_floor(&others, Some(Floor::white(3.0))), others);
-        assert_eq!(with_own_floor(&rounded, Some(Floor::white(1.9))), rounded);
+        assert_eq!(with_own_floor(&others, Some(NoiseFloor::white(2.9))), NoiseFloor::white(2.9));
+        assert_eq!(with_own_floor(&others, Some(NoiseFloor::white(0.5))), NoiseFloor::white(0.5));
+        assert_eq!(with_own_floor(&others, Some(NoiseFloor::white(3.0))), others);
+        assert_eq!(with_own_floor(&rounded, Some(NoiseFloor::white(1.9))), rounded);
     }
 
     #[test]

@@ -26,7 +26,7 @@ struct Track<'k> {
     /// Its first index in the stack of residuals.
     first: usize,
     period: f64,
-    answer: Answer,
+    answer: RowResponse,
 }
 
 /// The two points of Gauss quadrature in a row, as shares of the row (C. F. Gauss, 1814). A wave of half a turn per row is integrated to 2 %, of a
@@ -35,7 +35,7 @@ const NODES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 
 /// The response of the linear plant over one row, and the controller if the loop is closed.
 #[derive(Clone, Copy)]
-struct Answer {
+struct RowResponse {
     /// The speed after a row: coefficients of the speed before, of a constant force, and of the forces at the two nodes.
     speed: [f64; 4],
     /// The displacement in a row, likewise.
@@ -45,7 +45,7 @@ struct Answer {
     controller: Option<(f64, f64, bool, f64)>,
 }
 
-impl Answer {
+impl RowResponse {
     /// M dv/dt + b v = f with a constant force in each row.
     fn new(file: &PlantFile, closed: bool, period: f64) -> Self {
         let number = |name| file.parameters.number(name);
@@ -62,7 +62,7 @@ impl Answer {
         let blow = 0.5 * period / mass;
         let way = |node: usize| period * rest(node) * (1.0 - 0.5 * w * rest(node));
         let gains = file.parameters.optional("position_gain").zip(file.parameters.optional("velocity_gain"));
-        Answer {
+        RowResponse {
             // A force at a node acts as an impulse of half a row. It decays until the end of the row.
             speed: [(-w).exp(), period * one / mass, blow * (-w * rest(0)).exp(), blow * (-w * rest(1)).exp()],
             way: [period * one, period * period * two / mass, blow * way(0), blow * way(1)],
@@ -117,7 +117,7 @@ impl Track<'_> {
             white.clear();
             for (k, output) in self.prepared.outputs.iter().enumerate() {
                 let mut values = outputs[*output].clone();
-                whitened.floors[*output].even(self.prepared.measured(k), &mut values);
+                whitened.floors[*output].to_uniform_noise(self.prepared.measured(k), &mut values);
                 whitened.floors[*output].whiten(&values, &self.prepared.used[k], &mut white);
             }
             stack[self.first..self.first + white.len()].copy_from_slice(&white);
@@ -181,7 +181,7 @@ impl<'k> PositionTraces<'k> {
                 command,
                 first: whitened.first(record),
                 period: of.period,
-                answer: Answer::new(&fit.model.file, closed, of.period),
+                answer: RowResponse::new(&fit.model.file, closed, of.period),
             });
         }
         PositionTraces { whitened, list, rows: fit.residual.len() }

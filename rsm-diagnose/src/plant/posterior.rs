@@ -62,19 +62,19 @@ impl Posterior {
         }
         let normal = Normal::fine(&matrix, n);
         // Initial states stay in the covariance, but their intervals are not needed.
-        let asked: Vec<usize> = (0..n).filter(|k| !matches!(model.unknowns[which[*k]].place, Place::Start { .. })).collect();
-        let covariances: Vec<Vec<f64>> = asked.iter().map(|k| normal.covariances(*k)).collect();
-        let m = asked.len();
+        let results: Vec<usize> = (0..n).filter(|k| !matches!(model.unknowns[which[*k]].place, Place::Start { .. })).collect();
+        let covariances: Vec<Vec<f64>> = results.iter().map(|k| normal.covariances(*k)).collect();
+        let m = results.len();
         let covariance: Vec<f64> =
-            (0..m).flat_map(|i| asked.iter().map(move |j| (i, *j))).map(|(i, j)| covariances[i][j]).collect();
+            (0..m).flat_map(|i| results.iter().map(move |j| (i, *j))).map(|(i, j)| covariances[i][j]).collect();
         // The mean of the unbounded normal distribution: it differs from the fit only for held unknowns.
         let free = fit.free.len();
         let pull = levenberg::pull(model, &which, &columns, &fit.residual);
         let pressed: Vec<f64> = (0..n).map(|k| if k < free { 0.0 } else { pull[k] / spread }).collect();
         let beyond: Vec<f64> = covariances.iter().map(|it| it.iter().zip(&pressed).map(|(c, p)| c * p).sum()).collect();
         let bell = TruncatedNormal::new(&covariance, &beyond, |k| {
-            let unknown = &model.unknowns[which[asked[k]]];
-            let at = unknown.to_search_scale(model.value(which[asked[k]]));
+            let unknown = &model.unknowns[which[results[k]]];
+            let at = unknown.to_search_scale(model.value(which[results[k]]));
             let ends = if bounded(unknown) {
                 (unknown.to_search_scale(unknown.low), unknown.to_search_scale(unknown.high))
             } else {
@@ -82,9 +82,9 @@ impl Posterior {
             };
             (ends.0 - at, ends.1 - at)
         });
-        let told = bell.marginals();
+        let marginals = bell.marginals();
         let (mut deviations, mut ends) = (vec![None; model.unknowns.len()], vec![None; model.unknowns.len()]);
-        for (k, (deviation, low, high)) in asked.iter().zip(told) {
+        for (k, (deviation, low, high)) in results.iter().zip(marginals) {
             let at = model.unknowns[which[*k]].to_search_scale(model.value(which[*k]));
             deviations[which[*k]] = Some(deviation);
             ends[which[*k]] = Some((at + low, at + high));
@@ -281,10 +281,10 @@ mod tests {
 
     #[test]
     fn a_bell_that_bounds_cut_at_two_deviations_holds_95_of_100_within_1_68() {
-        let told = bell(0.0).marginals();
+        let marginals = bell(0.0).marginals();
         // erf(2/sqrt 2) = 0.9545, of which 95 % is 0.9068 = erf(1.68/sqrt 2). The ends are known to some hundredths by this many draws, more where the bell is flat.
         for (k, scale) in [(0, 1.0), (1, 10.0)] {
-            let (deviation, low, high) = told[k];
+            let (deviation, low, high) = marginals[k];
             assert!((low / scale + 1.68).abs() < 0.1 && (high / scale - 1.68).abs() < 0.1, "{low} {high}");
             // The variance of a normal number within two is 1 - 4 phi(2)/0.9545 = 0.774.
             assert!((deviation / scale - 0.774_f64.sqrt()).abs() < 0.02, "{deviation}");
@@ -317,8 +317,8 @@ mod tests {
 
     #[test]
     fn without_a_bound_within_reach_an_interval_is_1_96_deviations() {
-        let told = TruncatedNormal::new(&[4.0], &[0.0], |_| (-7.0, 7.0)).marginals();
-        assert_eq!(told, [(2.0, -3.92, 3.92)]);
+        let marginals = TruncatedNormal::new(&[4.0], &[0.0], |_| (-7.0, 7.0)).marginals();
+        assert_eq!(marginals, [(2.0, -3.92, 3.92)]);
     }
 
     #[test]

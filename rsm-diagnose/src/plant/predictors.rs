@@ -15,7 +15,7 @@ use super::quantities::rounded;
 use super::whitened_residuals::WhitenedResiduals;
 use super::whiteness::TESTS;
 use crate::engine::columns::Basis;
-use crate::engine::significance::{chi_squared_of, ln_upper_chi_squared, rarest};
+use crate::engine::significance::{chi_squared_of, ln_upper_chi_squared, most_significant};
 
 /// The probability that noise alone seems predictable, over all waves and powers of all outputs in both tests of a verdict.
 const ALARM_OF_PREDICTION: f64 = 0.005;
@@ -81,7 +81,7 @@ pub fn best_predictor(whitened: &WhitenedResiduals, fit: &Fit) -> Option<Predict
         }
         tried.extend(powers(whitened, fit, output, &parts));
     }
-    let (ln_p, best) = rarest(tried.iter().map(|it| (it.ln_p(), it)), TESTS as f64)?;
+    let (ln_p, best) = most_significant(tried.iter().map(|it| (it.ln_p(), it)), TESTS as f64)?;
     let rows: usize = whitened.records.iter().flat_map(|it| &it.used).map(|used| used.iter().filter(|it| **it).count()).sum();
     let excess = (best.gain - best.level * best.freedom as f64) / rows.max(1) as f64;
     (ln_p < ALARM_OF_PREDICTION.ln()).then(|| Predictor { output: best.output, what: best.what.clone(), excess, ln_p })
@@ -127,7 +127,7 @@ fn waves(whitened: &WhitenedResiduals, way: &Way, output: usize, parts: &[(usize
                 floor.whiten(wave, used, white);
             }
             let basis = Basis::of(&white);
-            (sum.0, sum.1) = (sum.0 + basis.takes(residual), sum.1 + basis.rank());
+            (sum.0, sum.1) = (sum.0 + basis.projected_square(residual), sum.1 + basis.rank());
         }
     }
     let reached: Vec<usize> = (0..sums.len()).filter(|k| sums[*k].1 > 0).collect();
@@ -200,7 +200,7 @@ fn powers(whitened: &WhitenedResiduals, fit: &Fit, output: usize, parts: &[(usiz
                 moved.extend(after.iter().chain(before));
                 first += length;
             }
-            basis.takes(&moved)
+            basis.projected_square(&moved)
         };
         let level = (1..=SHIFTS).map(elsewhere).sum::<f64>() / (SHIFTS * basis.rank()) as f64;
         list.push(Tried {
@@ -217,7 +217,7 @@ fn powers(whitened: &WhitenedResiduals, fit: &Fit, output: usize, parts: &[(usiz
 #[cfg(test)]
 mod tests {
     use super::super::model::Model;
-    use super::super::noise::Floor;
+    use super::super::noise::NoiseFloor;
     use super::super::whitened_residuals::Prepared;
     use super::*;
     use crate::engine::columns::dot;
@@ -246,7 +246,7 @@ mod tests {
             csv += &format!("{time},0,{v_q},0,{}\n", speed + noise + more(speed, angle, v_q));
         }
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
-        let floor = Floor { correlation: told, ..Floor::white(SD) };
+        let floor = NoiseFloor { correlation: told, ..NoiseFloor::white(SD) };
         let whitened = WhitenedResiduals::new(vec![Prepared::new(record, 3)], [floor; OUTPUTS], 1);
         let model = Model {
             file,

@@ -84,8 +84,8 @@ impl Prepared {
     #[must_use]
     pub fn row_of(&self, file_row: usize) -> Option<usize> {
         let mut row = file_row.checked_sub(self.from)?;
-        for bridge in &self.filled_gaps {
-            row += if row >= bridge.rows.start { bridge.rows.len() } else { 0 };
+        for gap in &self.filled_gaps {
+            row += if row >= gap.rows.start { gap.rows.len() } else { 0 };
         }
         (row < self.record.rows()).then_some(row)
     }
@@ -125,8 +125,8 @@ impl Prepared {
         self.from = self.file_row(rows.start);
         self.record = self.record.piece(rows.clone());
         self.filled_gaps.retain(|it| rows.start < it.rows.start && it.rows.end < rows.end);
-        for bridge in &mut self.filled_gaps {
-            bridge.rows = bridge.rows.start - rows.start..bridge.rows.end - rows.start;
+        for gap in &mut self.filled_gaps {
+            gap.rows = gap.rows.start - rows.start..gap.rows.end - rows.start;
         }
         self.used.iter_mut().for_each(|used| *used = used[rows.clone()].to_vec());
         self.used_before_settling

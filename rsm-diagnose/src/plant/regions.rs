@@ -3,7 +3,7 @@
 //! In: simulations before and after, along the same records. Out: mean squared errors by region, and the regions whose share of the error exceeds
 //! their share of the rows. Energies are in units of the noise, and the energy of the noise is subtracted.
 
-use super::noise::Floor;
+use super::noise::NoiseFloor;
 use super::quantities::{Classes, Quantity};
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::kind::OUTPUTS;
@@ -59,7 +59,7 @@ const QUANTITIES: usize = 5;
 /// Standard deviation of the mean square of n = `rows` noise values, over the variance of the noise. With a correlation r from row to row it is
 /// sqrt(2/n (1 + r^2)/(1 - r^2)) (M. S. Bartlett, 1946).
 #[must_use]
-pub fn scatter(floor: &Floor, rows: usize) -> f64 {
+pub fn scatter(floor: &NoiseFloor, rows: usize) -> f64 {
     let square = floor.correlation * floor.correlation;
     (2.0 / rows.max(1) as f64 * (1.0 + square) / (1.0 - square)).sqrt()
 }
@@ -167,7 +167,7 @@ pub fn regions(slices: &[Slice], spectral: &[Region], side: Side) -> Vec<Region>
     let (each, all) = totals(slices, side);
     let mut list = Vec::new();
     for (output, own) in each.iter().enumerate().filter(|(_, own)| **own > 0.0) {
-        let mut telling: Vec<(f64, Region)> = Vec::new();
+        let mut by_information: Vec<(f64, Region)> = Vec::new();
         for slice in slices.iter().filter(|slice| slice.output == output) {
             let share = (slice.excess(side) / own).min(1.0);
             let region = Region {
@@ -181,12 +181,12 @@ pub fn regions(slices: &[Slice], spectral: &[Region], side: Side) -> Vec<Region>
             if slice.quantity == "output" {
                 list.push(region);
             } else if share > STANDS_OUT * slice.share_of_rows {
-                telling.push((information(share, slice.share_of_rows), region));
+                by_information.push((information(share, slice.share_of_rows), region));
             }
         }
-        telling.sort_by(|a, b| b.0.total_cmp(&a.0));
+        by_information.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut quantities: Vec<&str> = Vec::new();
-        for (_, region) in &telling {
+        for (_, region) in &by_information {
             if quantities.len() < QUANTITIES && !quantities.contains(&region.quantity) {
                 quantities.push(region.quantity);
                 list.push(region.clone());
@@ -205,7 +205,7 @@ fn information(error: f64, rows: f64) -> f64 {
 
 /// The most informative regions, weighted by the share of their output in the whole error. Whole outputs and whole records are left out.
 #[must_use]
-pub fn telling(regions: &[Region], count: usize) -> Vec<Region> {
+pub fn most_informative(regions: &[Region], count: usize) -> Vec<Region> {
     let mut list: Vec<Region> =
         regions.iter().filter(|it| it.quantity != "output" && it.quantity != "record").cloned().collect();
     let weight = |it: &Region| {
@@ -222,7 +222,7 @@ mod tests {
     use super::*;
 
     fn slice(quantity: &'static str, region: &str, rows: usize, before: f64) -> Slice {
-        let floor = Floor::white(1.0);
+        let floor = NoiseFloor::white(1.0);
         Slice {
             output: 0,
             quantity,
@@ -254,7 +254,7 @@ mod tests {
     #[test]
     fn correlated_noise_scatters_more() {
         // (1 + 0.64)/(1 - 0.64) = 4.5556: the root of it times sqrt(2/50).
-        let floor = Floor { correlation: 0.8, ..Floor::white(2.0) };
+        let floor = NoiseFloor { correlation: 0.8, ..NoiseFloor::white(2.0) };
         assert!((scatter(&floor, 50) - 0.2 * 4.555555555555555_f64.sqrt()).abs() < 1e-12);
     }
 }

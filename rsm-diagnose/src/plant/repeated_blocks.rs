@@ -9,10 +9,10 @@ use std::collections::HashMap;
 pub(super) const STUCK: usize = 8;
 
 /// A block is reported if the probability of its repetition by chance, anywhere in a record, is below this.
-const TWICE: f64 = 1e-6;
+const LEAST_SIGNIFICANT: f64 = 1e-6;
 
 /// Blocks of rows whose noisy readings all occurred earlier in the record: the first row and the row after the last.
-pub fn twice(channels: &[&[f64]]) -> Vec<(usize, usize)> {
+pub fn find(channels: &[&[f64]]) -> Vec<(usize, usize)> {
     let Some(first) = channels.first() else { return Vec::new() };
     let rows = first.len();
     // The probability that two rows are equal by chance: the share of equal pairs in each channel, counting at least one pair.
@@ -42,12 +42,13 @@ pub fn twice(channels: &[&[f64]]) -> Vec<(usize, usize)> {
         })
         .collect();
     // If rows were independent, a block of this length would occur twice with a probability below `TWICE`.
-    let independent = (TWICE.ln() - 2.0 * (rows as f64).ln()) / of_a_row.min(-f64::MIN_POSITIVE);
+    let independent = (LEAST_SIGNIFICANT.ln() - 2.0 * (rows as f64).ln()) / of_a_row.min(-f64::MIN_POSITIVE);
     // Rows are not independent if a plant rests or repeats its motion. Short blocks show how often a repeated row is followed by another repeated
     // row.
     let short = |least: usize| longest.iter().filter(|it| it.1 && (least..STUCK).contains(&it.0)).count() as f64;
     let (one, two) = (short(1), short(2));
-    let following = if two > 0.0 { 1.0 + (TWICE / one).ln() / (two / one).min(1.0 - 1.0 / (one + 1.0)).ln() } else { 0.0 };
+    let following =
+        if two > 0.0 { 1.0 + (LEAST_SIGNIFICANT / one).ln() / (two / one).min(1.0 - 1.0 / (one + 1.0)).ln() } else { 0.0 };
     let least = independent.max(following).ceil().max(2.0);
     let mut blocks = Vec::new();
     let mut row = 0;
@@ -72,9 +73,9 @@ mod tests {
         // Forty readings at random: of 400 rows every run of two occurs twice somewhere, of three some.
         let mut random = Random::new(9);
         let coarse: Vec<f64> = (0..400).map(|_| (40.0 * random.uniform()).floor()).collect();
-        assert_eq!(twice(&[&coarse]), vec![]);
+        assert_eq!(find(&[&coarse]), vec![]);
         let mut doubled = coarse.clone();
         doubled.copy_within(100..120, 300);
-        assert_eq!(twice(&[&doubled]), vec![(300, 320)]);
+        assert_eq!(find(&[&doubled]), vec![(300, 320)]);
     }
 }

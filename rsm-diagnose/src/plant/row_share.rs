@@ -115,10 +115,10 @@ impl Share {
     fn cut_to(&mut self, most: u64, whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals, file: &PlantFile) {
         let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
         let model = Model::nominal(file, &records, [1.0; OUTPUTS]);
-        let before = whitened.pace.taken();
+        let before = whitened.work.done();
         // A failure of this run is reported where its result is needed.
         let _ = whitened.run(&model);
-        let taken = whitened.pace.taken() - before;
+        let taken = whitened.work.done() - before;
         let share = most as f64 / taken.max(1) as f64;
         for prepared in whitened.records.iter_mut().chain(&mut unseen.records) {
             let settled = prepared.used.iter().filter_map(|used| used.iter().position(|used| *used)).min().unwrap_or(0);
@@ -146,7 +146,7 @@ impl Share {
 #[must_use]
 pub fn settling(beginning: &Record, file: &PlantFile) -> Option<usize> {
     let prepared = Prepared::new(beginning.clone(), file.kind.outputs().len());
-    checks::memory(&prepared, file, 0..beginning.rows())
+    checks::settling_rows(&prepared, file, 0..beginning.rows())
 }
 
 /// Some rows of a record, which its name states. The rotor angle at the first row is the initial angle of the record plus the integral of the
@@ -170,7 +170,7 @@ pub fn piece(record: &Record, kind: PlantKind, rows: Range<usize>, settling: usi
 #[cfg(test)]
 mod tests {
     use super::super::axis_under_steps;
-    use super::super::noise::Floor;
+    use super::super::noise::NoiseFloor;
     use super::*;
     use rsm_core::source::Source;
 
@@ -187,7 +187,7 @@ mod tests {
         let mut share = Share::of_rows(&training, &[]);
         let pieces = share.pieces(&training[0], file).into_iter();
         let prepared = pieces.map(|it| Prepared { from: it.from, ..Prepared::new(it.record, 2) }).collect();
-        let mut whitened = WhitenedResiduals::new(prepared, [Floor::white(1.0); OUTPUTS], 1);
+        let mut whitened = WhitenedResiduals::new(prepared, [NoiseFloor::white(1.0); OUTPUTS], 1);
         let mut unseen = whitened.on(Vec::new());
         share.cut_to(most, &mut whitened, &mut unseen, file);
         (whitened.records.iter().map(|it| it.record.rows()).sum(), share.unused_rows())

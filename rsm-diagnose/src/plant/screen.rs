@@ -355,7 +355,7 @@ fn drawn(whitened: &WhitenedResiduals, fit: &Fit, rounded: &[(usize, f64)], rand
                     .iter()
                     .map(|value| {
                         noise = correlation * noise + before * (1.0 - correlation * correlation).sqrt() * random.normal();
-                        step * ((value + noise) / step).round() - floor.reads(*value)
+                        step * ((value + noise) / step).round() - floor.mean_reading(*value)
                     })
                     .collect();
                 let mut white = Vec::with_capacity(errors.len());

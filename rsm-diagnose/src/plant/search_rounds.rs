@@ -62,12 +62,12 @@ impl<'a> SearchInput<'a> {
         let equation_errors = equations::look(&prepared.whitened, &prepared.nominal, &hypotheses);
         equation_errors.iter().for_each(|it| it.hand_over(&mut hypotheses));
         let whitened = &mut prepared.whitened;
-        let before = whitened.pace.taken();
+        let before = whitened.work.done();
         whitened.run(&prepared.calibrated.model).ok_or(Refused::CannotSimulate)?;
-        let run = whitened.pace.taken() - before;
+        let run = whitened.work.done() - before;
         let rows = whitened.records.iter().map(|it| it.record.rows()).sum();
-        whitened.pace = whitened.pace.beside(run, rows);
-        prepared.unseen.pace = whitened.pace.clone();
+        whitened.work = whitened.work.for_candidates(run, rows);
+        prepared.unseen.work = whitened.work.clone();
         // For long records, the final check on all rows takes work too.
         let most = if prepared.share.unused_rows().is_some() { MOST_STEPS / 2 } else { MOST_STEPS };
         // The wave lengths of an axis are the best of many, and so are the terms and orders of the equations.
@@ -119,7 +119,7 @@ pub(super) fn diagnose_records(
     let mut prepared = CalibratedRecords::of(file, training, validation, tails, options)?;
     let input = SearchInput::of(&mut prepared, file, options)?;
     // A known control law shows a wrong sensor before friction and mass are estimated.
-    let known_loop = known_loop::look(&prepared.whitened.records, file);
+    let known_loop = known_loop::check(&prepared.whitened.records, file);
     let entries = known_loop.as_ref().map_or_else(Vec::new, |it| it.entries(file));
     let mut seed = seeded(&prepared.whitened, &prepared.nominal, &prepared.calibrated, &entries);
     if let (Some(fit), true) = (&seed, prepared.rounded.is_empty()) {

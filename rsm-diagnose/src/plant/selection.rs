@@ -16,7 +16,7 @@ use super::search::{AcceptedCause, Search};
 use super::search_history::{Limit, SearchHistory};
 use super::variable_projection::project;
 use super::{waves, whiteness};
-use crate::engine::significance::best_of;
+use crate::engine::significance::best_gain_by_chance;
 use rsm_sim::plant_file::Entry;
 
 /// A cause must remove this share of the noise energy. For one output with 24,000 residuals that is 36 squared standard deviations, less than a tenth
@@ -72,20 +72,21 @@ impl Search<'_> {
     pub fn run_from(&self, calibrated: Fit, seed: Option<Fit>) -> Selection {
         (self.progress)("screening the catalogue");
         let mut screened = screen(self.whitened, &calibrated, self.nominal, self.hypotheses);
-        let worth = LEAST_EFFECT * calibrated.residual.len() as f64;
-        let looks = screened.len() + self.further_guesses;
+        let least_effect = LEAST_EFFECT * calibrated.residual.len() as f64;
+        let guesses = screened.len() + self.further_guesses;
         let numbers = screened.iter().map(|it| form_of(it).1).max().unwrap_or(1);
-        let threshold =
-            null(self.whitened, &calibrated, &screened, self.rounded, DRAWS).max(best_of(looks, numbers)).max(worth);
+        let threshold = null(self.whitened, &calibrated, &screened, self.rounded, DRAWS)
+            .max(best_gain_by_chance(guesses, numbers))
+            .max(least_effect);
         let strongest = best_guesses(&screened, PAIR_GUESSES);
         let strongest = leading(strongest, self.limits.profiled, PAIR_GUESSES, |it| form_of(it));
         let pairs = pairs(&calibrated, self.hypotheses, &strongest);
         screened.iter_mut().for_each(Screened::without_traces);
         let ranking = self.ranking(&screened);
         let mut remaining = ranking.clone();
-        let until = self.whitened.pace.taken() + self.limits.steps;
+        let until = self.whitened.work.done() + self.limits.steps;
         let mut path = SearchHistory::until(until, self.limits.steps_for_rivals);
-        self.whitened.pace.ends_at(until);
+        self.whitened.work.set_limit(until);
         let mut competed: Vec<(String, Vec<Candidate>)> = Vec::new();
         let first = seed.as_ref().map_or(Some(screened), |_| None);
         let begin = seed.unwrap_or_else(|| calibrated.clone());
@@ -127,7 +128,7 @@ impl Search<'_> {
             }
         }
         let fit = self.split(self.narrowed(self.levelled(fit), threshold));
-        self.whitened.pace.ends_at(until + self.limits.steps_for_rivals);
+        self.whitened.work.set_limit(until + self.limits.steps_for_rivals);
         let fit = self.merged(fit, threshold, &mut path);
         let (fit, causes) = self.exchanged(&calibrated, fit, &competed, threshold, &mut path);
         let (fit, causes, refused) = self.without_rejected(&calibrated, fit, causes, threshold);
@@ -195,8 +196,9 @@ impl Search<'_> {
     /// Sets of several causes from the equation errors, as starting points without other causes, if each cause is allowed; the smallest sets first.
     fn equation_error_sets(&self, fit: &Fit) -> impl Iterator<Item = &Fit> {
         let none = fit.model.file.effects.is_empty();
-        let sound =
-            |it: &Entry| !within_tolerance(self.nominal, it) && self.is_plausible(it) && waves::comes_again(self.whitened, it);
+        let sound = |it: &Entry| {
+            !within_tolerance(self.nominal, it) && self.is_plausible(it) && waves::has_whole_period(self.whitened, it)
+        };
         self.equation_error_fits.iter().filter(move |it| {
             let effects = &it.model.file.effects;
             none && effects.len() > 1 && effects.iter().all(sound)
@@ -205,7 +207,7 @@ impl Search<'_> {
 
     /// Whether the work limit allows one more competition or pair.
     fn goes_on(&self, path: &mut SearchHistory) -> bool {
-        path.has_steps(self.whitened.pace.taken())
+        path.has_steps(self.whitened.work.done())
     }
 
     /// Whether the residual of a fit is noise, so that no further cause can gain enough.
@@ -244,7 +246,7 @@ impl Search<'_> {
             let Some((model, _)) = project(self.whitened, &nuisance, model, 0, self.limits.profile_steps) else { continue };
             let Some(fit) = levenberg::refit(self.whitened, model, self.limits.fit_steps, Some(calibrated)) else { continue };
             let sound = |it: &Entry| {
-                !within_tolerance(self.nominal, it) && self.is_plausible(it) && waves::comes_again(self.whitened, it)
+                !within_tolerance(self.nominal, it) && self.is_plausible(it) && waves::has_whole_period(self.whitened, it)
             };
             if !fit.model.file.effects.iter().all(sound) {
                 continue;
@@ -369,7 +371,7 @@ impl Search<'_> {
                 return fit;
             }
             for (a, b) in (1..count).flat_map(|b| (0..b).map(move |a| (a, b))) {
-                if !path.has_steps_for_rivals(self.whitened.pace.taken()) {
+                if !path.has_steps_for_rivals(self.whitened.work.done()) {
                     return fit;
                 }
                 let without = fit.model.minus(self.nominal, b).minus(self.nominal, a);
@@ -415,7 +417,7 @@ impl Search<'_> {
 
     /// The candidates for a place; `None` after the work limit is reached.
     fn anew(&self, base: &Fit, threshold: f64, path: &mut SearchHistory) -> Option<Vec<Candidate>> {
-        if !path.has_steps_for_rivals(self.whitened.pace.taken()) || !path.may_compete() {
+        if !path.has_steps_for_rivals(self.whitened.work.done()) || !path.may_compete() {
             return None;
         }
         let mut screened = screen(self.whitened, base, self.nominal, self.hypotheses);

@@ -5,7 +5,7 @@
 
 use std::f64::consts::TAU;
 
-use super::noise_floor::{Floor, shape};
+use super::noise_floor::{NoiseFloor, shape};
 use super::octave_spectrum::transform;
 use super::regions::{Region, SIGNIFICANT, Side};
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
@@ -110,7 +110,7 @@ pub fn spectra(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simu
 
 /// The one-sided power spectral density of a noise floor at a frequency, in its unit squared per Hz.
 #[must_use]
-pub fn of_noise(floor: &Floor, frequency: f64, period: f64) -> f64 {
+pub fn of_noise(floor: &NoiseFloor, frequency: f64, period: f64) -> f64 {
     let r = floor.correlation;
     let innovation = (1.0 - r * r) / shape(r, (TAU * frequency * period).cos());
     2.0 * period * floor.sd * floor.sd * innovation
@@ -250,7 +250,7 @@ mod tests {
     fn the_density_of_noise_sums_to_its_variance() {
         // Over all frequencies up to the Nyquist frequency, whatever the correlation.
         for correlation in [0.0, 0.7] {
-            let floor = Floor { correlation, ..Floor::white(0.3) };
+            let floor = NoiseFloor { correlation, ..NoiseFloor::white(0.3) };
             let (period, lines) = (1e-3, 20_000);
             let step = 500.0 / f64::from(lines);
             let sum: f64 = (0..lines).map(|k| of_noise(&floor, (f64::from(k) + 0.5) * step, period) * step).sum();

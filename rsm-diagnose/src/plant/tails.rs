@@ -7,7 +7,7 @@
 //! structure that lasts some rows is no outlier. If the noise is correlated from row to row, its innovations are used: each reading minus the
 //! prediction from the corrected reading before it.
 
-use super::noise::Floor;
+use super::noise::NoiseFloor;
 use crate::engine::significance::median;
 use statrs::function::gamma::ln_gamma;
 
@@ -173,7 +173,7 @@ impl Tails {
     }
 
     /// The readings of a record with outliers moved towards their neighbours. `left` is the residual of a simulation.
-    pub(super) fn corrected_readings(&self, measured: &[f64], left: &[f64], used: &[bool], law: &Floor) -> Vec<f64> {
+    pub(super) fn corrected_readings(&self, measured: &[f64], left: &[f64], used: &[bool], law: &NoiseFloor) -> Vec<f64> {
         let (even, uneven) = to_uniform_noise(law, measured, left);
         let off = off_expected(&even, used, self.correlation);
         let Some(size) = deviation(&off).filter(|size| *size > 0.0) else { return measured.to_vec() };
@@ -194,10 +194,10 @@ impl Tails {
 }
 
 /// The residual scaled to uniform noise if the noise grows with the reading, and the divisor of each row.
-pub(super) fn to_uniform_noise(floor: &Floor, measured: &[f64], left: &[f64]) -> (Vec<f64>, Vec<f64>) {
+pub(super) fn to_uniform_noise(floor: &NoiseFloor, measured: &[f64], left: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let (mut even, mut units) = (left.to_vec(), vec![1.0; left.len()]);
-    floor.even(measured, &mut even);
-    floor.even(measured, &mut units);
+    floor.to_uniform_noise(measured, &mut even);
+    floor.to_uniform_noise(measured, &mut units);
     (even, units.into_iter().map(|unit| 1.0 / unit).collect())
 }
 
@@ -254,7 +254,7 @@ fn correlation(lists: &[Used<'_>]) -> f64 {
     let without: Vec<Vec<f64>> = lists.iter().map(without).collect();
     let without: Vec<(&[f64], &[bool])> = without.iter().zip(lists).map(|(left, it)| (left.as_slice(), it.2)).collect();
     // A negative correlation means no slow noise that medians could miss.
-    Floor::estimate(&without).map_or(0.0, |floor| floor.correlation.max(0.0))
+    NoiseFloor::estimate(&without).map_or(0.0, |floor| floor.correlation.max(0.0))
 }
 
 /// The standard deviation estimated from the median of absolute deviations.
@@ -354,7 +354,7 @@ mod tests {
             let law = found(6000, |k| left[k]).unwrap_or_else(|| panic!("{correlation}"));
             // Four of the upper band's errors, the structure being there: 0.043 at 0.6.
             assert!((law.correlation - correlation).abs() < 0.17 && law.freedom < 10.0, "{correlation}: {law:?}");
-            let corrected = law.corrected_readings(&left, &left, &vec![true; 6000], &Floor::white(1.0));
+            let corrected = law.corrected_readings(&left, &left, &vec![true; 6000], &NoiseFloor::white(1.0));
             let of_noise = |noise: &[f64]| {
                 let square = noise.iter().map(|it| it * it).sum::<f64>() / 6000.0;
                 (square, noise.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / 6000.0 / square)
@@ -417,7 +417,8 @@ mod tests {
             let used = vec![true; rows];
             // A record that holds few outliers by chance counts as normal.
             let law = Tails::found(&[OutputResidual { measured: &left, left: &left, used: &used, jumps: Vec::new() }]);
-            let corrected = law.map_or(left.clone(), |law| law.corrected_readings(&left, &left, &used, &Floor::white(1.0)));
+            let corrected =
+                law.map_or(left.clone(), |law| law.corrected_readings(&left, &left, &used, &NoiseFloor::white(1.0)));
             means.push(corrected.iter().sum::<f64>() / rows as f64);
             waves += corrected.iter().enumerate().map(|(k, it)| 2.0 * wave(k) * it / rows as f64).sum::<f64>() / draws as f64;
         }

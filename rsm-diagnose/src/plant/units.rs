@@ -11,7 +11,7 @@
 use super::checks;
 use super::levenberg::{self, Fit};
 use super::model::Model;
-use super::noise::Floor;
+use super::noise::NoiseFloor;
 use super::nuisance::Nuisance;
 use super::other_units::others;
 use super::prepared::Piece;
@@ -208,14 +208,14 @@ fn beside(given: &[Prepared], it: &Candidate) -> Vec<Prepared> {
 
 /// Whitened residuals in shares of each output's spread.
 fn whitened(prepared: Vec<Prepared>, file: &PlantFile, threads: usize) -> WhitenedResiduals {
-    let mut whitened = WhitenedResiduals::new(prepared, [Floor::white(1.0); OUTPUTS], threads);
+    let mut whitened = WhitenedResiduals::new(prepared, [NoiseFloor::white(1.0); OUTPUTS], threads);
     for output in 0..file.kind.outputs().len() {
         let lists =
             whitened.records.iter().filter_map(|it| it.outputs.iter().position(|k| *k == output).map(|k| it.measured(k)));
         let all: Vec<f64> = lists.flatten().copied().collect();
         let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
         let spread = (all.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / all.len().max(1) as f64).sqrt();
-        whitened.floors[output] = Floor::white((UNIT * spread).max(f64::MIN_POSITIVE));
+        whitened.floors[output] = NoiseFloor::white((UNIT * spread).max(f64::MIN_POSITIVE));
     }
     whitened
 }
@@ -337,7 +337,7 @@ pub fn gains_with_causes(
     plant.effects.retain(|it| it.description.declared.role != Role::Rounding);
     let records: Vec<Record> = right.iter().map(|it| it.piece(0..ROWS.min(it.rows()))).collect();
     let mut whitened = whitened(prepared(&records, &[], &plant), &plant, threads);
-    noise.iter().for_each(|(output, sd, _)| whitened.floors[*output] = Floor::white(*sd));
+    noise.iter().for_each(|(output, sd, _)| whitened.floors[*output] = NoiseFloor::white(*sd));
     let fit = calibrated(&whitened, &plant).map(|it| it.0);
     let of = |it: &UnitCorrection| {
         let gain = gain(&whitened, fit.as_ref()?, &it.0)?;

@@ -5,7 +5,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::noise_floor::{Floor, shape};
+use super::noise_floor::{NoiseFloor, shape};
 use super::octave_spectrum::{Octave, transform};
 use crate::engine::significance::median;
 
@@ -64,7 +64,7 @@ impl<'a> Band<'a> {
 
     /// The best correlation among those with no more slow noise than the residual has. Impacts in the upper band have a spectrum that falls like slow
     /// noise; extrapolated to low frequencies, it would hide all structure.
-    pub(super) fn best(&self, slow: &[(usize, Octave)]) -> Option<Floor> {
+    pub(super) fn best(&self, slow: &[(usize, Octave)]) -> Option<NoiseFloor> {
         let grid = (-50..=MOST_CORRELATED).map(|percent| f64::from(percent) / 100.0);
         let grid: Vec<f64> = grid
             .filter(|rho| *rho <= 0.0 || slow.iter().all(|(k, octave)| holds(*octave, *k, *rho, self.at(*rho).0)))
@@ -88,14 +88,14 @@ impl<'a> Band<'a> {
         };
         let error = side(-0.5).max(side(*grid.last()?));
         if ratio(0.0) < WHITE * WHITE {
-            return positive(self.at(0.0).0).map(|level| Floor { error, ..Floor::white(level.sqrt()) });
+            return positive(self.at(0.0).0).map(|level| NoiseFloor { error, ..NoiseFloor::white(level.sqrt()) });
         }
         let innovation = positive(self.at(rho).0);
-        innovation.map(|level| Floor { correlation: rho, error, ..Floor::white((level / (1.0 - rho * rho)).sqrt()) })
+        innovation.map(|level| NoiseFloor { correlation: rho, error, ..NoiseFloor::white((level / (1.0 - rho * rho)).sqrt()) })
     }
 
     /// Whether no line exceeds the spectrum of a floor significantly. Such a line would be a wave.
-    pub(super) fn is_smooth(&self, floor: &Floor) -> bool {
+    pub(super) fn is_smooth(&self, floor: &NoiseFloor) -> bool {
         let level = floor.innovation() * floor.innovation();
         let lines = self.lines / self.powers.len() as f64;
         let off =
@@ -104,7 +104,7 @@ impl<'a> Band<'a> {
     }
 
     /// Whether the likelihood ratio against the best fit of this band rejects a floor, at 0.1 %.
-    pub(super) fn rejects(&self, floor: &Floor) -> bool {
+    pub(super) fn rejects(&self, floor: &NoiseFloor) -> bool {
         let level = floor.innovation() * floor.innovation();
         let (own, cost) = self.at(floor.correlation);
         let cost = cost - own.ln() - 1.0 + level.ln() + own / level;
@@ -122,7 +122,7 @@ fn holds(octave: Octave, k: usize, correlation: f64, level: f64) -> bool {
     let expected = places.map(|share| level / shape(correlation, (TAU * share).cos())).sum::<f64>() / 8.0;
     let held = Octave { power: octave.power / expected, lines: octave.lines };
     // 3.66 as in `is_white`.
-    held.deviation(&Floor::white(1.0), k) > -3.66
+    held.deviation(&NoiseFloor::white(1.0), k) > -3.66
 }
 
 pub(super) fn positive(level: f64) -> Option<f64> {

@@ -6,7 +6,7 @@
 use super::levenberg;
 use super::model::{Model, Place};
 use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
-use crate::engine::holdout::{above, gone};
+use crate::engine::holdout::{excess, removed_share};
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::record::Record;
 
@@ -124,7 +124,7 @@ pub fn errors_of(whitened: &WhitenedResiduals, simulated: &[Simulated]) -> Vec<E
         for (k, values) in simulated.iter().enumerate() {
             for ((measured, value), used) in prepared.measured(k).iter().zip(values).zip(&prepared.used[k]) {
                 if *used {
-                    let off = measured - whitened.floors[prepared.outputs[k]].reads(*value);
+                    let off = measured - whitened.floors[prepared.outputs[k]].mean_reading(*value);
                     let sum = &mut sums[prepared.outputs[k]];
                     sum.0 += off * off;
                     sum.1 += 1;
@@ -142,19 +142,19 @@ pub fn errors_of(whitened: &WhitenedResiduals, simulated: &[Simulated]) -> Vec<E
 
 /// The removed share of the squared error above the noise, over all outputs in units of their noise.
 pub fn gain(before: &[Error], after: &[Error]) -> f64 {
-    let [before, after] = [before, after].map(|errors| errors.iter().map(|it| above(it.noise_ratio * it.noise_ratio)).sum());
-    gone(before, after)
+    let [before, after] = [before, after].map(|errors| errors.iter().map(|it| excess(it.noise_ratio * it.noise_ratio)).sum());
+    removed_share(before, after)
 }
 
 /// The same from sums over each output: squares over the noise before and after, and counts.
 pub fn gain_of(sums: &[[f64; 3]; 3]) -> f64 {
-    let of = |which: usize| sums.iter().filter(|it| it[2] > 0.0).map(|it| above(it[which] / it[2])).sum();
-    gone(of(0), of(1))
+    let of = |which: usize| sums.iter().filter(|it| it[2] > 0.0).map(|it| excess(it[which] / it[2])).sum();
+    removed_share(of(0), of(1))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::noise::Floor;
+    use super::super::noise::NoiseFloor;
     use super::*;
     use rsm_core::source::Source;
     use rsm_fit::random::Random;
@@ -181,7 +181,7 @@ mod tests {
         }
         // Two standard deviations off, the first reading is two radians of the ripple off at the end.
         record.measured[1].as_mut().unwrap()[0] = 12.04;
-        let whitened = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 3)], sds.map(Floor::white), 1);
+        let whitened = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 3)], sds.map(NoiseFloor::white), 1);
         let model = Model::nominal(&PlantFile { tolerance: Vec::new(), ..file }, &[&record], sds);
         // White noise in 4500 readings: four standard deviations, 4 sqrt(2 * 4500), and the four squared ones of the first.
         let left = squared_residual(&whitened, &model).unwrap();

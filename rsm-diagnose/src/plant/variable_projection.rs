@@ -9,7 +9,7 @@ use super::model::{Model, Place};
 use super::nuisance::{Nuisance, Released};
 use super::whitened_residuals::{Column, Simulated, WhitenedResiduals};
 use crate::engine::columns::dot;
-use crate::engine::levenberg::{Amount, Problem, Rules, descend};
+use crate::engine::levenberg::{CostTolerance, Problem, Rules, descend};
 use crate::engine::normal::{Normal, symmetric};
 use rsm_sim::plant_file::Entry;
 
@@ -59,7 +59,7 @@ impl OwnParameters<'_> {
 }
 
 impl Problem for OwnParameters<'_> {
-    type Place = Iterate;
+    type Iterate = Iterate;
     type Derivatives = Vec<Column>;
     /// The matrix and the right-hand side after the free unknowns are projected out.
     type Equations = (Vec<f64>, Vec<f64>);
@@ -75,7 +75,7 @@ impl Problem for OwnParameters<'_> {
     fn equations(&self, at: &Iterate, columns: &Vec<Column>) -> Self::Equations {
         let (n, nuisance, back) = (columns.len(), self.nuisance, at.left.1);
         let products: Vec<Vec<f64>> = columns.iter().map(|column| nuisance.products(&column.values)).collect();
-        let matrix = symmetric(n, |i, j| nuisance.between(columns[i].and(&columns[j]), &products[i], &products[j], back));
+        let matrix = symmetric(n, |i, j| nuisance.between(columns[i].dot(&columns[j]), &products[i], &products[j], back));
         let left = nuisance.products(&at.residual);
         let asked = |i: usize| nuisance.between(dot(&columns[i].values, &at.residual), &products[i], &left, back);
         (matrix, (0..n).map(asked).collect())
@@ -95,8 +95,8 @@ impl Problem for OwnParameters<'_> {
         self.standing(model)
     }
 
-    fn goes_on(&self) -> bool {
-        !self.whitened.pace.is_spent()
+    fn may_continue(&self) -> bool {
+        !self.whitened.work.is_limit_reached()
     }
 }
 
@@ -121,12 +121,19 @@ pub fn project(
     }
     let problem = OwnParameters { whitened, nuisance, own };
     let start = problem.standing(model)?;
-    if steps == 0 || problem.own.is_empty() || !problem.goes_on() {
+    if steps == 0 || problem.own.is_empty() || !problem.may_continue() {
         return Some((start.model, start.left.0));
     }
-    let enough = Amount { least: ENOUGH, share: ENOUGH_SHARE };
-    let rules =
-        Rules { steps, tries: [4; 2], worth: Some(enough), undamps: false, enough, kept_promise: 0.0, ends_exact: false };
+    let enough = CostTolerance { absolute: ENOUGH, relative: ENOUGH_SHARE };
+    let rules = Rules {
+        steps,
+        tries: [4; 2],
+        least_predicted_gain: Some(enough),
+        retries_undamped: false,
+        least_gain: enough,
+        least_gain_ratio: 0.0,
+        ends_exact: false,
+    };
     let (at, _) = descend(&problem, start, None, &rules)?;
     Some((at.model, at.left.0))
 }

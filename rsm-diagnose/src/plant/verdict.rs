@@ -20,7 +20,7 @@ use super::final_fit;
 use super::gaps;
 use super::model::Model;
 use super::nested_models;
-use super::noise::Floor;
+use super::noise::NoiseFloor;
 use super::own_noise::by_own_noise;
 use super::posterior::Posterior;
 use super::predictors;
@@ -65,7 +65,7 @@ fn by_gain(gains: &[f64]) -> Vec<usize> {
 }
 
 /// The structure that rounding may leave above the noise: none if the floors of all rounded outputs include the rounding and their noise is white.
-fn of_rounding<'a>(mut rounded: impl Iterator<Item = &'a Floor>) -> f64 {
+fn of_rounding<'a>(mut rounded: impl Iterator<Item = &'a NoiseFloor>) -> f64 {
     if rounded.all(|floor| floor.rounding.is_some() && floor.correlation == 0.0) { 0.0 } else { OF_ROUNDING }
 }
 
@@ -152,7 +152,7 @@ pub fn conclude(
             explained: is_explained(structure, stopped),
             rivals_tested: one.rivals_tested,
         };
-        let by_law = known_loop.as_ref().is_some_and(|it| it.says(file, &fit.model.file.effects[place]));
+        let by_law = known_loop.as_ref().is_some_and(|it| it.identifies(file, &fit.model.file.effects[place]));
         let confidence = sure(confidence::confidence(&judged), by_law);
         causes.push(cause(&fit, place, one, alike, confidence, contributions.get(place).cloned().flatten()));
     }
@@ -168,7 +168,7 @@ pub fn conclude(
         ));
     }
     let rows = whitened.records.iter().map(|it| it.record.rows()).sum();
-    let by_law = known_loop.as_ref().map_or_else(Vec::new, |it| it.beside(file, &fit.model.file.effects, rows));
+    let by_law = known_loop.as_ref().map_or_else(Vec::new, |it| it.further_causes(file, &fit.model.file.effects, rows));
     let (told_by_law, by_law): (Vec<Cause>, Vec<Entry>) = by_law.into_iter().unzip();
     // The result of a known control law about a sensor replaces that of the search.
     replace(&mut causes, told_by_law, |it| (it.kind, it.subject.clone()));
@@ -250,8 +250,8 @@ fn mean_excess(cost: f64, rows: usize) -> f64 {
 fn practical(left: f64, wrong: f64) -> Option<Practical> {
     // Without an error before, nothing is removed.
     // mutant `f64::MIN_POSITIVE doubled`: both are far below any residual.
-    let gone = 1.0 - left.max(0.0) / wrong.max(f64::MIN_POSITIVE);
-    (left < FOR_PRACTICE && gone > NEARLY_ALL).then_some(Practical { gone, left })
+    let removed = 1.0 - left.max(0.0) / wrong.max(f64::MIN_POSITIVE);
+    (left < FOR_PRACTICE && removed > NEARLY_ALL).then_some(Practical { removed, left })
 }
 
 /// The allowed energy above the noise, divided by the noise energy; `wrong` is the mean error of the calibrated plant per row.

@@ -31,16 +31,16 @@ pub const MOST: usize = 400;
 const LONGEST_WAVE: usize = 2;
 
 /// The number of lines that are refined. Half a line beside its optimum, a wave still has three quarters of its gain.
-const LOOKED: usize = 8;
+const MOST_LINES_REFINED: usize = 8;
 
 /// The number of waves in the result.
-const KEPT: usize = 3;
+const MOST_WAVES_KEPT: usize = 3;
 
 /// A wave is not visible if the position noise is more than this many radians of it. At one radian, the mean of its sine falls by exp(-1/2).
 const LARGEST_NOISE: f64 = 1.0;
 
 /// A trace counts as dependent if less than this share of its length is independent of the others. Traces are accurate to six digits.
-const OF_ITS_OWN: f64 = 1e-6;
+const LEAST_INDEPENDENT_SHARE: f64 = 1e-6;
 
 /// Steps of the search about a line of the spectrum: 0.618^12 of two lines is a hundredth of a line, where the maximum is flat.
 const REFINED: usize = 12;
@@ -51,10 +51,10 @@ const REFINED: usize = 12;
 pub const REACHES: [usize; 4] = [10, 40, 160, 640];
 
 /// The same in the order of trials if a free run is already near. Its error is usually slower than the first of these.
-pub const AGAIN: [usize; 5] = [40, 10, 160, 40, 160];
+pub const REACHES_FROM_RUN: [usize; 5] = [40, 10, 160, 40, 160];
 
 /// The number of rounds in which a step and its second-order effect are computed in turn. Each leaves a tenth if both are of the same size.
-const BENT: usize = 6;
+const SECOND_ORDER_ROUNDS: usize = 6;
 
 /// The data for the gain of waves.
 struct Waves<'k> {
@@ -84,7 +84,7 @@ impl<'k> Waves<'k> {
         let laws = waves.traces.answer(|_, v, u| [1.0, v, sign(v), u]);
         laws.into_iter().for_each(|law| waves.add(law));
         for direction in &waves.free {
-            take_off(&mut waves.residual, direction);
+            project_out(&mut waves.residual, direction);
         }
         waves
     }
@@ -93,10 +93,10 @@ impl<'k> Waves<'k> {
         let before = dot(&column, &column).sqrt();
         // Twice is enough (W. Kahan, in B. N. Parlett, 1980).
         for _ in 0..2 {
-            self.free.iter().for_each(|direction| take_off(&mut column, direction));
+            self.free.iter().for_each(|direction| project_out(&mut column, direction));
         }
         let after = dot(&column, &column).sqrt();
-        if after > OF_ITS_OWN * before && after.is_finite() {
+        if after > LEAST_INDEPENDENT_SHARE * before && after.is_finite() {
             column.iter_mut().for_each(|value| *value /= after);
             self.free.push(column);
         }
@@ -111,7 +111,10 @@ impl<'k> Waves<'k> {
         let asked = traces.each_ref().map(|trace| dot(trace, &self.residual));
         let whole = ss * cc - sc * sc;
         // The two traces are dependent on each other or on the free directions, so the wave cannot be estimated.
-        if whole.is_nan() || whole <= OF_ITS_OWN * OF_ITS_OWN * dot(&traces[0], &traces[0]) * dot(&traces[1], &traces[1]) {
+        if whole.is_nan()
+            || whole
+                <= LEAST_INDEPENDENT_SHARE * LEAST_INDEPENDENT_SHARE * dot(&traces[0], &traces[0]) * dot(&traces[1], &traces[1])
+        {
             return (0.0, [0.0; 2]);
         }
         let factors = [(cc * asked[0] - sc * asked[1]) / whole, (ss * asked[1] - sc * asked[0]) / whole];
@@ -146,7 +149,7 @@ impl<'k> Waves<'k> {
     }
 }
 
-fn take_off(column: &mut [f64], direction: &[f64]) {
+fn project_out(column: &mut [f64], direction: &[f64]) {
     let share = dot(column, direction);
     column.iter_mut().zip(direction).for_each(|(value, direction)| *value -= share * direction);
 }
@@ -166,7 +169,7 @@ pub fn waves(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Wave> {
     let mut peaks: Vec<usize> =
         (0..gains.len()).filter(|&k| at(k) > 0.0 && (k == 0 || at(k) >= at(k - 1)) && at(k) > at(k + 1)).collect();
     peaks.sort_by(|a, b| at(*b).total_cmp(&at(*a)));
-    peaks.truncate(LOOKED);
+    peaks.truncate(MOST_LINES_REFINED);
     let mut found: Vec<(f64, Wave)> = Vec::new();
     for k in peaks {
         let number = waves.best_between((numbers[k] - line).max(LONGEST_WAVE as f64 * line), numbers[k] + line);
@@ -176,7 +179,7 @@ pub fn waves(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Wave> {
         }
     }
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    found.truncate(KEPT);
+    found.truncate(MOST_WAVES_KEPT);
     found.into_iter().map(|it| it.1).collect()
 }
 
@@ -199,7 +202,7 @@ fn travel(whitened: &WhitenedResiduals) -> Option<f64> {
 /// Whether an entry is not a wave over the position, or is one with at least a whole period in the records. A shorter part of a wave can describe any
 /// smooth force, for example a spring.
 #[must_use]
-pub fn comes_again(whitened: &WhitenedResiduals, entry: &Entry) -> bool {
+pub fn has_whole_period(whitened: &WhitenedResiduals, entry: &Entry) -> bool {
     let wave = Some(entry).filter(|it| is_wave(it.description, it.arguments.plant));
     wave.and_then(|it| of(&it.arguments)).is_none_or(|wave| travel(whitened).is_some_and(|travel| wave.pitch <= travel))
 }
@@ -220,39 +223,51 @@ pub fn of(arguments: &Arguments) -> Option<Wave> {
 /// A plant with a wave, near the joint optimum: all free unknowns of the fit and the wave, by least squares along the measured positions; and its
 /// predicted squared residual. Each of `reaches` is one turn. A free run with only the wave added would start far from the optimum of the others.
 #[must_use]
-pub fn led(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, entry: &Entry, reaches: &[usize]) -> Option<(Model, f64)> {
+pub fn joint_fit(
+    whitened: &WhitenedResiduals,
+    fit: &Fit,
+    nominal: &Model,
+    entry: &Entry,
+    reaches: &[usize],
+) -> Option<(Model, f64)> {
     let mut traces = PositionTraces::new(whitened, fit);
     // After other causes were accepted, the wave moves by less than half a line, and in each turn by less than a twentieth.
-    let mut found = led_once(traces, fit, of(&entry.arguments)?.pitch, 0.5)?;
+    let mut found = joint_fit_near(traces, fit, of(&entry.arguments)?.pitch, 0.5)?;
     for reach in reaches {
         // The plant has changed, so derivatives and responses are computed again.
         let base = levenberg::linearised(whitened, found.model.clone())?;
         traces = PositionTraces::new(whitened, &base);
         traces.follow_with(&base, &found.traces, &found.wave, *reach);
-        let next = led_once(traces, &base, found.wave.pitch, 0.05)?;
+        let next = joint_fit_near(traces, &base, found.wave.pitch, 0.05)?;
         if next.cost >= found.cost {
             break;
         }
         found = next;
     }
-    Some((found.model.joined(nominal, said(entry, &found.wave)), found.cost))
+    Some((found.model.joined(nominal, entry_with_wave(entry, &found.wave)), found.cost))
 }
 
 /// A plant with a wave whose free run ended in a local minimum, fitted again along the positions corrected over this many rows on either side.
 /// `place` is the index of the wave among its effects.
 #[must_use]
-pub fn led_again(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, place: usize, reach: usize) -> Option<Model> {
+pub fn joint_fit_from_run(
+    whitened: &WhitenedResiduals,
+    fit: &Fit,
+    nominal: &Model,
+    place: usize,
+    reach: usize,
+) -> Option<Model> {
     let entry = &fit.model.file.effects[place];
     let wave = of(&entry.arguments)?;
     let base = levenberg::linearised(whitened, fit.model.minus(nominal, place))?;
     let mut traces = PositionTraces::new(whitened, &base);
     traces.follow(fit, reach);
-    let found = led_once(traces, &base, wave.pitch, 0.05)?;
-    Some(found.model.joined(nominal, said(entry, &found.wave)))
+    let found = joint_fit_near(traces, &base, wave.pitch, 0.05)?;
+    Some(found.model.joined(nominal, entry_with_wave(entry, &found.wave)))
 }
 
 /// An entry with the parameters of a wave.
-fn said(entry: &Entry, wave: &Wave) -> Entry {
+fn entry_with_wave(entry: &Entry, wave: &Wave) -> Entry {
     let mut entry = entry.clone();
     for (name, value) in &mut entry.arguments.numbers {
         match *name {
@@ -266,7 +281,7 @@ fn said(entry: &Entry, wave: &Wave) -> Entry {
 }
 
 /// The result of one turn.
-struct Led<'k> {
+struct JointFit<'k> {
     traces: PositionTraces<'k>,
     wave: Wave,
     /// The plant of the fit, with its unknowns moved.
@@ -276,7 +291,7 @@ struct Led<'k> {
 }
 
 /// The best wave within this many lines of a pitch, with the plant.
-fn led_once<'k>(traces: PositionTraces<'k>, fit: &Fit, pitch: f64, reach: f64) -> Option<Led<'k>> {
+fn joint_fit_near<'k>(traces: PositionTraces<'k>, fit: &Fit, pitch: f64, reach: f64) -> Option<JointFit<'k>> {
     let waves = Waves::new(traces, fit);
     let line = TAU * 0.5 / travel(waves.traces.whitened)?;
     let number = TAU / pitch;
@@ -285,7 +300,7 @@ fn led_once<'k>(traces: PositionTraces<'k>, fit: &Fit, pitch: f64, reach: f64) -
     let (solved, cost) = joint.solved(&waves.curvatures);
     let model = fit.model.moved(&joint.unknowns, &solved);
     let wave = wave(number, [solved[joint.unknowns.len()], solved[joint.unknowns.len() + 1]]);
-    cost.is_finite().then_some(Led { traces: waves.traces, wave, model, cost })
+    cost.is_finite().then_some(JointFit { traces: waves.traces, wave, model, cost })
 }
 
 /// The normal equations of all free unknowns of a fit and of the two traces of a wave.
@@ -309,7 +324,7 @@ impl<'f> Joint<'f> {
         for i in 0..before {
             whole[i * n..i * n + before].copy_from_slice(&matrix[i * before..(i + 1) * before]);
             for (k, trace) in traces.iter().enumerate() {
-                let product = columns[i].with(trace);
+                let product = columns[i].dot_stack(trace);
                 (whole[i * n + before + k], whole[(before + k) * n + i]) = (product, product);
             }
         }
@@ -328,7 +343,7 @@ impl<'f> Joint<'f> {
         let before = self.unknowns.len();
         let mut solved = self.normal.solve(&self.right);
         let mut left = self.fit.residual.clone();
-        for _ in 0..BENT {
+        for _ in 0..SECOND_ORDER_ROUNDS {
             // The second-order effect of the last step is subtracted from the residual.
             left.clone_from(&self.fit.residual);
             for bend in curvatures {
@@ -336,7 +351,8 @@ impl<'f> Joint<'f> {
                 left.iter_mut().zip(&bend.trace).for_each(|(value, bend)| *value -= share * bend);
             }
             let of_unknowns = self.columns.iter().zip(&self.right);
-            let of_unknowns = of_unknowns.map(|(column, right)| right + column.with(&left) - column.with(&self.fit.residual));
+            let of_unknowns =
+                of_unknowns.map(|(column, right)| right + column.dot_stack(&left) - column.dot_stack(&self.fit.residual));
             let asked: Vec<f64> = of_unknowns.chain(self.traces.iter().map(|trace| dot(trace, &left))).collect();
             solved = self.normal.solve(&asked);
         }
@@ -358,7 +374,7 @@ impl<'f> Joint<'f> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::noise::Floor;
+    use super::super::noise::NoiseFloor;
     use super::super::whitened_residuals::Prepared;
     use super::*;
     use rsm_core::source::Source;
@@ -401,7 +417,7 @@ mod tests {
             let noisy = simulated.of(name).unwrap().iter().map(|value| value + NOISE[k] * random.normal());
             record.measured[k] = Some(noisy.collect());
         }
-        let floors = by_output(&NOISE, 1.0).map(Floor::white);
+        let floors = by_output(&NOISE, 1.0).map(NoiseFloor::white);
         let whitened = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], floors, 1);
         let nominal = Model::nominal(&file, &[&record], by_output(&NOISE, 1.0));
         let fit = levenberg::fit(&whitened, nominal.clone(), 8).unwrap();
@@ -429,12 +445,12 @@ mod tests {
             Entry { description: rsm_sim::effects::of("cogging-torque").unwrap(), arguments }
         };
         // The moves go 0.1 m; what is not read is no way.
-        assert!(comes_again(&whitened, &entry(0.09)) && !comes_again(&whitened, &entry(0.11)));
+        assert!(has_whole_period(&whitened, &entry(0.09)) && !has_whole_period(&whitened, &entry(0.11)));
         let mut halved = whitened.clone();
         let place = halved.records[0].outputs.iter().position(|it| *it == 0).unwrap();
         let near: Vec<bool> = halved.records[0].measured(place).iter().map(|q| *q < 0.05).collect();
         halved.records[0].used[place] = near;
-        assert!(!comes_again(&halved, &entry(0.09)));
+        assert!(!has_whole_period(&halved, &entry(0.09)));
         assert!(waves(&whitened, &fit).iter().all(|wave| wave.pitch <= 0.11));
     }
 
@@ -446,7 +462,7 @@ mod tests {
             let description = rsm_sim::effects::of("cogging-torque").unwrap();
             let numbers = vec![("amplitude", found.amplitude), ("pitch", found.pitch), ("phase", found.phase)];
             let arguments = Arguments { plant: PlantKind::ServoAxis, subject: None, numbers };
-            let (model, cost) = led(&whitened, &fit, &nominal, &Entry { description, arguments }, &REACHES).unwrap();
+            let (model, cost) = joint_fit(&whitened, &fit, &nominal, &Entry { description, arguments }, &REACHES).unwrap();
             let rows = whitened.rows() as f64;
             // White noise: four standard deviations, 4 sqrt(2 rows).
             let four = 4.0 * (2.0 * rows).sqrt();

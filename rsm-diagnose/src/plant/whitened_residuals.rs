@@ -4,11 +4,11 @@
 //! The bits do not depend on the number of threads: each simulation is one job with its own place in the result.
 
 use super::model::{Model, Place};
-use super::noise::Floor;
+use super::noise::NoiseFloor;
 pub use super::prepared::Prepared;
 use super::tails::Tails;
 use crate::engine::columns::dot;
-use crate::engine::work::Count;
+use crate::engine::work::WorkCount;
 use rsm_sim::equation_plant;
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::{Entry, PlantFile};
@@ -58,13 +58,13 @@ pub struct Column {
 impl Column {
     /// The inner product with a whole stack.
     #[must_use]
-    pub fn with(&self, stack: &[f64]) -> f64 {
+    pub fn dot_stack(&self, stack: &[f64]) -> f64 {
         dot(&self.values, &stack[self.first..self.first + self.values.len()])
     }
 
     /// The inner product of two columns.
     #[must_use]
-    pub fn and(&self, other: &Column) -> f64 {
+    pub fn dot(&self, other: &Column) -> f64 {
         let first = self.first.max(other.first);
         let end = (self.first + self.values.len()).min(other.first + other.values.len());
         if first >= end {
@@ -80,59 +80,62 @@ pub struct WhitenedResiduals {
     /// The records.
     pub records: Vec<Prepared>,
     /// Noise of each output of the plant.
-    pub floors: [Floor; OUTPUTS],
+    pub floors: [NoiseFloor; OUTPUTS],
     /// The distributions by which readings were corrected for heavy tails.
     pub tails: [Option<Tails>; OUTPUTS],
     /// The number of simulations in parallel.
     pub threads: usize,
     /// The work limit of simulations, and the work so far.
-    pub pace: Pace,
+    pub work: SimulationWork,
 }
 
 /// The work of simulations in sub-steps. A count, not seconds, so that results are the same on every machine.
 #[derive(Debug, Clone)]
-pub struct Pace {
+pub struct SimulationWork {
     /// The mean number of sub-steps per row of a record at which a run is stopped.
     pub most: usize,
     /// The sub-steps of all runs with this value and its clones, and the number at which multistart ends with its best result.
-    count: Count,
+    count: WorkCount,
 }
 
-impl Default for Pace {
+impl Default for SimulationWork {
     fn default() -> Self {
-        Pace { most: MOST_STEPS_A_ROW, count: Count::within(u64::MAX) }
+        SimulationWork { most: MOST_STEPS_A_ROW, count: WorkCount::within(u64::MAX) }
     }
 }
 
-impl Pace {
+impl SimulationWork {
     /// The same limit for each run, with a separate count.
     #[must_use]
-    pub fn anew(&self) -> Self {
-        Pace { most: self.most, ..Pace::default() }
+    pub fn with_new_count(&self) -> Self {
+        SimulationWork { most: self.most, ..SimulationWork::default() }
     }
 
     /// Sub-steps so far.
     #[must_use]
-    pub fn taken(&self) -> u64 {
-        self.count.taken()
+    pub fn done(&self) -> u64 {
+        self.count.done()
     }
 
     /// Sets the limit of sub-steps, counted from the beginning. It holds for all clones.
-    pub fn ends_at(&self, steps: u64) {
-        self.count.ends_at(steps);
+    pub fn set_limit(&self, steps: u64) {
+        self.count.set_limit(steps);
     }
 
     /// Whether the limit is used up. Call this between runs, never in parallel with them: then the answer does not depend on the number of threads.
     #[must_use]
-    pub fn is_spent(&self) -> bool {
-        self.count.is_spent()
+    pub fn is_limit_reached(&self) -> bool {
+        self.count.is_limit_reached()
     }
 
     /// The limits for candidates, relative to a plant whose run over this many rows took this many sub-steps.
     #[must_use]
-    pub fn beside(&self, steps: u64, rows: usize) -> Self {
+    pub fn for_candidates(&self, steps: u64, rows: usize) -> Self {
         let own = usize::try_from(steps / rows.max(1) as u64).unwrap_or(usize::MAX);
-        Pace { most: LEAST_ALLOWED.max(own.saturating_mul(TIMES_THE_PLANT)).min(MOST_STEPS_A_ROW.max(own)), ..self.clone() }
+        SimulationWork {
+            most: LEAST_ALLOWED.max(own.saturating_mul(TIMES_THE_PLANT)).min(MOST_STEPS_A_ROW.max(own)),
+            ..self.clone()
+        }
     }
 }
 
@@ -167,14 +170,14 @@ fn side_by_side(jobs: &[(usize, &Model)]) -> Vec<Vec<usize>> {
 impl WhitenedResiduals {
     /// Records without a simulation yet.
     #[must_use]
-    pub fn new(records: Vec<Prepared>, floors: [Floor; OUTPUTS], threads: usize) -> Self {
-        WhitenedResiduals { records, floors, tails: [None; OUTPUTS], threads, pace: Pace::default() }
+    pub fn new(records: Vec<Prepared>, floors: [NoiseFloor; OUTPUTS], threads: usize) -> Self {
+        WhitenedResiduals { records, floors, tails: [None; OUTPUTS], threads, work: SimulationWork::default() }
     }
 
     /// The same for other records, with a shared count of work.
     #[must_use]
     pub fn on(&self, records: Vec<Prepared>) -> Self {
-        WhitenedResiduals { records, floors: self.floors, tails: self.tails, threads: self.threads, pace: self.pace.clone() }
+        WhitenedResiduals { records, floors: self.floors, tails: self.tails, threads: self.threads, work: self.work.clone() }
     }
 
     /// Runs jobs on all threads; `None` for a job whose simulation failed.
@@ -194,8 +197,8 @@ impl WhitenedResiduals {
         let record = jobs[group[0]].0;
         let prepared = &self.records[record];
         let files: Vec<PlantFile> = group.iter().map(|place| jobs[*place].1.for_record(record, &prepared.record)).collect();
-        let (found, taken) = equation_plant::together(&files, &prepared.record, self.pace.most);
-        self.pace.count.takes(taken);
+        let (found, taken) = equation_plant::together(&files, &prepared.record, self.work.most);
+        self.work.count.add(taken);
         let shown = |values: Vec<Vec<f64>>| -> Option<Simulated> {
             let shown: Simulated = prepared.outputs.iter().map(|output| values[*output].clone()).collect();
             shown.iter().flatten().all(|value| value.is_finite()).then_some(shown)
@@ -208,9 +211,9 @@ impl WhitenedResiduals {
     pub fn all_outputs(&self, record: usize, model: &Model) -> Option<Outputs> {
         let prepared = &self.records[record];
         let file = model.for_record(record, &prepared.record);
-        let mut simulator = Simulator::new(&file, &prepared.record).ok()?.at_most(self.pace.most);
+        let mut simulator = Simulator::new(&file, &prepared.record).ok()?.at_most(self.work.most);
         let done = simulator.run(&prepared.record);
-        self.pace.count.takes(simulator.taken());
+        self.work.count.add(simulator.taken());
         done.ok()
     }
 
@@ -241,9 +244,10 @@ impl WhitenedResiduals {
             for (k, values) in simulated.iter().enumerate() {
                 let floor = &self.floors[prepared.outputs[k]];
                 difference.clear();
-                difference
-                    .extend(prepared.measured(k).iter().zip(values).map(|(measured, value)| measured - floor.reads(*value)));
-                floor.even(prepared.measured(k), &mut difference);
+                difference.extend(
+                    prepared.measured(k).iter().zip(values).map(|(measured, value)| measured - floor.mean_reading(*value)),
+                );
+                floor.to_uniform_noise(prepared.measured(k), &mut difference);
                 floor.whiten(&difference, &prepared.used[k], &mut stack);
             }
         }
@@ -260,7 +264,7 @@ impl WhitenedResiduals {
             difference.clear();
             difference.extend(from.iter().zip(to).map(|(from, to)| (to - from) / step));
             let floor = &self.floors[prepared.outputs[k]];
-            floor.even(prepared.measured(k), &mut difference);
+            floor.to_uniform_noise(prepared.measured(k), &mut difference);
             floor.whiten(&difference, &prepared.used[k], &mut stack);
         }
         stack
@@ -373,7 +377,7 @@ mod tests {
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let share = |noise: f64| {
             let records = vec![Prepared::new(record.clone(), 2)];
-            let whitened = WhitenedResiduals::new(records, [Floor::white(noise); OUTPUTS], 1);
+            let whitened = WhitenedResiduals::new(records, [NoiseFloor::white(noise); OUTPUTS], 1);
             let model = Model::nominal(&file, &[&record], [noise; OUTPUTS]);
             let simulated = whitened.run(&model).unwrap();
             let mass = model.unknowns.iter().position(|it| it.place == Place::Nominal("mass")).unwrap();

@@ -53,8 +53,8 @@ pub struct RemainingStructure {
 
 /// The value that the largest of this many deviations of noise exceeds once in two hundred cases, divided among this many tests.
 #[must_use]
-pub fn point(bands: usize, looks: usize) -> f64 {
-    quantile(ALARM_OF_STRUCTURE / (TESTS * bands.max(1) * looks.max(1)) as f64)
+pub fn point(bands: usize, tests: usize) -> f64 {
+    quantile(ALARM_OF_STRUCTURE / (TESTS * bands.max(1) * tests.max(1)) as f64)
 }
 
 /// Tests the residual of a fit.
@@ -63,9 +63,9 @@ pub fn test(whitened: &WhitenedResiduals, fit: &Fit) -> RemainingStructure {
     test_among(whitened, fit, 1)
 }
 
-/// The same, as one of `looks` tests with a common false alarm rate.
+/// The same, as one of `tests` tests with a common false alarm rate.
 #[must_use]
-pub fn test_among(whitened: &WhitenedResiduals, fit: &Fit, looks: usize) -> RemainingStructure {
+pub fn test_among(whitened: &WhitenedResiduals, fit: &Fit, tests: usize) -> RemainingStructure {
     let mut sums = [[Octave::default(); OCTAVES]; OUTPUTS];
     let mut rate = 0.0_f64;
     let mut first = 0;
@@ -95,7 +95,7 @@ pub fn test_among(whitened: &WhitenedResiduals, fit: &Fit, looks: usize) -> Rema
             });
         }
     }
-    let point = point(bands.len(), looks);
+    let point = point(bands.len(), tests);
     let all: f64 = bands.iter().map(|band| band.lines as f64).sum();
     let beyond = bands.iter().filter(|band| band.deviation > point);
     let excess = beyond.map(|band| (band.ratio - 1.0) * band.lines as f64).sum::<f64>() / all.max(1.0);

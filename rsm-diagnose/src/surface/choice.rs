@@ -95,7 +95,7 @@ pub(super) fn causes(
 }
 
 fn counted(candidates: &[Candidate], residual: &[f64], work: &Work<'_>) -> Search {
-    work.takes(Search::multiplications(candidates, residual.len()));
+    work.add(Search::multiplications(candidates, residual.len()));
     Search::new(candidates, residual)
 }
 

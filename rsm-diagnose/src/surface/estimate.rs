@@ -7,7 +7,7 @@
 use super::explained::{Explained, settle, solved};
 use super::hypotheses::{Claim, moved};
 use super::sample::Sample;
-use crate::engine::columns::{Solved, dot, solve};
+use crate::engine::columns::{LeastSquares, dot, solve};
 use crate::engine::significance::t_of;
 
 /// The estimated unknowns of one cause.
@@ -173,7 +173,7 @@ fn slope(sample: &Sample, sensors: &[(f64, f64)], input: usize, (gain, bias): (f
 /// The parameters of every cause.
 pub(super) fn numbers(sample: &Sample, found: &Explained) -> Estimates {
     let space = found.space(sample);
-    let solved: Solved = solved(sample, &found.set, &space);
+    let solved: LeastSquares = solved(sample, &found.set, &space);
     let freedom = space.rows().saturating_sub(solved.rank).max(1) as f64;
     let sd = (dot(&solved.residual, &solved.residual) / freedom).sqrt();
     let t = t_of(OUTSIDE, freedom);

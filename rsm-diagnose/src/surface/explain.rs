@@ -41,7 +41,7 @@ pub(super) fn explain(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &T
     for looseness in loosenesses(sample) {
         for (growth, rho) in [(None, None), (grown, None), (None, following), (grown, following)] {
             let noise = Noise { growth, rho };
-            if best.is_some() && !work.goes_on() {
+            if best.is_some() && !work.has_work_left() {
                 break;
             }
             let found = from_noise(sample, hypotheses, thresholds, noise, looseness, work);
@@ -74,7 +74,7 @@ pub(super) fn from_noise(
     };
     let outlying = outliers(sample, &even, thresholds);
     let found = turns(sample, hypotheses, thresholds, even.clone(), work);
-    if outlying.is_empty() || !work.goes_on() {
+    if outlying.is_empty() || !work.has_work_left() {
         return found;
     }
     let other = turns(sample, hypotheses, thresholds, Explained { outliers: outlying, ..even }, work);
@@ -145,7 +145,7 @@ fn turns(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, st
     let mut best: Option<Explained> = None;
     for _ in 0..TURNS {
         let entered = now.looseness.max(f64::MIN_POSITIVE);
-        if best.is_some() && !work.goes_on() {
+        if best.is_some() && !work.has_work_left() {
             break;
         }
         now.set = causes(sample, hypotheses, thresholds, &now, work);

@@ -7,7 +7,7 @@ use super::hypotheses::Hypothesis;
 use super::noise::Growth;
 use super::sample::Sample;
 use super::whitening::{Shape, Space};
-use crate::engine::columns::{Solved, solve};
+use crate::engine::columns::{LeastSquares, solve};
 
 /// The noise model.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -68,13 +68,13 @@ pub(super) fn settle(sample: &Sample, now: &mut Explained) {
 }
 
 /// The least-squares problem of a set.
-pub(super) fn solved(sample: &Sample, set: &[Hypothesis], space: &Space) -> Solved {
+pub(super) fn solved(sample: &Sample, set: &[Hypothesis], space: &Space) -> LeastSquares {
     let columns: Vec<Vec<f64>> = set.iter().flat_map(|it| &it.columns).map(|column| space.carried(column)).collect();
     solve(&columns, &space.carried(&sample.residual()))
 }
 
 /// The nominal response plus the causes, with the coefficients changed within their uncertainty by the data.
-fn mean(sample: &Sample, set: &[Hypothesis], solved: &Solved, space: &Space) -> Vec<f64> {
+fn mean(sample: &Sample, set: &[Hypothesis], solved: &LeastSquares, space: &Space) -> Vec<f64> {
     let mut fitted = sample.nominal.clone();
     let all = set.iter().flat_map(|it| &it.columns).zip(&solved.coefficients);
     for (column, amplitude) in all {

@@ -15,8 +15,8 @@ use super::extension::{Extension, evaluate, extend};
 use super::hypotheses;
 use super::null::Thresholds;
 use super::sample::{Extra, Sample, Taken};
-use crate::engine::holdout::above;
-pub(super) use crate::engine::holdout::gone;
+use crate::engine::holdout::excess;
+pub(super) use crate::engine::holdout::removed_share;
 use crate::engine::work::Work;
 use rsm_fit::random::Random;
 
@@ -41,7 +41,7 @@ pub struct Errors {
 impl Errors {
     /// The mean square above the noise, divided by the noise variance.
     pub(super) fn excess(&self) -> f64 {
-        above(self.noise_ratio.powi(2))
+        excess(self.noise_ratio.powi(2))
     }
 }
 
@@ -70,7 +70,7 @@ impl Judged {
     /// The removed share of the mean square above the noise; 0 if there was none.
     pub fn gain(&self, noise: f64) -> f64 {
         let [nominal, extended] = [&self.nominal, &self.extended].map(|it| self.errors(it, noise).excess());
-        gone(nominal, extended)
+        removed_share(nominal, extended)
     }
 
     /// With the verdict "no discrepancy" the file stays as it is.

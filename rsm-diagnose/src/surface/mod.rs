@@ -230,7 +230,7 @@ pub fn diagnose_and_test(
     let mean = |of: fn(&ResponseDiagnosis) -> &Errors| -> f64 {
         responses.iter().map(of).map(|it| it.rows as f64 / rows * it.excess()).sum()
     };
-    let gain = holdout::gone(mean(|it| &it.nominal), mean(|it| &it.extended));
+    let gain = holdout::removed_share(mean(|it| &it.nominal), mean(|it| &it.extended));
     Ok(Diagnosis { verdict, responses, extended, gain })
 }
 
@@ -263,12 +263,12 @@ impl Answer {
         let carried: Vec<Vec<Vec<f64>>> =
             hypotheses.iter().map(|it| it.columns.iter().map(|column| space.carried(column)).collect()).collect();
         let thresholds = Thresholds::new(&carried, &sample.nominal, sample.rows(), alpha);
-        let work = Work::telling(MOST_WORK, told);
+        let work = Work::with_progress(MOST_WORK, told);
         let mut found = explain::explain(&sample, &hypotheses, &thresholds, &work);
         estimate::refine(&sample, &mut found);
         let estimates = estimate::numbers(&sample, &found);
         let tests = residual_tests::tests(&sample, &found);
-        Answer { sample, hypotheses, thresholds, found, estimates, tests, stopped: work.ran_out() }
+        Answer { sample, hypotheses, thresholds, found, estimates, tests, stopped: work.has_stopped_work() }
     }
 
     /// The probability below which a test shows structure.

@@ -53,7 +53,7 @@ impl Thresholds {
             let mut share = vec![0.0_f64; widest + 1];
             for basis in &bases {
                 let largest = &mut share[basis.rank()];
-                *largest = largest.max(basis.takes(&draw) / square);
+                *largest = largest.max(basis.projected_square(&draw) / square);
             }
             let tails = share.iter().enumerate().filter(|(_, share)| **share > 0.0);
             let ln_p = tails.map(|(width, share)| ln_p_of_share(*share, width, rows)).fold(0.0, f64::min);

@@ -9,7 +9,7 @@ use rsm_core::model::Evidence;
 use super::explained::Explained;
 use super::sample::Sample;
 use crate::engine::columns::{Basis, dot};
-use crate::engine::significance::{ln_p_of_squares, ln_upper_of_moments, lower_gamma, rarest};
+use crate::engine::significance::{ln_p_of_squares, ln_upper_of_moments, lower_gamma, most_significant};
 use rsm_fit::random::Random;
 
 /// A test for remaining structure.
@@ -107,7 +107,7 @@ fn waves(sample: &Sample, kept: &[usize], left: &[f64], rank: usize, predicted: 
             tried.extend(ln_p_of(left, rank, &pair).map(|ln_p| (ln_p, (order, name.clone()))));
         }
     }
-    let (ln_p, (order, name)) = rarest(tried, 1.0)?;
+    let (ln_p, (order, name)) = most_significant(tried, 1.0)?;
     Some(Test { what: format!("a wave of order {order} over the range of {name}"), ln_p })
 }
 
@@ -131,7 +131,7 @@ fn bends(sample: &Sample, left: &[f64], rank: usize, predicted: &dyn Fn(&[f64]) 
         new.extend(degree.iter().map(|(column, _)| predicted(column)));
         tried.extend(ln_p_of(left, rank, &new).map(|ln_p| (ln_p, order)));
     }
-    let (ln_p, order) = rarest(tried, 1.0)?;
+    let (ln_p, order) = most_significant(tried, 1.0)?;
     Some(Test { what: format!("powers of the inputs up to the order {order}"), ln_p })
 }
 
@@ -142,7 +142,7 @@ fn ln_p_of(left: &[f64], rank: usize, columns: &[Vec<f64>]) -> Option<f64> {
     let length = (left.len() as f64).sqrt();
     let basis = Basis::of(columns.iter().filter(|it| dot(it, it).sqrt() > LEAST_NEW * length));
     let rest = left.len().checked_sub(rank + basis.rank()).filter(|rest| *rest > 0 && basis.rank() > 0)?;
-    let explained = basis.takes(left);
+    let explained = basis.projected_square(left);
     Some(ln_p_of_squares(explained, basis.rank() as f64, dot(left, left) - explained, rest as f64))
 }
 

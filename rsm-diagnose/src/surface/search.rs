@@ -291,10 +291,10 @@ impl Search {
         let mut best = Found { set: Vec::new(), score: self.score(&[]) };
         let mut paths = vec![(best.clone(), Products::new(&self.start))];
         for depth in 1..=MOST_CAUSES {
-            if !work.goes_on() {
+            if !work.has_work_left() {
                 break;
             }
-            work.takes(paths.len() * self.start.width * depth);
+            work.add(paths.len() * self.start.width * depth);
             let mut grown: Vec<(Found, usize)> = Vec::new();
             for (path, (found, products)) in paths.iter().enumerate() {
                 let mut joined = self.joined_to(products, &found.set);
@@ -337,7 +337,7 @@ impl Search {
     fn improved(&self, mut best: Found, work: &Work<'_>) -> Found {
         // Each round lowers the criterion, so the number of rounds is finite; the bound is against cycles by rounding.
         for _ in 0..4 * MOST_CAUSES {
-            if !work.goes_on() {
+            if !work.has_work_left() {
                 break;
             }
             let mut next = best.clone();
@@ -345,7 +345,7 @@ impl Search {
             for out in subsets_of_two(best.set.len()) {
                 let rest: Vec<usize> =
                     (0..best.set.len()).filter(|place| !out.contains(place)).map(|place| best.set[place]).collect();
-                work.takes(self.candidates.len() * self.candidates.len() / 2 + wide * self.start.width * (rest.len() + 1));
+                work.add(self.candidates.len() * self.candidates.len() / 2 + wide * self.start.width * (rest.len() + 1));
                 let products = self.products_of(&rest);
                 let alone = self.misfit(self.residual(&products)) + self.cost(&rest);
                 // A change below a thousandth is rounding error and could cycle.

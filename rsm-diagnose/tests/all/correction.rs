@@ -5,8 +5,8 @@ use crate::random::Random;
 use rsm_core::check::Checked;
 use rsm_core::model_file;
 use rsm_core::source::Source;
-use rsm_diagnose::plant::correction::{self, Offer};
-use rsm_diagnose::plant::noise::Floor;
+use rsm_diagnose::plant::correction::{self, CorrectionResult};
+use rsm_diagnose::plant::noise::NoiseFloor;
 use rsm_diagnose::plant::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::kind::by_output;
@@ -61,7 +61,7 @@ fn records(stiffness: f64, all: &[[f64; 2]], seed: u64) -> (WhitenedResiduals, V
         let [_, position, command] = axis(0.0, *periods);
         simulated.push(vec![position, command]);
     }
-    let floors = by_output(&NOISE, 1.0).map(Floor::white);
+    let floors = by_output(&NOISE, 1.0).map(NoiseFloor::white);
     (WhitenedResiduals::new(records, floors, 1), simulated)
 }
 
@@ -73,7 +73,7 @@ fn a_square_spring_is_corrected_on_unseen_records_and_the_file_checks() {
     let (whitened, simulated) = records(2000.0, &TRAINING, 1);
     let (unseen, simulated_unseen) = records(2000.0, &UNSEEN, 2);
     let found = correction::correction(PlantKind::ServoAxis, &whitened, &simulated, &unseen, &simulated_unseen);
-    let Offer::Gains(found) = found else { panic!("{found:?}") };
+    let CorrectionResult::Useful(found) = found else { panic!("{found:?}") };
     // The spring's force is a function of the position, and in a stiff loop the command is what it asks for: nearly all goes. What stays are the transients of the
     // loop and a third order through q abs(q).
     assert!(found.unseen && found.gain > 0.9 && found.low > 0.8 && found.low < found.gain, "{} {}", found.gain, found.low);
@@ -97,7 +97,7 @@ fn without_unseen_records_the_last_third_judges() {
     let (whitened, simulated) = records(2000.0, &TRAINING, 1);
     let nobody = whitened.on(Vec::new());
     let found = correction::correction(PlantKind::ServoAxis, &whitened, &simulated, &nobody, &[]);
-    let Offer::Gains(found) = found else { panic!("{found:?}") };
+    let CorrectionResult::Useful(found) = found else { panic!("{found:?}") };
     assert!(!found.unseen && found.gain > 0.8, "{}", found.gain);
 }
 
@@ -107,7 +107,7 @@ fn noise_is_not_corrected() {
         let (whitened, simulated) = records(0.0, &TRAINING, seed);
         let (unseen, simulated_unseen) = records(0.0, &UNSEEN, 100 + seed);
         let found = correction::correction(PlantKind::ServoAxis, &whitened, &simulated, &unseen, &simulated_unseen);
-        assert!(matches!(found, Offer::Nothing { .. }), "seed {seed}: {found:?}");
+        assert!(matches!(found, CorrectionResult::NoGain { .. }), "seed {seed}: {found:?}");
     }
 }
 
@@ -127,5 +127,5 @@ fn what_hangs_on_nothing_that_is_simulated_is_refused() {
     let (whitened, simulated) = disturbed(&TRAINING, 1);
     let (unseen, simulated_unseen) = disturbed(&UNSEEN, 6);
     let found = correction::correction(PlantKind::ServoAxis, &whitened, &simulated, &unseen, &simulated_unseen);
-    assert!(matches!(found, Offer::Nothing { .. }), "{found:?}");
+    assert!(matches!(found, CorrectionResult::NoGain { .. }), "{found:?}");
 }

@@ -75,7 +75,7 @@ fn a_cause_explains_for_practical_purposes_where_next_to_nothing_else_is_left() 
     let slight = found(0.07);
     let practical = slight.practical.unwrap_or_else(|| panic!("{:?} {:?}", slight.verdict, slight.predicted));
     assert_eq!((slight.verdict, slight.causes.len()), (Verdict::Explained, 1));
-    assert!(practical.gone > 0.999 && practical.left > 0.0 && practical.left < 0.01, "{practical:?}");
+    assert!(practical.removed > 0.999 && practical.left > 0.0 && practical.left < 0.01, "{practical:?}");
     let wave = slight.predicted.unwrap();
     assert!(wave.what.starts_with("a wave of order 7.5 over a turn"), "{wave:?}");
     // A gain g scatters by 2 sqrt(g): a third of this one, of 3000 or of 1500 rows; two of them.

@@ -6,7 +6,7 @@ use rsm_diagnose::plant::excitations::{self, Limits};
 use rsm_diagnose::plant::experiment::{NextExperiment, next};
 use rsm_diagnose::plant::levenberg::{self, Fit};
 use rsm_diagnose::plant::model::Model;
-use rsm_diagnose::plant::noise::Floor;
+use rsm_diagnose::plant::noise::NoiseFloor;
 use rsm_diagnose::plant::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_diagnose::plant::{Alias, Diagnosis, Options, Verdict, diagnose};
 use rsm_sim::kind::{OUTPUTS, PlantKind, by_output};
@@ -87,7 +87,7 @@ fn friction_and_a_constant_load_are_told_apart_by_the_record_that_is_asked_for()
 
 /// A plant fitted as it stands to what it does itself along a record.
 fn fitted(file: &PlantFile, records: &[Record]) -> (WhitenedResiduals, Fit) {
-    let floors = noise(file.kind).map(|sd| Floor::white(sd.max(1e-9)));
+    let floors = noise(file.kind).map(|sd| NoiseFloor::white(sd.max(1e-9)));
     let outputs = file.kind.outputs().len();
     let prepared = records.iter().map(|it| Prepared::new(it.clone(), outputs)).collect();
     let whitened = WhitenedResiduals::new(prepared, floors, 2);

@@ -312,8 +312,8 @@ fn a_long_rest_is_no_block_and_costs_no_more_than_a_motion() {
     let mut random = Random::new(10);
     let mut speed: Vec<f64> = (0..100_000).map(|_| random.normal()).collect();
     speed[20_000..80_000].fill(0.0);
-    assert_eq!(repeated_blocks::twice(&[&speed]), vec![]);
+    assert_eq!(repeated_blocks::find(&[&speed]), vec![]);
     // A block that was written again in the motion behind it. Rows of the rest are alike, so that it takes 36 rows to be no chance.
     speed.copy_within(90_000..90_060, 95_000);
-    assert_eq!(repeated_blocks::twice(&[&speed]), vec![(95_000, 95_060)]);
+    assert_eq!(repeated_blocks::find(&[&speed]), vec![(95_000, 95_060)]);
 }

@@ -2,7 +2,7 @@
 //!
 //! In: a diagnosis. Out: values of diagnosis.json, and correction.toml. Decides nothing.
 
-use rsm_diagnose::plant::correction::Offer;
+use rsm_diagnose::plant::correction::CorrectionResult;
 use rsm_diagnose::plant::regions::Region;
 use rsm_diagnose::plant::{Cause, Diagnosis};
 use rsm_sim::kind::PlantKind;
@@ -53,8 +53,8 @@ pub fn calibration(found: &Diagnosis) -> Value {
 pub fn correction(kind: PlantKind, found: &Diagnosis) -> Value {
     match &found.error_breakdown.correction {
         None => Value::Null,
-        Some(Offer::Nothing { gain }) => json!({ "file": null, "gain": finite(*gain) }),
-        Some(Offer::Gains(it)) => {
+        Some(CorrectionResult::NoGain { gain }) => json!({ "file": null, "gain": finite(*gain) }),
+        Some(CorrectionResult::Useful(it)) => {
             let outputs = it.outputs.iter().map(|one| {
                 let value = json!({
                     "surface": one.surface, "terms": one.terms,
@@ -73,7 +73,7 @@ pub fn correction(kind: PlantKind, found: &Diagnosis) -> Value {
 /// correction.toml, where there is one.
 pub fn correction_file(found: &Diagnosis) -> Option<String> {
     match &found.error_breakdown.correction {
-        Some(Offer::Gains(it)) => Some(rsm_core::model_file::write(&it.model)),
+        Some(CorrectionResult::Useful(it)) => Some(rsm_core::model_file::write(&it.model)),
         _ => None,
     }
 }

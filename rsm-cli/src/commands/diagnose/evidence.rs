@@ -3,7 +3,7 @@
 //! In: a diagnosis. Out: sentences. Decides nothing: all numbers come from the diagnosis.
 
 use rsm_diagnose::plant::cause::Changes;
-use rsm_diagnose::plant::rejected::Why;
+use rsm_diagnose::plant::rejected::Reason;
 use rsm_diagnose::plant::{Cause, Diagnosis, Verdict};
 use rsm_sim::kind::PlantKind;
 
@@ -146,17 +146,17 @@ fn percent(share: f64) -> String {
 }
 
 /// The reason for rejecting a hypothesis, in words.
-pub fn why(found: &Diagnosis, why: &Why) -> String {
+pub fn why(found: &Diagnosis, why: &Reason) -> String {
     let least = format!("{:.0}", found.threshold);
     match why {
-        Why::Refused(why) => format!("tried and rejected: {why}"),
-        Why::Alike(cause) => format!("not distinguishable from {cause} in these records"),
-        Why::FallsShort { cause, by } => format!("fitted in place of {cause}: its gain is smaller by {}", figure(Some(*by))),
-        Why::PromisesLittle => {
+        Reason::Refused(why) => format!("tried and rejected: {why}"),
+        Reason::Confounded(cause) => format!("not distinguishable from {cause} in these records"),
+        Reason::FitsWorse { cause, by } => format!("fitted in place of {cause}: its gain is smaller by {}", figure(Some(*by))),
+        Reason::LowPredictedGain => {
             format!("its first-order gain is less than {least}, the threshold of significance and effect size")
         }
-        Why::Explained(left) => format!("the causes explain most of its first-order gain: {} is left", figure(Some(*left))),
-        Why::NotKept => {
+        Reason::Explained(left) => format!("the causes explain most of its first-order gain: {} is left", figure(Some(*left))),
+        Reason::NotKept => {
             format!("the full fit did not confirm its first-order gain: less than {least}, or no gain on validation records")
         }
     }

@@ -321,7 +321,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         "helpers": helpers,
         "refused": refused,
         "claims": claims(found),
-        "practical": found.practical.map(|it| json!({ "gone": output::finite(it.gone), "left": output::finite(it.left) })),
+        "practical": found.practical.map(|it| json!({ "gone": output::finite(it.removed), "left": output::finite(it.left) })),
         "nominal": errors(&found.nominal, tested.map(|it| it.nominal.as_slice())),
         "extended": errors(&found.extended, tested.map(|it| it.extended.as_slice())),
         "judged_on": words::CHOSEN,

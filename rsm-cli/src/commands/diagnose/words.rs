@@ -4,11 +4,11 @@
 
 use rsm_diagnose::plant::checks::SWAPPED;
 use rsm_diagnose::plant::claims::Claim;
-use rsm_diagnose::plant::correction::Offer;
+use rsm_diagnose::plant::correction::CorrectionResult;
 use rsm_diagnose::plant::error_breakdown::ErrorBreakdown;
 use rsm_diagnose::plant::gaps::FilledGaps;
 use rsm_diagnose::plant::nested_models::Step;
-use rsm_diagnose::plant::regions::{Region, telling};
+use rsm_diagnose::plant::regions::{Region, most_informative};
 use rsm_diagnose::plant::tested::FIRST_PART;
 use rsm_diagnose::plant::validation::{Error, worst};
 use rsm_diagnose::plant::{Cause, Diagnosis, Interval, Verdict};
@@ -88,14 +88,14 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
                 Some(it) => format!(
                     "{names} {explain} the error of the simulation for practical purposes: {:.2} % of the error above the noise is removed, and {:.2} % of the \
                      noise's energy is left that is more than chance.{stopped} {gain}",
-                    100.0 * it.gone,
+                    100.0 * it.removed,
                     100.0 * it.left
                 ),
                 None => format!("{names} {explain} the error of the simulation; the residuals are noise.{stopped} {gain}"),
             }
         }
         Verdict::Unexplained => {
-            let looks = telling(&found.error_breakdown.after, 1);
+            let looks = most_informative(&found.error_breakdown.after, 1);
             let looks = looks.first().map_or(String::new(), |it| format!(" Most telling: {}.", place(kind, it)));
             let predicted = found.predicted.as_ref().map_or(String::new(), |it| {
                 let output = kind.outputs()[it.output].name;
@@ -276,12 +276,12 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
         tell!("  {sentence}");
     }
     match &found.error_breakdown.correction {
-        Some(Offer::Gains(it)) => tell!(
+        Some(CorrectionResult::Useful(it)) => tell!(
             "  A black-box correction (correction.toml) removes {:.0} % of the remaining error on {}.",
             100.0 * it.gain,
             judging(&found.error_breakdown)
         ),
-        Some(Offer::Nothing { .. }) => {
+        Some(CorrectionResult::NoGain { .. }) => {
             tell!("  A black-box correction of the remaining error gains nothing on {}.", judging(&found.error_breakdown));
         }
         None => {}

@@ -29,7 +29,7 @@ use super::model::{Model, Place};
 use super::screen::scaled;
 use super::waves::is_wave;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
-use crate::engine::significance::best_of;
+use crate::engine::significance::best_gain_by_chance;
 use held_out::{Base, Blocks, Prior, blocks};
 use led::{missed, names};
 use readings::{Readings, Version};
@@ -127,7 +127,7 @@ pub fn look(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypothe
     let mut orders = Vec::new();
     for round in 0..=MOST_TERMS {
         let judged = equations.judged(&base, &candidates, &model, hypotheses);
-        let least = best_of(candidates.len(), 2).max(LEAST_SHARE * left);
+        let least = best_gain_by_chance(candidates.len(), 2).max(LEAST_SHARE * left);
         let largest = judged.iter().map(|it| it.gain).fold(least, f64::max);
         let as_good = judged.iter().filter(|it| it.gain >= AS_GOOD * largest);
         let best = as_good.min_by(|a, b| a.numbers().cmp(&b.numbers()).then(b.gain.total_cmp(&a.gain)));
@@ -333,7 +333,7 @@ impl Equations {
         while model.file.effects.len() > 1 && place < model.file.effects.len() {
             let without = self.settled(model.minus(nominal, place));
             match without.and_then(|it| Some((self.base(&it)?.left().0, it))) {
-                Some((its, without)) if its < left + (LEAST_SHARE * left).max(best_of(1, 2)) => {
+                Some((its, without)) if its < left + (LEAST_SHARE * left).max(best_gain_by_chance(1, 2)) => {
                     (model, left, place) = (without, its, 0);
                 }
                 _ => place += 1,

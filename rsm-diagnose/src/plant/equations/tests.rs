@@ -6,7 +6,7 @@ use rsm_sim::kind::OUTPUTS;
 use super::super::calibration::calibrate;
 use super::super::hypotheses;
 use super::super::model::InitialMotion;
-use super::super::noise::Floor;
+use super::super::noise::NoiseFloor;
 use super::super::survey;
 use super::super::whitened_residuals::WhitenedResiduals;
 use super::*;
@@ -64,7 +64,7 @@ fn axis(effects: &str, rows: usize) -> Record {
 fn said(plant: &str, record: Record) -> Said {
     let file = file(plant);
     let outputs = file.kind.outputs().len();
-    let mut whitened = WhitenedResiduals::new(vec![Prepared::new(record, outputs)], [Floor::white(1.0); OUTPUTS], 1);
+    let mut whitened = WhitenedResiduals::new(vec![Prepared::new(record, outputs)], [NoiseFloor::white(1.0); OUTPUTS], 1);
     let (nominal, fit) = calibrate(&mut whitened, &file, InitialMotion::Steady).unwrap();
     let survey = survey::survey(&whitened, &fit);
     let all = hypotheses::all(file.kind, &survey, &whitened.records[0].outputs);

@@ -91,7 +91,7 @@ fn moves(path: &mut Path, to: f64, speed: f64, acceleration: f64, period: f64) {
         } else {
             distance - 0.5 * acceleration * (2.0 * ramp + flat - t).powi(2)
         };
-        path.go(from + (to - from).signum() * gone, period);
+        path.line_to(from + (to - from).signum() * gone, period);
     }
 }
 
@@ -117,7 +117,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         while path.end() < seconds {
             let before = path.end();
             moves(&mut path, middle + a * 0.9 * half * places[k % places.len()], speed, steep, period);
-            path.stay(rest);
+            path.hold(rest);
             k += 1;
             if path.end() <= before {
                 break;
@@ -137,7 +137,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         let mut path = Path::from(middle);
         for k in 0..9 {
             let side = if k % 2 == 0 { 1.0 } else { -1.0 };
-            path.go(middle + a * side * reach, seconds / 9.0);
+            path.line_to(middle + a * side * reach, seconds / 9.0);
         }
         axis.follows("slow reversals", &path)
     });
@@ -158,7 +158,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
             let cycles = t / seconds * (1.0 + 11.5 * t / seconds);
             let rate = std::f64::consts::TAU * (1.0 + 23.0 * t / seconds) / seconds;
             let reach = (0.5 * half).min(0.5 * fast / rate).min(0.5 * steep / (rate * rate));
-            path.go(middle + a * reach * (std::f64::consts::TAU * cycles).sin(), period);
+            path.line_to(middle + a * reach * (std::f64::consts::TAU * cycles).sin(), period);
         }
         axis.follows("chirp", &path)
     });

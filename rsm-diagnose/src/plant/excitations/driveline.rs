@@ -15,7 +15,7 @@ use rsm_sim::simulate::Simulator;
 const INSIDE: f64 = 0.12;
 
 /// The throttle of a row, as a function of the row and the engine speed there.
-type Foot<'a> = dyn FnMut(usize, f64) -> f64 + 'a;
+type ThrottleLaw<'a> = dyn FnMut(usize, f64) -> f64 + 'a;
 
 struct Track<'a> {
     plant: &'a PlantFile,
@@ -26,7 +26,7 @@ struct Track<'a> {
 
 impl Track<'_> {
     /// A record in one gear from an engine speed, with the throttle as a function of the engine speed.
-    fn record(&self, gear: usize, engine_speed: f64, foot: &mut Foot<'_>) -> Option<Record> {
+    fn record(&self, gear: usize, engine_speed: f64, foot: &mut ThrottleLaw<'_>) -> Option<Record> {
         let rows = self.limits.rows;
         let parameters = self.plant.effective_parameters();
         let ratio = parameters.gear_ratios[gear - 1] * parameters.number("final_drive_ratio");

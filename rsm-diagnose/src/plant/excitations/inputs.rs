@@ -92,8 +92,8 @@ fn steps(rows: usize, period: f64) -> Vec<f64> {
     let each = rows as f64 * period / STAIRS.len() as f64;
     let mut path = Path::from(STAIRS[0]);
     for level in &STAIRS[1..] {
-        path.stay(each);
-        path.go(*level, 0.0);
+        path.hold(each);
+        path.line_to(*level, 0.0);
     }
     path.sampled(rows, period).0
 }
@@ -101,9 +101,9 @@ fn steps(rows: usize, period: f64) -> Vec<f64> {
 fn ramps(rows: usize, period: f64) -> Vec<f64> {
     let quarter = rows as f64 * period / 4.0;
     let mut path = Path::from(0.0);
-    path.go(1.0, quarter);
-    path.go(-1.0, 2.0 * quarter);
-    path.go(0.0, quarter);
+    path.line_to(1.0, quarter);
+    path.line_to(-1.0, 2.0 * quarter);
+    path.line_to(0.0, quarter);
     path.sampled(rows, period).0
 }
 

@@ -121,7 +121,7 @@ impl Limits {
     }
 
     /// Whether simulated outputs stay within the limits.
-    fn keeps(&self, file: &PlantFile, outputs: &Outputs) -> bool {
+    fn contain(&self, file: &PlantFile, outputs: &Outputs) -> bool {
         let names = file.kind.outputs();
         let within = |output: usize, [low, high]: [f64; 2]| {
             let slack = SLACK * (high - low);
@@ -213,7 +213,7 @@ fn predicted(accepted: &[&PlantFile], limits: &Limits, mut record: Record) -> Op
     let mut prediction = None;
     for plant in accepted {
         let outputs = along(plant, &record)?;
-        if !limits.keeps(plant, &outputs) {
+        if !limits.contain(plant, &outputs) {
             return None;
         }
         prediction = prediction.or(Some(outputs));

@@ -70,8 +70,8 @@ impl Motor<'_> {
         let rest = ((seconds - ramps.iter().sum::<f64>()) / targets.len() as f64).max(0.0);
         let mut path = Path::from(0.0);
         for (target, ramp) in targets.iter().zip(ramps) {
-            path.go(*target, ramp);
-            path.stay(rest);
+            path.line_to(*target, ramp);
+            path.hold(rest);
         }
         path
     }
@@ -82,8 +82,8 @@ impl Motor<'_> {
         let edge = (0.1 * each).min(10.0 * self.inductance / self.resistance.max(1e-3));
         let mut path = Path::from(0.0);
         for level in levels {
-            path.go(*level, edge);
-            path.stay(each - edge);
+            path.line_to(*level, edge);
+            path.hold(each - edge);
         }
         path
     }
@@ -194,9 +194,9 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         let top = 0.08 * a * motor.top;
         let mut path = Path::from(0.0);
         for _ in 0..3 {
-            path.go(top, seconds / 12.0);
-            path.go(-top, seconds / 6.0);
-            path.go(0.0, seconds / 12.0);
+            path.line_to(top, seconds / 12.0);
+            path.line_to(-top, seconds / 6.0);
+            path.line_to(0.0, seconds / 12.0);
         }
         motor.record("slow-reversals", &motor.wanted(&path, &none, rows))
     });
@@ -204,14 +204,14 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         let top = 0.98 * a * motor.top;
         let mut path = Path::from(0.0);
         for target in [top, 0.0, -top, 0.0] {
-            path.go(target, seconds / 4.0);
+            path.line_to(target, seconds / 4.0);
         }
         motor.record("run-up", &motor.wanted(&path, &none, rows))
     });
     add("short-circuit", "a run-up, then both voltages zero", &|a| {
         let mut path = Path::from(0.0);
-        path.go(0.9 * a * motor.top, 0.3 * seconds);
-        path.stay(seconds);
+        path.line_to(0.9 * a * motor.top, 0.3 * seconds);
+        path.hold(seconds);
         let wanted = Wanted { off: rows / 2, ..motor.wanted(&path, &none, rows) };
         motor.record("short-circuit", &wanted)
     });

@@ -28,13 +28,13 @@ impl Path {
     }
 
     /// Adds a straight line to a value.
-    pub(super) fn go(&mut self, value: f64, seconds: f64) {
+    pub(super) fn line_to(&mut self, value: f64, seconds: f64) {
         self.points.push((self.end() + seconds.max(0.0), value));
     }
 
     /// Adds a constant part.
-    pub(super) fn stay(&mut self, seconds: f64) {
-        self.go(self.last(), seconds);
+    pub(super) fn hold(&mut self, seconds: f64) {
+        self.line_to(self.last(), seconds);
     }
 
     /// The values at rows, and their slopes per second. At a corner the slope is that of the following part.
@@ -86,8 +86,8 @@ mod tests {
     #[test]
     fn a_path_is_straight_between_its_points() {
         let mut path = Path::from(1.0);
-        path.stay(0.2);
-        path.go(3.0, 0.4);
+        path.hold(0.2);
+        path.line_to(3.0, 0.4);
         let (values, slopes) = path.sampled(8, 0.1);
         let wanted = [1.0, 1.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.0];
         // Decimals of the instants are rounded.

@@ -3,11 +3,11 @@
 //! In: outputs whose readings are multiples of a step, with the noise floors. Out: the sensors with an error. The others are reported with the noise:
 //! a simulation is not wrong because readings are rounded.
 
-use super::super::noise::Floor;
+use super::super::noise::NoiseFloor;
 
 /// Of the rounded outputs (place, step), those whose sensor is reported as a cause; `recorded` is the number of outputs in the records. A logger that
 /// rounds, rounds every channel. A step with an error, step/sqrt(12), below the noise before rounding is no fault.
-pub(super) fn blamed(rounded: &[(usize, f64)], recorded: usize, floors: &[Floor]) -> Vec<(usize, f64)> {
+pub(super) fn blamed(rounded: &[(usize, f64)], recorded: usize, floors: &[NoiseFloor]) -> Vec<(usize, f64)> {
     if rounded.len() == recorded && recorded > 1 {
         return Vec::new();
     }
@@ -22,8 +22,8 @@ mod tests {
 
     #[test]
     fn one_coarse_sensor_is_blamed_and_a_logger_or_a_fine_step_is_not() {
-        let rounding = |noise: f64| Floor { rounding: Some(Rounding { step: 1.0, noise }), ..Floor::white(0.4) };
-        let floors = [rounding(0.1), rounding(0.35), Floor::white(0.4)];
+        let rounding = |noise: f64| NoiseFloor { rounding: Some(Rounding { step: 1.0, noise }), ..NoiseFloor::white(0.4) };
+        let floors = [rounding(0.1), rounding(0.35), NoiseFloor::white(0.4)];
         assert_eq!(blamed(&[(0, 1.0), (1, 1.0)], 3, &floors), [(0, 1.0)]);
         assert_eq!(blamed(&[(2, 1.0)], 3, &floors), [(2, 1.0)]);
         assert_eq!(blamed(&[(0, 1.0)], 1, &floors), [(0, 1.0)]);

@@ -44,7 +44,7 @@ fn a_plant_in_order_gets_nothing_wrong_and_causes_are_practical_that_remove_near
     // Less than the noise is not wrong; without rows there is no mean.
     assert_eq!([mean_excess(200.0, 300), mean_excess(3.0, 1), mean_excess(5.0, 0)], [0.0, 2.0, 4.0]);
     let of = |left: f64, wrong: f64| practical(left, wrong);
-    assert_eq!(of(0.005, 10.0), Some(Practical { gone: 1.0 - 0.0005, left: 0.005 }));
+    assert_eq!(of(0.005, 10.0), Some(Practical { removed: 1.0 - 0.0005, left: 0.005 }));
     // A hundredth of the noise matters; a hair less does not.
     assert!(of(0.0099, 1e3).is_some());
     assert_eq!([of(FOR_PRACTICE, 1e3), of(0.015, 1e3)], [None, None]);
@@ -52,7 +52,7 @@ fn a_plant_in_order_gets_nothing_wrong_and_causes_are_practical_that_remove_near
     assert!(of(0.009, 9.1).is_some());
     assert_eq!([of(0.009, 8.9), of(0.005, 5.0), of(0.009, 0.0)], [None, None, None]);
     // What is left may be below the noise by chance: all is gone, and not more.
-    assert_eq!(of(-0.5, 10.0), Some(Practical { gone: 1.0, left: -0.5 }));
+    assert_eq!(of(-0.5, 10.0), Some(Practical { removed: 1.0, left: -0.5 }));
 }
 
 #[test]
@@ -171,9 +171,9 @@ fn causes_are_told_by_their_gain() {
 
 #[test]
 fn rounding_may_leave_something_where_one_floor_does_not_know_it() {
-    let plain = Floor::white(0.1);
-    let known = Floor { rounding: Some(super::super::rounding::Rounding { step: 0.3, noise: 0.1 }), ..plain };
-    let slow = Floor { correlation: 0.2, ..known };
+    let plain = NoiseFloor::white(0.1);
+    let known = NoiseFloor { rounding: Some(super::super::rounding::Rounding { step: 0.3, noise: 0.1 }), ..plain };
+    let slow = NoiseFloor { correlation: 0.2, ..known };
     assert_eq!(of_rounding([].into_iter()), 0.0);
     assert_eq!(of_rounding([&known, &known].into_iter()), 0.0);
     for one in [&plain, &slow] {
@@ -187,7 +187,7 @@ fn what_is_left_counts_where_it_is_beyond_what_is_allowed_and_matters() {
     assert_eq!(weighed(0.5, 0.5, 1e6, false), (false, None));
     assert_eq!(weighed(0.6, 0.5, 1e6, false), (true, None));
     // Little beside much that is gone; without a cause nothing is gone.
-    assert_eq!(weighed(0.005, 1e-9, 10.0, false), (false, Some(Practical { gone: 1.0 - 0.0005, left: 0.005 })));
+    assert_eq!(weighed(0.005, 1e-9, 10.0, false), (false, Some(Practical { removed: 1.0 - 0.0005, left: 0.005 })));
     assert_eq!(weighed(0.005, 1e-9, 10.0, true), (true, None));
     // What is allowed needs no excuse.
     assert_eq!(weighed(0.005, 0.005, 10.0, false), (false, None));
@@ -269,9 +269,9 @@ fn outputs_are_told_once_and_noise_that_grows_with_its_ends() {
     assert_eq!(growing(&whitened, &[0, 1]), []);
     // By a half a unit of the reading.
     let growth = super::super::growth::Growth { rate: 0.5, sum: true, norm: 1.0, largest: 3.0 };
-    whitened.floors[0] = Floor { growth: Some(growth), ..Floor::white(0.1) };
+    whitened.floors[0] = NoiseFloor { growth: Some(growth), ..NoiseFloor::white(0.1) };
     assert_eq!(growing(&whitened, &[0, 1]), [(0, 0.1, 0.1 * 2.5)]);
-    whitened.floors[1] = Floor { growth: Some(growth), ..Floor::white(0.2) };
+    whitened.floors[1] = NoiseFloor { growth: Some(growth), ..NoiseFloor::white(0.2) };
     assert_eq!(growing(&whitened, &[0, 1]), [(0, 0.1, 0.1 * 2.5), (1, 0.2, 0.2 * 1.25)]);
     assert_eq!(growing(&whitened, &[1]), [(1, 0.2, 0.2 * 1.25)]);
 }

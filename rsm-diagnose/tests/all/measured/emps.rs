@@ -181,7 +181,7 @@ fn from_command_to_position_the_measured_axis_is_followed_within_the_published_e
     let record = |name: &str| Record::read(&Source::read(&folder.join(name)).unwrap(), &file).unwrap();
     let (training, test) = (record("emps_train.csv"), record("emps_test_pulses.csv"));
     assert_eq!(training.drive, Drive::Open);
-    let found = free_run::follow_axis(&file, &training, &test).unwrap();
+    let found = free_run::axis_free_runs(&file, &training, &test).unwrap();
     // A linear state space has 5.5 mm on the test record, a network of transfer functions and nonlinearities 2.64 (M. Forgione, D. Piga, dynoNet, 2021).
     let lines = [
         "| training record, all parameters and the initial state fitted to it | {} mm |",

@@ -71,7 +71,7 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) -> Result<
         body.push_str("</div>\n");
     }
     let mut any = false;
-    for it in breakdown.telling_orders() {
+    for it in breakdown.significant_orders() {
         if !any {
             body.push_str("<h3>Residuals that repeat with the motion</h3>\n<div class=\"plots\">\n");
             any = true;
@@ -106,7 +106,7 @@ impl<'a> Shown<'a> {
     fn of(found: &'a Diagnosis, output: usize) -> Option<Self> {
         let breakdown = &found.error_breakdown;
         let (place, trace) = breakdown.worst(output)?;
-        let record = breakdown.judging().get(trace.record).map_or("", |(name, _)| name.as_str());
+        let record = breakdown.evaluation_records().get(trace.record).map_or("", |(name, _)| name.as_str());
         Some(Shown { trace, record, place, combinations: &breakdown.combinations })
     }
 

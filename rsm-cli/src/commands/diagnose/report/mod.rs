@@ -8,7 +8,7 @@ mod where_wrong;
 
 use std::fmt::Write as _;
 
-use rsm_diagnose::plant::correction::Offer;
+use rsm_diagnose::plant::correction::CorrectionResult;
 use rsm_diagnose::plant::error_breakdown::ErrorBreakdown;
 use rsm_diagnose::plant::validation::{Error, worst};
 use rsm_diagnose::plant::{Cause, Diagnosis, Verdict};
@@ -263,7 +263,7 @@ fn left(body: &mut String, kind: PlantKind, found: &Diagnosis) {
     }
     match &error_breakdown.correction {
         None => {}
-        Some(Offer::Nothing { gain }) => {
+        Some(CorrectionResult::NoGain { gain }) => {
             let _ = writeln!(
                 body,
                 "<p>A black-box response surface of the remaining error, over inputs and simulated quantities, gains nothing on {} ({:.0} % of the error above \
@@ -272,7 +272,7 @@ fn left(body: &mut String, kind: PlantKind, found: &Diagnosis) {
                 100.0 * gain
             );
         }
-        Some(Offer::Gains(correction)) => {
+        Some(CorrectionResult::Useful(correction)) => {
             let _ = writeln!(
                 body,
                 "<p><b>A black-box correction</b> is in correction.toml. It is not an explanation, and it is valid only in the range of the records. Added to the output that the \
@@ -387,7 +387,7 @@ fn ranking(body: &mut String, found: &Diagnosis) {
             body,
             "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td>{}</td></tr>",
             escaped(&it.label),
-            rounded(Some(it.promised)),
+            rounded(Some(it.predicted_gain)),
             rounded(it.remaining),
             escaped(&evidence::why(found, &it.why))
         );

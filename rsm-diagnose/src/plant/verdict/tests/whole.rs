@@ -107,7 +107,7 @@ fn a_cause_beside_structure_helps_and_what_the_law_shows_takes_its_place() {
 #[test]
 fn what_was_not_believed_has_the_first_reason_that_holds() {
     use super::super::super::final_test::Refusal;
-    use super::super::super::rejected::Why;
+    use super::super::super::rejected::Reason;
     let (file, whitened, unseen, nominal) = axis();
     let causes = vec![
         accepted("coulomb-friction", 2e5, &[("backlash", 10.0), ("ripple", 900.0)], &nominal),
@@ -129,16 +129,16 @@ fn what_was_not_believed_has_the_first_reason_that_holds() {
     selection.refused = vec![Refusal { cause: "refused".to_string(), why: "it is worse".to_string() }];
     let found = conclude(&file, &whitened, &unseen, &nominal, selection, Vec::new(), &[]);
     let rejected = found.rejected();
-    let told: Vec<(&str, &Why)> = rejected.iter().map(|it| (it.label.as_str(), &it.why)).collect();
+    let told: Vec<(&str, &Reason)> = rejected.iter().map(|it| (it.label.as_str(), &it.why)).collect();
     let friction = || "coulomb-friction".to_string();
     let expected = [
-        ("refused", Why::Refused("it is worse".to_string())),
-        ("backlash", Why::Alike(friction())),
-        ("ripple", Why::FallsShort { cause: friction(), by: 900.0 }),
-        ("taken", Why::Explained(3.0)),
-        ("unkept", Why::NotKept),
-        ("little", Why::PromisesLittle),
+        ("refused", Reason::Refused("it is worse".to_string())),
+        ("backlash", Reason::Confounded(friction())),
+        ("ripple", Reason::FitsWorse { cause: friction(), by: 900.0 }),
+        ("taken", Reason::Explained(3.0)),
+        ("unkept", Reason::NotKept),
+        ("little", Reason::LowPredictedGain),
     ];
     assert_eq!(told, expected.iter().map(|(name, why)| (*name, why)).collect::<Vec<_>>());
-    assert_eq!((rejected[4].promised, rejected[4].remaining, rejected[5].remaining), (1e4, Some(500.0), None));
+    assert_eq!((rejected[4].predicted_gain, rejected[4].remaining, rejected[5].remaining), (1e4, Some(500.0), None));
 }
