@@ -172,7 +172,7 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
             without: judged.filed.model.clone(),
         };
         let mut cause = verdict::cause(&judged.fit, *place, &accepted, Vec::new(), confidence::confidence(&case), None);
-        cause.sentence = told(&cause.sentence, claim);
+        cause.sentence = with_sentence_about_file(&cause.sentence, claim);
         let list = if explained || cause.confidence >= LEAST_CONFIDENCE { &mut anew.causes } else { &mut anew.helpers };
         list.push(cause);
     }
@@ -200,7 +200,7 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
 }
 
 /// The sentence about the file, added to the sentence about the records.
-fn told(sentence: &str, claim: &Claim) -> String {
+fn with_sentence_about_file(sentence: &str, claim: &Claim) -> String {
     let numbers: Vec<String> = claim
         .records
         .iter()

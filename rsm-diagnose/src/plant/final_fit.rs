@@ -21,7 +21,7 @@ const TURNS: usize = 2;
 
 /// Fits again with the noise floors of the residual, and stores these floors in the whitening.
 #[must_use]
-pub fn polish(
+pub fn final_fit(
     whitened: &mut WhitenedResiduals,
     mut fit: Fit,
     floors: impl Fn(&WhitenedResiduals, &Fit) -> [NoiseFloor; OUTPUTS],

@@ -18,7 +18,7 @@ use crate::engine::columns::Basis;
 use crate::engine::significance::{chi_squared_of, ln_upper_chi_squared, most_significant};
 
 /// The probability that noise alone seems predictable, over all waves and powers of all outputs in both tests of a verdict.
-const ALARM_OF_PREDICTION: f64 = 0.005;
+const FALSE_ALARM_OF_PREDICTION: f64 = 0.005;
 
 /// The number of neighbouring orders on either side that give the noise level.
 const NEIGHBOURS: usize = 12;
@@ -84,7 +84,7 @@ pub fn best_predictor(whitened: &WhitenedResiduals, fit: &Fit) -> Option<Predict
     let (ln_p, best) = most_significant(tried.iter().map(|it| (it.ln_p(), it)), TESTS as f64)?;
     let rows: usize = whitened.records.iter().flat_map(|it| &it.used).map(|used| used.iter().filter(|it| **it).count()).sum();
     let excess = (best.gain - best.level * best.freedom as f64) / rows.max(1) as f64;
-    (ln_p < ALARM_OF_PREDICTION.ln()).then(|| Predictor { output: best.output, what: best.what.clone(), excess, ln_p })
+    (ln_p < FALSE_ALARM_OF_PREDICTION.ln()).then(|| Predictor { output: best.output, what: best.what.clone(), excess, ln_p })
 }
 
 /// The residual of an output in each record that holds it: the record, its index there, the residual.

@@ -30,13 +30,13 @@ pub struct WorkLimits {
 
 /// The reserve for rivals, as a share of the work of a search. A competition takes 300 to 1000 runs of the plant, a search at most 4000. So rivals of
 /// one or two causes are tested in any case.
-const FOR_RIVALS: f64 = 0.25;
+const SHARE_FOR_RIVALS: f64 = 0.25;
 
 impl WorkLimits {
     /// The usual counts, with this limit of simulation sub-steps.
     #[must_use]
     pub fn within(steps: u64) -> Self {
-        let steps_for_rivals = (FOR_RIVALS * steps as f64) as u64;
+        let steps_for_rivals = (SHARE_FOR_RIVALS * steps as f64) as u64;
         WorkLimits { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, steps, steps_for_rivals }
     }
 }

@@ -142,7 +142,7 @@ pub(super) fn diagnose_records(
         }
     }
     let mut selection = in_rounds(&mut prepared, &input, seed, file, tails).ok_or(Refused::CannotSimulate)?;
-    selection.fit = final_fit::polish(&mut prepared.whitened, selection.fit, |whitened, fit| {
+    selection.fit = final_fit::final_fit(&mut prepared.whitened, selection.fit, |whitened, fit| {
         calibration::with_rounding(whitened, fit, calibration::floors(whitened, fit, file), &prepared.rounded)
     });
     let CalibratedRecords { whitened, mut unseen, nominal, findings, share, rounded, .. } = prepared;

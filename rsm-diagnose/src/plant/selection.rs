@@ -150,7 +150,7 @@ impl Search<'_> {
         path: &mut SearchHistory,
     ) -> Vec<Fit> {
         let mut stages = Vec::new();
-        while fit.model.file.effects.len() < self.limits.causes && self.goes_on(path) && path.may_compete() {
+        while fit.model.file.effects.len() < self.limits.causes && self.has_work_left(path) && path.may_compete() {
             let screened = screened.take().unwrap_or_else(|| {
                 let mut screened = screen(self.whitened, &fit, self.nominal, self.hypotheses);
                 screened.iter_mut().for_each(Screened::without_traces);
@@ -206,7 +206,7 @@ impl Search<'_> {
     }
 
     /// Whether the work limit allows one more competition or pair.
-    fn goes_on(&self, path: &mut SearchHistory) -> bool {
+    fn has_work_left(&self, path: &mut SearchHistory) -> bool {
         path.has_steps(self.whitened.work.done())
     }
 
@@ -229,7 +229,7 @@ impl Search<'_> {
         let mut tried: Vec<Vec<String>> = Vec::new();
         let mut best: Option<Fit> = None;
         for pair in pairs {
-            if tried.len() == self.limits.fitted || !self.goes_on(path) {
+            if tried.len() == self.limits.fitted || !self.has_work_left(path) {
                 break;
             }
             let mut model = calibrated.model.clone();

@@ -134,7 +134,7 @@ impl Candidate {
         }
     }
 
-    fn told(&self) -> String {
+    fn words(&self) -> String {
         format!("{} in {}", self.which.names.join(" and "), self.unit)
     }
 }
@@ -413,7 +413,7 @@ fn next(
         }
     }
     let (candidate, gain) = *told.first()?;
-    let alike = told[1..].iter().map(|it| it.0.told()).collect();
+    let alike = told[1..].iter().map(|it| it.0.words()).collect();
     let Candidate { which, factor, unit } = candidate.clone();
     Some((WrongUnit { columns: which.names, stated: which.stated, unit, factor, gain, alike }, candidate.clone()))
 }

@@ -12,7 +12,7 @@ use rsm_sim::kind::OUTPUTS;
 
 /// The probability that noise alone is taken for structure, over all octaves of all outputs in both tests. The search uses the rest of the 5 % of
 /// false alarms of a diagnosis.
-const ALARM_OF_STRUCTURE: f64 = 0.01;
+const FALSE_ALARM_OF_STRUCTURE: f64 = 0.01;
 
 /// A verdict makes two tests: on the training records and on the holdout records.
 pub(super) const TESTS: usize = 2;
@@ -54,7 +54,7 @@ pub struct RemainingStructure {
 /// The value that the largest of this many deviations of noise exceeds once in two hundred cases, divided among this many tests.
 #[must_use]
 pub fn point(bands: usize, tests: usize) -> f64 {
-    quantile(ALARM_OF_STRUCTURE / (TESTS * bands.max(1) * tests.max(1)) as f64)
+    quantile(FALSE_ALARM_OF_STRUCTURE / (TESTS * bands.max(1) * tests.max(1)) as f64)
 }
 
 /// Tests the residual of a fit.

@@ -65,7 +65,7 @@ pub struct Cause {
 
 impl Cause {
     /// Sets the probability.
-    pub(super) fn believe(&mut self, it: Probability) {
+    pub(super) fn set_probability(&mut self, it: Probability) {
         (self.confidence, self.confidence_of_any) = (it.own, it.of_any);
     }
 

@@ -4,10 +4,10 @@
 //! parameters. Does not change the set of causes.
 
 pub use super::cause::{Cause, OutlyingRun, Parameter};
-use super::choice::{Worth, candidates, worth};
+use super::choice::{Contribution, candidates, contribution};
 use super::estimate::Estimates;
 use super::explained::{self, Explained};
-use super::hypotheses::{Claim, Hypothesis, Part};
+use super::hypotheses::{Hypothesis, HypothesisKind, Part};
 use super::narrative::Narrative;
 use super::null::Thresholds;
 use super::sample::Sample;
@@ -34,27 +34,31 @@ pub fn all(
     let mut pool: Vec<Hypothesis> = found.set.clone();
     pool.extend(hypotheses.iter().cloned());
     let candidates = candidates(&pool, thresholds, &space);
-    let search = Search::new(&candidates, &space.carried(&sample.residual()));
+    let search = Search::new(&candidates, &space.in_whitened_space(&sample.residual()));
     let set: Vec<usize> = (0..found.set.len()).collect();
-    let steps = found.set.iter().filter(|it| matches!(it.claim, Claim::Step(_))).count();
+    let steps = found.set.iter().filter(|it| matches!(it.kind, HypothesisKind::Step(_))).count();
     let mut causes: Vec<Cause> = Vec::new();
-    let mut told: Vec<String> = Vec::new();
+    let mut keys: Vec<String> = Vec::new();
     for member in 0..found.set.len() {
-        let claim = &found.set[member].claim;
-        let key =
-            if steps > 1 && matches!(claim, Claim::Step(_)) { "steps".to_string() } else { format!("{:?}", part_of(claim)) };
-        if told.contains(&key) {
+        let kind = &found.set[member].kind;
+        let key = if steps > 1 && matches!(kind, HypothesisKind::Step(_)) {
+            "steps".to_string()
+        } else {
+            format!("{:?}", part_of(kind))
+        };
+        if keys.contains(&key) {
             continue;
         }
-        told.push(key.clone());
+        keys.push(key.clone());
         let same = |other: &usize| {
-            let other = &found.set[*other].claim;
-            part_of(other) == part_of(claim) || key == "steps" && matches!(other, Claim::Step(_))
+            let other = &found.set[*other].kind;
+            part_of(other) == part_of(kind) || key == "steps" && matches!(other, HypothesisKind::Step(_))
         };
         let (members, rest): (Vec<usize>, Vec<usize>) = set.iter().copied().partition(same);
         let mut cause = if key == "steps" { narrative.change_points(&members) } else { narrative.cause(&members) };
         cause.members.clone_from(&members);
-        let worths: Vec<Worth> = members.iter().map(|member| worth(&search, &candidates, &set, *member)).collect();
+        let worths: Vec<Contribution> =
+            members.iter().map(|member| contribution(&search, &candidates, &set, *member)).collect();
         cause.ln_p = worths.iter().map(|it| it.ln_p).fold(0.0, f64::min);
         let score = search.score(&set);
         let odds: f64 = members.iter().map(|member| pool[*member].prior).sum();
@@ -64,7 +68,7 @@ pub fn all(
         let mut rivals: Vec<(String, f64)> = Vec::new();
         let mut likely: Vec<(String, f64)> = Vec::new();
         for (candidate, of_rival) in search.joined(&rest) {
-            let rival = pool[candidate].claim.label(sample);
+            let rival = pool[candidate].kind.label(sample);
             let group_is_own = members.iter().any(|member| pool[*member].group == pool[candidate].group);
             if rival == label || group_is_own {
                 continue;
@@ -83,14 +87,14 @@ pub fn all(
         // The probability that chance gives a hypothesis this good among all, relative to the threshold.
         let chance = (cause.ln_p - thresholds.ln_p_mean).min(0.0).exp() * 0.05;
         let evidence = likely.iter().map(|it| ((-it.1 / 2.0).exp(), cause.indistinguishable_from.contains(&it.0)));
-        cause.believe(Probability::among(1.0 - chance, evidence));
+        cause.set_probability(Probability::among(1.0 - chance, evidence));
         rivals.truncate(5);
         cause.rivals = rivals;
         causes.push(cause);
     }
     causes.extend(narrative.outlying(thresholds));
-    causes.extend(narrative.growing());
-    causes.extend(narrative.following());
+    causes.extend(narrative.growing_noise());
+    causes.extend(narrative.autocorrelated());
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     causes
 }
@@ -103,15 +107,15 @@ pub fn combinations(sample: &Sample, found: &Explained, causes: &[Cause]) -> Com
         let out: Vec<usize> = out.copied().collect();
         let kept = found.set.iter().enumerate().filter(|(member, _)| !out.contains(member));
         let mut some = Explained { set: kept.map(|it| it.1.clone()).collect(), ..found.clone() };
-        explained::settle(sample, &mut some);
+        explained::refit(sample, &mut some);
         Some(some.fitted)
     })
 }
 
-/// The claim that all parts of one cause share.
-fn part_of(claim: &Claim) -> Claim {
-    match claim {
-        Claim::Input(extra, _) => Claim::Input(*extra, Part::Linear),
+/// The kind that all parts of one cause share.
+fn part_of(kind: &HypothesisKind) -> HypothesisKind {
+    match kind {
+        HypothesisKind::Input(extra, _) => HypothesisKind::Input(*extra, Part::Linear),
         other => other.clone(),
     }
 }
@@ -126,11 +130,11 @@ pub fn ranking(
     let alone = Explained { set: Vec::new(), ..found.clone() };
     let space = alone.space(sample);
     let candidates = candidates(hypotheses, thresholds, &space);
-    let search = Search::new(&candidates, &space.carried(&sample.residual()));
+    let search = Search::new(&candidates, &space.in_whitened_space(&sample.residual()));
     let mut ranking: Vec<(String, f64, f64)> = Vec::new();
     for (candidate, hypothesis) in hypotheses.iter().enumerate() {
-        let it = worth(&search, &candidates, &[candidate], candidate);
-        let label = hypothesis.claim.label(sample);
+        let it = contribution(&search, &candidates, &[candidate], candidate);
+        let label = hypothesis.kind.label(sample);
         match ranking.iter_mut().find(|other| other.0 == label) {
             Some(other) if other.2 <= it.ln_p => {}
             Some(other) => (other.1, other.2) = (it.gain, it.ln_p),

@@ -5,7 +5,7 @@
 //! order is reported by its terms. Never changes outlying runs or the noise.
 
 use super::explained::{Explained, solved};
-use super::hypotheses::{Claim, Hypothesis, LEAST_SIDE, MOST_CHANGES, Part, step};
+use super::hypotheses::{Hypothesis, HypothesisKind, LEAST_SIDE, MOST_CHANGES, Part, step};
 use super::null::Thresholds;
 use super::sample::Sample;
 use super::search::{Candidate, Search};
@@ -16,7 +16,7 @@ use crate::engine::work::Work;
 
 /// The contribution of one cause in a set.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Worth {
+pub(super) struct Contribution {
     /// The decrease of 2 ln(likelihood) without it.
     pub gain: f64,
     /// ln of the probability that chance gives as much.
@@ -34,7 +34,7 @@ pub(super) fn causes(
     work: &Work<'_>,
 ) -> Vec<Hypothesis> {
     let space = now.space(sample);
-    let residual = space.carried(&sample.residual());
+    let residual = space.in_whitened_space(&sample.residual());
     let mut pool: Vec<Hypothesis> = hypotheses.to_vec();
     let mut chosen = Vec::new();
     let mut finer = false;
@@ -45,7 +45,8 @@ pub(super) fn causes(
         let mut found = search.best(work);
         // The costs are for a single cause. In the set, each cause must exceed its threshold.
         loop {
-            let worths: Vec<Worth> = found.set.iter().map(|member| worth(&search, &offered, &found.set, *member)).collect();
+            let worths: Vec<Contribution> =
+                found.set.iter().map(|member| contribution(&search, &offered, &found.set, *member)).collect();
             let weakest = (0..worths.len()).max_by(|a, b| worths[*a].ln_p.total_cmp(&worths[*b].ln_p));
             match weakest {
                 Some(weakest) if worths[weakest].ln_p > thresholds.ln_p_mean => {
@@ -76,17 +77,17 @@ pub(super) fn causes(
         }
         finer = true;
     }
-    let singled = singled_out(sample, chosen.clone(), hypotheses, &space);
-    if claims(&singled) == claims(&chosen) {
+    let singled = significant_terms(sample, chosen.clone(), hypotheses, &space);
+    if kinds(&singled) == kinds(&chosen) {
         return chosen;
     }
     // A complete order was the best single choice; its separate terms may be better.
     let pool: Vec<Hypothesis> =
-        singled.iter().chain(pool.iter().filter(|it| !matches!(it.claim, Claim::Order(_)))).cloned().collect();
+        singled.iter().chain(pool.iter().filter(|it| !matches!(it.kind, HypothesisKind::Order(_)))).cloned().collect();
     let candidates = candidates(&pool, thresholds, &space);
     let search = counted(&candidates, &residual, work);
     let (found, singles) = (search.best(work), (0..singled.len()).collect::<Vec<_>>());
-    let is_worth = |member: &usize| worth(&search, &candidates, &found.set, *member).ln_p <= thresholds.ln_p_mean;
+    let is_worth = |member: &usize| contribution(&search, &candidates, &found.set, *member).ln_p <= thresholds.ln_p_mean;
     if found.score < search.score(&singles) && found.set.iter().all(is_worth) {
         found.set.iter().map(|member| pool[*member].clone()).collect()
     } else {
@@ -99,17 +100,17 @@ fn counted(candidates: &[Candidate], residual: &[f64], work: &Work<'_>) -> Searc
     Search::new(candidates, residual)
 }
 
-fn claims(set: &[Hypothesis]) -> Vec<&Claim> {
-    set.iter().map(|it| &it.claim).collect()
+fn kinds(set: &[Hypothesis]) -> Vec<&HypothesisKind> {
+    set.iter().map(|it| &it.kind).collect()
 }
 
 /// Whether a shape is removed together with one that was only a shift: the shape itself, and for changes in the run order all shapes nearer to a
 /// shift.
 fn is_nearer_a_shift(it: &Hypothesis, gone: &Hypothesis) -> bool {
     let likeness = |it: &Hypothesis| it.columns[0].iter().sum::<f64>().abs() / dot(&it.columns[0], &it.columns[0]).sqrt();
-    match (&it.claim, &gone.claim) {
-        (Claim::Step(_), Claim::Step(_)) => likeness(it) >= likeness(gone),
-        (claim, other) => claim == other && it.columns == gone.columns,
+    match (&it.kind, &gone.kind) {
+        (HypothesisKind::Step(_), HypothesisKind::Step(_)) => likeness(it) >= likeness(gone),
+        (kind, other) => kind == other && it.columns == gone.columns,
     }
 }
 
@@ -132,16 +133,16 @@ fn is_shift(
     thresholds: &Thresholds,
 ) -> bool {
     let width = candidates[member].columns.len();
-    let Some(bias) = pool.iter().position(|it| it.claim == Claim::ResponseBias) else { return false };
+    let Some(bias) = pool.iter().position(|it| it.kind == HypothesisKind::ResponseBias) else { return false };
     if set.contains(&bias) {
         return false;
     }
     let instead: Vec<usize> = set.iter().map(|other| if *other == member { bias } else { *other }).collect();
     let beside: Vec<usize> = set.iter().copied().chain([bias]).collect();
-    let (with, more) = match pool[member].claim {
-        Claim::Block(_) if pool[member].reference.is_none() => (set, width - 1),
-        Claim::Input(_, Part::Linear | Part::Square) if width == 2 => (set, 1),
-        Claim::Step(_) | Claim::Drift(_) => (beside.as_slice(), 1),
+    let (with, more) = match pool[member].kind {
+        HypothesisKind::Block(_) if pool[member].reference.is_none() => (set, width - 1),
+        HypothesisKind::Input(_, Part::Linear | Part::Square) if width == 2 => (set, 1),
+        HypothesisKind::Step(_) | HypothesisKind::Drift(_) => (beside.as_slice(), 1),
         _ => return false,
     };
     let rows = candidates[member].columns[0].len();
@@ -154,14 +155,14 @@ fn is_shift(
         let solved = search.coefficients(set, member);
         (solved[1] / solved[0]).abs() > FURTHEST_REFERENCE
     };
-    is_worth_nothing || matches!(pool[member].claim, Claim::Input(_, Part::Linear)) && is_far()
+    is_worth_nothing || matches!(pool[member].kind, HypothesisKind::Input(_, Part::Linear)) && is_far()
 }
 
 /// Replaces a complete missing order by those of its terms that are significant (Holm 1979, at 5 %), if the other terms together are not (F test, 5
 /// %). The order itself has already exceeded its threshold.
-fn singled_out(sample: &Sample, chosen: Vec<Hypothesis>, hypotheses: &[Hypothesis], space: &Space) -> Vec<Hypothesis> {
+fn significant_terms(sample: &Sample, chosen: Vec<Hypothesis>, hypotheses: &[Hypothesis], space: &Space) -> Vec<Hypothesis> {
     const LEVEL: f64 = 0.05;
-    let Some(place) = chosen.iter().position(|it| matches!(it.claim, Claim::Order(_))) else { return chosen };
+    let Some(place) = chosen.iter().position(|it| matches!(it.kind, HypothesisKind::Order(_))) else { return chosen };
     let mut set = chosen.clone();
     let order = set.remove(place);
     set.push(order.clone());
@@ -181,7 +182,7 @@ fn singled_out(sample: &Sample, chosen: Vec<Hypothesis>, hypotheses: &[Hypothesi
         standing.filter_map(|(_, k)| order.in_file[*k].first()).map(|(_, monomial)| &monomial.powers).collect();
     set.pop();
     for powers in &powers {
-        set.extend(hypotheses.iter().find(|it| it.claim == Claim::Term((*powers).clone())).cloned());
+        set.extend(hypotheses.iter().find(|it| it.kind == HypothesisKind::Term((*powers).clone())).cloned());
     }
     let part = solved(sample, &set, space);
     let others = whole.rank.saturating_sub(part.rank) as f64;
@@ -197,16 +198,17 @@ fn finer_steps(sample: &Sample, chosen: &[Hypothesis], pool: &[Hypothesis]) -> O
     if rows <= MOST_CHANGES + 2 * LEAST_SIDE {
         return None;
     }
-    let known: Vec<usize> = pool.iter().filter_map(|it| if let Claim::Step(at) = it.claim { Some(at) } else { None }).collect();
+    let known: Vec<usize> =
+        pool.iter().filter_map(|it| if let HypothesisKind::Step(at) = it.kind { Some(at) } else { None }).collect();
     let mut finer = Vec::new();
     for it in chosen {
-        let Claim::Step(at) = it.claim else { continue };
+        let HypothesisKind::Step(at) = it.kind else { continue };
         for place in at.saturating_sub(reach).max(LEAST_SIDE)..=(at + reach).min(rows - LEAST_SIDE) {
             if !known.contains(&place) {
                 for before in [0.0, -1.0] {
                     // The group is that of the grid place, so that two near changes are not both chosen.
                     finer.push(Hypothesis {
-                        claim: Claim::Step(place),
+                        kind: HypothesisKind::Step(place),
                         columns: vec![step(rows, place, before)],
                         ..it.clone()
                     });
@@ -223,21 +225,21 @@ pub(super) fn candidates(hypotheses: &[Hypothesis], thresholds: &Thresholds, spa
     let costs: Vec<f64> =
         (0..=widest).map(|width| if width == 0 { 0.0 } else { thresholds.cost(width, space.rows()) }).collect();
     let of_one = |it: &Hypothesis| Candidate {
-        columns: it.columns.iter().map(|column| space.carried(column)).collect(),
+        columns: it.columns.iter().map(|column| space.in_whitened_space(column)).collect(),
         group: it.group,
-        change: if let Claim::Step(at) = it.claim { Some(at) } else { None },
+        change: if let HypothesisKind::Step(at) = it.kind { Some(at) } else { None },
         cost: costs[it.columns.len()] + it.prior,
     };
     hypotheses.iter().map(of_one).collect()
 }
 
 /// The contribution of a member of a set.
-pub(super) fn worth(search: &Search, candidates: &[Candidate], set: &[usize], member: usize) -> Worth {
+pub(super) fn contribution(search: &Search, candidates: &[Candidate], set: &[usize], member: usize) -> Contribution {
     let rest: Vec<usize> = set.iter().copied().filter(|other| *other != member).collect();
     let columns = |set: &[usize]| -> usize { set.iter().map(|it| candidates[*it].columns.len()).sum() };
     let (without, with) = (search.square(&rest), search.square(set));
     let rows = candidates.first().and_then(|it| it.columns.first()).map_or(0, Vec::len);
     let width = (columns(set) - columns(&rest)) as f64;
     let freedom = rows.saturating_sub(columns(set)).max(1) as f64;
-    Worth { gain: rows as f64 * (without / with).ln(), ln_p: ln_p_of_squares(without - with, width, with, freedom) }
+    Contribution { gain: rows as f64 * (without / with).ln(), ln_p: ln_p_of_squares(without - with, width, with, freedom) }
 }

@@ -4,8 +4,8 @@
 //! updated to the estimate. Gain and bias of an input sensor act through the polynomial, which is not linear, so these columns are iterated
 //! (Gauss-Newton). Never adds or removes a cause.
 
-use super::explained::{Explained, settle, solved};
-use super::hypotheses::{Claim, moved};
+use super::explained::{Explained, refit, solved};
+use super::hypotheses::{HypothesisKind, moved};
 use super::sample::Sample;
 use crate::engine::columns::{LeastSquares, dot, solve};
 use crate::engine::significance::t_of;
@@ -41,8 +41,8 @@ const OUTSIDE: f64 = 0.05;
 
 /// Updates the columns of input sensors to the estimate.
 pub(super) fn refine(sample: &Sample, found: &mut Explained) {
-    let moves = |claim: &Claim| matches!(claim, Claim::InputGain(_) | Claim::InputBias(_));
-    if !found.set.iter().any(|it| moves(&it.claim)) {
+    let moves = |kind: &HypothesisKind| matches!(kind, HypothesisKind::InputGain(_) | HypothesisKind::InputBias(_));
+    if !found.set.iter().any(|it| moves(&it.kind)) {
         return;
     }
     let inputs = sample.inputs.len();
@@ -52,9 +52,11 @@ pub(super) fn refine(sample: &Sample, found: &mut Explained) {
     let mut sensors = vec![(1.0, 0.0); inputs];
     let mut place = 0;
     for it in &found.set {
-        match it.claim {
-            Claim::InputGain(input) => sensors[input].0 = (1.0 + start.coefficients[place]).clamp(LEAST_GAIN, 1.0 / LEAST_GAIN),
-            Claim::InputBias(input) => sensors[input].1 = start.coefficients[place],
+        match it.kind {
+            HypothesisKind::InputGain(input) => {
+                sensors[input].0 = (1.0 + start.coefficients[place]).clamp(LEAST_GAIN, 1.0 / LEAST_GAIN)
+            }
+            HypothesisKind::InputBias(input) => sensors[input].1 = start.coefficients[place],
             _ => {}
         }
         place += it.columns.len();
@@ -63,30 +65,32 @@ pub(super) fn refine(sample: &Sample, found: &mut Explained) {
         let base = at(sample, &sensors);
         let mut columns = Vec::new();
         for it in &found.set {
-            match it.claim {
-                Claim::InputGain(input) => columns.push(space.carried(&slope(sample, &sensors, input, (1e-4, 0.0)))),
-                Claim::InputBias(input) => {
-                    let [low, high] = sample.inputs[input].range;
-                    columns.push(space.carried(&slope(sample, &sensors, input, (0.0, 1e-4 * (high - low)))));
+            match it.kind {
+                HypothesisKind::InputGain(input) => {
+                    columns.push(space.in_whitened_space(&slope(sample, &sensors, input, (1e-4, 0.0))))
                 }
-                Claim::ResponseGain => columns.push(space.carried(&base)),
-                _ => columns.extend(it.columns.iter().map(|column| space.carried(column))),
+                HypothesisKind::InputBias(input) => {
+                    let [low, high] = sample.inputs[input].range;
+                    columns.push(space.in_whitened_space(&slope(sample, &sensors, input, (0.0, 1e-4 * (high - low)))));
+                }
+                HypothesisKind::ResponseGain => columns.push(space.in_whitened_space(&base)),
+                _ => columns.extend(it.columns.iter().map(|column| space.in_whitened_space(column))),
             }
         }
         let left: Vec<f64> = sample.response.iter().zip(&base).map(|(y, f)| y - f).collect();
-        let solved = solve(&columns, &space.carried(&left));
+        let solved = solve(&columns, &space.in_whitened_space(&left));
         let mut place = 0;
         let mut largest: f64 = 0.0;
         for it in &found.set {
             let step = solved.coefficients[place];
-            match it.claim {
-                Claim::InputGain(input) => {
+            match it.kind {
+                HypothesisKind::InputGain(input) => {
                     // At most a fifth in one step, because the polynomial is not linear.
                     let step = step.clamp(-0.2, 0.2);
                     sensors[input].0 = (sensors[input].0 + step).clamp(LEAST_GAIN, 1.0 / LEAST_GAIN);
                     largest = largest.max(step.abs());
                 }
-                Claim::InputBias(input) => {
+                HypothesisKind::InputBias(input) => {
                     let width = sample.inputs[input].range[1] - sample.inputs[input].range[0];
                     let step = step.clamp(-0.1 * width, 0.1 * width);
                     sensors[input].1 = (sensors[input].1 + step).clamp(-0.5 * width, 0.5 * width);
@@ -102,38 +106,38 @@ pub(super) fn refine(sample: &Sample, found: &mut Explained) {
     }
     let base = at(sample, &sensors);
     for it in &mut found.set {
-        match it.claim {
+        match it.kind {
             // The gain is applied first, then the bias; their sum is the whole change.
-            Claim::InputGain(input) => {
+            HypothesisKind::InputGain(input) => {
                 let gain = sensors[input].0;
                 it.columns = vec![secant(&moved(sample, input, (gain, 0.0)), &sample.nominal, gain - 1.0)];
             }
-            Claim::InputBias(input) => {
+            HypothesisKind::InputBias(input) => {
                 let (gain, bias) = sensors[input];
                 let without = moved(sample, input, (gain, 0.0));
                 it.columns = vec![secant(&moved(sample, input, (gain, bias)), &without, bias)];
             }
-            Claim::ResponseGain => it.columns = vec![base.clone()],
+            HypothesisKind::ResponseGain => it.columns = vec![base.clone()],
             _ => {}
         }
     }
-    settle(sample, found);
+    refit(sample, found);
 }
 
 /// Gains and biases of each input's sensor that are not ruled out: ends and middle of twice the 95 % interval; only (1, 0) for an input without such
 /// a cause. `None` if no input sensor is named. The interval is doubled because rows are selected by it: the one in twenty intervals that is wrong
 /// would remove the rows that could correct it.
-pub(super) fn sensors_believed(sample: &Sample, found: &Explained, estimates: &Estimates) -> Option<Vec<Vec<(f64, f64)>>> {
+pub(super) fn plausible_sensors(sample: &Sample, found: &Explained, estimates: &Estimates) -> Option<Vec<Vec<(f64, f64)>>> {
     let mut gains = vec![vec![1.0]; sample.inputs.len()];
     let mut biases = vec![vec![0.0]; sample.inputs.len()];
     let mut is_named = false;
     for (it, numbers) in found.set.iter().zip(&estimates.causes) {
         let (value, half) = (numbers.values[0], 2.0 * numbers.halves[0]);
         let believed = [value - half, value, value + half];
-        match it.claim {
+        match it.kind {
             // A gain near zero would move every reading into the range.
-            Claim::InputGain(input) => gains[input] = believed.iter().map(|it| (1.0 + it).max(LEAST_GAIN)).collect(),
-            Claim::InputBias(input) => biases[input] = believed.to_vec(),
+            HypothesisKind::InputGain(input) => gains[input] = believed.iter().map(|it| (1.0 + it).max(LEAST_GAIN)).collect(),
+            HypothesisKind::InputBias(input) => biases[input] = believed.to_vec(),
             _ => continue,
         }
         is_named = true;

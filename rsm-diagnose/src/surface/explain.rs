@@ -5,7 +5,7 @@
 //! point. From each, causes, outliers and noise are found in turn until they no longer change. Never uses holdout rows.
 
 use super::choice::causes;
-use super::explained::{Explained, Noise, settle, solved, space_of};
+use super::explained::{Explained, Noise, refit, solved, space_of};
 use super::hypotheses::Hypothesis;
 use super::noise::{self, Growth};
 use super::null::Thresholds;
@@ -23,7 +23,7 @@ const MOST_OUTLIERS: f64 = 0.1;
 const LEAST_FREEDOM: usize = 20;
 
 /// If this many candidates in a row are not outliers, no further ones are tested, because leaving them out no longer reduces the scatter.
-const HIDING: usize = 15;
+const MOST_WITHOUT_OUTLIER: usize = 15;
 
 /// Up to this many rows, outlying runs are removed one at a time, as in Rosner's test. With more rows, several are removed at a time, so that the
 /// number of rounds, each a fit to all rows, stays the same.
@@ -38,13 +38,13 @@ pub(super) fn explain(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &T
     let grown = Some(noise::growth(&plain(sample), &sample.nominal).0);
     let every: Vec<usize> = (0..sample.rows()).collect();
     let following = Some(noise::correlation(&plain(sample), &every).0);
-    for looseness in loosenesses(sample) {
+    for variance_factor in variance_factors(sample) {
         for (growth, rho) in [(None, None), (grown, None), (None, following), (grown, following)] {
             let noise = Noise { growth, rho };
             if best.is_some() && !work.has_work_left() {
                 break;
             }
-            let found = from_noise(sample, hypotheses, thresholds, noise, looseness, work);
+            let found = from_noise(sample, hypotheses, thresholds, noise, variance_factor, work);
             if best.as_ref().is_none_or(|best| found.score < best.score) {
                 best = Some(found);
             }
@@ -60,14 +60,14 @@ pub(super) fn from_noise(
     hypotheses: &[Hypothesis],
     thresholds: &Thresholds,
     noise: Noise,
-    looseness: f64,
+    variance_factor: f64,
     work: &Work<'_>,
 ) -> Explained {
     let even = Explained {
         set: Vec::new(),
         outliers: Vec::new(),
         noise,
-        looseness,
+        variance_factor,
         score: f64::INFINITY,
         fitted: sample.nominal.clone(),
         scale: vec![1.0; sample.rows()],
@@ -89,7 +89,7 @@ const LEAST_RATIO: f64 = 0.01;
 /// fitted to as many rows as are new, or exact ones (a formula, a data sheet). If the file gives its noise, [`know`] uses that. The first guesses are
 /// from the scatter of the data or, with few rows, from the noise of the file; and a tenth of it, because a file without some terms counted these as
 /// noise.
-pub(super) fn loosenesses(sample: &Sample) -> Vec<f64> {
+pub(super) fn variance_factors(sample: &Sample) -> Vec<f64> {
     match (sample.sd_of_file, sample.rows_of_file) {
         (Some(_), _) if is_few(sample) => vec![1.0, 1.0 / LEAST_RATIO],
         (Some(old), _) => {
@@ -107,13 +107,13 @@ fn ratio(old: f64, new: f64) -> f64 {
 }
 
 /// Updates the factor for the coefficient uncertainty from the noise that the set leaves.
-fn know(sample: &Sample, now: &mut Explained) {
+fn update_variance_factor(sample: &Sample, now: &mut Explained) {
     let Some(old) = sample.sd_of_file else { return };
     let space = now.space(sample);
     let solved = solved(sample, &now.set, &space);
     let freedom = space.rows().saturating_sub(solved.rank).max(1) as f64;
     let mean_scale = now.scale.iter().map(|s| s * s).sum::<f64>() / now.scale.len() as f64;
-    now.looseness = ratio(old, (dot(&solved.residual, &solved.residual) / freedom * mean_scale).sqrt());
+    now.variance_factor = ratio(old, (dot(&solved.residual, &solved.residual) / freedom * mean_scale).sqrt());
 }
 
 /// Whether too few rows are left, beyond these unknowns, to estimate the noise.
@@ -144,28 +144,28 @@ fn turns(sample: &Sample, hypotheses: &[Hypothesis], thresholds: &Thresholds, st
     now.scale = scale(now.noise, &sample.nominal);
     let mut best: Option<Explained> = None;
     for _ in 0..TURNS {
-        let entered = now.looseness.max(f64::MIN_POSITIVE);
+        let entered = now.variance_factor.max(f64::MIN_POSITIVE);
         if best.is_some() && !work.has_work_left() {
             break;
         }
         now.set = causes(sample, hypotheses, thresholds, &now, work);
         for _ in 0..AGREEING {
-            know(sample, &mut now);
+            update_variance_factor(sample, &mut now);
         }
-        settle(sample, &mut now);
+        refit(sample, &mut now);
         now.score = score(sample, thresholds, &now);
         let before = now.clone();
         if best.as_ref().is_none_or(|best| now.score < best.score) {
             best = Some(now.clone());
         }
         now.outliers = outliers(sample, &now, thresholds);
-        settle(sample, &mut now);
+        refit(sample, &mut now);
         update_noise(sample, &mut now);
         let same_set = now.outliers == before.outliers;
         let close = |a: Option<f64>, b: Option<f64>| a.zip(b).is_none_or(|(a, b)| (a - b).abs() < 0.01);
         let exponent = |it: &Explained| it.noise.growth.map(Growth::exponent);
         let same_noise = close(now.noise.rho, before.noise.rho) && close(exponent(&now), exponent(&before));
-        if same_set && same_noise && close(Some(now.looseness.max(f64::MIN_POSITIVE).ln()), Some(entered.ln())) {
+        if same_set && same_noise && close(Some(now.variance_factor.max(f64::MIN_POSITIVE).ln()), Some(entered.ln())) {
             break;
         }
     }
@@ -194,10 +194,10 @@ fn score(sample: &Sample, thresholds: &Thresholds, now: &Explained) -> f64 {
     let noise = now.noise.growth.map_or(0.0, |_| thresholds.growth) + now.noise.rho.map_or(0.0, |_| thresholds.correlation);
     // Restricted likelihood (Patterson and Thompson 1971). Otherwise, with enough unknowns to fit some runs nearly exactly, a noise model that gives
     // these runs a small variance would look likely.
-    let even = space_of(sample, &now.kept(), &Shape { scale: vec![1.0; sample.rows()], rho: 0.0 }, now.looseness);
+    let even = space_of(sample, &now.kept(), &Shape { scale: vec![1.0; sample.rows()], rho: 0.0 }, now.variance_factor);
     let gram = |space: &Space| {
         let columns = now.set.iter().flat_map(|it| &it.columns);
-        Basis::of(&columns.map(|column| space.carried(column)).collect::<Vec<_>>()).ln_gram()
+        Basis::of(&columns.map(|column| space.in_whitened_space(column)).collect::<Vec<_>>()).ln_gram()
     };
     let restricted = if now.noise == Noise::default() { 0.0 } else { gram(&space) - gram(&even) };
     rows * (square / space.rows() as f64).ln() + restricted + space.ln_determinant + scales_left_out + causes + outliers + noise
@@ -232,7 +232,7 @@ fn outliers(sample: &Sample, now: &Explained, thresholds: &Thresholds) -> Vec<us
     let most = (MOST_OUTLIERS * rows as f64).ceil() as usize;
     let at_once = rows.div_ceil(ONE_BY_ONE);
     while removed.len() < most && kept.len() >= unknowns + 5 {
-        let space = space_of(sample, &kept, &shape, now.looseness);
+        let space = space_of(sample, &kept, &shape, now.variance_factor);
         let (all, freedom) = studentised(sample, &now.set, &space);
         let mut order: Vec<usize> = (0..all.len()).collect();
         // Of equal ones the last, as for a maximum.
@@ -247,7 +247,7 @@ fn outliers(sample: &Sample, now: &Explained, thresholds: &Thresholds) -> Vec<us
             count -= 1;
         }
         kept.retain(|row| !removed.contains(row));
-        if removed.len() > last + HIDING * at_once {
+        if removed.len() > last + MOST_WITHOUT_OUTLIER * at_once {
             break;
         }
     }
@@ -258,9 +258,9 @@ fn outliers(sample: &Sample, now: &Explained, thresholds: &Thresholds) -> Vec<us
 
 /// Externally studentised residuals of the rows that count, and their degrees of freedom.
 pub(super) fn studentised(sample: &Sample, set: &[Hypothesis], space: &Space) -> (Vec<f64>, f64) {
-    let carried: Vec<Vec<f64>> = set.iter().flat_map(|it| &it.columns).map(|column| space.carried(column)).collect();
-    let basis = Basis::of(&carried).directions;
-    let solved = solve(&carried, &space.carried(&sample.residual()));
+    let whitened: Vec<Vec<f64>> = set.iter().flat_map(|it| &it.columns).map(|column| space.in_whitened_space(column)).collect();
+    let basis = Basis::of(&whitened).directions;
+    let solved = solve(&whitened, &space.in_whitened_space(&sample.residual()));
     let (rows, rank) = (space.rows() as f64, basis.len() as f64);
     let square = dot(&solved.residual, &solved.residual);
     let freedom = (rows - rank - 1.0).max(1.0);

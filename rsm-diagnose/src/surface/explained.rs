@@ -28,7 +28,7 @@ pub struct Explained {
     /// The noise.
     pub noise: Noise,
     /// The factor of the variance by which the file's coefficients are less certain than `Sample::prior` says.
-    pub looseness: f64,
+    pub variance_factor: f64,
     /// -2 ln(likelihood) plus costs.
     pub score: f64,
     /// The mean at all rows.
@@ -50,18 +50,19 @@ impl Explained {
 
     /// The whitened space of the rows that count.
     pub fn space(&self, sample: &Sample) -> Space {
-        space_of(sample, &self.kept(), &self.shape(), self.looseness)
+        space_of(sample, &self.kept(), &self.shape(), self.variance_factor)
     }
 }
 
 /// The whitened space of some rows.
-pub(super) fn space_of(sample: &Sample, kept: &[usize], shape: &Shape, looseness: f64) -> Space {
-    let prior: Vec<Vec<f64>> = sample.prior.iter().map(|row| row.iter().map(|value| looseness * value).collect()).collect();
+pub(super) fn space_of(sample: &Sample, kept: &[usize], shape: &Shape, variance_factor: f64) -> Space {
+    let prior: Vec<Vec<f64>> =
+        sample.prior.iter().map(|row| row.iter().map(|value| variance_factor * value).collect()).collect();
     Space::new(kept, shape, &sample.terms, &prior)
 }
 
 /// Fits the set to the rows that count, by least squares, and stores the fitted mean at all rows.
-pub(super) fn settle(sample: &Sample, now: &mut Explained) {
+pub(super) fn refit(sample: &Sample, now: &mut Explained) {
     let space = now.space(sample);
     let solved = solved(sample, &now.set, &space);
     now.fitted = mean(sample, &now.set, &solved, &space);
@@ -69,8 +70,8 @@ pub(super) fn settle(sample: &Sample, now: &mut Explained) {
 
 /// The least-squares problem of a set.
 pub(super) fn solved(sample: &Sample, set: &[Hypothesis], space: &Space) -> LeastSquares {
-    let columns: Vec<Vec<f64>> = set.iter().flat_map(|it| &it.columns).map(|column| space.carried(column)).collect();
-    solve(&columns, &space.carried(&sample.residual()))
+    let columns: Vec<Vec<f64>> = set.iter().flat_map(|it| &it.columns).map(|column| space.in_whitened_space(column)).collect();
+    solve(&columns, &space.in_whitened_space(&sample.residual()))
 }
 
 /// The nominal response plus the causes, with the coefficients changed within their uncertainty by the data.

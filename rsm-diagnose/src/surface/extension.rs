@@ -11,7 +11,7 @@ use rsm_core::model::{Coding, Evidence, Input, Outside, Surface, Term};
 
 use super::estimate::Estimates;
 use super::explained::{Explained, calibration};
-use super::hypotheses::{Claim, Monomial, bias_fits_file};
+use super::hypotheses::{HypothesisKind, Monomial, bias_fits_file};
 use super::sample::Sample;
 use rsm_fit::design::{Design, Physical};
 
@@ -82,21 +82,21 @@ pub(super) fn extend(sample: &Sample, found: &Explained, estimates: &Estimates, 
     let sensors = sensors(sample, found, estimates, &mut notes);
     let mut sums = moved_terms(sample, &mut surface, &sensors);
     for (it, numbers) in found.set.iter().zip(&estimates.causes) {
-        if it.claim == Claim::ResponseGain {
+        if it.kind == HypothesisKind::ResponseGain {
             // gain - 1, for the polynomial after the corrections of input sensors.
             let gain = 1.0 + numbers.values[0];
             sums.values_mut().for_each(|value| *value *= gain);
         }
     }
     for (it, numbers) in found.set.iter().zip(&estimates.causes) {
-        match &it.claim {
-            Claim::Drift(clock) => offsets.push(drift(sample, *clock, &it.columns[0], numbers.values[0])),
-            Claim::Step(at) => {
+        match &it.kind {
+            HypothesisKind::Drift(clock) => offsets.push(drift(sample, *clock, &it.columns[0], numbers.values[0])),
+            HypothesisKind::Step(at) => {
                 let value = numbers.values[0];
                 let before = it.columns[0][0] * value;
                 offsets.push(Offset::Step { at: sample.places[*at], values: [before, before + value] });
             }
-            Claim::Block(extra) => {
+            HypothesisKind::Block(extra) => {
                 let extra = &sample.extras[*extra];
                 let (names, of) = extra.levels.as_ref().expect("a block has levels");
                 let mut values = numbers.values.iter();
@@ -106,13 +106,13 @@ pub(super) fn extend(sample: &Sample, found: &Explained, estimates: &Estimates, 
                 });
                 offsets.push(Offset::Block { column: extra.name.clone(), levels: levels.collect() });
             }
-            Claim::ResponseGain | Claim::InputGain(_) | Claim::InputBias(_) => {}
+            HypothesisKind::ResponseGain | HypothesisKind::InputGain(_) | HypothesisKind::InputBias(_) => {}
             _ => {
                 for (parts, value) in it.in_file.iter().zip(&numbers.values) {
                     if parts.is_empty() {
                         notes.push(format!(
                             "{} cannot stand in the model file: the surface is odd in an input that it does not contain",
-                            it.claim.label(sample)
+                            it.kind.label(sample)
                         ));
                     }
                     for (factor, monomial) in parts {
@@ -145,10 +145,10 @@ pub(super) fn extend(sample: &Sample, found: &Explained, estimates: &Estimates, 
 fn sensors(sample: &Sample, found: &Explained, estimates: &Estimates, notes: &mut Vec<String>) -> Vec<(f64, f64)> {
     let mut sensors = vec![(1.0, 0.0); sample.inputs.len()];
     for (it, numbers) in found.set.iter().zip(&estimates.causes) {
-        match it.claim {
-            Claim::InputGain(input) => sensors[input].0 = 1.0 + numbers.values[0],
-            Claim::InputBias(input) if bias_fits_file(sample, input) => sensors[input].1 = numbers.values[0],
-            Claim::InputBias(input) => {
+        match it.kind {
+            HypothesisKind::InputGain(input) => sensors[input].0 = 1.0 + numbers.values[0],
+            HypothesisKind::InputBias(input) if bias_fits_file(sample, input) => sensors[input].1 = numbers.values[0],
+            HypothesisKind::InputBias(input) => {
                 let name = &sample.inputs[input].name;
                 notes.push(format!("the bias of {name} cannot stand in the model file: {name} enters mirrored or inverted"));
             }
@@ -318,7 +318,7 @@ fn write(sample: &Sample, surface: &mut Surface, sums: BTreeMap<Monomial, f64>, 
 /// The evidence of the extended surface.
 fn evidence(sample: &Sample, found: &Explained, estimates: &Estimates) -> Vec<(String, Evidence)> {
     let rows_of_file = sample.rows_of_file.unwrap_or(sample.rows() as f64).round() as i64;
-    let labels = found.set.iter().map(|it| Evidence::Text(it.claim.label(sample))).collect();
+    let labels = found.set.iter().map(|it| Evidence::Text(it.kind.label(sample))).collect();
     let mean_scale = found.scale.iter().map(|s| s * s).sum::<f64>() / found.scale.len().max(1) as f64;
     vec![
         ("rows".to_string(), Evidence::Whole(rows_of_file + found.kept().len() as i64)),

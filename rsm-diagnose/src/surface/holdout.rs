@@ -14,7 +14,7 @@ use super::explained::Explained;
 use super::extension::{Extension, evaluate, extend};
 use super::hypotheses;
 use super::null::Thresholds;
-use super::sample::{Extra, Sample, Taken};
+use super::sample::{Extra, RowSet, Sample};
 use crate::engine::holdout::excess;
 pub(super) use crate::engine::holdout::removed_share;
 use crate::engine::work::Work;
@@ -47,7 +47,7 @@ impl Errors {
 
 /// Holdout rows: measured, and computed by the nominal file, by the extended file, and by the extended file with offsets.
 #[derive(Debug, Clone, Default)]
-pub struct Judged {
+pub struct HoldoutRows {
     /// As measured.
     pub measured: Vec<f64>,
     /// By the nominal file.
@@ -58,7 +58,7 @@ pub struct Judged {
     pub extended: Vec<f64>,
 }
 
-impl Judged {
+impl HoldoutRows {
     /// The errors of one of these lists.
     pub fn errors(&self, computed: &[f64], noise: f64) -> Errors {
         let rows = self.measured.len();
@@ -76,12 +76,12 @@ impl Judged {
     /// With the verdict "no discrepancy" the file stays as it is.
     pub fn of(self, verdict: Verdict) -> Self {
         match verdict {
-            Verdict::NoDiscrepancy => Judged { file: self.nominal.clone(), extended: self.nominal.clone(), ..self },
+            Verdict::NoDiscrepancy => HoldoutRows { file: self.nominal.clone(), extended: self.nominal.clone(), ..self },
             Verdict::Explained | Verdict::Unexplained => self,
         }
     }
 
-    fn extend(&mut self, other: Judged) {
+    fn extend(&mut self, other: HoldoutRows) {
         self.measured.extend(other.measured);
         self.nominal.extend(other.nominal);
         self.file.extend(other.file);
@@ -98,7 +98,7 @@ struct Rows<'a> {
     places: Option<Vec<usize>>,
 }
 
-fn judge(nominal: (&Surface, &[Input]), extension: &Extension, rows: &Rows<'_>) -> Result<Judged, String> {
+fn judge(nominal: (&Surface, &[Input]), extension: &Extension, rows: &Rows<'_>) -> Result<HoldoutRows, String> {
     let mut points = rows.points.clone();
     for name in &extension.columns {
         let column = rows.extras.iter().find(|it| it.name == *name).and_then(|it| it.values.as_ref());
@@ -117,7 +117,7 @@ fn judge(nominal: (&Surface, &[Input]), extension: &Extension, rows: &Rows<'_>) 
         let place = rows.places.as_ref().map(|places| places[k]);
         extension.offsets.iter().filter_map(|offset| offset.at(place, &number, &level)).sum()
     };
-    Ok(Judged {
+    Ok(HoldoutRows {
         measured: rows.response.clone(),
         nominal: evaluate(nominal.0, nominal.1, &rows.points),
         extended: file.iter().enumerate().map(|(k, f)| f + offset(k)).collect(),
@@ -129,9 +129,9 @@ fn judge(nominal: (&Surface, &[Input]), extension: &Extension, rows: &Rows<'_>) 
 ///
 /// # Errors
 /// If a column is missing that the extension needs, or if no row is inside; as a sentence.
-pub fn on_files(model: &Model, index: usize, extension: &Extension, data: &NewData) -> Result<Judged, String> {
+pub fn on_files(model: &Model, index: usize, extension: &Extension, data: &NewData) -> Result<HoldoutRows, String> {
     let response = data.responses[index].as_ref().ok_or("they have no column of the response")?;
-    let sample = Sample::new(model, index, &data.inputs, response, &data.extras, Taken::Inside);
+    let sample = Sample::new(model, index, &data.inputs, response, &data.extras, RowSet::Inside);
     if sample.rows() == 0 {
         return Err("no row is inside the ranges and the support of the surface".to_string());
     }
@@ -148,10 +148,10 @@ pub fn on_files(model: &Model, index: usize, extension: &Extension, data: &NewDa
 /// Evaluates by cross-validation over the rows of the sample. Outlying runs of the explanation of all rows are not evaluated. With many rows, the
 /// noise model and the coefficient uncertainty are taken from that explanation: they are no causes, and estimating them again would be seven eighths
 /// of the work. Causes are chosen again without each fold, each time within its own work limit.
-pub fn by_folds(sample: &Sample, thresholds: &Thresholds, all: &Explained, taken: &[Input], limit: usize) -> Judged {
+pub fn by_folds(sample: &Sample, thresholds: &Thresholds, all: &Explained, taken: &[Input], limit: usize) -> HoldoutRows {
     let mut rows: Vec<usize> = (0..sample.rows()).filter(|row| !all.outliers.contains(row)).collect();
     Random::new(0xf01d).shuffle(&mut rows);
-    let mut judged = Judged::default();
+    let mut judged = HoldoutRows::default();
     for fold in 0..FOLDS {
         let mut left_out: Vec<usize> = rows.iter().copied().skip(fold).step_by(FOLDS).collect();
         left_out.sort_unstable();
@@ -159,7 +159,7 @@ pub fn by_folds(sample: &Sample, thresholds: &Thresholds, all: &Explained, taken
         let training = sample.select(&others);
         let (hypotheses, work) = (hypotheses::all(&training), Work::within(limit));
         let mut found = if sample.rows() > ALL_NOISE {
-            from_noise(&training, &hypotheses, thresholds, all.noise, all.looseness, &work)
+            from_noise(&training, &hypotheses, thresholds, all.noise, all.variance_factor, &work)
         } else {
             explain(&training, &hypotheses, thresholds, &work)
         };

@@ -28,9 +28,9 @@ pub enum Part {
     With(usize),
 }
 
-/// What a hypothesis claims.
+/// The kind of a hypothesis: what is missing or wrong.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Claim {
+pub enum HypothesisKind {
     /// A term that the file does not have.
     Term(Vec<u32>),
     /// All terms of the next order, and those missing below it: many small ones, of which none is significant alone.
@@ -60,8 +60,8 @@ pub enum Claim {
 /// A hypothesis in one shape.
 #[derive(Debug, Clone)]
 pub struct Hypothesis {
-    /// What it claims.
-    pub claim: Claim,
+    /// What is missing or wrong.
+    pub kind: HypothesisKind,
     /// The change of the response for one unit of each of its unknowns.
     pub columns: Vec<Vec<f64>>,
     /// The same as parts of a polynomial: a list of (factor, product) for each column. Empty if no model file can represent it.
@@ -156,18 +156,25 @@ impl List<'_> {
         self.groups - 1
     }
 
-    fn push(&mut self, group: usize, claim: Claim, columns: Vec<Vec<f64>>, in_file: Vec<Vec<(f64, Monomial)>>, prior: f64) {
-        self.found.push(Hypothesis { claim, columns, in_file, reference: None, prior, group });
+    fn push(
+        &mut self,
+        group: usize,
+        kind: HypothesisKind,
+        columns: Vec<Vec<f64>>,
+        in_file: Vec<Vec<(f64, Monomial)>>,
+        prior: f64,
+    ) {
+        self.found.push(Hypothesis { kind, columns, in_file, reference: None, prior, group });
     }
 
     fn response_sensor(&mut self) {
         let group = self.new_group();
         let own = self.sample.surface.terms.iter();
         let own = own.map(|term| (term.coefficient, Monomial { powers: term.powers.clone(), extra: None })).collect();
-        self.push(group, Claim::ResponseGain, vec![self.sample.nominal.clone()], vec![own], 0.0);
+        self.push(group, HypothesisKind::ResponseGain, vec![self.sample.nominal.clone()], vec![own], 0.0);
         let group = self.new_group();
         let in_file = vec![self.constant_in_file()];
-        self.push(group, Claim::ResponseBias, vec![vec![1.0; self.sample.rows()]], in_file, 0.0);
+        self.push(group, HypothesisKind::ResponseBias, vec![vec![1.0; self.sample.rows()]], in_file, 0.0);
     }
 
     /// Secants of the polynomial, divided by the change, so that every unknown is gain - 1, or bias.
@@ -186,7 +193,7 @@ impl List<'_> {
             let biases: Vec<_> = std::iter::once(([(1.0, 0.001 * half), (1.0, -0.001 * half)], 0.002 * half))
                 .chain(BIASES.map(|b| (bias(b), b * half)))
                 .collect();
-            for (claim, secants) in [(Claim::InputGain(input), gains), (Claim::InputBias(input), biases)] {
+            for (kind, secants) in [(HypothesisKind::InputGain(input), gains), (HypothesisKind::InputBias(input), biases)] {
                 let group = self.new_group();
                 let mut known: Vec<Vec<f64>> = Vec::new();
                 for ([there, here], change) in secants {
@@ -196,7 +203,7 @@ impl List<'_> {
                     if size.is_finite() && !known.iter().any(|other| dot(other, &column).abs() > PARALLEL * size * norm(other))
                     {
                         known.push(column.clone());
-                        self.push(group, claim.clone(), vec![column], vec![Vec::new()], 0.0);
+                        self.push(group, kind.clone(), vec![column], vec![Vec::new()], 0.0);
                     }
                 }
             }
@@ -225,7 +232,7 @@ impl List<'_> {
             let group = self.new_group();
             let own = |k: &usize| vec![(1.0, Monomial { powers: missing[*k].clone(), extra: None })];
             let of_next = next.iter().map(|k| columns[*k].clone()).collect();
-            self.push(group, Claim::Order(highest + 1), of_next, next.iter().map(own).collect(), 0.0);
+            self.push(group, HypothesisKind::Order(highest + 1), of_next, next.iter().map(own).collect(), 0.0);
         }
         for ((powers, column), spread) in missing.into_iter().zip(columns).zip(spread) {
             if design::order(&powers) == 0 {
@@ -234,7 +241,7 @@ impl List<'_> {
             let prior = PER_ORDER * f64::from(design::order(&powers).saturating_sub(highest + 1));
             let own = Monomial { powers: powers.clone(), extra: None };
             let group = self.new_group();
-            self.push(group, Claim::Term(powers.clone()), vec![column.clone()], vec![vec![(1.0, own.clone())]], prior);
+            self.push(group, HypothesisKind::Term(powers.clone()), vec![column.clone()], vec![vec![(1.0, own.clone())]], prior);
             // The coefficients of the old fit contain the part of the missing term that they can imitate, for a design like this one or for evenly
             // spread rows.
             for (terms, there) in [(&self.sample.terms, &column), (&spread_terms, &spread)] {
@@ -246,7 +253,7 @@ impl List<'_> {
                 if norm(&left) > SAME * norm(&column) && dot(&left, &column).abs() < PARALLEL * norm(&left) * norm(&column) {
                     let taken = absorbed.iter().zip(&present).map(|(a, monomial)| (-a, monomial.clone()));
                     let in_file = std::iter::once((1.0, own.clone())).chain(taken).collect();
-                    self.push(group, Claim::Term(powers.clone()), vec![left], vec![in_file], prior);
+                    self.push(group, HypothesisKind::Term(powers.clone()), vec![left], vec![in_file], prior);
                 }
             }
         }
@@ -257,7 +264,7 @@ impl List<'_> {
         if self.sample.surface.terms.len() > 1 && self.sample.surface.terms.len() * LEAST_ROWS_PER_TERM <= self.sample.rows() {
             let group = self.new_group();
             let in_file = self.sample.surface.terms.iter().map(|term| of(&term.powers)).collect();
-            self.push(group, Claim::Refit, self.sample.terms.clone(), in_file, ALL_COEFFICIENTS);
+            self.push(group, HypothesisKind::Refit, self.sample.terms.clone(), in_file, ALL_COEFFICIENTS);
         }
         for (k, term) in self.sample.surface.terms.iter().enumerate() {
             if design::order(&term.powers) == 0 {
@@ -268,7 +275,7 @@ impl List<'_> {
             let in_file = vec![vec![(1.0, Monomial { powers: term.powers.clone(), extra: None })]];
             let columns = vec![self.sample.terms[k].clone()];
             self.found.push(Hypothesis {
-                claim: Claim::Coefficient(k),
+                kind: HypothesisKind::Coefficient(k),
                 columns,
                 in_file,
                 reference: None,
@@ -308,7 +315,7 @@ impl List<'_> {
             let unit = self.constant_in_file();
             // Three shapes: about the middle of the new values, about zero, and about an unknown value (with its own offset).
             let group = self.new_group();
-            let linear = Claim::Input(extra, Part::Linear);
+            let linear = HypothesisKind::Input(extra, Part::Linear);
             self.push(group, linear.clone(), vec![z.clone()], vec![allowed(power(1))], 0.0);
             let shift = middle / half;
             // If the middle is near zero, both shapes are the same.
@@ -321,9 +328,9 @@ impl List<'_> {
             let square: Vec<f64> = z.iter().map(|z| z * z).collect();
             if square.iter().any(|z| (z - 1.0).abs() > SAME) {
                 let group = self.new_group();
-                let claim = Claim::Input(extra, Part::Square);
-                self.push(group, claim.clone(), vec![square.clone()], vec![allowed(power(2))], PER_ORDER);
-                self.push(group, claim, vec![square, one], vec![allowed(power(2)), unit], PER_ORDER);
+                let kind = HypothesisKind::Input(extra, Part::Square);
+                self.push(group, kind.clone(), vec![square.clone()], vec![allowed(power(2))], PER_ORDER);
+                self.push(group, kind, vec![square, one], vec![allowed(power(2)), unit], PER_ORDER);
             }
             for input in 0..self.sample.inputs.len() {
                 let mut powers = constant.clone();
@@ -336,10 +343,10 @@ impl List<'_> {
                 let own = Monomial { powers: powers.clone(), extra: Some((extra, 1)) };
                 let main = Monomial { powers, extra: None };
                 let group = self.new_group();
-                let claim = Claim::Input(extra, Part::With(input));
+                let kind = HypothesisKind::Input(extra, Part::With(input));
                 let in_file = vec![vec![(1.0, own.clone())], vec![(1.0, main)]];
-                self.push(group, claim.clone(), vec![product.clone()], vec![vec![(1.0, own)]], PER_ORDER);
-                self.push(group, claim, vec![product, x], in_file, PER_ORDER);
+                self.push(group, kind.clone(), vec![product.clone()], vec![vec![(1.0, own)]], PER_ORDER);
+                self.push(group, kind, vec![product, x], in_file, PER_ORDER);
             }
         }
     }
@@ -365,7 +372,7 @@ impl List<'_> {
                     let prior = 0.0;
                     let reference = Some(*level);
                     self.found.push(Hypothesis {
-                        claim: Claim::Block(extra),
+                        kind: HypothesisKind::Block(extra),
                         columns: others,
                         in_file,
                         reference,
@@ -375,7 +382,7 @@ impl List<'_> {
                 }
             }
             let in_file = nowhere(&columns);
-            self.push(group, Claim::Block(extra), columns, in_file, 0.0);
+            self.push(group, HypothesisKind::Block(extra), columns, in_file, 0.0);
         }
     }
 
@@ -391,7 +398,7 @@ impl List<'_> {
             // The response is right at the first run, or in the middle.
             for from in [first, (first + last) / 2.0] {
                 let column = time.iter().map(|t| (t - from) / span).collect();
-                self.push(group, Claim::Drift(clock), vec![column], vec![Vec::new()], 0.0);
+                self.push(group, HypothesisKind::Drift(clock), vec![column], vec![Vec::new()], 0.0);
             }
         }
     }
@@ -405,7 +412,7 @@ impl List<'_> {
         for at in places {
             let group = self.new_group();
             for before in [0.0, -1.0] {
-                self.push(group, Claim::Step(at), vec![step(rows, at, before)], vec![Vec::new()], prior);
+                self.push(group, HypothesisKind::Step(at), vec![step(rows, at, before)], vec![Vec::new()], prior);
             }
         }
     }
@@ -449,22 +456,22 @@ pub(super) fn name_of(sample: &Sample, monomial: &Monomial) -> String {
     }
 }
 
-impl Claim {
+impl HypothesisKind {
     /// KIND, or KIND:NAME, as in lists of causes.
     pub fn label(&self, sample: &Sample) -> String {
         let term = |powers: &[u32]| sample.surface.term_name(powers);
         match self {
-            Claim::Term(powers) => format!("missing-term:{}", term(powers)),
-            Claim::Order(order) => format!("missing-term:order {order}"),
-            Claim::Refit => "coefficient-error:all terms".to_string(),
-            Claim::Coefficient(k) => format!("coefficient-error:{}", term(&sample.surface.terms[*k].powers)),
-            Claim::Input(extra, _) => format!("missing-input:{}", sample.extras[*extra].name),
-            Claim::Drift(_) | Claim::Step(_) => "drift".to_string(),
-            Claim::Block(extra) => format!("block-offset:{}", sample.extras[*extra].name),
-            Claim::ResponseGain => format!("sensor-gain:{}", sample.surface.name),
-            Claim::ResponseBias => format!("sensor-bias:{}", sample.surface.name),
-            Claim::InputGain(input) => format!("sensor-gain:{}", sample.inputs[*input].name),
-            Claim::InputBias(input) => format!("sensor-bias:{}", sample.inputs[*input].name),
+            HypothesisKind::Term(powers) => format!("missing-term:{}", term(powers)),
+            HypothesisKind::Order(order) => format!("missing-term:order {order}"),
+            HypothesisKind::Refit => "coefficient-error:all terms".to_string(),
+            HypothesisKind::Coefficient(k) => format!("coefficient-error:{}", term(&sample.surface.terms[*k].powers)),
+            HypothesisKind::Input(extra, _) => format!("missing-input:{}", sample.extras[*extra].name),
+            HypothesisKind::Drift(_) | HypothesisKind::Step(_) => "drift".to_string(),
+            HypothesisKind::Block(extra) => format!("block-offset:{}", sample.extras[*extra].name),
+            HypothesisKind::ResponseGain => format!("sensor-gain:{}", sample.surface.name),
+            HypothesisKind::ResponseBias => format!("sensor-bias:{}", sample.surface.name),
+            HypothesisKind::InputGain(input) => format!("sensor-gain:{}", sample.inputs[*input].name),
+            HypothesisKind::InputBias(input) => format!("sensor-bias:{}", sample.inputs[*input].name),
         }
     }
 }

@@ -44,13 +44,13 @@ use data::NewData;
 use estimate::Estimates;
 use explained::Explained;
 use extension::Extension;
-use holdout::{Errors, Judged};
+use holdout::{Errors, HoldoutRows};
 use hypotheses::Hypothesis;
 use null::Thresholds;
 use regions::Region;
-pub use residual_tests::{Floor, Test};
+pub use residual_tests::{NoiseFloor, Test};
 use rsm_fit::table::MAGNITUDES;
-use sample::{Sample, Taken};
+use sample::{RowSet, Sample};
 
 /// The probability of a false alarm in a whole diagnosis. The promise is 5 %; a fifth is reserved, because the draws give a threshold only to about
 /// 15 %.
@@ -101,7 +101,7 @@ pub struct ResponseDiagnosis {
     /// The number of rows from which the file was made, from its evidence. `None` if the file does not state it; then the number of new rows is used.
     pub rows_of_file: Option<usize>,
     /// The noise.
-    pub floor: Floor,
+    pub floor: NoiseFloor,
     /// Tests for remaining structure.
     pub tests: Vec<Test>,
     /// A test shows structure if its probability is below this.
@@ -117,9 +117,9 @@ pub struct ResponseDiagnosis {
     /// Regions in which the explanation is wrong.
     pub regions_left: Vec<Region>,
     /// Holdout rows.
-    pub judged: Judged,
+    pub holdout: HoldoutRows,
     /// The source of these rows, in words.
-    pub judged_on: String,
+    pub holdout_source: String,
     /// The errors of the file on them.
     pub nominal: Errors,
     /// The errors of the extended file with offsets of drift and blocks, if a row determines them.
@@ -242,7 +242,7 @@ fn add_input(model: &mut Model, input: &Input) {
 }
 
 /// A sample with its explanation.
-struct Answer {
+struct ExplainedSample {
     sample: Sample,
     hypotheses: Vec<Hypothesis>,
     thresholds: Thresholds,
@@ -253,22 +253,22 @@ struct Answer {
     stopped: bool,
 }
 
-impl Answer {
+impl ExplainedSample {
     /// Computes thresholds on these rows, the explanation, its parameters, and the tests of the residual.
-    fn new(sample: Sample, alpha: f64, told: &dyn Fn(usize)) -> Self {
+    fn new(sample: Sample, alpha: f64, progress: &dyn Fn(usize)) -> Self {
         let hypotheses = hypotheses::all(&sample);
         let every: Vec<usize> = (0..sample.rows()).collect();
         let even = whitening::Shape { scale: vec![1.0; sample.rows()], rho: 0.0 };
-        let space = explained::space_of(&sample, &every, &even, explain::loosenesses(&sample)[0]);
-        let carried: Vec<Vec<Vec<f64>>> =
-            hypotheses.iter().map(|it| it.columns.iter().map(|column| space.carried(column)).collect()).collect();
-        let thresholds = Thresholds::new(&carried, &sample.nominal, sample.rows(), alpha);
-        let work = Work::with_progress(MOST_WORK, told);
+        let space = explained::space_of(&sample, &every, &even, explain::variance_factors(&sample)[0]);
+        let whitened: Vec<Vec<Vec<f64>>> =
+            hypotheses.iter().map(|it| it.columns.iter().map(|column| space.in_whitened_space(column)).collect()).collect();
+        let thresholds = Thresholds::new(&whitened, &sample.nominal, sample.rows(), alpha);
+        let work = Work::with_progress(MOST_WORK, progress);
         let mut found = explain::explain(&sample, &hypotheses, &thresholds, &work);
         estimate::refine(&sample, &mut found);
         let estimates = estimate::numbers(&sample, &found);
         let tests = residual_tests::tests(&sample, &found);
-        Answer { sample, hypotheses, thresholds, found, estimates, tests, stopped: work.has_stopped_work() }
+        ExplainedSample { sample, hypotheses, thresholds, found, estimates, tests, stopped: work.has_stopped_work() }
     }
 
     /// The probability below which a test shows structure.
@@ -283,26 +283,28 @@ impl Answer {
 }
 
 /// The explanation selects rows, and it is fitted to these rows. This is the largest number of repetitions.
-const CHOICES: usize = 4;
+const MOST_ROW_CHOICES: usize = 4;
 
-/// The answer, and the rows on which it is based. A reading beyond the range may come from a faulty sensor at a point inside, and such points
-/// (corners of a design) contain the most information about the sensor. So a second explanation starts with nearby rows too. It is used if it names
-/// an input sensor, if its rows are those that are inside after correction of that sensor, and if it leaves nothing unexplained.
-fn answer(sample_of: &dyn Fn(Taken<'_>) -> Sample, alpha: f64, told: &dyn Fn(usize)) -> Answer {
-    let inside = sample_of(Taken::Inside);
-    let near = sample_of(Taken::Near);
+/// The sample with its explanation, and the rows on which it is based. A reading beyond the range may come from a faulty sensor at a point inside,
+/// and such points (corners of a design) contain the most information about the sensor. So a second explanation starts with nearby rows too. It is
+/// used if it names an input sensor, if its rows are those that are inside after correction of that sensor, and if it leaves nothing unexplained.
+fn explained_sample(sample_of: &dyn Fn(RowSet<'_>) -> Sample, alpha: f64, progress: &dyn Fn(usize)) -> ExplainedSample {
+    let inside = sample_of(RowSet::Inside);
+    let near = sample_of(RowSet::Near);
     if near.rows() == inside.rows() {
-        return Answer::new(inside, alpha, told);
+        return ExplainedSample::new(inside, alpha, progress);
     }
     // There are two searches; each has half of the allowed false alarms.
-    let (by_reading, mut places) = (Answer::new(inside, alpha / 2.0, told), near.places.clone());
-    for _ in 0..CHOICES {
-        let answer = Answer::new(sample_of(Taken::Places(&places)), alpha / 2.0, told);
-        let Some(sensors) = estimate::sensors_believed(&answer.sample, &answer.found, &answer.estimates) else { break };
+    let (by_reading, mut places) = (ExplainedSample::new(inside, alpha / 2.0, progress), near.places.clone());
+    for _ in 0..MOST_ROW_CHOICES {
+        let explained = ExplainedSample::new(sample_of(RowSet::Places(&places)), alpha / 2.0, progress);
+        let Some(sensors) = estimate::plausible_sensors(&explained.sample, &explained.found, &explained.estimates) else {
+            break;
+        };
         let truly = near.truly_inside(&sensors);
         if truly == places {
-            let better = by_reading.is_structure_left() || !answer.is_structure_left();
-            return if better { answer } else { by_reading };
+            let better = by_reading.is_structure_left() || !explained.is_structure_left();
+            return if better { explained } else { by_reading };
         }
         if truly.len() < LEAST_ROWS {
             break;
@@ -322,8 +324,8 @@ fn of_response(
 ) -> Result<(ResponseDiagnosis, Extension), String> {
     let surface = &model.surfaces[index];
     let response = data.responses[index].as_ref().expect("a compared surface has a response");
-    let sample_of = |taken: Taken<'_>| Sample::new(model, index, &data.inputs, response, &data.extras, taken);
-    let inside = sample_of(Taken::Inside);
+    let sample_of = |taken: RowSet<'_>| Sample::new(model, index, &data.inputs, response, &data.extras, taken);
+    let inside = sample_of(RowSet::Inside);
     if let Some(beyond) = inside.nominal.iter().find(|value| value.is_nan() || value.abs() > MAGNITUDES[1]) {
         return Err(format!(
             "`{}`: the model gives {beyond:?} at a row of the data, expected a magnitude up to {:e}: squares of what it errs must be finite",
@@ -341,10 +343,11 @@ fn of_response(
     let progress = std::cell::RefCell::new(progress);
     let say = |what: &str| (progress.borrow_mut())(&format!("{}: {what}", surface.name));
     say("looking for causes");
-    let answer =
-        answer(&sample_of, alpha, &|percent| say(&format!("looking for causes, {percent} % of the work that is allowed")));
-    let (threshold_p_structure, is_structure_left) = (answer.threshold_p_structure(), answer.is_structure_left());
-    let Answer { sample, hypotheses, thresholds, found, estimates, tests, stopped } = answer;
+    let explained = explained_sample(&sample_of, alpha, &|percent| {
+        say(&format!("looking for causes, {percent} % of the work that is allowed"))
+    });
+    let (threshold_p_structure, is_structure_left) = (explained.threshold_p_structure(), explained.is_structure_left());
+    let ExplainedSample { sample, hypotheses, thresholds, found, estimates, tests, stopped } = explained;
     let floor = residual_tests::floor(&sample, &found);
     let mut causes = causes::all(&sample, &hypotheses, &thresholds, &found, &estimates);
     let extension = extension::extend(&sample, &found, &estimates, taken);
@@ -357,7 +360,7 @@ fn of_response(
         Verdict::Explained
     };
     for cause in &mut causes {
-        cause.believe(confidence::with_unlisted_cause(cause.probability(), verdict));
+        cause.set_probability(confidence::with_unlisted_cause(cause.probability(), verdict));
     }
     let mut notes = extension.notes.clone();
     if stopped {
@@ -367,7 +370,7 @@ fn of_response(
     }
     let names = |data: &NewData| data.files.iter().map(|file| file.name.as_str()).collect::<Vec<_>>().join(", ");
     let on_files = unseen.map(|unseen| (unseen, holdout::on_files(model, index, &extension, unseen)));
-    let (judged, judged_on) = match on_files {
+    let (judged, holdout_source) = match on_files {
         Some((_, Ok(judged))) => {
             (judged, "rows of the files for validation, from which nothing was chosen or estimated".to_string())
         }
@@ -415,8 +418,8 @@ fn of_response(
         extended: judged.errors(&judged.extended, floor.sd),
         extended_file: judged.errors(&judged.file, floor.sd),
         gain: judged.gain(floor.sd),
-        judged,
-        judged_on,
+        holdout: judged,
+        holdout_source,
         stopped,
         has_offsets: !extension.offsets.is_empty(),
         tested,

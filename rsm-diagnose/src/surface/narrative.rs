@@ -6,7 +6,7 @@
 use super::cause::{Cause, OutlyingRun, Parameter};
 use super::estimate::Estimates;
 use super::explained::Explained;
-use super::hypotheses::{Claim, Monomial, Part, name_of};
+use super::hypotheses::{HypothesisKind, Monomial, Part, name_of};
 use super::noise::{self, Growth};
 use super::null::Thresholds;
 use super::sample::Sample;
@@ -80,10 +80,10 @@ impl Narrative<'_> {
         let member = members[0];
         let sample = self.sample;
         let response = &sample.surface.name;
-        let claim = &self.found.set[member].claim;
-        let label = claim.label(sample);
-        match claim {
-            Claim::Term(powers) => {
+        let kind = &self.found.set[member].kind;
+        let label = kind.label(sample);
+        match kind {
+            HypothesisKind::Term(powers) => {
                 let term = name_of(sample, &Monomial { powers: powers.clone(), extra: None });
                 let parameter = self.parameter("coefficient", member, 0, (1.0, 0.0), self.unit());
                 let sentence = format!(
@@ -105,8 +105,8 @@ impl Narrative<'_> {
                     ..self.empty("missing-term", label)
                 }
             }
-            Claim::Order(_) | Claim::Refit => self.several_terms(member, label),
-            Claim::Coefficient(k) => {
+            HypothesisKind::Order(_) | HypothesisKind::Refit => self.several_terms(member, label),
+            HypothesisKind::Coefficient(k) => {
                 let old = sample.surface.terms[*k].coefficient;
                 let term = name_of(sample, &Monomial { powers: sample.surface.terms[*k].powers.clone(), extra: None });
                 let parameter = self.parameter("coefficient", member, 0, (1.0, old), self.unit());
@@ -124,9 +124,9 @@ impl Narrative<'_> {
                     ..self.empty("coefficient-error", label)
                 }
             }
-            Claim::Input(extra, _) => self.missing_input(*extra, members, label),
-            Claim::Drift(clock) => self.drift(member, *clock, label),
-            Claim::Step(at) => {
+            HypothesisKind::Input(extra, _) => self.missing_input(*extra, members, label),
+            HypothesisKind::Drift(clock) => self.drift(member, *clock, label),
+            HypothesisKind::Step(at) => {
                 let mut parameter = self.parameter("step", member, 0, (1.0, 0.0), self.unit());
                 parameter.name = "step".to_string();
                 let run = sample.places[*at] + 1;
@@ -140,14 +140,16 @@ impl Narrative<'_> {
                 let details = vec![("shape", "step".to_string()), ("from_run", run.to_string())];
                 Cause { parameters: vec![parameter], details, sentence, ..self.empty("drift", label) }
             }
-            Claim::Block(extra) => self.blocks(member, *extra, label),
-            Claim::ResponseGain => self.sensor(response, member, "sensor-gain", ("gain", 1.0, "1"), "response", label),
-            Claim::ResponseBias => self.sensor(response, member, "sensor-bias", ("bias", 0.0, self.unit()), "response", label),
-            Claim::InputGain(input) => {
+            HypothesisKind::Block(extra) => self.blocks(member, *extra, label),
+            HypothesisKind::ResponseGain => self.sensor(response, member, "sensor-gain", ("gain", 1.0, "1"), "response", label),
+            HypothesisKind::ResponseBias => {
+                self.sensor(response, member, "sensor-bias", ("bias", 0.0, self.unit()), "response", label)
+            }
+            HypothesisKind::InputGain(input) => {
                 let name = &sample.inputs[*input].name;
                 self.sensor(name, member, "sensor-gain", ("gain", 1.0, "1"), "input", label)
             }
-            Claim::InputBias(input) => {
+            HypothesisKind::InputBias(input) => {
                 let input = &sample.inputs[*input];
                 self.sensor(&input.name, member, "sensor-bias", ("bias", 0.0, &input.unit), "input", label)
             }
@@ -200,8 +202,8 @@ impl Narrative<'_> {
         });
         let parameters: Vec<Parameter> = own.collect();
         let words: Vec<String> = parameters.iter().map(|it| format!("{} {}", it.name, number(it.value))).collect();
-        let (kind, subject, order, sentence) = match hypothesis.claim {
-            Claim::Order(order) => (
+        let (kind, subject, order, sentence) = match hypothesis.kind {
+            HypothesisKind::Order(order) => (
                 "missing-term",
                 format!("order {order}"),
                 Some(("order", order.to_string())),
@@ -233,7 +235,7 @@ impl Narrative<'_> {
         let mut words = Vec::new();
         for member in members {
             let hypothesis = &self.found.set[*member];
-            let Claim::Input(_, part) = &hypothesis.claim else { continue };
+            let HypothesisKind::Input(_, part) = &hypothesis.kind else { continue };
             let name = match part {
                 Part::Linear => it.name.clone(),
                 Part::Square => format!("{}^2", it.name),
@@ -262,7 +264,8 @@ impl Narrative<'_> {
             words.join(", ")
         );
         // With its own offset: the value of the column for which the file is valid.
-        if let Some(linear) = members.iter().find(|member| self.found.set[**member].claim == Claim::Input(extra, Part::Linear))
+        if let Some(linear) =
+            members.iter().find(|member| self.found.set[**member].kind == HypothesisKind::Input(extra, Part::Linear))
             && let [slope, offset] = self.estimates.causes[*linear].values[..]
             && slope != 0.0
         {
@@ -327,8 +330,8 @@ impl Narrative<'_> {
     pub(super) fn change_points(&self, members: &[usize]) -> Cause {
         let mut steps: Vec<(usize, usize)> = members
             .iter()
-            .filter_map(|member| match self.found.set[*member].claim {
-                Claim::Step(at) => Some((at, *member)),
+            .filter_map(|member| match self.found.set[*member].kind {
+                HypothesisKind::Step(at) => Some((at, *member)),
                 _ => None,
             })
             .collect();
@@ -392,7 +395,7 @@ impl Narrative<'_> {
     }
 
     /// Noise that grows with the response.
-    pub(super) fn growing(&self) -> Option<Cause> {
+    pub(super) fn growing_noise(&self) -> Option<Cause> {
         let growth = self.found.noise.growth?;
         let (residual, fitted, _) = self.kept();
         let ratio = noise::growth(&residual, &fitted).1.max(1e-9);
@@ -444,7 +447,7 @@ impl Narrative<'_> {
     }
 
     /// Autocorrelated noise.
-    pub(super) fn following(&self) -> Option<Cause> {
+    pub(super) fn autocorrelated(&self) -> Option<Cause> {
         let rho = self.found.noise.rho?;
         let (residual, _, kept) = self.kept();
         let even: Vec<f64> = residual.iter().zip(&kept).map(|(e, row)| e / self.found.scale[*row]).collect();

@@ -37,12 +37,12 @@ pub struct Thresholds {
 }
 
 impl Thresholds {
-    /// `carried`: the columns of every hypothesis in the whitened space of all rows; `fitted`: the nominal response there; `alpha`: the allowed false
+    /// `whitened`: the columns of every hypothesis in the whitened space of all rows; `fitted`: the nominal response there; `alpha`: the allowed false
     /// alarms of this response.
-    pub fn new(carried: &[Vec<Vec<f64>>], fitted: &[f64], rows: usize, alpha: f64) -> Self {
+    pub fn new(whitened: &[Vec<Vec<f64>>], fitted: &[f64], rows: usize, alpha: f64) -> Self {
         // The seed is fixed, so that the same data give the same answer.
         let mut random = Random::new(0x5eed);
-        let bases: Vec<Basis> = carried.iter().map(Basis::of).filter(|it| it.rank() > 0).collect();
+        let bases: Vec<Basis> = whitened.iter().map(Basis::of).filter(|it| it.rank() > 0).collect();
         let numbers: usize = bases.iter().map(Basis::rank).sum();
         let draws = (WORK / (rows * numbers).max(1)).clamp(200, DRAWS);
         let widest = bases.iter().map(Basis::rank).max().unwrap_or(0);
@@ -109,7 +109,7 @@ mod tests {
         let rows = 40;
         let column = |k: usize| (0..rows).map(|row| ((row * (k + 1)) as f64 * 0.37).sin()).collect::<Vec<f64>>();
         let fitted: Vec<f64> = (0..rows).map(|row| row as f64).collect();
-        let of = |carried: &[Vec<Vec<f64>>]| Thresholds::new(carried, &fitted, rows, 0.05).ln_p_mean;
+        let of = |whitened: &[Vec<Vec<f64>>]| Thresholds::new(whitened, &fitted, rows, 0.05).ln_p_mean;
         let one = of(&[vec![column(0)]]);
         let copies = of(&vec![vec![column(0)]; 12]);
         let twelve = of(&(0..12).map(|k| vec![column(k)]).collect::<Vec<_>>());

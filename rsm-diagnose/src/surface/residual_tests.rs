@@ -249,14 +249,14 @@ fn pure_error(residual: &[f64], groups: &[Vec<usize>]) -> (f64, usize) {
 }
 
 /// The residuals divided by their relative standard deviations.
-fn even(sample: &Sample, found: &Explained, kept: &[usize]) -> Vec<f64> {
+fn with_uniform_noise(sample: &Sample, found: &Explained, kept: &[usize]) -> Vec<f64> {
     kept.iter().map(|row| (sample.response[*row] - found.fitted[*row]) / found.scale[*row]).collect()
 }
 
 /// The F test of lack of fit against pure error (Myers, Montgomery, Anderson-Cook, 2.7).
 fn replicates(sample: &Sample, found: &Explained, kept: &[usize], square: f64, rank: usize) -> Option<Test> {
     let groups = groups(sample, kept);
-    let (pure, freedom) = pure_error(&even(sample, found, kept), &groups);
+    let (pure, freedom) = pure_error(&with_uniform_noise(sample, found, kept), &groups);
     let lack = groups.len().checked_sub(rank).filter(|lack| *lack > 0)?;
     if freedom < 2 || pure <= 0.0 {
         return None;
@@ -269,7 +269,7 @@ fn replicates(sample: &Sample, found: &Explained, kept: &[usize], square: f64, r
 
 /// The noise of the response.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Floor {
+pub struct NoiseFloor {
     /// Its standard deviation, averaged over the rows.
     pub sd: f64,
     /// Its source, in words.
@@ -280,13 +280,13 @@ pub struct Floor {
 const LEAST_FREEDOM: usize = 4;
 
 /// The noise: from replicates, otherwise from neighbours, otherwise from the file's evidence, otherwise from the residual of the explanation.
-pub(super) fn floor(sample: &Sample, found: &Explained) -> Floor {
+pub(super) fn floor(sample: &Sample, found: &Explained) -> NoiseFloor {
     let kept = found.kept();
-    let residual = even(sample, found, &kept);
+    let residual = with_uniform_noise(sample, found, &kept);
     let mean_scale = (kept.iter().map(|row| found.scale[*row].powi(2)).sum::<f64>() / kept.len().max(1) as f64).sqrt();
     let (pure, freedom) = pure_error(&residual, &groups(sample, &kept));
     if freedom >= LEAST_FREEDOM {
-        return Floor {
+        return NoiseFloor {
             sd: mean_scale * (pure / freedom as f64).sqrt(),
             from: format!("{freedom} degrees of freedom of replicates"),
         };
@@ -301,18 +301,18 @@ pub(super) fn floor(sample: &Sample, found: &Explained) -> Floor {
             .collect();
         let pairs = nearest(&coded, 1);
         let square = pairs.iter().map(|(i, j)| (residual[*i] - residual[*j]).powi(2)).sum::<f64>() / (2 * pairs.len()) as f64;
-        return Floor { sd: mean_scale * square.sqrt(), from: "differences of nearest neighbours".to_string() };
+        return NoiseFloor { sd: mean_scale * square.sqrt(), from: "differences of nearest neighbours".to_string() };
     }
     let of_file = sample.surface.evidence.iter().find_map(|(name, value)| match value {
         Evidence::Number(sd) if name == "residual_sd" && *sd > 0.0 => Some(*sd),
         _ => None,
     });
     if let Some(sd) = of_file {
-        return Floor { sd, from: "the model file's evidence".to_string() };
+        return NoiseFloor { sd, from: "the model file's evidence".to_string() };
     }
     let unknowns: usize = found.set.iter().map(|it| it.columns.len()).sum();
     let freedom = kept.len().saturating_sub(unknowns).max(1);
-    Floor {
+    NoiseFloor {
         sd: mean_scale * (dot(&residual, &residual) / freedom as f64).sqrt(),
         from: "what the explanation leaves".to_string(),
     }

@@ -77,7 +77,7 @@ pub struct Sample {
 
 /// The rows that a sample takes.
 #[derive(Debug, Clone, Copy)]
-pub enum Taken<'a> {
+pub enum RowSet<'a> {
     /// Rows whose readings are inside the box and the support.
     Inside,
     /// Also rows beyond by no more than [`REACH`], as a faulty sensor may read.
@@ -97,7 +97,14 @@ const ROUNDING: f64 = 1e-9;
 
 impl Sample {
     /// The sample for surface `index` of a model. `points` and `extras` are of all rows.
-    pub fn new(model: &Model, index: usize, points: &[Vec<f64>], response: &[f64], extras: &[Extra], taken: Taken<'_>) -> Self {
+    pub fn new(
+        model: &Model,
+        index: usize,
+        points: &[Vec<f64>],
+        response: &[f64],
+        extras: &[Extra],
+        taken: RowSet<'_>,
+    ) -> Self {
         let surface = model.surfaces[index].clone();
         let inputs: Vec<Input> = surface
             .inputs
@@ -110,10 +117,10 @@ impl Sample {
         let region = Region::new(&surface, &inputs);
         let mut places = Vec::new();
         let mut outside = Vec::new();
-        let reach = if matches!(taken, Taken::Inside) { 0.0 } else { REACH };
+        let reach = if matches!(taken, RowSet::Inside) { 0.0 } else { REACH };
         for row in 0..response.len() {
             let point: Vec<f64> = columns.iter().map(|column| column[row]).collect();
-            let wanted = if let Taken::Places(wanted) = taken { wanted.binary_search(&row).is_ok() } else { true };
+            let wanted = if let RowSet::Places(wanted) = taken { wanted.binary_search(&row).is_ok() } else { true };
             if wanted && is_inside(&surface, &inputs, &region, &point, reach) { places.push(row) } else { outside.push(row) }
         }
         let rows_of_file = surface.evidence.iter().find_map(|(name, value)| match value {

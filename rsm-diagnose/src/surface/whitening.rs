@@ -86,7 +86,7 @@ impl Space {
     }
 
     /// A column in whitened space.
-    pub fn carried(&self, column: &[f64]) -> Vec<f64> {
+    pub fn in_whitened_space(&self, column: &[f64]) -> Vec<f64> {
         let mut column = self.whitened(column);
         let parts: Vec<f64> = self.directions.iter().map(|(u, d)| (1.0 - 1.0 / (1.0 + d).sqrt()) * dot(u, &column)).collect();
         for ((direction, _), part) in self.directions.iter().zip(parts) {
@@ -106,11 +106,11 @@ mod tests {
         let shape = Shape { scale: vec![1.0; 4], rho: 0.0 };
         let (terms, prior) = (vec![vec![1.0; 4]], vec![vec![1.0 / 12.0]]);
         let space = Space::new(&[0, 1, 2, 3], &shape, &terms, &prior);
-        for value in space.carried(&[1.0; 4]) {
+        for value in space.in_whitened_space(&[1.0; 4]) {
             assert!((value - 0.75_f64.sqrt()).abs() < 1e-15);
         }
         // What is orthogonal to the term stays.
-        assert_eq!(space.carried(&[1.0, -1.0, 0.0, 0.0])[3].abs(), 0.0);
+        assert_eq!(space.in_whitened_space(&[1.0, -1.0, 0.0, 0.0])[3].abs(), 0.0);
         // Four rows that are 8 off against twelve that were not: 8 * 4/16.
         assert!((space.calibration(&[8.0; 4], &terms)[0] - 2.0).abs() < 1e-14);
     }

@@ -115,7 +115,7 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
             "  noise {:.4} {unit} (from {}); on unseen rows ({}): {:.2} times the noise before, {:.2} after",
             response.floor.sd,
             response.floor.from,
-            response.judged_on,
+            response.holdout_source,
             response.nominal.noise_ratio,
             response.extended.noise_ratio
         );
@@ -218,7 +218,7 @@ fn response_value(data: &NewData, response: &ResponseDiagnosis) -> Value {
         "rows_of_file": response.rows_of_file,
         "noise": { "sd": output::finite(response.floor.sd), "from": response.floor.from },
         "gain": output::finite(response.gain),
-        "judged_on": response.judged_on,
+        "judged_on": response.holdout_source,
         "stopped": response.stopped,
         "test": response.tested.as_ref().map(|it| json!({
             "rows": it.nominal.rows, "gain": output::finite(it.gain), "judged_on": "test rows, which nothing has seen before",

@@ -297,7 +297,7 @@ fn errors(body: &mut String, surface: &Surface, response: &ResponseDiagnosis) {
          <table><tr><th></th><th>r.m.s. error [{}]</th><th>over the noise</th></tr>\n",
         if is_as_it_was { "On holdout rows" } else { "Before and after on holdout rows" },
         response.nominal.rows,
-        escaped(&response.judged_on),
+        escaped(&response.holdout_source),
         gain,
         escaped(&surface.unit)
     );

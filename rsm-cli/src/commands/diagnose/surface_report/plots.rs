@@ -109,7 +109,7 @@ impl Plots<'_> {
 
     /// Computed against measured values of unseen rows.
     fn unseen(&self) -> Result<String, Refusal> {
-        let judged = &self.response.judged;
+        let judged = &self.response.holdout;
         let unit = &self.surface().unit;
         let pairs = |computed: &[f64]| judged.measured.iter().copied().zip(computed.iter().copied()).collect::<Vec<_>>();
         let (low, high) = judged.measured.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), y| (a.min(*y), b.max(*y)));
