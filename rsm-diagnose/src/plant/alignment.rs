@@ -9,13 +9,13 @@ use super::whitened_residuals::{Prepared, Simulated};
 use rsm_sim::kind::{OUTPUTS, PlantKind};
 
 /// Shifts of up to this many rows, late or early, are tested.
-const FARTHEST: usize = 50;
+const LARGEST_SHIFT: usize = 50;
 
 /// The smallest shift. One row may be due to the phase of sampling.
 const LEAST_SHIFT: usize = 2;
 
 /// A channel is shifted if the shift reduces its mean square error by this factor. Below that, its own slope could explain the error.
-const BETTER: f64 = 4.0;
+const LEAST_IMPROVEMENT: f64 = 4.0;
 
 /// Removes the findings of jumps that the simulation has too; these rows count again.
 pub fn remove_motion_findings(records: &mut [Prepared], simulated: &[Simulated], kind: PlantKind, findings: &mut Vec<Finding>) {
@@ -80,8 +80,8 @@ pub fn shifts(records: &[(&Prepared, &Simulated)]) -> Vec<Shift> {
             })
             .collect();
         let best = |errors: &Vec<f64>| {
-            let place = (0..errors.len()).min_by(|a, b| errors[*a].total_cmp(&errors[*b])).unwrap_or(FARTHEST);
-            place as isize - FARTHEST as isize
+            let place = (0..errors.len()).min_by(|a, b| errors[*a].total_cmp(&errors[*b])).unwrap_or(LARGEST_SHIFT);
+            place as isize - LARGEST_SHIFT as isize
         };
         let late: Vec<isize> = errors.iter().map(best).collect();
         for (place, &(record, k)) in have.iter().enumerate() {
@@ -90,9 +90,9 @@ pub fn shifts(records: &[(&Prepared, &Simulated)]) -> Vec<Shift> {
             let (least, most) = others.iter().fold((isize::MAX, isize::MIN), |(low, high), it| (low.min(*it), high.max(*it)));
             let usual = (least + most).div_euclid(2);
             let agree = ((most - least) as usize) < LEAST_SHIFT;
-            let apart = (late[place] - usual).unsigned_abs() >= LEAST_SHIFT && late[place].unsigned_abs() < FARTHEST;
-            let at = |late: isize| errors[place][(late + FARTHEST as isize) as usize];
-            if agree && apart && at(usual) > BETTER * at(late[place]) {
+            let apart = (late[place] - usual).unsigned_abs() >= LEAST_SHIFT && late[place].unsigned_abs() < LARGEST_SHIFT;
+            let at = |late: isize| errors[place][(late + LARGEST_SHIFT as isize) as usize];
+            if agree && apart && at(usual) > LEAST_IMPROVEMENT * at(late[place]) {
                 found.push(Shift { record, output: k, late: late[place] - usual });
             }
         }
@@ -103,15 +103,15 @@ pub fn shifts(records: &[(&Prepared, &Simulated)]) -> Vec<Shift> {
 /// The mean square difference between the readings and a simulation delayed by -`FARTHEST` to `FARTHEST` rows, after subtracting the mean.
 fn mean_square_errors(measured: &[f64], simulated: &[f64], used: &[bool]) -> Vec<f64> {
     let rows = measured.len();
-    if rows < 8 * FARTHEST {
-        return vec![0.0; 2 * FARTHEST + 1];
+    if rows < 8 * LARGEST_SHIFT {
+        return vec![0.0; 2 * LARGEST_SHIFT + 1];
     }
-    (0..=2 * FARTHEST)
+    (0..=2 * LARGEST_SHIFT)
         .map(|place| {
             let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
-            for row in FARTHEST..rows - FARTHEST {
+            for row in LARGEST_SHIFT..rows - LARGEST_SHIFT {
                 if used[row] {
-                    let miss = measured[row] - simulated[row + FARTHEST - place];
+                    let miss = measured[row] - simulated[row + LARGEST_SHIFT - place];
                     (count, sum, squares) = (count + 1.0, sum + miss, squares + miss * miss);
                 }
             }

@@ -125,17 +125,17 @@ pub fn check(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals
             if prepared.iter().all(|it| it.outputs.is_empty()) {
                 continue;
             }
-            let there = outlier_correction::corrected(whitened.on(prepared), &fit.model);
+            let there = outlier_correction::corrected(whitened.with_records(prepared), &fit.model);
             // First a quick start from the first readings. If that leaves an error, the start is fitted as for a holdout record.
             let quick =
-                validation::at_once(&there, &fit.model).map(|started| own_noise::remaining_structure(&there, started, tests));
+                validation::one_step(&there, &fit.model).map(|started| own_noise::remaining_structure(&there, started, tests));
             let left = quick.filter(|it| it.excess <= 0.0).or_else(|| {
-                let started = validation::on(&there, &fit.model)?;
+                let started = validation::fit_initial_states(&there, &fit.model)?;
                 let left = own_noise::remaining_structure(&there, started.clone(), tests);
                 if left.excess <= 0.0 {
                     return Some(left);
                 }
-                let moved = validation::within(&there, &fit.model, &sds, &started);
+                let moved = validation::fit_within_uncertainty(&there, &fit.model, &sds, &started);
                 Some(moved.map_or(left, |moved| own_noise::remaining_structure(&there, moved, tests)))
             });
             let Some(left) = left else {

@@ -123,7 +123,7 @@ pub(super) fn leave_out(
     calibrated: &Fit,
     findings: &mut Vec<Finding>,
 ) -> bool {
-    let there = validation::on(unseen, &calibrated.model).map_or_else(Vec::new, |fit| fit.simulated);
+    let there = validation::fit_initial_states(unseen, &calibrated.model).map_or_else(Vec::new, |fit| fit.simulated);
     let mut any = false;
     for (output, signal) in calibrated.model.file.kind.outputs().iter().enumerate() {
         if whitened.tails[output].is_some() {

@@ -8,8 +8,8 @@ use super::checks::{self, Finding};
 use super::levenberg::{self, Fit};
 use super::model::{InitialMotion, Model};
 use super::noise::NoiseFloor;
-use super::outlier_correction::{self, Recorded};
-use super::row_share::Share;
+use super::outlier_correction::{self, RecordedReadings};
+use super::row_share::RowShare;
 use super::whitened_residuals::WhitenedResiduals;
 use super::{Options, Refused, alignment, bursts, gaps, initial_motion, regions, survey, validation};
 use rsm_sim::effect::Survey;
@@ -45,13 +45,13 @@ pub struct CalibratedRecords {
     /// What the checks found in the data.
     pub findings: Vec<Finding>,
     /// The share of long records that is used.
-    pub share: Share,
+    pub share: RowShare,
     /// The scales of the training records.
     pub survey: Survey,
     /// Rounded outputs with their steps.
     pub rounded: Vec<(usize, f64)>,
     /// The readings of both sets of records as recorded.
-    recorded: [Recorded; 2],
+    recorded: [RecordedReadings; 2],
 }
 
 impl CalibratedRecords {
@@ -66,7 +66,7 @@ impl CalibratedRecords {
         tails: HeavyTails,
         options: &Options<'_>,
     ) -> Result<Self, Refused> {
-        let mut share = Share::of_rows(training, validation);
+        let mut share = RowShare::of_rows(training, validation);
         let prepare = |records: &[Record]| checks::prepared(records.iter().flat_map(|record| share.pieces(record, file)), file);
         let ((trained, mut findings), (judging, more)) = (prepare(training), prepare(validation));
         findings.extend(more);
@@ -94,11 +94,11 @@ impl CalibratedRecords {
         if checks_by_simulation(&mut whitened, &mut unseen, &calibrated, &mut findings) {
             (nominal, calibrated) = anew(&mut whitened, &mut unseen, at_start)?;
         }
-        if initial_motion::shown(&whitened, &calibrated, &unseen) {
+        if initial_motion::is_visible(&whitened, &calibrated, &unseen) {
             (options.progress)("a record begins in the middle of a motion: what no column shows of its start is unknown");
             (nominal, calibrated) = anew(&mut whitened, &mut unseen, InitialMotion::InMotion)?;
         }
-        let mut recorded = [&whitened, &unseen].map(Recorded::of);
+        let mut recorded = [&whitened, &unseen].map(RecordedReadings::of);
         if tails == HeavyTails::Corrected {
             for _ in 0..TAILS {
                 if !outlier_correction::detect(&mut whitened, &mut unseen, &mut recorded, &calibrated, &findings) {
@@ -188,7 +188,7 @@ fn correct_unseen(unseen: &mut WhitenedResiduals, model: &Model) {
     if unseen.records.iter().all(|it| it.filled_gaps.is_empty()) {
         return;
     }
-    let there = validation::on(unseen, model);
+    let there = validation::fit_initial_states(unseen, model);
     if let Some((records, _)) = there.and_then(|there| gaps::corrected(unseen, &there)) {
         unseen.records = records;
     }
@@ -204,7 +204,7 @@ fn checks_by_simulation(
     let before = findings.len();
     let kind = calibrated.model.file.kind;
     alignment::remove_motion_findings(&mut whitened.records, &calibrated.simulated, kind, findings);
-    let judged = validation::on(unseen, &calibrated.model).map_or_else(Vec::new, |fit| fit.simulated);
+    let judged = validation::fit_initial_states(unseen, &calibrated.model).map_or_else(Vec::new, |fit| fit.simulated);
     alignment::remove_motion_findings(&mut unseen.records[..judged.len()], &judged, kind, findings);
     let mut changed = findings.len() != before;
     let training = whitened.records.iter().zip(&calibrated.simulated);

@@ -18,11 +18,11 @@ pub fn calibrate(whitened: &mut WhitenedResiduals, file: &PlantFile, at_start: I
     let records: Vec<Record> = whitened.records.iter().map(|it| it.record.clone()).collect();
     let records: Vec<&Record> = records.iter().collect();
     let bare = PlantFile { effects: Vec::new(), ..file.clone() };
-    let mut nominal = Model::beginning(&bare, at_start, &records, [1.0; OUTPUTS]);
+    let mut nominal = Model::with_initial_motion(&bare, at_start, &records, [1.0; OUTPUTS]);
     nominal.file.effects = file.effects.clone();
     let simulated = whitened.run(&nominal)?;
     whitened.floors = estimate(whitened, &simulated, file);
-    nominal = Model::beginning(file, at_start, &records, whitened.floors.map(|floor| floor.sd));
+    nominal = Model::with_initial_motion(file, at_start, &records, whitened.floors.map(|floor| floor.sd));
     let fit = levenberg::fit(whitened, nominal.clone(), 8)?;
     whitened.floors = floors(whitened, &fit, file);
     let fit = converged(whitened, levenberg::fit(whitened, fit.model, 8)?)?;
@@ -73,7 +73,7 @@ fn over_growing_horizon(whitened: &WhitenedResiduals, nominal: &Model) -> Option
     let mut model = nominal.clone();
     for share in [8, 4, 2] {
         let records = whitened.records.iter().map(|it| it.shortened(it.record.rows() / share)).collect();
-        model = levenberg::fit(&whitened.on(records), model, 6)?.model;
+        model = levenberg::fit(&whitened.with_records(records), model, 6)?.model;
     }
     Some(model)
 }

@@ -179,13 +179,13 @@ impl Search<'_> {
         let entry = further.model.file.effects.last()?;
         let several = entry.arguments.numbers.len() > 1;
         let scales = |it: &Hypothesis| it.guesses.iter().all(|guess| guess.neutral.is_some());
-        let scales = self.hypotheses.iter().any(|it| it.is(entry) && scales(it));
+        let scales = self.hypotheses.iter().any(|it| it.describes(entry) && scales(it));
         if !scales {
-            further = multistart::escaped(self.whitened, further, steps, enough);
+            further = multistart::line_search_escape(self.whitened, further, steps, enough);
         }
         let hops = if several && !scales { multistart::MOST_FAILED_HOPS } else { 0 };
         if hops > 0 || multistart::in_few_parts(self.whitened, &further) {
-            further = multistart::settled(self.whitened, further, steps, hops, enough);
+            further = multistart::basin_hopping(self.whitened, further, steps, hops, enough);
         }
         if found.fit.cost - further.cost > enough { self.judged(fit, further) } else { None }
     }
@@ -261,7 +261,7 @@ impl Search<'_> {
             // The derivatives of a plant without the wave are of no use for a plant with it.
             Some((model, predicted)) if predicted < NEAR_NOISE * self.whitened.rows() as f64 => {
                 // Where the axis creeps over a crest, a free run may diverge late and strongly. Most of the record is before that.
-                let surely = multistart::by_most_parts(self.whitened, model.clone()).unwrap_or(model);
+                let surely = multistart::robust_fit(self.whitened, model.clone()).unwrap_or(model);
                 self.continued_wave_fit(levenberg::fit(self.whitened, surely, WAVE_STEPS)?)
             }
             Some((model, _)) => levenberg::fit(self.whitened, model, self.limits.fit_steps)?,

@@ -6,7 +6,7 @@
 use super::gaps;
 use super::prepared::{Piece, Prepared};
 use super::repeated_blocks::{STUCK, find};
-use super::standstill::{self, Resting};
+use super::standstill::{self, StandstillTest};
 use crate::engine::significance::median;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -89,7 +89,8 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     }
     let mut blocks = find(&(0..count).filter(|k| noisy[*k]).map(|k| prepared.measured(k)).collect::<Vec<_>>());
     // A plant at rest gives equal readings without noise. A recorder that repeats a block repeats its noise as well.
-    let resting: Vec<Resting> = (0..count).map(|k| Resting::new(prepared.measured(k), nominal[k].as_deref())).collect();
+    let resting: Vec<StandstillTest> =
+        (0..count).map(|k| StandstillTest::new(prepared.measured(k), nominal[k].as_deref())).collect();
     blocks.retain(|(from, to)| (0..count).any(|k| noisy[k] && !resting[k].is_still(*from..*to)));
     for block in &blocks {
         findings.push(finding("row", "duplicated block", (block.0, block.1 - 1)));

@@ -7,7 +7,7 @@
 
 use super::calibrated_records::{CalibratedRecords, HeavyTails};
 use super::cause::{Cause, Interval};
-use super::confidence::{self, Case};
+use super::confidence::{self, Evidence};
 pub use super::diagnosis::Claim;
 use super::diagnosis::Diagnosis;
 use super::levenberg::{self, Fit};
@@ -26,10 +26,10 @@ const STEPS: usize = 40;
 
 /// The gain that chance may give with one free parameter, in squared standard deviations of the noise, with a wide margin: it exceeds 24 once in 10^6
 /// cases.
-const BY_CHANCE: f64 = 24.0;
+const GAIN_BY_CHANCE: f64 = 24.0;
 
 /// The plant for the search: parameter errors are written into the parameters; all other effects are fixed.
-fn as_given(file: &PlantFile) -> PlantFile {
+fn with_fixed_effects(file: &PlantFile) -> PlantFile {
     let mut given = file.clone();
     given.effects.clear();
     for entry in &file.effects {
@@ -49,11 +49,11 @@ pub(super) fn diagnose(
     test: &[Record],
     options: &Options<'_>,
 ) -> Result<Diagnosis, Refused> {
-    let filed = as_given(file);
+    let filed = with_fixed_effects(file);
     let mut found = of_nominal(&filed, training, validation, test, options)?;
     // If the accepted answer needs no heavy tails or bursts, they were structure.
     let tails = if found.has_uneven_noise() { HeavyTails::Corrected } else { HeavyTails::Ignored };
-    if let Some(judged) = judged(&filed, training, validation, tails, options) {
+    if let Some(judged) = test_claims(&filed, training, validation, tails, options) {
         let moved: Vec<usize> = (0..judged.claims.len()).filter(|k| !judged.claims[*k].stands).collect();
         found.claims = judged.claims.clone();
         if judged.contradict && !moved.is_empty() && !matches!(found.verdict, Verdict::NoDiscrepancy) {
@@ -64,7 +64,13 @@ pub(super) fn diagnose(
             }
             let anew = of_nominal(&other, training, validation, test, options)?;
             if is_better(&anew, moved.len(), &found) {
-                found = contradicted(anew, &found, &judged, &moved, &Setting { filed: &filed, training, validation, test });
+                found = with_contradicted_claims(
+                    anew,
+                    &found,
+                    &judged,
+                    &moved,
+                    &ClaimRecords { filed: &filed, training, validation, test },
+                );
             }
         }
         if found.verdict == Verdict::NoDiscrepancy {
@@ -75,7 +81,7 @@ pub(super) fn diagnose(
     Ok(found)
 }
 
-struct Judged {
+struct ClaimTest {
     claims: Vec<Claim>,
     /// The fit with free parameters of the claims.
     fit: Fit,
@@ -89,13 +95,13 @@ struct Judged {
 }
 
 /// Fits the parameters of the claims to the training records. `None` if there are no claims, or if nothing can be simulated.
-fn judged(
+fn test_claims(
     filed: &PlantFile,
     training: &[Record],
     validation: &[Record],
     tails: HeavyTails,
     options: &Options<'_>,
-) -> Option<Judged> {
+) -> Option<ClaimTest> {
     if filed.given.is_empty() {
         return None;
     }
@@ -110,10 +116,10 @@ fn judged(
     let free = without(&calibrated.model).with_effects(&without(&nominal), filed.given.clone());
     let fit = levenberg::fit(&whitened, free, STEPS)?;
     let numbers: usize = filed.given.iter().map(|entry| entry.arguments.numbers.len()).sum();
-    let decides = effect_size::deciding_difference(BY_CHANCE + 2.0 * numbers as f64, fit.cost, whitened.rows());
+    let decides = effect_size::deciding_difference(GAIN_BY_CHANCE + 2.0 * numbers as f64, fit.cost, whitened.rows());
     let claims = filed.given.iter().enumerate().map(|(place, entry)| claim(&fit, place, entry)).collect();
     let contradict = calibrated.cost - fit.cost > decides;
-    Some(Judged { claims, contradict, decides, noise: whitened.on(Vec::new()), fit, filed: calibrated })
+    Some(ClaimTest { claims, contradict, decides, noise: whitened.with_records(Vec::new()), fit, filed: calibrated })
 }
 
 fn claim(fit: &Fit, place: usize, entry: &Entry) -> Claim {
@@ -137,7 +143,7 @@ fn is_better(anew: &Diagnosis, contradicted: usize, found: &Diagnosis) -> bool {
     }
 }
 
-struct Setting<'a> {
+struct ClaimRecords<'a> {
     filed: &'a PlantFile,
     training: &'a [Record],
     validation: &'a [Record],
@@ -145,13 +151,19 @@ struct Setting<'a> {
 }
 
 /// The diagnosis of the plant with changed parameters, reported relative to the plant of the file: each contradicted claim is a cause.
-fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved: &[usize], setting: &Setting<'_>) -> Diagnosis {
+fn with_contradicted_claims(
+    mut anew: Diagnosis,
+    before: &Diagnosis,
+    judged: &ClaimTest,
+    moved: &[usize],
+    setting: &ClaimRecords<'_>,
+) -> Diagnosis {
     let explained = anew.verdict != Verdict::Unexplained;
     let rows = judged.fit.residual.len() as f64;
     let gain = judged.filed.cost - judged.fit.cost;
     for place in moved {
         let claim = &judged.claims[*place];
-        let case = Case {
+        let case = Evidence {
             gain,
             rivals: &[],
             same: judged.decides,
@@ -188,11 +200,13 @@ fn contradicted(mut anew: Diagnosis, before: &Diagnosis, judged: &Judged, moved:
     anew.gain = validation::gain(&anew.nominal, &anew.extended);
     let judges = if setting.validation.is_empty() { setting.training } else { setting.validation };
     let (prepared, _) = checks::prepared(judges.iter().cloned().map(Piece::whole), setting.filed);
-    let whitened = outlier_correction::corrected(judged.noise.on(prepared), &judged.filed.model);
+    let whitened = outlier_correction::corrected(judged.noise.with_records(prepared), &judged.filed.model);
     let records: Vec<&Record> = judges.iter().collect();
     let sds = judged.noise.floors.map(|floor| floor.sd);
     let [filed, extended] = [setting.filed, &anew.plant].map(|plant| Model::nominal(plant, &records, sds));
-    if let (Some(filed), Some(extended)) = (validation::on(&whitened, &filed), validation::on(&whitened, &extended)) {
+    if let (Some(filed), Some(extended)) =
+        (validation::fit_initial_states(&whitened, &filed), validation::fit_initial_states(&whitened, &extended))
+    {
         anew.gain_interval = bootstrap::gain_interval(&whitened, &filed.simulated, &extended.simulated, validation::gain_of);
     }
     anew.tested = tested::tested(setting.filed, setting.test, &judged.noise, &filed, &extended);

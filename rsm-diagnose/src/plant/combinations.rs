@@ -51,9 +51,9 @@ pub(super) fn combinations(it: &Compared<'_>, accepted: &[AcceptedCause], withou
         }
         // Remove the highest index first, so that the other indices stay valid.
         out.sort_by_key(|k| std::cmp::Reverse(order[*k]));
-        let model = out.iter().fold(it.fit.model.clone(), |model, k| model.minus(it.nominal, order[*k]));
+        let model = out.iter().fold(it.fit.model.clone(), |model, k| model.without_cause(it.nominal, order[*k]));
         let fit = levenberg::refit(&training, model, STEPS, Some(it.fit))?;
-        validation::on(judged, &fit.model).map(|fit| combined(judged, &fit))
+        validation::fit_initial_states(judged, &fit.model).map(|fit| combined(judged, &fit))
     })
 }
 
@@ -77,7 +77,7 @@ mod tests {
         let fitted = |model: Model| levenberg::fit(&whitened, model, 12).unwrap();
         let fit = fitted(nominal.with_effects(&nominal, truth.effects.clone()));
         let calibrated = fitted(nominal.clone());
-        let without = |place: usize| fitted(fit.model.minus(&nominal, place)).model;
+        let without = |place: usize| fitted(fit.model.without_cause(&nominal, place)).model;
         // The drift is said to be the strongest, then the load.
         let accepted: Vec<AcceptedCause> = [(0, 10.0), (1, 900.0), (2, 300.0)]
             .map(|(place, gain)| AcceptedCause {
@@ -101,8 +101,10 @@ mod tests {
             after: &fit,
             structure: false,
         };
-        let alone: Vec<Option<Fit>> =
-            strongest(&accepted).iter().map(|place| validation::on(&whitened, &accepted[*place].without)).collect();
+        let alone: Vec<Option<Fit>> = strongest(&accepted)
+            .iter()
+            .map(|place| validation::fit_initial_states(&whitened, &accepted[*place].without))
+            .collect();
         let taken = whitened.work.done();
         let found = combinations(&compared, &accepted, &alone);
         assert_eq!(found.causes, ["sensor-drift:position", "constant-load", "coulomb-friction"]);

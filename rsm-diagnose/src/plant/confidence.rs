@@ -8,7 +8,7 @@
 use crate::engine::probability::Probability;
 
 /// The data from which the probability of a cause is computed.
-pub(super) struct Case<'a> {
+pub(super) struct Evidence<'a> {
     /// The increase of the squared residual without it, in squared standard deviations of the noise.
     pub gain: f64,
     /// The name of each rival, and how much worse it fits, in the same unit.
@@ -42,7 +42,7 @@ const RIVALS_NOT_TESTED: f64 = 0.5;
 
 /// The probability that a cause is right.
 #[must_use]
-pub(super) fn confidence(case: &Case<'_>) -> Probability {
+pub(super) fn confidence(case: &Evidence<'_>) -> Probability {
     // The evidence falls by a factor of ten for each `unit` that a rival fits worse.
     let evidence = |behind: f64| (-behind.max(0.0) / case.deciding_difference * std::f64::consts::LN_10).exp();
     let fitted = case.rivals.iter().map(|it| (evidence(it.1), it.1 < case.same));
@@ -53,7 +53,7 @@ pub(super) fn confidence(case: &Case<'_>) -> Probability {
 }
 
 /// The probability of a cause against the alternative "not in the catalogue", from the share of the structure's r.m.s. that it removes.
-fn with_unlisted_cause(case: &Case<'_>) -> f64 {
+fn with_unlisted_cause(case: &Evidence<'_>) -> f64 {
     let left = case.left.max(f64::MIN_POSITIVE);
     let times = ((case.gain.max(0.0) + left) / left).sqrt() - 1.0;
     if times.is_infinite() { EXPLAINED } else { EXPLAINED * times / (times + UNLISTED_CAUSE) }
@@ -63,8 +63,8 @@ fn with_unlisted_cause(case: &Case<'_>) -> f64 {
 mod tests {
     use super::*;
 
-    fn case<'a>(rivals: &'a [(String, f64)]) -> Case<'a> {
-        Case {
+    fn case<'a>(rivals: &'a [(String, f64)]) -> Evidence<'a> {
+        Evidence {
             gain: 1e6,
             rivals,
             same: 30.0,
@@ -80,7 +80,7 @@ mod tests {
     fn each_thing_that_speaks_against_a_cause_counts() {
         let behind = |by: f64| [("rival".to_string(), by)];
         // Alone, and with a rival far behind: what the verdict's rate is.
-        let own = |case: &Case<'_>| confidence(case).own;
+        let own = |case: &Evidence<'_>| confidence(case).own;
         assert_eq!(confidence(&case(&[])), Probability::plain(EXPLAINED));
         assert!((own(&case(&behind(1e5))) - EXPLAINED).abs() < 1e-12);
         // A rival that does as well has half, and one of the two is right; one that is behind by what decides has a tenth as much evidence, and is another.
@@ -89,22 +89,22 @@ mod tests {
         let behind_it = confidence(&case(&behind(30.0)));
         assert!((behind_it.own - EXPLAINED / 1.1).abs() < 1e-12 && behind_it.of_any == behind_it.own);
         // What leaves the same trace and was not fitted would do as well.
-        let third = confidence(&Case { not_fitted: 2, ..case(&[]) });
+        let third = confidence(&Evidence { not_fitted: 2, ..case(&[]) });
         assert!((third.own - EXPLAINED / 3.0).abs() < 1e-12 && (third.of_any - EXPLAINED).abs() < 1e-12);
         // The same distance says less where more decides: a twentieth of what is left.
-        let left = own(&Case { deciding_difference: 1000.0, ..case(&behind(30.0)) });
+        let left = own(&Evidence { deciding_difference: 1000.0, ..case(&behind(30.0)) });
         assert!((left - EXPLAINED / (1.0 + 10_f64.powf(-0.03))).abs() < 1e-12);
         // No gain, no cause.
-        assert_eq!(own(&Case { gain: 0.0, ..case(&[]) }), 0.0);
+        assert_eq!(own(&Evidence { gain: 0.0, ..case(&[]) }), 0.0);
     }
 
     #[test]
     fn nobody_is_sure_of_what_was_not_asked_or_stands_beside_the_unknown() {
-        assert_eq!(confidence(&Case { rivals_tested: false, ..case(&[]) }).own, RIVALS_NOT_TESTED);
-        let beside = |left: f64| confidence(&Case { explained: false, left, ..case(&[]) }).own;
+        assert_eq!(confidence(&Evidence { rivals_tested: false, ..case(&[]) }).own, RIVALS_NOT_TESTED);
+        let beside = |left: f64| confidence(&Evidence { explained: false, left, ..case(&[]) }).own;
         // Of the r.m.s. three tenths of the structure are gone, two thirds, 94 %, and all but 0.1 %.
         let all = [1e6, 1.1e5, 4e3, 1.0].map(beside);
         assert!(all[0] < 0.02 && all[1] < 0.1 && all[2] < 0.4 && all[3] > 0.9, "{all:?}");
-        assert!(confidence(&Case { rivals_tested: false, explained: false, left: 1e6, ..case(&[]) }).own < 0.05);
+        assert!(confidence(&Evidence { rivals_tested: false, explained: false, left: 1e6, ..case(&[]) }).own < 0.05);
     }
 }

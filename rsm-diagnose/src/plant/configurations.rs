@@ -55,9 +55,9 @@ pub fn separate_record(
     for which in 0..trained + judged {
         let it = match which.checked_sub(trained) {
             None if trained > 1 => without(&whitened.records, which)
-                .map_or((whitened.clone(), unseen.clone()), |it| (whitened.on(it), unseen.clone())),
+                .map_or((whitened.clone(), unseen.clone()), |it| (whitened.with_records(it), unseen.clone())),
             None => continue,
-            Some(place) => (whitened.clone(), unseen.on(without(&unseen.records, place)?)),
+            Some(place) => (whitened.clone(), unseen.with_records(without(&unseen.records, place)?)),
         };
         let record = if which < trained { &whitened.records[which] } else { &unseen.records[which - trained] };
         let Some(it) = is_separate(it, record, nominal, floors) else { continue };
@@ -89,7 +89,7 @@ fn is_separate(
     if whiteness::test(&whitened, &fit).excess > SLIGHT || structure(&unseen, &fit, &sds)? > SLIGHT {
         return None;
     }
-    let alone = whitened.on(vec![record.clone()]);
+    let alone = whitened.with_records(vec![record.clone()]);
     if structure(&alone, &fit, &sds)? < CLEAR {
         return None;
     }
@@ -118,7 +118,7 @@ fn structure(whitened: &WhitenedResiduals, fit: &Fit, sds: &[Option<f64>]) -> Op
     if whitened.records.is_empty() {
         return Some(0.0);
     }
-    let there = validation::on(whitened, &fit.model)?;
-    let moved = validation::within(whitened, &fit.model, sds, &there)?;
+    let there = validation::fit_initial_states(whitened, &fit.model)?;
+    let moved = validation::fit_within_uncertainty(whitened, &fit.model, sds, &there)?;
     Some(own_noise::remaining_structure(whitened, moved, 1).excess)
 }

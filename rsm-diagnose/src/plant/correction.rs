@@ -128,7 +128,7 @@ pub fn correction(
     for output in 0..kind.outputs().len() {
         let floor = &whitened.floors[output];
         let fitted = fit(kind, output, floor.sd, &names, &training);
-        let Some(judged) = judge(output, floor.sd, fitted.as_ref(), &judging) else { continue };
+        let Some(judged) = holdout_gain(output, floor.sd, fitted.as_ref(), &judging) else { continue };
         let beyond = judged.before - judged.rows as f64;
         if beyond < SIGNIFICANT * scatter(floor, judged.rows) * judged.rows as f64 {
             continue;
@@ -411,7 +411,7 @@ fn fit(
 }
 
 /// The result of a surface on rows that its fit did not use, in squared standard deviations of the noise.
-struct Judged {
+struct HoldoutGain {
     rows: usize,
     before: f64,
     gain: f64,
@@ -419,7 +419,7 @@ struct Judged {
     variance: f64,
 }
 
-fn judge(output: usize, sd: f64, fitted: Option<&Fitted>, judging: &[Rows<'_>]) -> Option<Judged> {
+fn holdout_gain(output: usize, sd: f64, fitted: Option<&Fitted>, judging: &[Rows<'_>]) -> Option<HoldoutGain> {
     let mut interpreter = fitted.map(|it| (Interpreter::<f64>::new(&it.tape), &it.columns));
     let (mut rows, mut before) = (0, 0.0);
     let mut blocks = Vec::new();
@@ -448,5 +448,5 @@ fn judge(output: usize, sd: f64, fitted: Option<&Fitted>, judging: &[Rows<'_>]) 
     let share = if before > 0.0 { gain / before } else { 0.0 };
     let count = blocks.len() as f64;
     let variance = blocks.iter().map(|(error, gain)| (gain - share * error).powi(2)).sum::<f64>() * count / (count - 1.0);
-    Some(Judged { rows, before, gain, variance })
+    Some(HoldoutGain { rows, before, gain, variance })
 }

@@ -7,7 +7,7 @@ use super::bursts::BURST;
 use super::cause::{Cause, Interval};
 use super::checks::Finding;
 use super::equations::Said;
-use super::error_breakdown::{ErrorBreakdown, Moved};
+use super::error_breakdown::{CalibratedParameter, ErrorBreakdown};
 use super::experiment::{Alias, NextExperiment};
 use super::final_test::Refusal;
 use super::gaps::FilledGaps;
@@ -155,7 +155,7 @@ impl Diagnosis {
 
     /// The parameter that calibration moved most, relative to its tolerance.
     #[must_use]
-    pub fn moved_most(&self) -> Option<&Moved> {
+    pub fn moved_most(&self) -> Option<&CalibratedParameter> {
         self.error_breakdown.calibration.iter().max_by(|a, b| a.sds.abs().total_cmp(&b.sds.abs()))
     }
 

@@ -12,7 +12,7 @@ use super::model::{Model, Place};
 use super::orders::{self, Orders};
 use super::posterior::Posterior;
 use super::quantities;
-use super::regions::{self, Region, Side, Slice};
+use super::regions::{self, ErrorSlice, Region, Side};
 use super::search::AcceptedCause;
 use super::spectrum::{self, Spectrum};
 use super::validation;
@@ -57,7 +57,7 @@ pub struct Trace {
 
 /// A nominal parameter that calibration moved within its tolerance.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Moved {
+pub struct CalibratedParameter {
     /// Its name.
     pub name: &'static str,
     /// Its unit.
@@ -82,7 +82,7 @@ pub struct ErrorBreakdown {
     /// Files and rows of training and of evaluation records.
     pub records: [Vec<(String, usize)>; 2],
     /// Errors by output and region.
-    pub slices: Vec<Slice>,
+    pub slices: Vec<ErrorSlice>,
     /// Regions in which the calibrated plant is wrong.
     pub before: Vec<Region>,
     /// Regions in which the extended plant is wrong.
@@ -94,7 +94,7 @@ pub struct ErrorBreakdown {
     /// Curves of all outputs in all records.
     pub traces: Vec<Trace>,
     /// Calibrated parameters.
-    pub calibration: Vec<Moved>,
+    pub calibration: Vec<CalibratedParameter>,
     /// The black-box correction, where structure is left.
     pub correction: Option<CorrectionResult>,
     /// The result of each combination of the strongest causes.
@@ -134,7 +134,7 @@ impl ErrorBreakdown {
 pub fn error_breakdown(it: &Compared<'_>, accepted: &[AcceptedCause]) -> (ErrorBreakdown, Vec<Option<Contribution>>) {
     let strongest = combinations::strongest(accepted);
     let without: Vec<Option<Fit>> =
-        strongest.iter().map(|place| validation::on(it.judged(), &accepted[*place].without)).collect();
+        strongest.iter().map(|place| validation::fit_initial_states(it.judged(), &accepted[*place].without)).collect();
     let mut contributions = vec![None; accepted.len()];
     for (place, without) in strongest.iter().zip(&without).take(MOST_DETAILED_CAUSES) {
         contributions[*place] = without.as_ref().map(|without| contribution(it, without));
@@ -229,7 +229,7 @@ fn trace(
 }
 
 /// The changes that calibration made to the parameters that have a tolerance and are not causes.
-fn calibration(nominal: &Model, fit: &Fit) -> Vec<Moved> {
+fn calibration(nominal: &Model, fit: &Fit) -> Vec<CalibratedParameter> {
     let (extended, posterior) = (&fit.model, Posterior::of(fit));
     let kind = nominal.file.kind;
     let moved = nominal.file.tolerance.iter().filter_map(|(name, tolerance)| {
@@ -238,7 +238,7 @@ fn calibration(nominal: &Model, fit: &Fit) -> Vec<Moved> {
         let sd = tolerance * was.abs();
         let unit = schema::index(kind, name).map_or("", |index| schema::parameters(kind)[index].unit);
         let (low, high) = posterior.interval(fit, unknown)?;
-        (sd > 0.0).then(|| Moved { name, unit, nominal: was, value: is, low, high, sds: (is - was) / sd })
+        (sd > 0.0).then(|| CalibratedParameter { name, unit, nominal: was, value: is, low, high, sds: (is - was) / sd })
     });
     moved.collect()
 }

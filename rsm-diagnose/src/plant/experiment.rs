@@ -192,7 +192,7 @@ impl<'a> Trial<'a> {
             k += 1;
             held[k - 1]
         });
-        (!prepared.outputs.is_empty()).then_some(Trial { excitation, whitened: present.on(vec![prepared]) })
+        (!prepared.outputs.is_empty()).then_some(Trial { excitation, whitened: present.with_records(vec![prepared]) })
     }
 
     fn record(&self) -> &Record {

@@ -89,7 +89,7 @@ fn began(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(WhitenedResiduals, 
     let of_first = |place: &Place| matches!(place, Place::Start { record: 0, .. });
     let unknowns = fit.model.unknowns.iter().filter(|it| of_first(&it.place)).cloned().collect();
     let model = Model { starts: fit.model.starts[..1].to_vec(), unknowns, ..fit.model.clone() };
-    let whitened = whitened.on(vec![first]);
+    let whitened = whitened.with_records(vec![first]);
     let fit = levenberg::fit(&whitened, model, STEPS)?;
     Some((whitened, fit))
 }

@@ -36,7 +36,7 @@ impl Search<'_> {
     ) -> (Fit, Vec<AcceptedCause>, Vec<Refusal>) {
         let mut refused = Vec::new();
         while let Some((place, why)) = self.worst_member(calibrated, &fit, &causes, threshold) {
-            let without = fit.model.minus(self.nominal, place);
+            let without = fit.model.without_cause(self.nominal, place);
             let Some(other) = levenberg::refit(self.whitened, without, self.limits.fit_steps, Some(&fit)) else { break };
             let cause = causes.remove(place).label;
             (self.progress)(&format!("{cause} is refused: {why}"));
@@ -50,7 +50,7 @@ impl Search<'_> {
     /// The gain of each cause in the smaller set.
     fn update_gains(&self, fit: &Fit, causes: &mut [AcceptedCause]) {
         for (place, cause) in causes.iter_mut().enumerate() {
-            let without = fit.model.minus(self.nominal, place);
+            let without = fit.model.without_cause(self.nominal, place);
             if let Some(base) = levenberg::refit(self.whitened, without, self.limits.fit_steps, Some(fit)) {
                 cause.gain = base.cost - fit.cost;
                 cause.without = base.model;
@@ -134,15 +134,16 @@ impl Search<'_> {
 /// The squared residual of a model on each record: the best of several initial states, from first readings and from those of other models. With a
 /// fit, its parameters may also move within their uncertainty.
 fn by_record(unseen: &WhitenedResiduals, model: &Model, guides: &[&Model], fit: Option<&Fit>) -> Option<Vec<f64>> {
-    let plain = validation::on(unseen, model)?;
+    let plain = validation::fit_initial_states(unseen, model)?;
     let mut fits = vec![plain];
     for guide in guides {
-        let guided = validation::on(unseen, guide).and_then(|guide| validation::from_starts_of(unseen, model, &guide));
+        let guided = validation::fit_initial_states(unseen, guide)
+            .and_then(|guide| validation::fit_from_starts_of(unseen, model, &guide));
         fits.extend(guided);
     }
     if let Some(fit) = fit {
         let best = fits.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-        let moved = validation::within(unseen, model, Posterior::of(fit).deviations(), best);
+        let moved = validation::fit_within_uncertainty(unseen, model, Posterior::of(fit).deviations(), best);
         fits.extend(moved);
     }
     let of = |fit: &Fit, record: usize| {
@@ -174,7 +175,7 @@ fn at_search_bound(fit: &Fit, entry: usize) -> Option<String> {
 /// Whether the 95 % interval of the scaling parameter of an entry contains the value without effect; the reason in words.
 fn neutral(fit: &Fit, entry: usize, hypotheses: &[Hypothesis]) -> Option<String> {
     let its = &fit.model.file.effects[entry];
-    let hypothesis = hypotheses.iter().find(|it| it.is(its))?;
+    let hypothesis = hypotheses.iter().find(|it| it.describes(its))?;
     let (place, without) = hypothesis.guesses.first()?.neutral?;
     let (name, value) = *its.arguments.numbers.get(place)?;
     let unknown = fit.model.unknowns.iter().position(|it| it.place == Place::Effect { entry, number: name })?;

@@ -29,8 +29,8 @@ impl Search<'_> {
             return fit;
         }
         let Some(parts) = parts.iter().map(|part| self.entry(part)).collect::<Option<Vec<Entry>>>() else { return fit };
-        let bare = fit.model.minus(self.nominal, place);
-        let model = parts.into_iter().fold(bare, |model, part| model.plus(self.nominal, part));
+        let bare = fit.model.without_cause(self.nominal, place);
+        let model = parts.into_iter().fold(bare, |model, part| model.with_cause(self.nominal, part));
         self.simpler_if_as_good(fit, model, best_gain_by_chance(1, 1))
     }
 
@@ -40,7 +40,7 @@ impl Search<'_> {
         let entries = &fit.model.file.effects;
         let found = entries.iter().enumerate().find_map(|(place, it)| Some((place, forms(it).level?)));
         let Some((place, level)) = found else { return fit };
-        let mut model = fit.model.minus(self.nominal, place);
+        let mut model = fit.model.without_cause(self.nominal, place);
         let curve = model.file.effects.iter().position(|it| generalises(it.description.kind, level.of.kind));
         match curve {
             Some(curve) => {
@@ -52,13 +52,13 @@ impl Search<'_> {
             }
             None => {
                 let Some(friction) = self.entry(&level.of) else { return fit };
-                model = model.plus(self.nominal, friction);
+                model = model.with_cause(self.nominal, friction);
             }
         }
         for error in &level.errors {
             let Some(error) = self.entry(error) else { return fit };
             if !within_tolerance(self.nominal, &error) {
-                model = model.plus(self.nominal, error);
+                model = model.with_cause(self.nominal, error);
             }
         }
         let fewer = count(&fit.model).saturating_sub(count(&model));
@@ -76,7 +76,7 @@ impl Search<'_> {
         let Some((place, special)) = entries.iter().enumerate().find_map(|(place, it)| Some((place, special(it)?))) else {
             return fit;
         };
-        if entries.iter().any(|it| special.is(it)) {
+        if entries.iter().any(|it| special.describes(it)) {
             return fit;
         }
         let levels = levels(&entries[place]);
@@ -85,7 +85,10 @@ impl Search<'_> {
         // If no parameter of the law is a level, the special case starts from its own guess.
         let guess = special.guesses.first().and_then(|it| it.values.first()).copied().unwrap_or(0.0);
         let level = if levels.is_empty() { guess } else { level };
-        let model = fit.model.minus(self.nominal, place).plus(self.nominal, special.entry(self.nominal.file.kind, &[level]));
+        let model = fit
+            .model
+            .without_cause(self.nominal, place)
+            .with_cause(self.nominal, special.entry(self.nominal.file.kind, &[level]));
         let worse = self.deciding_difference(&fit, threshold);
         self.simpler_if_as_good(fit, model, worse)
     }

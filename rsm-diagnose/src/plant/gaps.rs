@@ -129,7 +129,7 @@ fn between(before: f64, after: f64, share: f64) -> f64 {
 }
 
 /// Writes an input in a gap: the line between the rows beside it, plus an offset.
-fn write(prepared: &mut Prepared, place: Place, offset: f64) {
+fn write(prepared: &mut Prepared, place: GapInput, offset: f64) {
     let gap = &mut prepared.filled_gaps[place.gap];
     gap.offsets[place.input] = offset;
     let rows = gap.rows.clone();
@@ -142,7 +142,7 @@ fn write(prepared: &mut Prepared, place: Place, offset: f64) {
 
 /// An input in a gap.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct GapInput {
     gap: usize,
     input: usize,
     /// Rows of the gap.
@@ -153,7 +153,7 @@ struct Place {
 
 /// The inputs in gaps of a record. The error of linear interpolation elsewhere in the record gives the expected error here. A change across the gap
 /// may lie anywhere in it.
-fn open(prepared: &Prepared) -> Vec<Place> {
+fn open(prepared: &Prepared) -> Vec<GapInput> {
     let mut list = Vec::new();
     for (input, values) in prepared.record.inputs.iter().enumerate().filter(|(_, values)| !values.is_empty()) {
         let mut elsewhere = [None; LONGEST + 1];
@@ -163,7 +163,7 @@ fn open(prepared: &Prepared) -> Vec<Place> {
             let change = values[it.rows.end] - values[it.rows.start - 1];
             let sd = f64::max(usual, OF_A_CHANGE * change * change).sqrt();
             if sd > 0.0 {
-                list.push(Place { gap, input, rows: rows as f64, sd });
+                list.push(GapInput { gap, input, rows: rows as f64, sd });
             }
         }
     }
@@ -180,16 +180,16 @@ fn interpolation_error(values: &[f64], rows: usize) -> f64 {
 }
 
 /// The gap inputs that matter. The effect of one gap is simulated; the effects of the others follow in proportion.
-fn significant(whitened: &WhitenedResiduals, fit: &Fit, record: usize) -> Vec<Place> {
+fn significant(whitened: &WhitenedResiduals, fit: &Fit, record: usize) -> Vec<GapInput> {
     let all = open(&whitened.records[record]);
-    let mut list: Vec<(f64, Place)> = Vec::new();
+    let mut list: Vec<(f64, GapInput)> = Vec::new();
     for input in 0..whitened.records[record].record.inputs.len() {
-        let its: Vec<Place> = all.iter().filter(|it| it.input == input).copied().collect();
+        let its: Vec<GapInput> = all.iter().filter(|it| it.input == input).copied().collect();
         // The first gap is simulated, because its effect has the longest time.
         let Some(first) = its.first() else { continue };
         let Some(Some(trace)) = traces(whitened, fit, record, &[*first]).pop() else { continue };
         let energy = trace.dot(&trace);
-        let of = |it: &Place| energy * (it.sd * it.rows / first.rows).powi(2);
+        let of = |it: &GapInput| energy * (it.sd * it.rows / first.rows).powi(2);
         list.extend(its.iter().map(|it| (of(it), *it)).filter(|it| it.0 > LEAST_EFFECT));
     }
     list.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -233,7 +233,7 @@ fn correct(whitened: &mut WhitenedResiduals, fit: &Fit) -> bool {
 fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<'_>, record: usize, residual: &mut Vec<f64>) {
     let places = significant(whitened, fit, record);
     let traces = traces(whitened, fit, record, &places).into_iter().zip(places);
-    let traces: Vec<(Place, Column)> = traces.filter_map(|(trace, place)| Some((place, trace?))).collect();
+    let traces: Vec<(GapInput, Column)> = traces.filter_map(|(trace, place)| Some((place, trace?))).collect();
     if traces.is_empty() {
         return;
     }
@@ -258,7 +258,7 @@ fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<
         for ((place, _), (now, change)) in traces.iter().zip(now.iter().zip(&change)) {
             write(&mut tried, *place, now + change);
         }
-        let other = whitened.on(vec![tried]);
+        let other = whitened.with_records(vec![tried]);
         let model = Model { starts: vec![fit.model.starts[record]], ..fit.model.clone() };
         let Some(run) = other.run(&model) else { return };
         let mut moved = residual.clone();
@@ -280,18 +280,18 @@ fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<
 }
 
 /// The change of the record's outputs for a unit of each offset; `None` if that cannot be simulated.
-fn traces(whitened: &WhitenedResiduals, fit: &Fit, record: usize, places: &[Place]) -> Vec<Option<Column>> {
+fn traces(whitened: &WhitenedResiduals, fit: &Fit, record: usize, places: &[GapInput]) -> Vec<Option<Column>> {
     let first = whitened.first(record);
     let mut list = Vec::new();
     // A few at a time: each needs a copy of the record.
     for some in places.chunks(4 * whitened.threads.max(1)) {
-        let now = |it: &Place| whitened.records[record].filled_gaps[it.gap].offsets[it.input];
-        let moved = |it: &Place| {
+        let now = |it: &GapInput| whitened.records[record].filled_gaps[it.gap].offsets[it.input];
+        let moved = |it: &GapInput| {
             let mut prepared = whitened.records[record].clone();
             write(&mut prepared, *it, now(it) + it.sd);
             prepared
         };
-        let other = whitened.on(some.iter().map(moved).collect());
+        let other = whitened.with_records(some.iter().map(moved).collect());
         let model = Model { starts: vec![fit.model.starts[record]; some.len()], ..fit.model.clone() };
         let jobs: Vec<(usize, &Model)> = (0..some.len()).map(|k| (k, &model)).collect();
         let runs = other.simulate(&jobs).into_iter().zip(some);
@@ -390,7 +390,7 @@ mod tests {
         let mut wrong = before.model.clone();
         wrong.file.parameters.set("force_gain", 3.0);
         let records: Vec<Prepared> = whitened.records.clone();
-        let there = levenberg::linearised(&whitened.on(records), wrong).unwrap();
+        let there = levenberg::linearised(&whitened.with_records(records), wrong).unwrap();
         assert!(corrected(&whitened, &there).is_none());
         // 398 readings: four standard deviations of their squared noise, 4 sqrt(2 * 398), and what the priors of two offsets leave.
         assert!(after.cost < 398.0 + 113.0 + 10.0, "{} from {}", after.cost, before.cost);

@@ -9,7 +9,7 @@ use super::candidates::Candidate;
 use super::hypotheses::Hypothesis;
 use super::levenberg::{self, Fit};
 use super::model::Model;
-use super::multistart::escaped;
+use super::multistart::line_search_escape;
 use super::screen::{Screened, screen};
 use super::search::Search;
 use super::whitened_residuals::WhitenedResiduals;
@@ -53,11 +53,11 @@ struct Horizon {
 /// The first rows of each record.
 fn cut(whitened: &WhitenedResiduals, ends: &[usize]) -> WhitenedResiduals {
     let records = whitened.records.iter().zip(ends).map(|(record, rows)| record.shortened(*rows)).collect();
-    whitened.on(records)
+    whitened.with_records(records)
 }
 
 /// How many rows of each record a plant follows; `None` if it cannot be simulated.
-fn reach(whitened: &WhitenedResiduals, model: &Model) -> Option<Vec<usize>> {
+fn rows_followed(whitened: &WhitenedResiduals, model: &Model) -> Option<Vec<usize>> {
     let residual = whitened.residual(&whitened.run(model)?);
     let mut first = 0;
     let each = whitened.records.iter().map(|prepared| {
@@ -79,12 +79,12 @@ fn reach(whitened: &WhitenedResiduals, model: &Model) -> Option<Vec<usize>> {
 
 /// The same, but each record grows at most by the factor `LONGER` and never shrinks. If the plant cannot be simulated so far, half the growth is
 /// tried.
-fn further(whitened: &WhitenedResiduals, model: &Model, ends: &[usize]) -> Option<Vec<usize>> {
+fn extended_rows(whitened: &WhitenedResiduals, model: &Model, ends: &[usize]) -> Option<Vec<usize>> {
     let mut more = (LONGER - 1) as f64;
     while more > STEP {
         let each = ends.iter().zip(&whitened.records);
         let wide: Vec<usize> = each.map(|(end, it)| (*end + (*end as f64 * more) as usize).min(it.record.rows())).collect();
-        if let Some(found) = reach(&cut(whitened, &wide), model) {
+        if let Some(found) = rows_followed(&cut(whitened, &wide), model) {
             return Some(found.iter().zip(ends).map(|(found, end)| *found.max(end)).collect());
         }
         more /= 2.0;
@@ -106,11 +106,11 @@ fn is_whole(whitened: &WhitenedResiduals, ends: &[usize]) -> bool {
 
 /// How far the plant follows the records when it is calibrated to these rows only.
 fn first_horizon(whitened: &WhitenedResiduals, model: Model, steps: usize) -> Option<Horizon> {
-    let mut ends = reach(whitened, &model)?;
+    let mut ends = rows_followed(whitened, &model)?;
     let mut model = model;
     for _ in 0..STAGES {
         let fit = levenberg::fit(&cut(whitened, &ends), model, steps)?;
-        let found = reach(whitened, &fit.model)?;
+        let found = rows_followed(whitened, &fit.model)?;
         let found: Vec<usize> = found.iter().zip(&ends).map(|(found, end)| *found.max(end)).collect();
         if !has_grown(whitened, &ends, &found) {
             return Some(Horizon { ends, fit });
@@ -121,15 +121,21 @@ fn first_horizon(whitened: &WhitenedResiduals, model: Model, steps: usize) -> Op
 }
 
 /// A cause fitted along longer and longer beginnings to the end of all records; `None` if the plant fails to follow them.
-fn followed(whitened: &WhitenedResiduals, model: Model, mut ends: Vec<usize>, steps: usize, threshold: f64) -> Option<Fit> {
+fn followed_to_end(
+    whitened: &WhitenedResiduals,
+    model: Model,
+    mut ends: Vec<usize>,
+    steps: usize,
+    threshold: f64,
+) -> Option<Fit> {
     let mut model = model;
     for _ in 0..STAGES {
         let short = cut(whitened, &ends);
-        let fit = escaped(&short, levenberg::fit(&short, model, steps)?, steps, threshold);
+        let fit = line_search_escape(&short, levenberg::fit(&short, model, steps)?, steps, threshold);
         if is_whole(whitened, &ends) {
             return Some(fit);
         }
-        let found = further(whitened, &fit.model, &ends)?;
+        let found = extended_rows(whitened, &fit.model, &ends)?;
         if !has_grown(whitened, &ends, &found) {
             return None;
         }
@@ -184,7 +190,7 @@ impl Search<'_> {
         }
         (self.progress)("looking at the beginnings of the records");
         let short = cut(self.whitened, &base.ends);
-        let unseen = short.on(Vec::new());
+        let unseen = short.with_records(Vec::new());
         let hypotheses = scanned(self.hypotheses);
         let there = Search { whitened: &short, unseen: &unseen, hypotheses: &hypotheses, ..*self };
         let mut screened = screen(&short, &base.fit, self.nominal, &hypotheses);
@@ -195,7 +201,7 @@ impl Search<'_> {
         let mut candidates = Vec::new();
         for it in found {
             (self.progress)(&format!("following {}", it.label));
-            let whole = followed(self.whitened, it.fit.model, base.ends.clone(), limits.fit_steps, threshold);
+            let whole = followed_to_end(self.whitened, it.fit.model, base.ends.clone(), limits.fit_steps, threshold);
             candidates.extend(whole.and_then(|whole| self.judged(fit, whole)));
         }
         candidates
@@ -259,7 +265,7 @@ mod tests {
         let survey = survey::survey(&whitened, &calibrated);
         let all = hypotheses::all(file.kind, &survey, &[0, 1, 2]);
         let slips: Vec<Hypothesis> = all.into_iter().filter(|it| it.description.kind == "clutch-slip").collect();
-        let unseen = whitened.on(Vec::new());
+        let unseen = whitened.with_records(Vec::new());
         let search = axis_under_steps::search(&whitened, &unseen, &nominal, &slips, &survey);
         let screened = screen(&whitened, &calibrated, &nominal, &slips);
         let mut candidates = search.fit_candidates(&calibrated, &screened, 40.0);
@@ -286,10 +292,10 @@ mod tests {
         let mut start = rsm_sim::kind::StartValues::default();
         start[1] = 8.0;
         model.starts = vec![start; 2];
-        let ends = reach(&whitened, &model).unwrap();
+        let ends = rows_followed(&whitened, &model).unwrap();
         // The first push beyond the capacity is at 2 s in both records.
         assert!(ends.iter().all(|end| (200..260).contains(end)), "{ends:?}");
-        assert_eq!(further(&whitened, &model, &[60, 600]).unwrap(), vec![120, 600]);
+        assert_eq!(extended_rows(&whitened, &model, &[60, 600]).unwrap(), vec![120, 600]);
     }
 
     #[test]

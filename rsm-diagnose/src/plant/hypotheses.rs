@@ -126,7 +126,7 @@ impl Hypothesis {
 
     /// Whether an entry of a file is this hypothesis.
     #[must_use]
-    pub fn is(&self, entry: &Entry) -> bool {
+    pub fn describes(&self, entry: &Entry) -> bool {
         entry.description.kind == self.description.kind && entry.arguments.subject.as_deref() == self.subject
     }
 }
@@ -204,7 +204,7 @@ impl Model {
 
     /// The model with one more cause.
     #[must_use]
-    pub fn plus(&self, nominal: &Model, entry: Entry) -> Model {
+    pub fn with_cause(&self, nominal: &Model, entry: Entry) -> Model {
         let mut entries = self.file.effects.clone();
         entries.push(entry);
         self.with_effects(nominal, entries)
@@ -221,7 +221,7 @@ impl Model {
 
     /// The model without one of its causes.
     #[must_use]
-    pub fn minus(&self, nominal: &Model, place: usize) -> Model {
+    pub fn without_cause(&self, nominal: &Model, place: usize) -> Model {
         let mut entries = self.file.effects.clone();
         entries.remove(place);
         self.with_effects(nominal, entries)

@@ -24,7 +24,7 @@ const LEAST_GAIN: f64 = 30.0;
 
 /// The memory in s of an axis with its drive and sensors. Delays and lags are tens of milliseconds, and a position loop with a gain of 30/s forgets
 /// in about the same time.
-const REMEMBERED: f64 = 0.1;
+const MEMORY: f64 = 0.1;
 
 /// The rows that are not compared are at most one in this many rows of a record.
 const MOST_SHARE: usize = 10;
@@ -39,7 +39,7 @@ pub fn of_axis(whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals,
     }
     for prepared in whitened.records.iter_mut().chain(&mut unseen.records) {
         let rows = prepared.record.rows();
-        let first = ((REMEMBERED / prepared.record.period) as usize).min(rows / MOST_SHARE);
+        let first = ((MEMORY / prepared.record.period) as usize).min(rows / MOST_SHARE);
         prepared.set_settling_rows(first);
     }
     at_start
@@ -47,23 +47,23 @@ pub fn of_axis(whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals,
 
 /// Whether any training or holdout record begins in motion.
 #[must_use]
-pub fn shown(whitened: &WhitenedResiduals, fit: &Fit, unseen: &WhitenedResiduals) -> bool {
+pub fn is_visible(whitened: &WhitenedResiduals, fit: &Fit, unseen: &WhitenedResiduals) -> bool {
     let has_hidden = matches!(fit.model.file.kind, PlantKind::Driveline | PlantKind::Equations(_));
     if !has_hidden || fit.model.at_start == InitialMotion::InMotion {
         return false;
     }
-    let free = levenberg::fit(whitened, freed(whitened, &fit.model), STEPS);
+    let free = levenberg::fit(whitened, with_free_starts(whitened, &fit.model), STEPS);
     if free.is_some_and(|free| gains(whitened, fit, &free)) {
         return true;
     }
-    let Some(steady) = validation::on(unseen, &fit.model) else { return false };
-    let mut model = freed(unseen, &steady.model);
+    let Some(steady) = validation::fit_initial_states(unseen, &fit.model) else { return false };
+    let mut model = with_free_starts(unseen, &steady.model);
     model.unknowns.retain(|it| matches!(it.place, model::Place::Start { .. }));
     levenberg::fit(unseen, model, STEPS).is_some_and(|free| gains(unseen, &steady, &free))
 }
 
 /// The model with free initial states, and the other ones as they were.
-fn freed(whitened: &WhitenedResiduals, model: &Model) -> Model {
+fn with_free_starts(whitened: &WhitenedResiduals, model: &Model) -> Model {
     let mut free = Model { at_start: InitialMotion::InMotion, ..model.clone() };
     let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
     free.take_starts(&records, whitened.floors.map(|floor| floor.sd));
@@ -118,7 +118,7 @@ mod tests {
         let mut unseen = WhitenedResiduals::new(vec![axis(&file, 0.0, 4)], [NoiseFloor::white(1e-6); OUTPUTS], 1);
         let at_start = of_axis(&mut whitened, &mut unseen, &file);
         let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
-        let model = Model::beginning(&file, at_start, &records, [1e-6; OUTPUTS]);
+        let model = Model::with_initial_motion(&file, at_start, &records, [1e-6; OUTPUTS]);
         let is_speed = |place: &model::Place| matches!(place, model::Place::Start { place: 1, .. });
         let unknown = model.unknowns.iter().filter(|it| is_speed(&it.place)).count();
         let judging = whitened.records.iter().chain(&unseen.records).map(|it| it.used[0].iter().filter(|used| **used).count());

@@ -38,7 +38,7 @@ const OFF_POINT: f64 = 4.781;
 const LEAST_ROWS: usize = 200;
 
 /// The largest tested delay or advance of the position, in rows.
-const FARTHEST: isize = 4;
+const LARGEST_DELAY: isize = 4;
 
 /// A position counts as late if the law with the delay leaves at most this share of the squares.
 const LATE: f64 = 0.25;
@@ -54,7 +54,7 @@ const LIMITED: f64 = 0.9;
 
 /// A number with its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Known {
+pub struct GainEstimate {
     /// The value.
     pub value: f64,
     /// The lower end.
@@ -63,7 +63,7 @@ pub struct Known {
     pub high: f64,
 }
 
-impl Known {
+impl GainEstimate {
     /// Whether a gain differs significantly from 1.
     fn is_wrong(&self) -> bool {
         let sd = 0.5 * (self.high - self.low) / T_POINT;
@@ -75,9 +75,9 @@ impl Known {
 #[derive(Debug, Clone, PartialEq)]
 pub struct KnownLoop {
     /// The gain of the position sensor.
-    pub position: Known,
+    pub position: GainEstimate,
     /// The gain of the command reading.
-    pub command: Known,
+    pub command: GainEstimate,
     /// The delay of the position reading in rows; negative if it is early.
     pub late: isize,
     /// Root mean square of the command minus the law as stated in the file and a constant, in V. A sensor bias gives a constant; it is not a gain.
@@ -291,7 +291,7 @@ pub fn check(records: &[Prepared], file: &PlantFile) -> Option<KnownLoop> {
         rows.iter().map(|row| miss(row, &slopes).powi(2)).sum::<f64>() / rows.len().max(1) as f64
     };
     let now = left(&on_time);
-    let others = (-FARTHEST..=FARTHEST).filter(|late| *late != 0).map(|late| (late, rows(records, file, late)));
+    let others = (-LARGEST_DELAY..=LARGEST_DELAY).filter(|late| *late != 0).map(|late| (late, rows(records, file, late)));
     let nearest = others.map(|(late, rows)| (left(&rows), late, rows)).min_by(|a, b| a.0.total_cmp(&b.0));
     let (late, rows) = match nearest {
         Some((squared, late, rows)) if squared < LATE * now && rows.len() >= LEAST_ROWS => (late, rows),
@@ -309,7 +309,7 @@ pub fn check(records: &[Prepared], file: &PlantFile) -> Option<KnownLoop> {
         let count = parts.len() as f64;
         let mean = parts.iter().map(|it| it[which]).sum::<f64>() / count;
         let sd = ((count - 1.0) / count * parts.iter().map(|it| (it[which] - mean).powi(2)).sum::<f64>()).sqrt();
-        Known { value, low: value - T_POINT * sd, high: value + T_POINT * sd }
+        GainEstimate { value, low: value - T_POINT * sd, high: value + T_POINT * sd }
     };
     let size = (rows.iter().map(|row| row.command * row.command).sum::<f64>() / rows.len() as f64).sqrt();
     let left = (squares / rows.len() as f64).sqrt();
@@ -330,7 +330,7 @@ mod tests {
     use rsm_sim::record::Record;
     use rsm_sim::simulate::Simulator;
 
-    impl Known {
+    impl GainEstimate {
         fn holds(&self, value: f64) -> bool {
             self.low <= value && value <= self.high
         }

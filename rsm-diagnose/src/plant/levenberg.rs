@@ -57,7 +57,7 @@ impl Fit {
         let which: Vec<usize> = self.free.iter().copied().chain(self.held.iter().map(|held| held.unknown)).collect();
         let columns: Vec<Column> =
             self.columns.iter().cloned().chain(self.held.iter().map(|held| held.column.clone())).collect();
-        (gram(&self.model, &which, &columns), pull(&self.model, &which, &columns, &self.residual))
+        (gram(&self.model, &which, &columns), negative_gradient(&self.model, &which, &columns, &self.residual))
     }
 
     /// The derivative for an unknown of another model, if this fit has the same unknown.
@@ -75,8 +75,8 @@ impl Fit {
 
     /// The negative gradient of the cost, from residual and priors, for each free unknown.
     #[must_use]
-    pub fn pull(&self) -> Vec<f64> {
-        pull(&self.model, &self.free, &self.columns, &self.residual)
+    pub fn negative_gradient(&self) -> Vec<f64> {
+        negative_gradient(&self.model, &self.free, &self.columns, &self.residual)
     }
 }
 
@@ -104,7 +104,7 @@ pub(super) fn gram(model: &Model, free: &[usize], columns: &[Column]) -> Vec<f64
     matrix
 }
 
-pub(super) fn pull(model: &Model, free: &[usize], columns: &[Column], residual: &[f64]) -> Vec<f64> {
+pub(super) fn negative_gradient(model: &Model, free: &[usize], columns: &[Column], residual: &[f64]) -> Vec<f64> {
     let each = free.iter().zip(columns);
     each.map(|(&k, column)| {
         let prior = model.unknowns[k].prior.map_or(0.0, |(centre, sd)| (centre - model.value(k)) / (sd * sd));
@@ -223,7 +223,7 @@ impl Equations {
     /// step. The gradient before that step is not a reliable test.
     pub(super) fn new(model: &Model, columns: &[Column], residual: &[f64]) -> Self {
         let all: Vec<usize> = (0..model.unknowns.len()).collect();
-        let asked = pull(model, &all, columns, residual);
+        let asked = negative_gradient(model, &all, columns, residual);
         let pressed: Vec<usize> = all.iter().copied().filter(|&k| is_bound_active(model, k, asked[k])).collect();
         let released = released(model, &pressed, &asked, columns);
         let (held, free): (Vec<usize>, Vec<usize>) =

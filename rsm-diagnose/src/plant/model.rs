@@ -13,7 +13,7 @@ use rsm_sim::schema::Bound;
 use rsm_sim::simulate::{start_of, starting};
 
 /// A positive parameter is searched within this factor of its guess, up and down.
-const REACH: f64 = 10.0;
+const SEARCH_FACTOR: f64 = 10.0;
 
 /// The number of first rows for the initial speed of an axis. At 1 kHz they take a fiftieth of a second, in which the force hardly changes.
 const FIRST_ROWS: usize = 20;
@@ -104,8 +104,8 @@ impl Unknown {
             Bound::Any | Bound::Count => (f64::NEG_INFINITY, f64::INFINITY),
             // A factor of ten up and down from a guess. With a stiffness or a time constant further off, a simulation takes thousands of sub-steps
             // per row for a motion that no row shows.
-            Bound::Positive => (start / REACH, start * REACH),
-            Bound::NotNegative if start > 0.0 => (0.0, start * REACH * REACH),
+            Bound::Positive => (start / SEARCH_FACTOR, start * SEARCH_FACTOR),
+            Bound::NotNegative if start > 0.0 => (0.0, start * SEARCH_FACTOR * SEARCH_FACTOR),
             Bound::NotNegative => (0.0, f64::INFINITY),
             // A share within 2 % of either end is practically none or all.
             Bound::Between(low, high) => (low + 0.02 * (high - low), high - 0.02 * (high - low)),
@@ -180,12 +180,12 @@ impl Model {
     /// The nominal plant: parameters with a tolerance and all initial states are unknown.
     #[must_use]
     pub fn nominal(file: &PlantFile, records: &[&Record], sds: [f64; OUTPUTS]) -> Self {
-        Model::beginning(file, InitialMotion::of(file.kind, records.iter().copied()), records, sds)
+        Model::with_initial_motion(file, InitialMotion::of(file.kind, records.iter().copied()), records, sds)
     }
 
     /// The same with a given initial motion.
     #[must_use]
-    pub fn beginning(file: &PlantFile, at_start: InitialMotion, records: &[&Record], sds: [f64; OUTPUTS]) -> Self {
+    pub fn with_initial_motion(file: &PlantFile, at_start: InitialMotion, records: &[&Record], sds: [f64; OUTPUTS]) -> Self {
         let mut unknowns = Vec::new();
         for (name, tolerance) in &file.tolerance {
             let (Some(value), true) = (file.parameters.optional(name), *tolerance > 0.0) else { continue };

@@ -60,7 +60,7 @@ const SEED: u64 = 7;
 /// Leaves a local minimum by a line search along each parameter of the last cause: from a step of its standard deviation to the resolution of a scan,
 /// with everything else to first order. Repeats while it gains more than `threshold`.
 #[must_use]
-pub fn escaped(whitened: &WhitenedResiduals, fit: Fit, steps: usize, threshold: f64) -> Fit {
+pub fn line_search_escape(whitened: &WhitenedResiduals, fit: Fit, steps: usize, threshold: f64) -> Fit {
     let mut fit = fit;
     for _ in 0..MOST_MINIMA {
         if is_noise(&fit) || whitened.work.is_limit_reached() {
@@ -131,7 +131,7 @@ pub fn in_few_parts(whitened: &WhitenedResiduals, fit: &Fit) -> bool {
 
 /// The priors plus a robust sum over the parts of records, and the weight of each row in its derivative. A part with mean square E has the loss c
 /// ln(1 + E/c): the loss of a Cauchy distribution (P. J. Huber, 1981), for parts in place of rows.
-fn by_logarithm(whitened: &WhitenedResiduals, model: &Model, residual: &[f64]) -> (f64, Vec<f64>) {
+fn robust_sum(whitened: &WhitenedResiduals, model: &Model, residual: &[f64]) -> (f64, Vec<f64>) {
     // The priors alone.
     let (mut sum, mut weights) = (levenberg::cost(model, &[]), Vec::with_capacity(residual.len()));
     for (prepared, squares) in whitened.records.iter().zip(parts(whitened, residual)) {
@@ -157,15 +157,15 @@ impl Iterate {
     fn of(whitened: &WhitenedResiduals, model: Model) -> Option<Self> {
         let simulated = whitened.run(&model)?;
         let residual = whitened.residual(&simulated);
-        let (sum, weights) = by_logarithm(whitened, &model, &residual);
+        let (sum, weights) = robust_sum(whitened, &model, &residual);
         Some(Iterate { model, simulated, residual, sum, weights })
     }
 }
 
 /// A robust fit of all unknowns to most parts of the records, by reweighting at every step (P. W. Holland, R. E. Welsch, 1977).
-struct MostParts<'a>(&'a WhitenedResiduals);
+struct RobustFit<'a>(&'a WhitenedResiduals);
 
-impl Problem for MostParts<'_> {
+impl Problem for RobustFit<'_> {
     type Iterate = Iterate;
     type Derivatives = Vec<Column>;
     type Equations = levenberg::Equations;
@@ -202,7 +202,7 @@ impl Problem for MostParts<'_> {
 
 /// A model fitted robustly to most parts of the records. `None` if it cannot be simulated.
 #[must_use]
-pub fn by_most_parts(whitened: &WhitenedResiduals, model: Model) -> Option<Model> {
+pub fn robust_fit(whitened: &WhitenedResiduals, model: Model) -> Option<Model> {
     let enough = CostTolerance { absolute: ROBUST_ENOUGH, relative: 0.0 };
     let rules = Rules {
         steps: ROBUST_STEPS,
@@ -213,26 +213,26 @@ pub fn by_most_parts(whitened: &WhitenedResiduals, model: Model) -> Option<Model
         least_gain_ratio: 0.0,
         ends_exact: false,
     };
-    Some(descend(&MostParts(whitened), Iterate::of(whitened, model)?, None, &rules)?.0.model)
+    Some(descend(&RobustFit(whitened), Iterate::of(whitened, model)?, None, &rules)?.0.model)
 }
 
 /// Leaves local minima in several parameters by random hops (D. J. Wales, J. P. K. Doye, 1997): fits from the robust fit, from the given fit, and
 /// from points near the two. It ends when only noise is left, or after `hops` hops without success. A gain of at most `enough` does not count.
 #[must_use]
-pub fn settled(whitened: &WhitenedResiduals, fit: Fit, steps: usize, hops: usize, enough: f64) -> Fit {
+pub fn basin_hopping(whitened: &WhitenedResiduals, fit: Fit, steps: usize, hops: usize, enough: f64) -> Fit {
     let mut random = Random::new(SEED);
     let mut fit = fit;
-    let mut led = None;
-    let mut vain = 0;
+    let mut robust_model = None;
+    let mut failed = 0;
     for hop in 0..MOST_HOPS {
-        if is_noise(&fit) || vain > hops || whitened.work.is_limit_reached() {
+        if is_noise(&fit) || failed > hops || whitened.work.is_limit_reached() {
             break;
         }
-        let led_to = led.get_or_insert_with(|| by_most_parts(whitened, fit.model.clone()));
-        let from = led_to.as_ref().filter(|_| vain % 2 == 0).unwrap_or(&fit.model);
+        let robust = robust_model.get_or_insert_with(|| robust_fit(whitened, fit.model.clone()));
+        let from = robust.as_ref().filter(|_| failed % 2 == 0).unwrap_or(&fit.model);
         let mut model = from.clone();
         // The first trial is without a hop.
-        if vain > 0 {
+        if failed > 0 {
             for k in (0..model.unknowns.len()).filter(|k| of_last(from, *k)) {
                 let unknown = &from.unknowns[k];
                 let to = unknown.to_search_scale(from.value(k)) + HOPS[hop % HOPS.len()] * unknown.scale * random.normal();
@@ -241,9 +241,9 @@ pub fn settled(whitened: &WhitenedResiduals, fit: Fit, steps: usize, hops: usize
         }
         match levenberg::fit(whitened, model, steps) {
             Some(other) if other.cost < fit.cost - enough => {
-                (fit, led, vain) = (other, None, 0);
+                (fit, robust_model, failed) = (other, None, 0);
             }
-            _ => vain += 1,
+            _ => failed += 1,
         }
     }
     fit
@@ -307,7 +307,7 @@ mod tests {
     fn started(numbers: [f64; 4], record: &Record) -> Model {
         let nominal = PlantFile { effects: vec![], ..axis(numbers) };
         let model = Model::nominal(&nominal, &[record], by_output(&NOISE, 1.0));
-        model.plus(&model, axis(numbers).effects[0].clone())
+        model.with_cause(&model, axis(numbers).effects[0].clone())
     }
 
     #[test]
@@ -319,7 +319,7 @@ mod tests {
             let start = [truth[0] * gap, truth[1] * ratio, truth[2] * stiffness, truth[3] * damping];
             let fit = levenberg::fit(&whitened, started(start, &record), 24).unwrap();
             assert!(fit.cost > 20.0 * rows, "{}", fit.cost);
-            let found = settled(&whitened, fit, 8, MOST_FAILED_HOPS, 4.0);
+            let found = basin_hopping(&whitened, fit, 8, MOST_FAILED_HOPS, 4.0);
             assert!(is_noise(&found), "{} of {rows}", found.cost);
             let gap = found.model.file.effects[0].arguments.number("gap");
             // A thousandth: the play shows in the phase of every contact, of which there are tens, each to a hundredth.
@@ -333,7 +333,7 @@ mod tests {
         let (whitened, record) = recorded(&axis(truth));
         let model = started(truth, &record);
         let rows = whitened.rows();
-        let sum = |residual: &[f64]| by_logarithm(&whitened, &model, residual);
+        let sum = |residual: &[f64]| robust_sum(&whitened, &model, residual);
         let noise: Vec<f64> = (0..rows).map(|row| if row % 2 == 0 { 1.0 } else { -1.0 }).collect();
         let mut bounced = noise.clone();
         // The first of a hundred parts, in the first of two outputs.

@@ -39,7 +39,7 @@ pub fn steps(
 ) -> Vec<Step> {
     let motions: Vec<Motion> = judged.records.iter().filter_map(|it| Motion::of(&it.record, nominal.file.kind).ok()).collect();
     let step = |model: &Model| -> Option<Step> {
-        let fit = validation::on(judged, model)?;
+        let fit = validation::fit_initial_states(judged, model)?;
         let entries = model.file.effects.iter();
         let force: Option<Vec<f64>> = motions.iter().map(|motion| motion.relative_error_of(&model.file)).collect();
         let force = force.filter(|list| !list.is_empty());

@@ -57,7 +57,7 @@ pub struct Orders {
 }
 
 /// Motion along one coordinate.
-pub(super) struct Way {
+pub(super) struct Coordinate {
     of: &'static str,
     /// The coordinate in turns or metres, for each row of each record.
     pub(super) at: Vec<Vec<f64>>,
@@ -73,16 +73,16 @@ pub(super) struct Way {
 #[must_use]
 pub fn orders(whitened: &WhitenedResiduals, model: &Model, before: &[Simulated], after: &[Simulated]) -> Vec<Orders> {
     let mut list = Vec::new();
-    for way in ways(whitened, model, after) {
+    for coordinate in coordinates(whitened, model, after) {
         for output in 0..whitened.floors.len() {
-            list.extend(of_one(whitened, &way, output, before, after));
+            list.extend(of_one(whitened, &coordinate, output, before, after));
         }
     }
     list
 }
 
 /// All coordinates along which the plant moves in these records.
-pub(super) fn ways(whitened: &WhitenedResiduals, model: &Model, simulated: &[Simulated]) -> Vec<Way> {
+pub(super) fn coordinates(whitened: &WhitenedResiduals, model: &Model, simulated: &[Simulated]) -> Vec<Coordinate> {
     let turns = |rate: &dyn Fn(usize) -> Option<Vec<f64>>| -> Option<Vec<Vec<f64>>> {
         (0..whitened.records.len())
             .map(|record| {
@@ -129,7 +129,7 @@ pub(super) fn ways(whitened: &WhitenedResiduals, model: &Model, simulated: &[Sim
     list
 }
 
-impl Way {
+impl Coordinate {
     /// The coordinate of an order, in words.
     pub(super) fn words(&self) -> String {
         match self.of {
@@ -140,7 +140,13 @@ impl Way {
 }
 
 /// Pieces of whole turns in one direction; orders in halves.
-fn rotation(whitened: &WhitenedResiduals, of: &'static str, at: Vec<Vec<f64>>, most: usize, pole_pairs: Option<f64>) -> Way {
+fn rotation(
+    whitened: &WhitenedResiduals,
+    of: &'static str,
+    at: Vec<Vec<f64>>,
+    most: usize,
+    pole_pairs: Option<f64>,
+) -> Coordinate {
     let mut pieces = Vec::new();
     for (record, at) in at.iter().enumerate() {
         let speed = speed_of(at, whitened.records[record].record.period);
@@ -154,11 +160,11 @@ fn rotation(whitened: &WhitenedResiduals, of: &'static str, at: Vec<Vec<f64>>, m
             }
         }
     }
-    Way { of, at, order: (1..=2 * most).map(|half| 0.5 * half as f64).collect(), pieces, apart: 0, pole_pairs }
+    Coordinate { of, at, order: (1..=2 * most).map(|half| 0.5 * half as f64).collect(), pieces, apart: 0, pole_pairs }
 }
 
 /// Strokes of an axis; orders in waves over its whole travel.
-fn travel(whitened: &WhitenedResiduals, at: Vec<Vec<f64>>) -> Option<Way> {
+fn travel(whitened: &WhitenedResiduals, at: Vec<Vec<f64>>) -> Option<Coordinate> {
     let all = at.iter().flatten();
     let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
     let travel = high - low;
@@ -177,7 +183,7 @@ fn travel(whitened: &WhitenedResiduals, at: Vec<Vec<f64>>) -> Option<Way> {
         );
     }
     // A line of a Hann window reaches two waves per stroke to either side, which is up to four waves per travel.
-    Some(Way {
+    Some(Coordinate {
         of: "position",
         at,
         order: (1..=MOST_WAVES).map(|k| k as f64 / travel).collect(),
@@ -205,27 +211,33 @@ fn runs(speed: &[f64]) -> Vec<Range<usize>> {
     list
 }
 
-fn of_one(whitened: &WhitenedResiduals, way: &Way, output: usize, before: &[Simulated], after: &[Simulated]) -> Option<Orders> {
-    let count = way.order.len();
-    let first_order = way.order[0];
+fn of_one(
+    whitened: &WhitenedResiduals,
+    coordinate: &Coordinate,
+    output: usize,
+    before: &[Simulated],
+    after: &[Simulated],
+) -> Option<Orders> {
+    let count = coordinate.order.len();
+    let first_order = coordinate.order[0];
     let sd = whitened.floors[output].sd;
     let mut sums = [vec![0.0; count], vec![0.0; count]];
     let mut pieces_of = vec![0_usize; count];
     let mut square = 0.0;
     let (mut averages, mut rows) = (0, 0);
-    for (record, piece) in &way.pieces {
+    for (record, piece) in &coordinate.pieces {
         let prepared = &whitened.records[*record];
         let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
         let (measured, used) = (prepared.measured(k), &prepared.used[k]);
         if used[piece.clone()].iter().any(|used| !used) {
             continue;
         }
-        let at = &way.at[*record];
+        let at = &coordinate.at[*record];
         let (start, length) = (at[piece.start], at[piece.end - 1] - at[piece.start]);
         let period = prepared.record.period;
         let steps: Vec<f64> = piece.clone().map(|row| at[(row + 1).min(at.len() - 1)] - at[row]).collect();
         let fastest = steps.iter().fold(0.0_f64, |most, step| most.max(step.abs())) / period;
-        let reach = way.order.partition_point(|order| order * fastest < HIGHEST_FREQUENCY / period);
+        let reach = coordinate.order.partition_point(|order| order * fastest < HIGHEST_FREQUENCY / period);
         let weights: Vec<f64> = piece
             .clone()
             .zip(&steps)
@@ -266,15 +278,15 @@ fn of_one(whitened: &WhitenedResiduals, way: &Way, output: usize, before: &[Simu
     let mean = |sums: &[f64]| sums[..reached].iter().zip(&pieces_of).map(|(sum, pieces)| sum / *pieces as f64).collect();
     Some(Orders {
         output,
-        of: way.of,
-        order: way.order[..reached].to_vec(),
+        of: coordinate.of,
+        order: coordinate.order[..reached].to_vec(),
         before: mean(&sums[0]),
         after: mean(&sums[1]),
         averages,
-        apart: way.apart,
+        apart: coordinate.apart,
         square: square / averages as f64,
         rows,
-        pole_pairs: way.pole_pairs,
+        pole_pairs: coordinate.pole_pairs,
     })
 }
 
@@ -327,7 +339,7 @@ impl Orders {
 #[must_use]
 pub fn spectral(
     whitened: &WhitenedResiduals,
-    slices: &[super::regions::Slice],
+    slices: &[super::regions::ErrorSlice],
     spectra: &[super::spectrum::Spectrum],
     orders: &[Orders],
     side: Side,

@@ -6,27 +6,28 @@ use rsm_fit::units::Conversion;
 
 /// A possible true unit of a column: its name, and how many of it equal one of the record's unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Other {
+pub struct AlternativeUnit {
     /// The name in words.
     pub name: &'static str,
     /// The reading divided by the true value.
     pub factor: f64,
 }
 
-const fn other(name: &'static str, factor: f64) -> Other {
-    Other { name, factor }
+const fn other(name: &'static str, factor: f64) -> AlternativeUnit {
+    AlternativeUnit { name, factor }
 }
 
 /// For every unit.
-const PREFIXES: [Other; 2] = [other("thousandths (m...)", 1000.0), other("thousands (k...)", 0.001)];
+const PREFIXES: [AlternativeUnit; 2] = [other("thousandths (m...)", 1000.0), other("thousands (k...)", 0.001)];
 
 /// For a phase quantity, whose values have two usual meanings.
-const PHASE: [Other; 2] = [other("r.m.s. values", std::f64::consts::FRAC_1_SQRT_2), other("peak-to-peak values", 2.0)];
+const PHASE: [AlternativeUnit; 2] =
+    [other("r.m.s. values", std::f64::consts::FRAC_1_SQRT_2), other("peak-to-peak values", 2.0)];
 
 /// Lists by a unit of the quantity. 9.549297 is 30/pi, 57.29578 is 180/pi, 0.1591549 is 1/(2 pi), 0.1019716 is 1/9.80665. 0.7375621, 2.236936,
 /// 0.2248089, 1.450377e-4 and 1.341022e-3 are for the pound-foot, the mile per hour, the pound-force, the pound-force per square inch and the
 /// horsepower, from the international yard and pound (1959).
-const KINDS: [(&str, &[Other]); 19] = [
+const KINDS: [(&str, &[AlternativeUnit]); 19] = [
     ("rad/s", &[other("rpm", 9.549_297), other("revolutions per second", 0.159_154_9), other("deg/s", 57.295_78)]),
     ("rad", &[other("deg", 57.295_78), other("revolutions", 0.159_154_9)]),
     ("rad/s^2", &[other("deg/s^2", 57.295_78)]),
@@ -57,7 +58,7 @@ const KINDS: [(&str, &[Other]); 19] = [
 /// assert_eq!((rpm.name, rpm.factor), ("rpm", 9.549297)); // readings over the truth
 /// ```
 #[must_use]
-pub fn others(unit: &str) -> Vec<Other> {
+pub fn alternative_units(unit: &str) -> Vec<AlternativeUnit> {
     // The number of the list's units in one of the record's units.
     let scale = |of: &str| match Conversion::between(unit, of) {
         Ok(way) if way.apply(0.0) == 0.0 => Some(way.apply(1.0)),
@@ -65,7 +66,7 @@ pub fn others(unit: &str) -> Vec<Other> {
     };
     let known = KINDS.iter().find_map(|(of, list)| scale(of).map(|scale| (scale, *list)));
     let (scale, list) = known.unwrap_or((1.0, &[]));
-    let mut all: Vec<Other> = list.iter().map(|it| Other { factor: it.factor * scale, ..*it }).collect();
+    let mut all: Vec<AlternativeUnit> = list.iter().map(|it| AlternativeUnit { factor: it.factor * scale, ..*it }).collect();
     for prefix in PREFIXES {
         if !all.iter().any(|it| (it.factor / prefix.factor - 1.0).abs() < SAME) {
             all.push(prefix);
@@ -104,7 +105,7 @@ mod tests {
         ];
         for (name, unit) in read {
             let one = Conversion::between(unit, name).expect(name).apply(1.0);
-            let listed = others(unit).into_iter().find(|it| it.name == name).expect(name);
+            let listed = alternative_units(unit).into_iter().find(|it| it.name == name).expect(name);
             assert!((listed.factor / one - 1.0).abs() < SAME, "{name}: {} {one}", listed.factor);
         }
     }
@@ -112,10 +113,10 @@ mod tests {
     #[test]
     fn every_unit_has_others_and_none_is_itself() {
         for unit in ["rad/s", "rpm", "deg", "N*m", "K", "W", "km/h", "m^3/s", "A", "1", "Wb"] {
-            let all = others(unit);
+            let all = alternative_units(unit);
             assert!(all.len() > 1 && all.iter().all(|it| (it.factor - 1.0).abs() > SAME), "{unit}: {all:?}");
         }
         // A record in km/h whose column is in mm/s reads 1000/3.6 times the truth.
-        assert!(others("km/h").iter().any(|it| it.name == "mm/s" && (it.factor * 3.6 / 1000.0 - 1.0).abs() < SAME));
+        assert!(alternative_units("km/h").iter().any(|it| it.name == "mm/s" && (it.factor * 3.6 / 1000.0 - 1.0).abs() < SAME));
     }
 }

@@ -42,13 +42,13 @@ fn noise_distributions(
 
 /// The readings as recorded, for each record by output. Distributions are always estimated from these, with the best fit so far.
 #[derive(Debug, Clone)]
-pub(super) struct Recorded(Vec<Vec<Option<Vec<f64>>>>);
+pub(super) struct RecordedReadings(Vec<Vec<Option<Vec<f64>>>>);
 
-impl Recorded {
+impl RecordedReadings {
     /// The readings of the records.
     #[must_use]
     pub(super) fn of(whitened: &WhitenedResiduals) -> Self {
-        Recorded(whitened.records.iter().map(|it| it.record.measured.clone()).collect())
+        RecordedReadings(whitened.records.iter().map(|it| it.record.measured.clone()).collect())
     }
 
     /// Exchanges them with the readings in the records.
@@ -66,7 +66,7 @@ const LEAST_CORRELATION_CHANGE: f64 = 0.1;
 pub(super) fn detect(
     whitened: &mut WhitenedResiduals,
     unseen: &mut WhitenedResiduals,
-    recorded: &mut [Recorded; 2],
+    recorded: &mut [RecordedReadings; 2],
     fit: &Fit,
     findings: &[Finding],
 ) -> bool {
@@ -79,10 +79,10 @@ pub(super) fn detect(
     let changes = !laws.iter().zip(&whitened.tails).all(is_same);
     if changes {
         recorded[1].swap(unseen);
-        *recorded = [Recorded::of(whitened), Recorded::of(unseen)];
+        *recorded = [RecordedReadings::of(whitened), RecordedReadings::of(unseen)];
         whitened.tails = laws;
         correct(whitened, &fit.simulated);
-        *unseen = corrected(whitened.on(std::mem::take(&mut unseen.records)), &fit.model);
+        *unseen = corrected(whitened.with_records(std::mem::take(&mut unseen.records)), &fit.model);
     } else {
         recorded[0].swap(whitened);
     }
@@ -107,7 +107,7 @@ fn correct(whitened: &mut WhitenedResiduals, simulated: &[Simulated]) {
 #[must_use]
 pub(super) fn corrected(mut unseen: WhitenedResiduals, model: &Model) -> WhitenedResiduals {
     if unseen.tails.iter().any(Option::is_some)
-        && let Some(there) = validation::on(&unseen, model)
+        && let Some(there) = validation::fit_initial_states(&unseen, model)
     {
         correct(&mut unseen, &there.simulated);
     }
@@ -154,7 +154,7 @@ mod tests {
         // Ten rows in forty are off by thirty times the noise.
         missed.simulated[0][0].iter_mut().enumerate().filter(|(k, _)| k / 10 % 4 == 0).for_each(|(_, value)| *value += 3e-5);
         let mut unseen = WhitenedResiduals::new(Vec::new(), whitened.floors, 1);
-        let mut recorded = [&whitened, &unseen].map(Recorded::of);
+        let mut recorded = [&whitened, &unseen].map(RecordedReadings::of);
         assert!(detect(&mut whitened, &mut unseen, &mut recorded, &missed, &[]));
         assert!(whitened.tails[0].is_none() && whitened.tails[1].is_some(), "{:?}", whitened.tails);
         assert_eq!(whitened.records[0].record.measured[0], record.measured[0]);
@@ -162,7 +162,7 @@ mod tests {
         assert!(whitened.tails[0].is_some() && unseen.tails == whitened.tails, "{:?}", whitened.tails);
         // Corrected from the recorded readings, not from corrected ones, and once.
         let mut once = WhitenedResiduals::new(vec![Prepared::new(record.clone(), 2)], sds.map(NoiseFloor::white), 1);
-        let mut of_once = [&once, &unseen].map(Recorded::of);
+        let mut of_once = [&once, &unseen].map(RecordedReadings::of);
         assert!(detect(&mut once, &mut unseen.clone(), &mut of_once, &fit, &[]));
         assert_eq!(whitened.records[0].record.measured, once.records[0].record.measured);
         assert_ne!(whitened.records[0].record.measured, record.measured);

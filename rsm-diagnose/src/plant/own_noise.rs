@@ -37,7 +37,7 @@ pub(super) fn by_own_noise(unseen: &WhitenedResiduals, moved: Fit) -> (WhitenedR
     let pooled = there.floors;
     for (record, simulated) in unseen.records.iter().zip(&moved.simulated) {
         let simulated = std::slice::from_ref(simulated);
-        let mut alone = unseen.on(vec![record.clone()]);
+        let mut alone = unseen.with_records(vec![record.clone()]);
         alone.floors = all_own(&pooled, &alone, simulated);
         for (floor, own) in there.floors.iter_mut().zip(&alone.floors) {
             floor.error = floor.error.max(own.error);
@@ -102,7 +102,7 @@ mod tests {
             Some(whitened.records[0].measured(0).iter().zip(simulated).map(|(a, b)| b + 1.3 * (a - b)).collect());
         let of = |records: Vec<super::super::whitened_residuals::Prepared>| {
             let simulated = vec![fit.simulated[0].clone(); records.len()];
-            let (there, fit) = by_own_noise(&whitened.on(records), Fit { simulated, ..fit.clone() });
+            let (there, fit) = by_own_noise(&whitened.with_records(records), Fit { simulated, ..fit.clone() });
             (there.floors[0], fit.residual)
         };
         let quiet = whitened.records[0].clone();

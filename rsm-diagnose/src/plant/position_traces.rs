@@ -15,7 +15,7 @@ use rsm_sim::record::Drive;
 const WIDTH: usize = 5;
 
 /// A record, and the plant's response to a force along it.
-struct Track<'k> {
+struct RecordTrace<'k> {
     prepared: &'k Prepared,
     record: usize,
     /// The index of the position among its outputs.
@@ -39,7 +39,7 @@ struct RowResponse {
     /// The speed after a row: coefficients of the speed before, of a constant force, and of the forces at the two nodes.
     speed: [f64; 4],
     /// The displacement in a row, likewise.
-    way: [f64; 4],
+    displacement: [f64; 4],
     force_gain: f64,
     /// Position gain, velocity gain, whether the speed is a difference of positions, and the limit of the command.
     controller: Option<(f64, f64, bool, f64)>,
@@ -60,12 +60,12 @@ impl RowResponse {
         };
         let rest = |node: usize| 1.0 - NODES[node];
         let blow = 0.5 * period / mass;
-        let way = |node: usize| period * rest(node) * (1.0 - 0.5 * w * rest(node));
+        let displacement = |node: usize| period * rest(node) * (1.0 - 0.5 * w * rest(node));
         let gains = file.parameters.optional("position_gain").zip(file.parameters.optional("velocity_gain"));
         RowResponse {
             // A force at a node acts as an impulse of half a row. It decays until the end of the row.
             speed: [(-w).exp(), period * one / mass, blow * (-w * rest(0)).exp(), blow * (-w * rest(1)).exp()],
-            way: [period * one, period * period * two / mass, blow * way(0), blow * way(1)],
+            displacement: [period * one, period * period * two / mass, blow * displacement(0), blow * displacement(1)],
             force_gain: number("force_gain"),
             controller: gains.filter(|_| closed).map(|(position, velocity)| {
                 (position, velocity, file.parameters.velocity_from == VelocityFrom::Difference, number("command_limit"))
@@ -74,7 +74,7 @@ impl RowResponse {
     }
 }
 
-impl Track<'_> {
+impl RecordTrace<'_> {
     /// The changes of position and command by each of some forces at the nodes of each row, one at a time.
     fn run<const N: usize>(&self, force: impl Fn(f64, f64, f64) -> [f64; N]) -> [[Vec<f64>; 2]; N] {
         let rows = self.position.len();
@@ -97,8 +97,12 @@ impl Track<'_> {
                 outputs[k][0].push(q[k]);
                 outputs[k][1].push(command);
                 let held = it.force_gain * command;
-                let way = it.way[0] * v[k] + it.way[1] * held + it.way[2] * a[k] + it.way[3] * b[k];
-                (q[k], v[k]) = (q[k] + way, it.speed[0] * v[k] + it.speed[1] * held + it.speed[2] * a[k] + it.speed[3] * b[k]);
+                let displacement = it.displacement[0] * v[k]
+                    + it.displacement[1] * held
+                    + it.displacement[2] * a[k]
+                    + it.displacement[3] * b[k];
+                (q[k], v[k]) =
+                    (q[k] + displacement, it.speed[0] * v[k] + it.speed[1] * held + it.speed[2] * a[k] + it.speed[3] * b[k]);
             }
             past = [here, past[0]];
         }
@@ -146,7 +150,7 @@ impl Track<'_> {
 pub struct PositionTraces<'k> {
     /// The records.
     pub whitened: &'k WhitenedResiduals,
-    list: Vec<Track<'k>>,
+    list: Vec<RecordTrace<'k>>,
     rows: usize,
 }
 
@@ -172,7 +176,7 @@ impl<'k> PositionTraces<'k> {
                 let (a, b) = (row.saturating_sub(WIDTH), (row + WIDTH).min(rows - 1));
                 (position[b] - position[a]) / ((b - a) as f64 * of.period)
             };
-            list.push(Track {
+            list.push(RecordTrace {
                 speed: (0..rows).map(speed).collect(),
                 prepared,
                 record,

@@ -69,7 +69,7 @@ impl Posterior {
             (0..m).flat_map(|i| results.iter().map(move |j| (i, *j))).map(|(i, j)| covariances[i][j]).collect();
         // The mean of the unbounded normal distribution: it differs from the fit only for held unknowns.
         let free = fit.free.len();
-        let pull = levenberg::pull(model, &which, &columns, &fit.residual);
+        let pull = levenberg::negative_gradient(model, &which, &columns, &fit.residual);
         let pressed: Vec<f64> = (0..n).map(|k| if k < free { 0.0 } else { pull[k] / spread }).collect();
         let beyond: Vec<f64> = covariances.iter().map(|it| it.iter().zip(&pressed).map(|(c, p)| c * p).sum()).collect();
         let bell = TruncatedNormal::new(&covariance, &beyond, |k| {

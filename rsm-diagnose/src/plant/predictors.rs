@@ -10,7 +10,7 @@
 use std::f64::consts::TAU;
 
 use super::levenberg::Fit;
-use super::orders::{self, HIGHEST_FREQUENCY, Way};
+use super::orders::{self, Coordinate, HIGHEST_FREQUENCY};
 use super::quantities::rounded;
 use super::whitened_residuals::WhitenedResiduals;
 use super::whiteness::TESTS;
@@ -49,7 +49,7 @@ pub struct Predictor {
 }
 
 /// One regression.
-struct Tried {
+struct PredictorRegression {
     output: usize,
     what: String,
     /// The reduction of the squared residual.
@@ -60,7 +60,7 @@ struct Tried {
     level: f64,
 }
 
-impl Tried {
+impl PredictorRegression {
     fn ln_p(&self) -> f64 {
         ln_upper_chi_squared(self.gain / self.level, self.freedom as f64)
     }
@@ -69,7 +69,7 @@ impl Tried {
 /// The best predictor of the residual of a fit; `None` if chance could predict as much.
 #[must_use]
 pub fn best_predictor(whitened: &WhitenedResiduals, fit: &Fit) -> Option<Predictor> {
-    let ways = orders::ways(whitened, &fit.model, &fit.simulated);
+    let ways = orders::coordinates(whitened, &fit.model, &fit.simulated);
     let mut tried = Vec::new();
     for output in 0..whitened.floors.len() {
         let parts = parts(whitened, fit, output);
@@ -103,7 +103,12 @@ fn parts<'f>(whitened: &WhitenedResiduals, fit: &'f Fit, output: usize) -> Vec<(
 }
 
 /// Waves of every order. Each record has its own phase, because the initial angle is not known from a speed.
-fn waves(whitened: &WhitenedResiduals, way: &Way, output: usize, parts: &[(usize, usize, &[f64])]) -> Vec<Tried> {
+fn waves(
+    whitened: &WhitenedResiduals,
+    way: &Coordinate,
+    output: usize,
+    parts: &[(usize, usize, &[f64])],
+) -> Vec<PredictorRegression> {
     let floor = &whitened.floors[output];
     let mut sums = vec![(0.0, 0_usize); way.order.len()];
     for (record, k, residual) in parts {
@@ -143,7 +148,7 @@ fn waves(whitened: &WhitenedResiduals, way: &Way, output: usize, parts: &[(usize
         let level = (around[around.len() / 2] / median_of_chance(freedom)).max(1.0);
         // A spectral line is as wide as one wave over the whole travel, so three digits are enough for a record with hundreds of waves.
         let what = format!("a wave of order {} over {}", rounded(way.order[*k], 3), way.words());
-        Tried { output, what, gain, freedom, level }
+        PredictorRegression { output, what, gain, freedom, level }
     });
     each.collect()
 }
@@ -154,7 +159,12 @@ fn median_of_chance(freedom: usize) -> f64 {
 }
 
 /// Powers, up to the fifth, of the inputs and of the motion; one quantity at a time.
-fn powers(whitened: &WhitenedResiduals, fit: &Fit, output: usize, parts: &[(usize, usize, &[f64])]) -> Vec<Tried> {
+fn powers(
+    whitened: &WhitenedResiduals,
+    fit: &Fit,
+    output: usize,
+    parts: &[(usize, usize, &[f64])],
+) -> Vec<PredictorRegression> {
     let floor = &whitened.floors[output];
     let kind = fit.model.file.kind;
     let mut list = Vec::new();
@@ -203,7 +213,7 @@ fn powers(whitened: &WhitenedResiduals, fit: &Fit, output: usize, parts: &[(usiz
             basis.projected_square(&moved)
         };
         let level = (1..=SHIFTS).map(elsewhere).sum::<f64>() / (SHIFTS * basis.rank()) as f64;
-        list.push(Tried {
+        list.push(PredictorRegression {
             output,
             what: format!("powers of {name} up to the fifth"),
             gain: taken,

@@ -27,7 +27,7 @@ pub struct Region {
 
 /// The error of one output in one region, before and after.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Slice {
+pub struct ErrorSlice {
     /// The output, by its place in the plant.
     pub output: usize,
     /// The quantity of which the region is a part.
@@ -66,7 +66,12 @@ pub fn scatter(floor: &NoiseFloor, rows: usize) -> f64 {
 
 /// The errors of all outputs in all classes. The whole output comes first.
 #[must_use]
-pub fn slices(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simulated], quantities: &[Quantity]) -> Vec<Slice> {
+pub fn slices(
+    whitened: &WhitenedResiduals,
+    before: &[Simulated],
+    after: &[Simulated],
+    quantities: &[Quantity],
+) -> Vec<ErrorSlice> {
     let mut classes = vec![Classes {
         quantity: "output",
         names: vec!["everywhere".to_string()],
@@ -103,7 +108,7 @@ pub fn slices(whitened: &WhitenedResiduals, before: &[Simulated], after: &[Simul
             for (name, (rows, before, after)) in group.names.iter().zip(sums) {
                 // With fewer rows, the scatter of a mean square is more than a third.
                 if rows >= 20 {
-                    list.push(Slice {
+                    list.push(ErrorSlice {
                         output,
                         quantity: group.quantity,
                         region: name.clone(),
@@ -135,7 +140,7 @@ pub enum Side {
     After,
 }
 
-impl Slice {
+impl ErrorSlice {
     /// The mean squared error of one side, over the variance of the noise.
     #[must_use]
     pub fn ratio(&self, side: Side) -> f64 {
@@ -152,7 +157,7 @@ impl Slice {
 
 /// The error above the noise of each output, and the sum over all outputs.
 #[must_use]
-pub fn totals(slices: &[Slice], side: Side) -> ([f64; OUTPUTS], f64) {
+pub fn totals(slices: &[ErrorSlice], side: Side) -> ([f64; OUTPUTS], f64) {
     let mut each = [0.0; OUTPUTS];
     for slice in slices.iter().filter(|slice| slice.quantity == "output") {
         each[slice.output] = slice.excess(side);
@@ -163,7 +168,7 @@ pub fn totals(slices: &[Slice], side: Side) -> ([f64; OUTPUTS], f64) {
 /// The regions in which a simulation is wrong: each output as a whole, then the most informative region of each quantity. `spectral` are regions from
 /// a spectrum. Sorted by share, the largest first; empty if the error is noise only.
 #[must_use]
-pub fn regions(slices: &[Slice], spectral: &[Region], side: Side) -> Vec<Region> {
+pub fn regions(slices: &[ErrorSlice], spectral: &[Region], side: Side) -> Vec<Region> {
     let (each, all) = totals(slices, side);
     let mut list = Vec::new();
     for (output, own) in each.iter().enumerate().filter(|(_, own)| **own > 0.0) {
@@ -221,9 +226,9 @@ pub fn most_informative(regions: &[Region], count: usize) -> Vec<Region> {
 mod tests {
     use super::*;
 
-    fn slice(quantity: &'static str, region: &str, rows: usize, before: f64) -> Slice {
+    fn slice(quantity: &'static str, region: &str, rows: usize, before: f64) -> ErrorSlice {
         let floor = NoiseFloor::white(1.0);
-        Slice {
+        ErrorSlice {
             output: 0,
             quantity,
             region: region.to_string(),

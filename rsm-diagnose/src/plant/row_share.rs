@@ -41,7 +41,7 @@ const SETTLING: usize = 2;
 
 /// The share of each record that is used.
 #[derive(Debug, Clone, Copy)]
-pub struct Share {
+pub struct RowShare {
     training: f64,
     validation: f64,
     /// The used rows, and all rows.
@@ -75,7 +75,7 @@ fn kept(rows: usize, share: f64) -> usize {
     if share >= 1.0 { rows } else { ((rows as f64 * share) as usize).max(LEAST_ROWS).min(rows) }
 }
 
-impl Share {
+impl RowShare {
     /// The share from the number of rows.
     #[must_use]
     pub fn of_rows(training: &[Record], validation: &[Record]) -> Self {
@@ -84,7 +84,7 @@ impl Share {
             if all <= MOST_ROWS { 1.0 } else { SEARCHED as f64 / all as f64 }
         };
         let all = rows(training) + rows(validation);
-        Share { training: of(training), validation: of(validation), rows: (all, all) }
+        RowShare { training: of(training), validation: of(validation), rows: (all, all) }
     }
 
     /// The used pieces of a training or validation record. The smaller of the two shares applies, so that all records are cut alike.
@@ -184,11 +184,11 @@ mod tests {
 
     fn seen(file: &PlantFile, rows: usize, most: u64) -> (usize, Option<UnusedRows>) {
         let training = [record(file, rows)];
-        let mut share = Share::of_rows(&training, &[]);
+        let mut share = RowShare::of_rows(&training, &[]);
         let pieces = share.pieces(&training[0], file).into_iter();
         let prepared = pieces.map(|it| Prepared { from: it.from, ..Prepared::new(it.record, 2) }).collect();
         let mut whitened = WhitenedResiduals::new(prepared, [NoiseFloor::white(1.0); OUTPUTS], 1);
-        let mut unseen = whitened.on(Vec::new());
+        let mut unseen = whitened.with_records(Vec::new());
         share.cut_to(most, &mut whitened, &mut unseen, file);
         (whitened.records.iter().map(|it| it.record.rows()).sum(), share.unused_rows())
     }
@@ -212,7 +212,7 @@ mod tests {
         let mut file = axis_under_steps::file("mass = 0.1", "");
         file.parameters.set("viscous_friction", 60.0);
         let training = [record(&file, 200_000)];
-        let share = Share::of_rows(&training, &[]);
+        let share = RowShare::of_rows(&training, &[]);
         let pieces = share.pieces(&training[0], &file);
         let of: Vec<(usize, usize)> = pieces.iter().map(|it| (it.from, it.from + it.record.rows())).collect();
         assert_eq!(of, [(0, 12_000), (58_250, 61_250), (104_500, 107_500), (150_750, 153_750), (197_000, 200_000)]);

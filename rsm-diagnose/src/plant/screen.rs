@@ -59,7 +59,8 @@ pub fn screen(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, hypothes
     let nuisance = Nuisance::new(fit);
     let mut guesses: Vec<(usize, Guess)> = Vec::new();
     for (k, hypothesis) in hypotheses.iter().enumerate() {
-        let there = |entry: &Entry| hypothesis.is(entry) || generalises(entry.description.kind, hypothesis.description.kind);
+        let there =
+            |entry: &Entry| hypothesis.describes(entry) || generalises(entry.description.kind, hypothesis.description.kind);
         if fit.model.file.effects.iter().any(there) {
             continue;
         }

@@ -121,19 +121,19 @@ pub(super) fn diagnose_records(
     // A known control law shows a wrong sensor before friction and mass are estimated.
     let known_loop = known_loop::check(&prepared.whitened.records, file);
     let entries = known_loop.as_ref().map_or_else(Vec::new, |it| it.entries(file));
-    let mut seed = seeded(&prepared.whitened, &prepared.nominal, &prepared.calibrated, &entries);
+    let mut seed = fit_with_known_causes(&prepared.whitened, &prepared.nominal, &prepared.calibrated, &entries);
     if let (Some(fit), true) = (&seed, prepared.rounded.is_empty()) {
         (options.progress)("a sensor is off by the law of the loop");
         prepared.whitened.floors = prepared.floors(fit, file);
         prepared.unseen.floors = prepared.whitened.floors;
         prepared.calibrated =
             levenberg::fit(&prepared.whitened, prepared.calibrated.model, 4).ok_or(Refused::CannotSimulate)?;
-        seed = seeded(&prepared.whitened, &prepared.nominal, &prepared.calibrated, &entries);
+        seed = fit_with_known_causes(&prepared.whitened, &prepared.nominal, &prepared.calibrated, &entries);
     }
     if prepared.rounded.is_empty() && seed.is_none() {
         let floors = |whitened: &WhitenedResiduals, fit: &Fit| calibration::floors(whitened, fit, file);
         if let Some(own) = configurations::separate_record(&prepared.whitened, &prepared.unseen, &prepared.nominal, &floors) {
-            let none = own.alone.on(Vec::new());
+            let none = own.alone.with_records(Vec::new());
             let search = input.search(&own.alone, &none, &own.nominal, &[]);
             let mut whole = of_one_record(file, &own, &search, prepared.findings, test, options)?;
             whole.unused_rows = prepared.share.unused_rows();
@@ -185,7 +185,7 @@ fn in_rounds(
             break;
         }
         // A motion at the start may be visible now.
-        let begun = initial_motion::shown(&prepared.whitened, fit, &prepared.unseen);
+        let begun = initial_motion::is_visible(&prepared.whitened, fit, &prepared.unseen);
         let tailed = tails == HeavyTails::Corrected && prepared.correct_hidden_tails(fit);
         let floors = prepared.floors(fit, file);
         let moved = floors.iter().zip(&prepared.whitened.floors).any(|(new, old)| {
@@ -217,7 +217,7 @@ fn in_rounds(
 }
 
 /// The fitted plant with causes known before the search; `None` if there are none, or if the calibrated plant fits as well without them.
-fn seeded(whitened: &WhitenedResiduals, nominal: &Model, calibrated: &Fit, entries: &[Entry]) -> Option<Fit> {
+fn fit_with_known_causes(whitened: &WhitenedResiduals, nominal: &Model, calibrated: &Fit, entries: &[Entry]) -> Option<Fit> {
     if entries.is_empty() {
         return None;
     }
@@ -255,7 +255,7 @@ fn of_one_record(
         all_rows: None,
     };
     let records: Vec<&Record> = own.whitened.records.iter().map(|it| &it.record).collect();
-    let nominal = Model::beginning(file, own.fit.model.at_start, &records, own.whitened.floors.map(|floor| floor.sd));
+    let nominal = Model::with_initial_motion(file, own.fit.model.at_start, &records, own.whitened.floors.map(|floor| floor.sd));
     let mut whole = verdict::conclude(file, &own.whitened, &own.unseen, &nominal, nothing, findings, &[]);
     whole.verdict = match (whole.verdict, its.verdict) {
         (Verdict::NoDiscrepancy, Verdict::Explained) => Verdict::Explained,

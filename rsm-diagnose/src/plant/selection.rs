@@ -30,7 +30,7 @@ const PAIR_GUESSES: usize = 2;
 const LEAST_SHARE_OF_PAIR: f64 = 0.8;
 
 /// The number of hypotheses tried in place of two causes.
-const MERGED: usize = 2;
+const MOST_MERGE_TRIALS: usize = 2;
 
 /// The number of draws of the null simulation: 60 give the mean of the largest gain to an eighth of its standard deviation, and that to a tenth.
 const DRAWS: usize = 60;
@@ -234,7 +234,7 @@ impl Search<'_> {
             }
             let mut model = calibrated.model.clone();
             for (which, values) in &pair.parts {
-                model = model.plus(self.nominal, self.hypotheses[*which].entry(kind, values));
+                model = model.with_cause(self.nominal, self.hypotheses[*which].entry(kind, values));
             }
             let mut names = labels(&model);
             names.sort_unstable();
@@ -272,7 +272,7 @@ impl Search<'_> {
             let count = fit.model.file.effects.len();
             // The last one has just gained enough.
             for place in 0..count.saturating_sub(1) {
-                let without = fit.model.minus(self.nominal, place);
+                let without = fit.model.without_cause(self.nominal, place);
                 if let Some(other) = levenberg::refit(self.whitened, without, self.limits.fit_steps, Some(&fit))
                     && other.cost - fit.cost < self.deciding_difference(&fit, threshold)
                 {
@@ -304,11 +304,11 @@ impl Search<'_> {
                     let known = competed.first().filter(|(_, list)| list.iter().all(|it| it.fit.model.file.effects.len() == 1));
                     match known {
                         Some((_, list)) => (calibrated.clone(), Some(list.clone())),
-                        None => (calibrated.clone(), self.anew(calibrated, threshold, path)),
+                        None => (calibrated.clone(), self.new_candidates(calibrated, threshold, path)),
                     }
                 } else {
                     (self.progress)(&format!("asking what else could stand for {name}"));
-                    let without = fit.model.minus(self.nominal, place);
+                    let without = fit.model.without_cause(self.nominal, place);
                     let Some(base) = levenberg::refit(self.whitened, without, self.limits.fit_steps, Some(&fit)) else {
                         continue;
                     };
@@ -318,7 +318,7 @@ impl Search<'_> {
                         drops += 1;
                         continue 'again;
                     }
-                    let rivals_tested = self.anew(&base, threshold, path);
+                    let rivals_tested = self.new_candidates(&base, threshold, path);
                     (base, rivals_tested)
                 };
                 let (rivals_tested, candidates) = (rivals_tested.is_some(), rivals_tested.unwrap_or_default());
@@ -374,14 +374,14 @@ impl Search<'_> {
                 if !path.has_steps_for_rivals(self.whitened.work.done()) {
                     return fit;
                 }
-                let without = fit.model.minus(self.nominal, b).minus(self.nominal, a);
+                let without = fit.model.without_cause(self.nominal, b).without_cause(self.nominal, a);
                 let Some(base) = levenberg::refit(self.whitened, without, self.limits.fit_steps, Some(&fit)) else { continue };
                 let screened = screen(self.whitened, &base, self.nominal, self.hypotheses);
                 // A hypothesis is tried if its predicted gain is a sufficient share of the joint gain of the two causes.
                 let promising =
                     best_guesses(&screened, 1).into_iter().filter(|it| it.gain > LEAST_SHARE_OF_PAIR * (base.cost - fit.cost));
                 let promising: Vec<Entry> = promising
-                    .take(MERGED)
+                    .take(MOST_MERGE_TRIALS)
                     .map(|it| self.hypotheses[it.hypothesis].entry(fit.model.file.kind, &it.values))
                     .collect();
                 for entry in promising {
@@ -402,7 +402,7 @@ impl Search<'_> {
     fn aliases_of(&self, base: &Fit, entry: &Entry, least: f64) -> Vec<String> {
         let screened = screen(self.whitened, base, self.nominal, self.hypotheses);
         let best = best_guesses(&screened, 1);
-        let Some(own) = best.iter().find(|it| self.hypotheses[it.hypothesis].is(entry) && it.group.is_some()) else {
+        let Some(own) = best.iter().find(|it| self.hypotheses[it.hypothesis].describes(entry) && it.group.is_some()) else {
             return Vec::new();
         };
         let mut labels: Vec<String> = Vec::new();
@@ -416,7 +416,7 @@ impl Search<'_> {
     }
 
     /// The candidates for a place; `None` after the work limit is reached.
-    fn anew(&self, base: &Fit, threshold: f64, path: &mut SearchHistory) -> Option<Vec<Candidate>> {
+    fn new_candidates(&self, base: &Fit, threshold: f64, path: &mut SearchHistory) -> Option<Vec<Candidate>> {
         if !path.has_steps_for_rivals(self.whitened.work.done()) || !path.may_compete() {
             return None;
         }

@@ -45,7 +45,7 @@ pub fn moving(values: &[f64]) -> Vec<bool> {
 }
 
 /// A channel that may rest.
-pub struct Resting<'a> {
+pub struct StandstillTest<'a> {
     values: &'a [f64],
     nominal: Option<&'a [f64]>,
     /// The largest reading, and the largest value of the nominal plant.
@@ -54,12 +54,12 @@ pub struct Resting<'a> {
     step: Option<f64>,
 }
 
-impl<'a> Resting<'a> {
+impl<'a> StandstillTest<'a> {
     /// A channel and the nominal plant's values of it.
     #[must_use]
     pub fn new(values: &'a [f64], nominal: Option<&'a [f64]>) -> Self {
         let largest = |values: &[f64]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
-        Resting { values, nominal, largest: [largest(values), nominal.map_or(0.0, largest)], step: step(values) }
+        StandstillTest { values, nominal, largest: [largest(values), nominal.map_or(0.0, largest)], step: step(values) }
     }
 
     /// Whether equal readings in these rows mean a plant at rest.
@@ -141,14 +141,14 @@ mod tests {
     #[test]
     fn rest_of_a_coarse_sensor_and_of_a_dead_band_is_rest() {
         let coarse = readings(1.0, 0.0);
-        assert!(Resting::new(&coarse, None).rests(200..301));
+        assert!(StandstillTest::new(&coarse, None).rests(200..301));
         // The same sensor with an offset: its zero is no number in particular.
         let offset: Vec<f64> = coarse.iter().map(|value| value + 17.3).collect();
-        assert!(Resting::new(&offset, None).rests(200..301));
+        assert!(StandstillTest::new(&offset, None).rests(200..301));
         let mut dead = readings(1e-9, 2.0);
         dead.iter_mut().filter(|value| value.abs() < 8.0).for_each(|value| *value = 0.0);
         let start = dead.iter().position(|value| *value == 0.0).unwrap();
-        assert!(Resting::new(&dead, None).rests(start..300));
+        assert!(StandstillTest::new(&dead, None).rests(start..300));
     }
 
     #[test]
@@ -157,16 +157,16 @@ mod tests {
             let mut hangs = readings(step, noise);
             let value = hangs[60];
             hangs[60..120].fill(value);
-            assert!(!Resting::new(&hangs, None).rests(60..120), "{step} {noise}");
+            assert!(!StandstillTest::new(&hangs, None).rests(60..120), "{step} {noise}");
             // A wire that is off reads 0, at once.
             hangs[60..120].fill(0.0);
-            assert!(!Resting::new(&hangs, None).rests(60..120), "{step} {noise}");
+            assert!(!StandstillTest::new(&hangs, None).rests(60..120), "{step} {noise}");
         }
         // At rest its noise is gone.
         let mut hangs = readings(1.0, 6.0);
         let value = hangs[230];
         hangs[230..270].fill(value);
-        assert!(value == 0.0 || !Resting::new(&hangs, None).rests(230..270));
+        assert!(value == 0.0 || !StandstillTest::new(&hangs, None).rests(230..270));
     }
 
     #[test]

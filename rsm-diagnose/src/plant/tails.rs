@@ -3,9 +3,9 @@
 //! In: the residuals of the outputs. Out: the distribution of the noise of each output with heavy tails, and readings in which each outlier is moved
 //! towards its neighbours, so that a least squares fit solves the likelihood equations of Student's t (pseudo-values; P. J. Huber, "Robust
 //! statistics", 1981, section 7.8). Later steps then see noise of one size, with the variance of the best estimate, so costs, thresholds and
-//! intervals stay valid (`outlier_correction.rs`). Normal noise is not changed. A reading is compared with its neighbours, not with the simulation alone, so
-//! structure that lasts some rows is no outlier. If the noise is correlated from row to row, its innovations are used: each reading minus the
-//! prediction from the corrected reading before it.
+//! intervals stay valid (`outlier_correction.rs`). Normal noise is not changed. A reading is compared with its neighbours, not with the simulation
+//! alone, so structure that lasts some rows is no outlier. If the noise is correlated from row to row, its innovations are used: each reading minus
+//! the prediction from the corrected reading before it.
 
 use super::noise::NoiseFloor;
 use crate::engine::significance::median;

@@ -46,7 +46,7 @@ pub fn tested(
     if prepared.is_empty() {
         return None;
     }
-    let whitened = outlier_correction::corrected(fitted.on(prepared), extended);
+    let whitened = outlier_correction::corrected(fitted.with_records(prepared), extended);
     let before = from_first_part(&whitened, nominal)?;
     let after = from_first_part(&whitened, extended)?;
     let mut rest = whitened.clone();
@@ -68,6 +68,6 @@ pub fn tested(
 /// A simulation of whole records, with initial states from their first parts.
 fn from_first_part(whitened: &WhitenedResiduals, model: &Model) -> Option<Vec<Simulated>> {
     let first = whitened.records.iter().map(|it| it.shortened(it.record.rows() / FIRST_PART)).collect();
-    let started = validation::on(&whitened.on(first), model)?.model;
+    let started = validation::fit_initial_states(&whitened.with_records(first), model)?.model;
     whitened.run(&Model { starts: started.starts, unknowns: Vec::new(), ..model.clone() })
 }

@@ -13,7 +13,7 @@ use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::noise::NoiseFloor;
 use super::nuisance::Nuisance;
-use super::other_units::others;
+use super::other_units::alternative_units;
 use super::prepared::Piece;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use crate::engine::columns::dot;
@@ -175,7 +175,7 @@ fn candidates(columns: &[Columns]) -> Vec<Candidate> {
     let mut list = Vec::new();
     for which in columns {
         let stated = if which.stated == "1" { "a share of 1" } else { which.stated };
-        for other in others(which.stated) {
+        for other in alternative_units(which.stated) {
             let read = Candidate { which: which.clone(), factor: other.factor, unit: other.name.to_string() };
             // The header may state the other unit while the values are already in this one. Reading then converts them once too often.
             let converted = Candidate {

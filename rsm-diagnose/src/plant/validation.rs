@@ -21,7 +21,7 @@ const FIRST_SHARE: usize = 16;
 const LEAST_ROWS: usize = 30;
 
 /// The model with the initial states of other records, from their first readings, as its only unknowns.
-fn started(whitened: &WhitenedResiduals, model: &Model) -> Model {
+fn with_free_starts(whitened: &WhitenedResiduals, model: &Model) -> Model {
     let mut other = model.clone();
     let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
     other.take_starts(&records, whitened.floors.map(|floor| floor.sd));
@@ -31,20 +31,20 @@ fn started(whitened: &WhitenedResiduals, model: &Model) -> Model {
 
 /// The model on other records, after one step of the initial states from the first readings. Enough if these are nearly right.
 #[must_use]
-pub fn at_once(whitened: &WhitenedResiduals, model: &Model) -> Option<levenberg::Fit> {
-    levenberg::fit(whitened, started(whitened, model), 1)
+pub fn one_step(whitened: &WhitenedResiduals, model: &Model) -> Option<levenberg::Fit> {
+    levenberg::fit(whitened, with_free_starts(whitened, model), 1)
 }
 
 /// The fit of the initial states to other records, with the residual.
 #[must_use]
-pub fn on(whitened: &WhitenedResiduals, model: &Model) -> Option<levenberg::Fit> {
-    let mut other = started(whitened, model);
+pub fn fit_initial_states(whitened: &WhitenedResiduals, model: &Model) -> Option<levenberg::Fit> {
+    let mut other = with_free_starts(whitened, model);
     let mut share = FIRST_SHARE;
     while share > 1 {
         let cut = |it: &Prepared| it.shortened(it.record.rows() / share);
         if whitened.records.iter().all(|it| it.record.rows() / share >= LEAST_ROWS) {
             let records: Vec<Prepared> = whitened.records.iter().map(cut).collect();
-            other = levenberg::fit(&whitened.on(records), other, STEPS)?.model;
+            other = levenberg::fit(&whitened.with_records(records), other, STEPS)?.model;
         }
         share /= 2;
     }
@@ -54,7 +54,7 @@ pub fn on(whitened: &WhitenedResiduals, model: &Model) -> Option<levenberg::Fit>
 /// The same, starting from the initial states of an earlier fit to these records. For fast rotation, the phase depends strongly on them, and the
 /// first readings may be too inaccurate.
 #[must_use]
-pub fn from_starts_of(whitened: &WhitenedResiduals, model: &Model, earlier: &levenberg::Fit) -> Option<levenberg::Fit> {
+pub fn fit_from_starts_of(whitened: &WhitenedResiduals, model: &Model, earlier: &levenberg::Fit) -> Option<levenberg::Fit> {
     let unknowns = earlier.model.unknowns.iter().filter(|unknown| matches!(unknown.place, Place::Start { .. }));
     let other = Model { starts: earlier.model.starts.clone(), unknowns: unknowns.cloned().collect(), ..model.clone() };
     levenberg::fit(whitened, other, STEPS)
@@ -63,7 +63,7 @@ pub fn from_starts_of(whitened: &WhitenedResiduals, model: &Model, earlier: &lev
 /// The fit to other records in which the parameters may also move within their uncertainty: each has a prior with its value and its standard
 /// deviation, on the scale of its search. Initial states start from an earlier fit to these records.
 #[must_use]
-pub fn within(
+pub fn fit_within_uncertainty(
     whitened: &WhitenedResiduals,
     model: &Model,
     sds: &[Option<f64>],
@@ -90,7 +90,7 @@ pub fn squared_residual(whitened: &WhitenedResiduals, model: &Model) -> Option<f
     if whitened.records.is_empty() {
         return Some(0.0);
     }
-    on(whitened, model).map(|fit| fit.cost)
+    fit_initial_states(whitened, model).map(|fit| fit.cost)
 }
 
 /// The error of an output.

@@ -20,7 +20,7 @@ const ENOUGH: f64 = 1.0;
 const ENOUGH_SHARE: f64 = 1e-3;
 
 /// The largest change of a logarithm in a step: a factor of 4.5.
-const FARTHEST: f64 = 1.5;
+const LARGEST_LOG_STEP: f64 = 1.5;
 
 /// A hypothesis with its fitted parameters.
 #[derive(Debug, Clone)]
@@ -89,7 +89,7 @@ impl Problem for OwnParameters<'_> {
         let mut model = at.model.clone();
         for (&k, change) in self.own.iter().zip(step) {
             let unknown = &at.model.unknowns[k];
-            let limit = if unknown.logarithmic { FARTHEST } else { f64::INFINITY };
+            let limit = if unknown.logarithmic { LARGEST_LOG_STEP } else { f64::INFINITY };
             model.set(k, unknown.from_search_scale(unknown.to_search_scale(at.model.value(k)) + change.clamp(-limit, limit)));
         }
         self.standing(model)

@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 use super::bootstrap;
 use super::cause::Cause;
 use super::checks::Finding;
-use super::confidence::{self, Case};
+use super::confidence::{self, Evidence};
 use super::diagnosis::{Diagnosis, Practical};
 use super::effect_size;
 use super::error_breakdown::{self, Compared};
@@ -93,11 +93,11 @@ pub fn conclude(
         all_rows: everywhere,
     } = selection;
     let judged = if unseen.records.is_empty() { whitened } else { unseen };
-    let before = validation::on(judged, nominal);
+    let before = validation::fit_initial_states(judged, nominal);
     // From the calibrated plant's initial states or from first readings, whichever fits better.
-    let plain = validation::on(judged, &fit.model);
-    let guided = validation::on(judged, &calibrated.model);
-    let guided = guided.and_then(|calibrated| validation::from_starts_of(judged, &fit.model, &calibrated));
+    let plain = validation::fit_initial_states(judged, &fit.model);
+    let guided = validation::fit_initial_states(judged, &calibrated.model);
+    let guided = guided.and_then(|calibrated| validation::fit_from_starts_of(judged, &fit.model, &calibrated));
     let after = plain.into_iter().chain(guided).min_by(|a, b| a.cost.total_cmp(&b.cost));
     let (nominal_errors, extended_errors) = (
         before.as_ref().map_or_else(Vec::new, |fit| validation::errors(judged, fit)),
@@ -108,7 +108,8 @@ pub fn conclude(
     let left = whiteness::test(whitened, &fit);
     // On holdout records the parameters of the plant may move within their uncertainty.
     let moved = after.as_ref().filter(|_| !unseen.records.is_empty());
-    let moved = moved.and_then(|after| validation::within(unseen, &fit.model, Posterior::of(&fit).deviations(), after));
+    let moved =
+        moved.and_then(|after| validation::fit_within_uncertainty(unseen, &fit.model, Posterior::of(&fit).deviations(), after));
     let there = moved.map(|moved| by_own_noise(unseen, moved));
     let left_unseen = there.as_ref().map(|(there, fit)| whiteness::test(there, fit));
     let predicts = there
@@ -123,9 +124,9 @@ pub fn conclude(
         everywhere.as_ref().map(|it| it.excess),
     ];
     let most_left = elsewhere.into_iter().flatten().fold(left.excess, f64::max);
-    let allowed = allowed(of_rounding(rounded.iter().map(|(output, _)| &whitened.floors[*output])), wrong);
-    let (structure, practical) = weighed(most_left, allowed, wrong, accepted.is_empty());
-    let calibrated_there = validation::on(judged, &calibrated.model);
+    let allowed = allowed_excess(of_rounding(rounded.iter().map(|(output, _)| &whitened.floors[*output])), wrong);
+    let (structure, practical) = remaining_structure(most_left, allowed, wrong, accepted.is_empty());
+    let calibrated_there = validation::fit_initial_states(judged, &calibrated.model);
     let compared = match (&before, &calibrated_there, &after) {
         (Some(nominal_there), Some(before), Some(after)) => {
             Some(Compared { whitened, unseen, nominal, fit: &fit, nominal_there, before, after, structure })
@@ -142,7 +143,7 @@ pub fn conclude(
         let one = &rivals::without_general(one);
         aliases.extend(rivals::aliases(one, same).into_iter().map(|it| (one.gain, it)));
         let alike = rivals::equal_rivals(one, same);
-        let judged = Case {
+        let judged = Evidence {
             gain: one.gain,
             rivals: &one.rivals,
             same,
@@ -153,11 +154,11 @@ pub fn conclude(
             rivals_tested: one.rivals_tested,
         };
         let by_law = known_loop.as_ref().is_some_and(|it| it.identifies(file, &fit.model.file.effects[place]));
-        let confidence = sure(confidence::confidence(&judged), by_law);
+        let confidence = with_known_law(confidence::confidence(&judged), by_law);
         causes.push(cause(&fit, place, one, alike, confidence, contributions.get(place).cloned().flatten()));
     }
     let present = outputs(whitened);
-    let coarse = resolution::blamed(rounded, present.len(), &whitened.floors);
+    let coarse = resolution::reported_as_causes(rounded, present.len(), &whitened.floors);
     for (output, step) in &coarse {
         causes.extend(rounding(
             file.kind,
@@ -255,12 +256,12 @@ fn practical(left: f64, wrong: f64) -> Option<Practical> {
 }
 
 /// The allowed energy above the noise, divided by the noise energy; `wrong` is the mean error of the calibrated plant per row.
-fn allowed(of_rounding: f64, wrong: f64) -> f64 {
+fn allowed_excess(of_rounding: f64, wrong: f64) -> f64 {
     of_rounding.max(OF_THE_WHOLE * wrong).min(MOST_LEFT)
 }
 
 /// Whether more is left than allowed and matters; and the practical figures if it does not matter.
-fn weighed(left: f64, allowed: f64, wrong: f64, nothing: bool) -> (bool, Option<Practical>) {
+fn remaining_structure(left: f64, allowed: f64, wrong: f64, nothing: bool) -> (bool, Option<Practical>) {
     let practical = if left > allowed && !nothing { practical(left, wrong) } else { None };
     (left > allowed && practical.is_none(), practical)
 }
@@ -271,7 +272,7 @@ fn is_explained(structure: bool, stopped: Option<Limit>) -> bool {
 }
 
 /// A cause that a known control law shows has at least the probability of a cause without rivals.
-fn sure(confidence: Probability, by_law: bool) -> Probability {
+fn with_known_law(confidence: Probability, by_law: bool) -> Probability {
     confidence.at_least(if by_law { confidence::EXPLAINED } else { 0.0 })
 }
 

@@ -259,7 +259,7 @@ pub fn joint_fit_from_run(
 ) -> Option<Model> {
     let entry = &fit.model.file.effects[place];
     let wave = of(&entry.arguments)?;
-    let base = levenberg::linearised(whitened, fit.model.minus(nominal, place))?;
+    let base = levenberg::linearised(whitened, fit.model.without_cause(nominal, place))?;
     let mut traces = PositionTraces::new(whitened, &base);
     traces.follow(fit, reach);
     let found = joint_fit_near(traces, &base, wave.pitch, 0.05)?;

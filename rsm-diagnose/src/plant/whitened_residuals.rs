@@ -176,7 +176,7 @@ impl WhitenedResiduals {
 
     /// The same for other records, with a shared count of work.
     #[must_use]
-    pub fn on(&self, records: Vec<Prepared>) -> Self {
+    pub fn with_records(&self, records: Vec<Prepared>) -> Self {
         WhitenedResiduals { records, floors: self.floors, tails: self.tails, threads: self.threads, work: self.work.clone() }
     }
 

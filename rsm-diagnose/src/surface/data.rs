@@ -6,7 +6,7 @@
 use rsm_core::model::Model;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
-use super::sample::Extra;
+use super::sample::ExtraColumn;
 use rsm_fit::records::{DataFile, Refused, hash};
 use rsm_fit::table::{Table, Wanted, is_run};
 
@@ -31,7 +31,7 @@ pub struct NewData {
     /// The response of every surface; `None` if it is not a column.
     pub responses: Vec<Option<Vec<f64>>>,
     /// Columns that are not in the model.
-    pub extras: Vec<Extra>,
+    pub extras: Vec<ExtraColumn>,
     /// The column that gave the run order; otherwise rows are in the order of the files.
     pub ordered_by: Option<String>,
     /// Ignored columns, each with the reason.
@@ -87,7 +87,7 @@ impl NewData {
         Self::read_as(model, &Origin::Files(sources), Some(&compared), &like.extras)
     }
 
-    fn read_as(model: &Model, origin: &Origin<'_>, only: Option<&[usize]>, known: &[Extra]) -> Result<Self, Refused> {
+    fn read_as(model: &Model, origin: &Origin<'_>, only: Option<&[usize]>, known: &[ExtraColumn]) -> Result<Self, Refused> {
         let headers: Vec<Result<Table, Faults>> =
             (0..origin.count()).map(|file| origin.table(file, &Wanted::default())).collect();
         let faults: Vec<Faults> = headers.iter().filter_map(|it| it.as_ref().err().cloned()).collect();
@@ -151,7 +151,7 @@ impl NewData {
             return Err(Refused(refused));
         }
         data.ignored = lacking;
-        data.further(&others, cells, known);
+        data.classify_extra_columns(&others, cells, known);
         Ok(data)
     }
 
@@ -193,7 +193,7 @@ impl NewData {
     }
 
     /// Classifies the further columns, and sorts the rows by the column of the run order.
-    fn further(&mut self, others: &[(String, Option<String>)], cells: Vec<Vec<String>>, known: &[Extra]) {
+    fn classify_extra_columns(&mut self, others: &[(String, Option<String>)], cells: Vec<Vec<String>>, known: &[ExtraColumn]) {
         let rows = self.lines.len();
         let mut columns: Vec<(String, Option<String>, Vec<String>)> =
             others.iter().zip(cells).map(|((name, unit), cells)| (name.clone(), unit.clone(), cells)).collect();
@@ -226,7 +226,7 @@ impl NewData {
         for (name, unit, cells) in columns {
             let kind = match known.iter().find(|it| it.name == name) {
                 Some(known) => as_known(known, unit.as_deref(), &cells),
-                None => kind_of(&name, unit.as_deref(), &cells),
+                None => column_type(&name, unit.as_deref(), &cells),
             };
             match kind {
                 Ok(extra) => self.extras.push(extra),
@@ -290,7 +290,7 @@ fn numbers(cells: &[String]) -> Option<Vec<f64>> {
 }
 
 /// A column with the same type as in other data: its numbers, its levels, or both.
-fn as_known(known: &Extra, unit: Option<&str>, cells: &[String]) -> Result<Extra, String> {
+fn as_known(known: &ExtraColumn, unit: Option<&str>, cells: &[String]) -> Result<ExtraColumn, String> {
     let unit = unit.unwrap_or("1");
     if unit != known.unit {
         return Err(format!("its unit is {unit}, and {} in the data that were diagnosed", known.unit));
@@ -307,11 +307,16 @@ fn as_known(known: &Extra, unit: Option<&str>, cells: &[String]) -> Result<Extra
         .values
         .as_ref()
         .map(|_| numbers(cells).ok_or("its cells are not all numbers, and are in the data that were diagnosed"));
-    Ok(Extra { values: values.transpose()?, levels: known.levels.as_ref().map(|_| (names, of)), clock: false, ..known.clone() })
+    Ok(ExtraColumn {
+        values: values.transpose()?,
+        levels: known.levels.as_ref().map(|_| (names, of)),
+        clock: false,
+        ..known.clone()
+    })
 }
 
 /// The type of a further column.
-fn kind_of(name: &str, unit: Option<&str>, cells: &[String]) -> Result<Extra, String> {
+fn column_type(name: &str, unit: Option<&str>, cells: &[String]) -> Result<ExtraColumn, String> {
     let mut names: Vec<String> = Vec::new();
     let mut of = Vec::with_capacity(cells.len());
     for cell in cells {
@@ -326,7 +331,7 @@ fn kind_of(name: &str, unit: Option<&str>, cells: &[String]) -> Result<Extra, St
     }
     // Levels need at least two rows each on average; otherwise a level is a single run.
     let may_be_levels = of.len() == cells.len() && names.len() >= 2 && 2 * names.len() <= cells.len();
-    let plain = Extra {
+    let plain = ExtraColumn {
         name: name.to_string(),
         unit: unit.unwrap_or("1").to_string(),
         values: None,
@@ -336,7 +341,7 @@ fn kind_of(name: &str, unit: Option<&str>, cells: &[String]) -> Result<Extra, St
     };
     let Some(values) = numbers(cells) else {
         return match may_be_levels {
-            true => Ok(Extra { levels: Some((names, of)), ..plain }),
+            true => Ok(ExtraColumn { levels: Some((names, of)), ..plain }),
             false if names.len() == 1 => Err("it has one value only".to_string()),
             false => Err("its cells are neither numbers nor a few levels".to_string()),
         };
@@ -356,15 +361,15 @@ fn kind_of(name: &str, unit: Option<&str>, cells: &[String]) -> Result<Extra, St
     let named = BLOCK.iter().any(|block| name.eq_ignore_ascii_case(block));
     let levels = (may_be_levels && bare && (named || whole && names.len() <= MOST_LEVELS)).then_some((names, of));
     let values = if named && levels.is_some() { None } else { Some(values) };
-    Ok(Extra { values, range, levels, clock, ..plain })
+    Ok(ExtraColumn { values, range, levels, clock, ..plain })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn kind(name: &str, unit: Option<&str>, cells: &[&str]) -> Result<Extra, String> {
-        kind_of(name, unit, &cells.iter().map(ToString::to_string).collect::<Vec<_>>())
+    fn kind(name: &str, unit: Option<&str>, cells: &[&str]) -> Result<ExtraColumn, String> {
+        column_type(name, unit, &cells.iter().map(ToString::to_string).collect::<Vec<_>>())
     }
 
     #[test]

@@ -12,7 +12,7 @@ use crate::engine::significance::t_of;
 
 /// The estimated unknowns of one cause.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Numbers {
+pub struct ParameterEstimates {
     /// One estimate for each column.
     pub values: Vec<f64>,
     /// Half the width of the 95 % interval of each.
@@ -23,7 +23,7 @@ pub struct Numbers {
 #[derive(Debug, Clone)]
 pub struct Estimates {
     /// In the order of the set.
-    pub causes: Vec<Numbers>,
+    pub causes: Vec<ParameterEstimates>,
     /// The residual standard deviation in whitened units.
     pub sd: f64,
     /// Its degrees of freedom.
@@ -186,7 +186,7 @@ pub(super) fn numbers(sample: &Sample, found: &Explained) -> Estimates {
     for it in &found.set {
         let range = place..place + it.columns.len();
         let halves = range.clone().map(|k| t * sd * solved.covariance[k][k].sqrt()).collect();
-        causes.push(Numbers { values: solved.coefficients[range.clone()].to_vec(), halves });
+        causes.push(ParameterEstimates { values: solved.coefficients[range.clone()].to_vec(), halves });
         place = range.end;
     }
     Estimates { causes, sd, freedom }

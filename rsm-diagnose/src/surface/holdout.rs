@@ -14,7 +14,7 @@ use super::explained::Explained;
 use super::extension::{Extension, evaluate, extend};
 use super::hypotheses;
 use super::null::Thresholds;
-use super::sample::{Extra, RowSet, Sample};
+use super::sample::{ExtraColumn, RowSet, Sample};
 use crate::engine::holdout::excess;
 pub(super) use crate::engine::holdout::removed_share;
 use crate::engine::work::Work;
@@ -93,7 +93,7 @@ impl HoldoutRows {
 struct Rows<'a> {
     points: Vec<Vec<f64>>,
     response: Vec<f64>,
-    extras: &'a [Extra],
+    extras: &'a [ExtraColumn],
     at: Vec<usize>,
     places: Option<Vec<usize>>,
 }

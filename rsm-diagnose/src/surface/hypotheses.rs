@@ -113,7 +113,7 @@ const SAME: f64 = 1e-7;
 
 /// All hypotheses about a sample.
 pub(super) fn all(sample: &Sample) -> Vec<Hypothesis> {
-    let mut list = List { sample, found: Vec::new(), groups: 0 };
+    let mut list = HypothesisList { sample, found: Vec::new(), groups: 0 };
     list.response_sensor();
     list.input_sensors();
     list.missing_terms();
@@ -127,7 +127,7 @@ pub(super) fn all(sample: &Sample) -> Vec<Hypothesis> {
     list.found
 }
 
-struct List<'a> {
+struct HypothesisList<'a> {
     sample: &'a Sample,
     found: Vec<Hypothesis>,
     groups: usize,
@@ -137,7 +137,7 @@ fn norm(column: &[f64]) -> f64 {
     dot(column, column).sqrt()
 }
 
-impl List<'_> {
+impl HypothesisList<'_> {
     fn constant(&self) -> Vec<u32> {
         vec![0; self.sample.surface.width()]
     }

@@ -68,7 +68,7 @@ const LEAST_ROWS: usize = 6;
 
 /// Values of each row inside, for plots, in run order.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Shown {
+pub struct PlotValues {
     /// The index in the run order.
     pub places: Vec<usize>,
     /// Values of the inputs of the surface, in its order.
@@ -137,7 +137,7 @@ pub struct ResponseDiagnosis {
     /// Whether a part of the explanation (drift, offsets) belongs to the runs and is in no file.
     pub has_offsets: bool,
     /// Values for plots.
-    pub shown: Shown,
+    pub shown: PlotValues,
 }
 
 /// The diagnosis of all responses in the data.
@@ -424,7 +424,7 @@ fn of_response(
         has_offsets: !extension.offsets.is_empty(),
         tested,
         notes: if verdict == Verdict::NoDiscrepancy { Vec::new() } else { notes },
-        shown: Shown {
+        shown: PlotValues {
             places: sample.places.clone(),
             points: sample.points.clone(),
             measured: sample.response.clone(),

@@ -37,8 +37,8 @@ pub struct Thresholds {
 }
 
 impl Thresholds {
-    /// `whitened`: the columns of every hypothesis in the whitened space of all rows; `fitted`: the nominal response there; `alpha`: the allowed false
-    /// alarms of this response.
+    /// `whitened`: the columns of every hypothesis in the whitened space of all rows; `fitted`: the nominal response there; `alpha`: the allowed
+    /// false alarms of this response.
     pub fn new(whitened: &[Vec<Vec<f64>>], fitted: &[f64], rows: usize, alpha: f64) -> Self {
         // The seed is fixed, so that the same data give the same answer.
         let mut random = Random::new(0x5eed);

@@ -12,7 +12,7 @@ use rsm_fit::support::Region;
 
 /// A column of the data that the model does not have.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Extra {
+pub struct ExtraColumn {
     /// Its name.
     pub name: String,
     /// Its unit; `1` if the header has none.
@@ -27,10 +27,10 @@ pub struct Extra {
     pub clock: bool,
 }
 
-impl Extra {
+impl ExtraColumn {
     /// Some of the rows.
     fn select(&self, rows: &[usize]) -> Self {
-        Extra {
+        ExtraColumn {
             values: self.values.as_ref().map(|values| rows.iter().map(|row| values[*row]).collect()),
             levels: self.levels.as_ref().map(|(names, of)| (names.clone(), rows.iter().map(|row| of[*row]).collect())),
             ..self.clone()
@@ -60,7 +60,7 @@ pub struct Sample {
     /// Columns of the terms of the file.
     pub terms: Vec<Vec<f64>>,
     /// Columns that are not in the model.
-    pub extras: Vec<Extra>,
+    pub extras: Vec<ExtraColumn>,
     /// The index of each row among all rows of the data, in run order.
     pub places: Vec<usize>,
     /// Covariance of the coefficients of the file, in units of the noise variance of its rows.
@@ -102,7 +102,7 @@ impl Sample {
         index: usize,
         points: &[Vec<f64>],
         response: &[f64],
-        extras: &[Extra],
+        extras: &[ExtraColumn],
         taken: RowSet<'_>,
     ) -> Self {
         let surface = model.surfaces[index].clone();

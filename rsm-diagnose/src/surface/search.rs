@@ -35,12 +35,12 @@ pub(super) const LEAST_BLOCK: usize = 3;
 const DEPENDENT_PIVOT: f64 = 1e-9;
 
 /// The products of all columns and the residual, with no column in the set.
-struct Start {
+struct GramMatrix {
     width: usize,
     values: Vec<f64>,
 }
 
-impl Start {
+impl GramMatrix {
     fn at(&self, i: usize, j: usize) -> f64 {
         self.values[i * self.width + j]
     }
@@ -49,8 +49,8 @@ impl Start {
 /// The same with some columns swept in: all others are orthogonal to them. Only the rows of the pivots are kept, as in a Cholesky factor, and an
 /// entry is computed when needed. So a sweep costs the width times the number of swept columns, not the square of the width.
 #[derive(Clone)]
-struct Products<'a> {
-    start: &'a Start,
+struct SweptGram<'a> {
+    start: &'a GramMatrix,
     /// For each swept column: its row at that time, and the row divided by its pivot.
     swept: Vec<(Vec<f64>, Vec<f64>)>,
     /// The square of each column.
@@ -59,12 +59,12 @@ struct Products<'a> {
     with_residual: Vec<f64>,
 }
 
-impl<'a> Products<'a> {
-    fn new(start: &'a Start) -> Self {
+impl<'a> SweptGram<'a> {
+    fn new(start: &'a GramMatrix) -> Self {
         let last = start.width - 1;
         let own = (0..start.width).map(|k| start.at(k, k)).collect();
         let with_residual = (0..start.width).map(|k| start.at(k, last)).collect();
-        Products { start, swept: Vec::new(), own, with_residual }
+        SweptGram { start, swept: Vec::new(), own, with_residual }
     }
 
     fn at(&self, i: usize, j: usize) -> f64 {
@@ -134,13 +134,13 @@ pub(super) struct Search {
     /// The first column of each candidate.
     first: Vec<usize>,
     own: Vec<f64>,
-    start: Start,
+    start: GramMatrix,
     rows: f64,
 }
 
 /// A set of candidates in ascending order, with its criterion.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Found {
+pub(super) struct CandidateSet {
     /// Indices of the candidates.
     pub set: Vec<usize>,
     /// The criterion.
@@ -159,12 +159,12 @@ impl Search {
         let mut columns: Vec<&[f64]> = candidates.iter().flat_map(|it| it.columns.iter().map(Vec::as_slice)).collect();
         columns.push(residual);
         let width = columns.len();
-        let start = Start { width, values: products(&columns) };
+        let start = GramMatrix { width, values: products(&columns) };
         let member = |it: &Candidate| Member { width: it.columns.len(), group: it.group, change: it.change, cost: it.cost };
         Search::of(candidates.iter().map(member).collect(), start, residual.len())
     }
 
-    fn of(candidates: Vec<Member>, start: Start, rows: usize) -> Self {
+    fn of(candidates: Vec<Member>, start: GramMatrix, rows: usize) -> Self {
         let mut first = Vec::new();
         let mut next = 0;
         for candidate in &candidates {
@@ -181,10 +181,10 @@ impl Search {
         columns.push(self.start.width - 1);
         let values = columns.iter().flat_map(|i| columns.iter().map(|j| self.start.at(*i, *j))).collect();
         let candidates = places.iter().map(|place| self.candidates[*place].clone()).collect();
-        Search::of(candidates, Start { width: columns.len(), values }, self.rows as usize)
+        Search::of(candidates, GramMatrix { width: columns.len(), values }, self.rows as usize)
     }
 
-    fn residual(&self, products: &Products<'_>) -> f64 {
+    fn residual(&self, products: &SweptGram<'_>) -> f64 {
         let last = self.start.width - 1;
         // A sum of squares below this share is the rounding error of the products.
         products.own[last].max(1e-14 * self.own[last])
@@ -199,7 +199,7 @@ impl Search {
         self.first[candidate]..self.first[candidate] + self.candidates[candidate].width
     }
 
-    fn with<'p>(&self, products: &Products<'p>, candidate: usize) -> Products<'p> {
+    fn with<'p>(&self, products: &SweptGram<'p>, candidate: usize) -> SweptGram<'p> {
         let mut grown = products.clone();
         for k in self.columns_of(candidate) {
             if grown.own[k] > DEPENDENT_PIVOT * self.own[k] {
@@ -210,7 +210,7 @@ impl Search {
     }
 
     /// The square of the residual after adding a candidate.
-    fn square_with(&self, products: &Products<'_>, candidate: usize) -> f64 {
+    fn square_with(&self, products: &SweptGram<'_>, candidate: usize) -> f64 {
         let last = self.start.width - 1;
         let columns = self.columns_of(candidate);
         if columns.len() == 1 {
@@ -224,8 +224,8 @@ impl Search {
         let places: Vec<usize> = columns.clone().chain([last]).collect();
         let width = places.len();
         let values = places.iter().flat_map(|i| places.iter().map(|j| products.at(*i, *j))).collect();
-        let start = Start { width, values };
-        let mut small = Products::new(&start);
+        let start = GramMatrix { width, values };
+        let mut small = SweptGram::new(&start);
         for (k, column) in columns.enumerate() {
             if small.own[k] > DEPENDENT_PIVOT * self.own[column] {
                 small.sweep(k);
@@ -234,8 +234,8 @@ impl Search {
         small.own[width - 1].max(1e-14 * self.own[last])
     }
 
-    fn products_of(&self, set: &[usize]) -> Products<'_> {
-        set.iter().fold(Products::new(&self.start), |products, candidate| self.with(&products, *candidate))
+    fn products_of(&self, set: &[usize]) -> SweptGram<'_> {
+        set.iter().fold(SweptGram::new(&self.start), |products, candidate| self.with(&products, *candidate))
     }
 
     fn cost(&self, set: &[usize]) -> f64 {
@@ -262,12 +262,12 @@ impl Search {
         Normal::fine(&matrix, columns.len()).solve(&right)
     }
 
-    fn may_join(&self, set: &[usize], candidate: usize) -> bool {
-        set.iter().all(|member| self.agree(*member, candidate))
+    fn is_allowed_with(&self, set: &[usize], candidate: usize) -> bool {
+        set.iter().all(|member| self.are_compatible(*member, candidate))
     }
 
     /// Whether two candidates may be in one set.
-    fn agree(&self, a: usize, b: usize) -> bool {
+    fn are_compatible(&self, a: usize, b: usize) -> bool {
         let (a, b) = (&self.candidates[a], &self.candidates[b]);
         a.group != b.group && a.change.zip(b.change).is_none_or(|(a, b)| a.abs_diff(b) >= LEAST_BLOCK)
     }
@@ -278,24 +278,24 @@ impl Search {
         self.joined_to(&products, set)
     }
 
-    fn joined_to(&self, products: &Products<'_>, set: &[usize]) -> Vec<(usize, f64)> {
+    fn joined_to(&self, products: &SweptGram<'_>, set: &[usize]) -> Vec<(usize, f64)> {
         let cost = self.cost(set);
         let of = |candidate: usize| {
             (candidate, self.misfit(self.square_with(products, candidate)) + cost + self.candidates[candidate].cost)
         };
-        (0..self.candidates.len()).filter(|candidate| self.may_join(set, *candidate)).map(of).collect()
+        (0..self.candidates.len()).filter(|candidate| self.is_allowed_with(set, *candidate)).map(of).collect()
     }
 
     /// The best set. If the work limit is reached, the best one found so far.
-    pub(super) fn best(&self, work: &Work<'_>) -> Found {
-        let mut best = Found { set: Vec::new(), score: self.score(&[]) };
-        let mut paths = vec![(best.clone(), Products::new(&self.start))];
+    pub(super) fn best(&self, work: &Work<'_>) -> CandidateSet {
+        let mut best = CandidateSet { set: Vec::new(), score: self.score(&[]) };
+        let mut paths = vec![(best.clone(), SweptGram::new(&self.start))];
         for depth in 1..=MOST_CAUSES {
             if !work.has_work_left() {
                 break;
             }
             work.add(paths.len() * self.start.width * depth);
-            let mut grown: Vec<(Found, usize)> = Vec::new();
+            let mut grown: Vec<(CandidateSet, usize)> = Vec::new();
             for (path, (found, products)) in paths.iter().enumerate() {
                 let mut joined = self.joined_to(products, &found.set);
                 joined.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -304,7 +304,7 @@ impl Search {
                     set.push(candidate);
                     set.sort_unstable();
                     if !grown.iter().any(|(other, _)| other.set == set) {
-                        grown.push((Found { set, score }, path));
+                        grown.push((CandidateSet { set, score }, path));
                     }
                 }
             }
@@ -328,13 +328,13 @@ impl Search {
                 break;
             }
         }
-        self.improved(best, work)
+        self.exchanged(best, work)
     }
 
     /// Removes up to two members and adds up to two others, whichever gains most, while the criterion falls. One at a time is not enough: if a cause
     /// was taken with the wrong shape, a second one compensates for the difference (for example a drift that is right in the middle, and a bias), and
     /// neither can be removed alone.
-    fn improved(&self, mut best: Found, work: &Work<'_>) -> Found {
+    fn exchanged(&self, mut best: CandidateSet, work: &Work<'_>) -> CandidateSet {
         // Each round lowers the criterion, so the number of rounds is finite; the bound is against cycles by rounding.
         for _ in 0..4 * MOST_CAUSES {
             if !work.has_work_left() {
@@ -353,7 +353,7 @@ impl Search {
                     if score < next.score - 1e-3 && rest.len() + new.len() <= MOST_CAUSES {
                         let mut set: Vec<usize> = rest.iter().chain(new).copied().collect();
                         set.sort_unstable();
-                        next = Found { set, score };
+                        next = CandidateSet { set, score };
                     }
                 };
                 consider(&[], alone);
@@ -374,9 +374,9 @@ impl Search {
 
     /// The two candidates that together gain most, added to a set. A candidate of one column is a row of the products, and two of them are solved by
     /// Cramer's rule. Those of several columns are swept in, and then combined with all others.
-    fn best_pair(&self, products: &Products<'_>, set: &[usize]) -> Option<([usize; 2], f64)> {
+    fn best_pair(&self, products: &SweptGram<'_>, set: &[usize]) -> Option<([usize; 2], f64)> {
         let last = self.start.width - 1;
-        let free: Vec<usize> = (0..self.candidates.len()).filter(|candidate| self.may_join(set, *candidate)).collect();
+        let free: Vec<usize> = (0..self.candidates.len()).filter(|candidate| self.is_allowed_with(set, *candidate)).collect();
         let cost = self.cost(set);
         let left = self.residual(products);
         let mut best: Option<([usize; 2], f64)> = None;
@@ -397,7 +397,7 @@ impl Search {
             }
             let row = products.row(i);
             let mut of_costs: Vec<(f64, usize, f64)> = Vec::new();
-            for b in narrow[place + 1..].iter().filter(|b| self.agree(*a, **b)) {
+            for b in narrow[place + 1..].iter().filter(|b| self.are_compatible(*a, **b)) {
                 let j = self.first[*b];
                 let factor = row[j] / own;
                 let other = products.own[j] - factor * row[j];
@@ -419,7 +419,7 @@ impl Search {
         }
         for a in wide {
             let with = self.with(products, a);
-            for b in free.iter().filter(|b| **b != a && self.agree(a, **b)) {
+            for b in free.iter().filter(|b| **b != a && self.are_compatible(a, **b)) {
                 consider([a, *b], self.square_with(&with, *b));
             }
         }
@@ -473,8 +473,8 @@ mod tests {
             candidate(other, 2),
         ];
         let search = Search::new(&candidates, &y);
-        let wrong = Found { set: vec![1, 2, 3], score: search.score(&[1, 2, 3]) };
-        assert_eq!(search.improved(wrong, &Work::unbounded()).set, [0, 3]);
+        let wrong = CandidateSet { set: vec![1, 2, 3], score: search.score(&[1, 2, 3]) };
+        assert_eq!(search.exchanged(wrong, &Work::unbounded()).set, [0, 3]);
     }
 
     #[test]

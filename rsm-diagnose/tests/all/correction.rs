@@ -95,7 +95,7 @@ fn a_square_spring_is_corrected_on_unseen_records_and_the_file_checks() {
 #[test]
 fn without_unseen_records_the_last_third_judges() {
     let (whitened, simulated) = records(2000.0, &TRAINING, 1);
-    let nobody = whitened.on(Vec::new());
+    let nobody = whitened.with_records(Vec::new());
     let found = correction::correction(PlantKind::ServoAxis, &whitened, &simulated, &nobody, &[]);
     let CorrectionResult::Useful(found) = found else { panic!("{found:?}") };
     assert!(!found.unseen && found.gain > 0.8, "{}", found.gain);

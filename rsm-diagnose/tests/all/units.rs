@@ -1,7 +1,7 @@
 //! Columns in another unit: every column of every plant with every factor, on plants that are off within their tolerances and have noise; and records in which nothing is.
 
 use crate::random::Random;
-use rsm_diagnose::plant::other_units::others;
+use rsm_diagnose::plant::other_units::alternative_units;
 use rsm_diagnose::plant::units::{WrongUnit, find};
 use rsm_diagnose::plant::{Options, Verdict, diagnose};
 use rsm_sim::plant_file::PlantFile;
@@ -71,7 +71,7 @@ fn every_column_in_another_unit_is_named_as_that() {
         let (nominal, record) = case(name, "", 5 + number as u64);
         let columns = inputs(nominal.kind, record.drive).iter().chain(nominal.kind.outputs());
         for signal in columns {
-            for other in others(signal.unit) {
+            for other in alternative_units(signal.unit) {
                 for factor in [other.factor, 1.0 / other.factor] {
                     let found = found(&nominal, scaled(&record, &nominal, signal.name, factor));
                     cases += 1;

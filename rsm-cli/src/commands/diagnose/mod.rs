@@ -370,7 +370,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         "structure_left": found.left.excess,
         "structure_left_unseen": found.left_unseen.as_ref().map(|it| it.excess),
         "known_loop": found.known_loop.as_ref().map(|it| {
-            let gain = |known: &plant::known_loop::Known| {
+            let gain = |known: &plant::known_loop::GainEstimate| {
                 json!({ "value": output::finite(known.value), "low": output::finite(known.low), "high": output::finite(known.high) })
             };
             json!({

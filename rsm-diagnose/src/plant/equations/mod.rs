@@ -196,7 +196,7 @@ fn order_of(entry: &Entry, hypotheses: &[Hypothesis]) -> Option<(usize, Guess)> 
     if entry.description.kind != "cogging-torque" || entry.arguments.plant != PlantKind::Pmac {
         return None;
     }
-    let place = hypotheses.iter().position(|it| it.is(entry))?;
+    let place = hypotheses.iter().position(|it| it.describes(entry))?;
     let values = ["amplitude", "cycles", "phase"].map(|name| entry.arguments.number(name)).to_vec();
     Some((place, Guess { values, neutral: Some((0, 0.0)), phase: Some(2) }))
 }
@@ -331,7 +331,7 @@ impl Equations {
     fn needed(&self, mut model: Model, nominal: &Model, mut left: f64) -> Model {
         let mut place = 0;
         while model.file.effects.len() > 1 && place < model.file.effects.len() {
-            let without = self.settled(model.minus(nominal, place));
+            let without = self.settled(model.without_cause(nominal, place));
             match without.and_then(|it| Some((self.base(&it)?.left().0, it))) {
                 Some((its, without)) if its < left + (LEAST_SHARE * left).max(best_gain_by_chance(1, 2)) => {
                     (model, left, place) = (without, its, 0);
@@ -444,7 +444,7 @@ impl Equations {
             let kinds = |entry: &Entry| (entry.description.kind, hypothesis.description.kind);
             let there = |entry: &Entry| {
                 let (a, b) = kinds(entry);
-                hypothesis.is(entry) || generalises(a, b) || generalises(b, a)
+                hypothesis.describes(entry) || generalises(a, b) || generalises(b, a)
             };
             if model.file.effects.iter().any(there) {
                 return None;

@@ -5,7 +5,7 @@
 //! recorded speed.
 
 use super::shapes::{Path, binary};
-use super::{Excitation, Limits, blank, fitting};
+use super::{Excitation, Limits, blank, largest_within_limits};
 use rsm_sim::plant_file::{Parameters, PlantFile, VelocityFrom};
 use rsm_sim::record::{Drive, Record};
 use rsm_sim::simulate::Simulator;
@@ -107,8 +107,8 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     let (middle, period, seconds) = (axis.middle(), limits.period, axis.seconds());
     let (fast, steep) = (limits.speed, limits.acceleration);
     let mut list = Vec::new();
-    let mut add = |name: &str, words: &'static str, make: &super::Maker<'_>| {
-        list.extend(fitting(accepted, limits, name, words, make));
+    let mut add = |name: &str, words: &'static str, make: &super::RecordMaker<'_>| {
+        list.extend(largest_within_limits(accepted, limits, name, words, make));
     };
     // Moves to one position after another at a speed, with rests, until the record is full.
     let places = |places: &[f64], speed: f64, rest: f64, a: f64| {

@@ -6,7 +6,7 @@
 use std::cell::RefCell;
 
 use super::shapes::binary;
-use super::{Excitation, Limits, blank, fitting};
+use super::{Excitation, Limits, blank, largest_within_limits};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 use rsm_sim::simulate::Simulator;
@@ -63,8 +63,8 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     let mut gears = limits.gears.clone();
     gears.extend([1, 3, 5].into_iter().filter(|gear| !limits.gears.contains(gear)));
     for gear in gears {
-        let mut add = |name: &str, words: &'static str, make: &super::Maker<'_>| {
-            list.extend(fitting(accepted, limits, &format!("{name}, gear {gear}"), words, make));
+        let mut add = |name: &str, words: &'static str, make: &super::RecordMaker<'_>| {
+            list.extend(largest_within_limits(accepted, limits, &format!("{name}, gear {gear}"), words, make));
         };
         add("tip-in and tip-out", "the pedal from closed to open and back, between the engine speeds that were seen", &|a| {
             let mut pressed = true;

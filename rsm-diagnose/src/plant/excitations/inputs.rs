@@ -4,7 +4,7 @@
 //! which all move. Independent of the equations.
 
 use super::shapes::{Path, binary};
-use super::{Excitation, Limits, blank, fitting};
+use super::{Excitation, Limits, blank, largest_within_limits};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
@@ -34,7 +34,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         let mut add = |name: &str, words: &'static str, shape: &dyn Fn(usize) -> Vec<f64>| {
             let make =
                 |amplitude: f64| Some(record(limits, &|input, rows| (input == moved).then(|| scaled(shape(rows), amplitude))));
-            list.extend(fitting(accepted, limits, &format!("{name} of {}", signal.name), words, &make));
+            list.extend(largest_within_limits(accepted, limits, &format!("{name} of {}", signal.name), words, &make));
         };
         add("steps", "one input goes through levels of its range, up and down, while the others stay", &|rows| {
             steps(rows, limits.period)
@@ -57,7 +57,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
             // Sequences that start far apart in the register are uncorrelated.
             Some(record(limits, &|input, rows| Some(scaled(binary(rows, (rows / 100).max(1), 97 * (input + 1)), amplitude))))
         };
-        list.extend(fitting(
+        list.extend(largest_within_limits(
             accepted,
             limits,
             "random steps of all inputs",

@@ -93,15 +93,15 @@ impl Limits {
         for (prepared, simulated) in whitened.records.iter().zip(&fit.simulated) {
             let record = &prepared.record;
             for (output, values) in prepared.outputs.iter().zip(simulated) {
-                limits.seen[*output] = around(limits.seen[*output], values);
+                limits.seen[*output] = widened(limits.seen[*output], values);
             }
             match fit.model.file.kind {
-                PlantKind::Pmac => limits.load = around(limits.load, &record.inputs[2]),
+                PlantKind::Pmac => limits.load = widened(limits.load, &record.inputs[2]),
                 PlantKind::Driveline if !limits.gears.contains(&record.gear) => limits.gears.push(record.gear),
                 PlantKind::Driveline => {}
                 PlantKind::Equations(_) => {
                     for (range, values) in limits.inputs.iter_mut().zip(&record.inputs) {
-                        *range = around(*range, values);
+                        *range = widened(*range, values);
                     }
                 }
                 PlantKind::ServoAxis => {
@@ -154,7 +154,7 @@ impl Limits {
 }
 
 /// A range, extended to contain more values.
-fn around(range: [f64; 2], values: &[f64]) -> [f64; 2] {
+fn widened(range: [f64; 2], values: &[f64]) -> [f64; 2] {
     values.iter().fold(range, |[low, high], value| [low.min(*value), high.max(*value)])
 }
 
@@ -169,7 +169,7 @@ fn rates(path: &[f64], period: f64) -> (f64, f64) {
 }
 
 /// Makes a record of a given amplitude; `None` if that is impossible.
-type Maker<'a> = dyn Fn(f64) -> Option<Record> + 'a;
+type RecordMaker<'a> = dyn Fn(f64) -> Option<Record> + 'a;
 
 /// A record of inputs that starts at time 0 and at rest. Its outputs are predicted later.
 fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>, gear: usize) -> Record {
@@ -201,7 +201,13 @@ pub fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
 }
 
 /// The record with the largest amplitude for which every plant stays within the limits.
-fn fitting(accepted: &[&PlantFile], limits: &Limits, name: &str, words: &'static str, make: &Maker<'_>) -> Option<Excitation> {
+fn largest_within_limits(
+    accepted: &[&PlantFile],
+    limits: &Limits,
+    name: &str,
+    words: &'static str,
+    make: &RecordMaker<'_>,
+) -> Option<Excitation> {
     AMPLITUDES.iter().find_map(|amplitude| {
         let record = predicted(accepted, limits, make(*amplitude)?)?;
         Some(Excitation { name: name.to_string(), words, record })

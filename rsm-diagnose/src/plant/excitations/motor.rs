@@ -5,7 +5,7 @@
 //! The bus voltage and the longest current vector are never exceeded.
 
 use super::shapes::{Path, binary};
-use super::{Excitation, Limits, blank, fitting};
+use super::{Excitation, Limits, blank, largest_within_limits};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
 
@@ -36,7 +36,7 @@ struct Motor<'a> {
 }
 
 /// The required motion and currents, row by row.
-struct Wanted {
+struct Setpoints {
     speed: (Vec<f64>, Vec<f64>),
     direct: (Vec<f64>, Vec<f64>),
     load: Vec<f64>,
@@ -94,9 +94,9 @@ impl Motor<'_> {
         if low.is_finite() { 0.0_f64.clamp(low, high) } else { 0.0 }
     }
 
-    fn wanted(&self, speed: &Path, direct: &Path, rows: usize) -> Wanted {
+    fn setpoints(&self, speed: &Path, direct: &Path, rows: usize) -> Setpoints {
         let period = self.limits.period;
-        Wanted {
+        Setpoints {
             speed: speed.sampled(rows, period),
             direct: direct.sampled(rows, period),
             load: vec![self.idle(); rows],
@@ -106,7 +106,7 @@ impl Motor<'_> {
     }
 
     /// v = r i + L di/dt + the induced voltage, (17) and (18), with i_q from (21) and the balance of torques.
-    fn record(&self, name: &str, wanted: &Wanted) -> Option<Record> {
+    fn record(&self, name: &str, wanted: &Setpoints) -> Option<Record> {
         let rows = wanted.load.len();
         let (k_t, period) = (self.torque_constant(), self.limits.period);
         let i_q: Vec<f64> = (0..rows)
@@ -163,15 +163,15 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     let seconds = rows as f64 * limits.period;
     let none = Path::from(0.0);
     let mut list = Vec::new();
-    let mut add = |name: &str, words: &'static str, make: &super::Maker<'_>| {
-        list.extend(fitting(accepted, limits, name, words, make));
+    let mut add = |name: &str, words: &'static str, make: &super::RecordMaker<'_>| {
+        list.extend(largest_within_limits(accepted, limits, name, words, make));
     };
     let turning = |name: &'static str, speeds: Vec<f64>, share: f64| {
         let motor = &motor;
         move |a: f64| {
             let targets: Vec<f64> = speeds.iter().map(|it| a * it * motor.top).collect();
             let path = motor.speeds(&targets, motor.acceleration(share), seconds);
-            motor.record(name, &motor.wanted(&path, &Path::from(0.0), rows))
+            motor.record(name, &motor.setpoints(&path, &Path::from(0.0), rows))
         }
     };
     add(
@@ -198,7 +198,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
             path.line_to(-top, seconds / 6.0);
             path.line_to(0.0, seconds / 12.0);
         }
-        motor.record("slow-reversals", &motor.wanted(&path, &none, rows))
+        motor.record("slow-reversals", &motor.setpoints(&path, &none, rows))
     });
     add("run-up", "slow ramps to the highest speed that was seen and back, in both directions", &|a| {
         let top = 0.98 * a * motor.top;
@@ -206,13 +206,13 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         for target in [top, 0.0, -top, 0.0] {
             path.line_to(target, seconds / 4.0);
         }
-        motor.record("run-up", &motor.wanted(&path, &none, rows))
+        motor.record("run-up", &motor.setpoints(&path, &none, rows))
     });
     add("short-circuit", "a run-up, then both voltages zero", &|a| {
         let mut path = Path::from(0.0);
         path.line_to(0.9 * a * motor.top, 0.3 * seconds);
         path.hold(seconds);
-        let wanted = Wanted { off: rows / 2, ..motor.wanted(&path, &none, rows) };
+        let wanted = Setpoints { off: rows / 2, ..motor.setpoints(&path, &none, rows) };
         motor.record("short-circuit", &wanted)
     });
     let [low, high] = limits.load;
@@ -220,7 +220,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         add("load-steps", "steps of the load between its extremes, at medium speed in both directions", &|a| {
             let targets: Vec<f64> = [0.5, -0.5].iter().map(|it| a * it * motor.top).collect();
             let path = motor.speeds(&targets, motor.acceleration(0.5), seconds);
-            let mut wanted = motor.wanted(&path, &none, rows);
+            let mut wanted = motor.setpoints(&path, &none, rows);
             for (row, load) in wanted.load.iter_mut().enumerate() {
                 *load = [high, low, 0.5 * (high + low)][8 * row / rows % 3];
             }
@@ -229,7 +229,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     }
     add("binary-voltage", "a binary sequence on the voltages, turning at medium speed", &|a| {
         let path = motor.speeds(&[0.4 * motor.top], motor.acceleration(0.5), seconds);
-        let mut wanted = motor.wanted(&path, &none, rows);
+        let mut wanted = motor.setpoints(&path, &none, rows);
         // Two milliseconds: several of them fit in an electrical time constant of ten milliseconds.
         let hold = (0.002 / limits.period).round().max(1.0) as usize;
         let sequence = |skip| binary(rows, hold, skip).iter().map(|it| 0.08 * a * motor.voltage * it).collect::<Vec<f64>>();
@@ -243,12 +243,12 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
     let scaled = |levels: &[f64], a: f64| -> Vec<f64> { levels.iter().map(|it| a * it * OF_CURRENT * motor.current).collect() };
     add("direct-current-at-standstill", "steps of the current along the d axis, at standstill", &|a| {
         let direct = motor.levels(&scaled(&levels, a), seconds);
-        motor.record("direct-current-at-standstill", &motor.wanted(&none, &direct, rows))
+        motor.record("direct-current-at-standstill", &motor.setpoints(&none, &direct, rows))
     });
     add("direct-current-at-speed", "steps of the current along the d axis, turning in both directions", &|a| {
         let direct = motor.levels(&scaled(&[0.0, -0.4, -0.8, 0.3, 0.0, -0.4, -0.8, 0.3], a), seconds);
         let path = motor.speeds(&[0.5 * motor.top, -0.5 * motor.top], motor.acceleration(0.5), seconds);
-        motor.record("direct-current-at-speed", &motor.wanted(&path, &direct, rows))
+        motor.record("direct-current-at-speed", &motor.setpoints(&path, &direct, rows))
     });
     let long = (LONG * rows).min(LONG_ROWS);
     add("heating", "a long current along the d axis at standstill, with short pauses", &|a| {
@@ -256,7 +256,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         levels[4] = 0.0;
         levels[8] = 0.0;
         let direct = motor.levels(&levels, long as f64 * limits.period);
-        motor.record("heating", &motor.wanted(&none, &direct, long))
+        motor.record("heating", &motor.setpoints(&none, &direct, long))
     });
     list
 }

@@ -7,7 +7,7 @@ use super::super::noise::NoiseFloor;
 
 /// Of the rounded outputs (place, step), those whose sensor is reported as a cause; `recorded` is the number of outputs in the records. A logger that
 /// rounds, rounds every channel. A step with an error, step/sqrt(12), below the noise before rounding is no fault.
-pub(super) fn blamed(rounded: &[(usize, f64)], recorded: usize, floors: &[NoiseFloor]) -> Vec<(usize, f64)> {
+pub(super) fn reported_as_causes(rounded: &[(usize, f64)], recorded: usize, floors: &[NoiseFloor]) -> Vec<(usize, f64)> {
     if rounded.len() == recorded && recorded > 1 {
         return Vec::new();
     }
@@ -24,9 +24,9 @@ mod tests {
     fn one_coarse_sensor_is_blamed_and_a_logger_or_a_fine_step_is_not() {
         let rounding = |noise: f64| NoiseFloor { rounding: Some(Rounding { step: 1.0, noise }), ..NoiseFloor::white(0.4) };
         let floors = [rounding(0.1), rounding(0.35), NoiseFloor::white(0.4)];
-        assert_eq!(blamed(&[(0, 1.0), (1, 1.0)], 3, &floors), [(0, 1.0)]);
-        assert_eq!(blamed(&[(2, 1.0)], 3, &floors), [(2, 1.0)]);
-        assert_eq!(blamed(&[(0, 1.0)], 1, &floors), [(0, 1.0)]);
-        assert_eq!(blamed(&[(0, 1.0), (2, 1.0)], 2, &floors), []);
+        assert_eq!(reported_as_causes(&[(0, 1.0), (1, 1.0)], 3, &floors), [(0, 1.0)]);
+        assert_eq!(reported_as_causes(&[(2, 1.0)], 3, &floors), [(2, 1.0)]);
+        assert_eq!(reported_as_causes(&[(0, 1.0)], 1, &floors), [(0, 1.0)]);
+        assert_eq!(reported_as_causes(&[(0, 1.0), (2, 1.0)], 2, &floors), []);
     }
 }

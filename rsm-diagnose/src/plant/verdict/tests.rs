@@ -24,9 +24,9 @@ fn numbers_in_sentences_have_four_digits_and_their_unit() {
 #[test]
 fn twice_the_noise_is_never_explained_however_wrong_the_plant_was() {
     // A plant that is wrong by 1000 times the noise may leave 0.5 of its energy; one that is wrong by 10^7 times no more than makes twice the noise of the whole.
-    assert_eq!(allowed(0.0, 1e6), 0.5);
-    assert_eq!(allowed(OF_ROUNDING, 1.0), OF_ROUNDING);
-    assert_eq!((1.0 + allowed(0.0, 1e14)).sqrt(), 2.0);
+    assert_eq!(allowed_excess(0.0, 1e6), 0.5);
+    assert_eq!(allowed_excess(OF_ROUNDING, 1.0), OF_ROUNDING);
+    assert_eq!((1.0 + allowed_excess(0.0, 1e14)).sqrt(), 2.0);
 }
 
 #[test]
@@ -184,18 +184,18 @@ fn rounding_may_leave_something_where_one_floor_does_not_know_it() {
 #[test]
 fn what_is_left_counts_where_it_is_beyond_what_is_allowed_and_matters() {
     // So much is allowed.
-    assert_eq!(weighed(0.5, 0.5, 1e6, false), (false, None));
-    assert_eq!(weighed(0.6, 0.5, 1e6, false), (true, None));
+    assert_eq!(remaining_structure(0.5, 0.5, 1e6, false), (false, None));
+    assert_eq!(remaining_structure(0.6, 0.5, 1e6, false), (true, None));
     // Little beside much that is gone; without a cause nothing is gone.
-    assert_eq!(weighed(0.005, 1e-9, 10.0, false), (false, Some(Practical { removed: 1.0 - 0.0005, left: 0.005 })));
-    assert_eq!(weighed(0.005, 1e-9, 10.0, true), (true, None));
+    assert_eq!(remaining_structure(0.005, 1e-9, 10.0, false), (false, Some(Practical { removed: 1.0 - 0.0005, left: 0.005 })));
+    assert_eq!(remaining_structure(0.005, 1e-9, 10.0, true), (true, None));
     // What is allowed needs no excuse.
-    assert_eq!(weighed(0.005, 0.005, 10.0, false), (false, None));
+    assert_eq!(remaining_structure(0.005, 0.005, 10.0, false), (false, None));
 }
 
 #[test]
 fn what_the_law_shows_is_as_sure_as_what_has_nothing_against_it() {
-    let sure = |own: f64, by_law| sure(Probability { own, of_any: 0.99 }, by_law);
+    let sure = |own: f64, by_law| with_known_law(Probability { own, of_any: 0.99 }, by_law);
     assert_eq!([sure(0.3, false).own, sure(-0.1, false).own], [0.3, 0.0]);
     assert_eq!([sure(0.3, true).own, sure(0.985, true).own], [confidence::EXPLAINED, 0.985]);
     assert_eq!(sure(0.3, true).of_any, 0.99);

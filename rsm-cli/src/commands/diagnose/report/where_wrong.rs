@@ -5,7 +5,7 @@
 use std::fmt::Write as _;
 
 use rsm_diagnose::plant::Diagnosis;
-use rsm_diagnose::plant::regions::{Region, Slice};
+use rsm_diagnose::plant::regions::{ErrorSlice, Region};
 use rsm_sim::kind::PlantKind;
 
 use crate::page::{bar, escaped};
@@ -35,7 +35,8 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) {
          <span class=\"colour-after\">extended</span>; the grey line is the noise level.</p>"
     );
     for (output, quantity) in quantities {
-        let slices: Vec<&Slice> = breakdown.slices.iter().filter(|it| it.output == output && it.quantity == quantity).collect();
+        let slices: Vec<&ErrorSlice> =
+            breakdown.slices.iter().filter(|it| it.output == output && it.quantity == quantity).collect();
         let most = slices.iter().map(|it| it.before.max(it.after).sqrt()).fold(1.0, f64::max);
         let _ = writeln!(
             body,

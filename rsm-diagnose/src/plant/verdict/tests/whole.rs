@@ -1,6 +1,6 @@
 //! Whole diagnoses from a selection that is made by hand: which figure goes where.
 
-use super::super::super::known_loop::{Known, KnownLoop};
+use super::super::super::known_loop::{GainEstimate, KnownLoop};
 use super::*;
 
 const DRIFT: &str = "[[effects]]\nkind = \"sensor-drift\"\nparameters = { output = \"position\", rate = 0.01 }\n";
@@ -68,7 +68,7 @@ fn causes_that_leave_noise_are_told_with_all_their_figures() {
 #[test]
 fn a_cause_beside_structure_helps_and_what_the_law_shows_takes_its_place() {
     let (file, whitened, _, nominal) = axis();
-    let nothing = whitened.on(Vec::new());
+    let nothing = whitened.with_records(Vec::new());
     let of = |gain: f64, known_loop: Option<KnownLoop>| {
         let causes = vec![accepted("sensor-drift position", gain, &[], &nominal)];
         let selection = Selection { known_loop, ..selection(&whitened, &nominal, DRIFT, causes) };
@@ -82,7 +82,7 @@ fn a_cause_beside_structure_helps_and_what_the_law_shows_takes_its_place() {
     assert!(found.left.excess > 1.0 && found.left_unseen.is_none() && !found.error_breakdown.unseen);
     // The worst of what is left, over all rows, stands beside its gain.
     let left = found.predicted.as_ref().map_or(found.left.excess, |it| it.excess.max(found.left.excess));
-    let case = Case {
+    let case = Evidence {
         gain: 1e4,
         rivals: &[],
         same: unit,
@@ -95,8 +95,8 @@ fn a_cause_beside_structure_helps_and_what_the_law_shows_takes_its_place() {
     assert_eq!(drift.confidence, confidence::confidence(&case).own);
     assert!(drift.confidence > 0.0 && drift.confidence < LEAST_CONFIDENCE, "{}", drift.confidence);
     // A gain of the command by the law alone: a cause and an entry of its own.
-    let right = Known { value: 1.0, low: 0.99, high: 1.01 };
-    let off = Known { value: 0.9, low: 0.89, high: 0.91 };
+    let right = GainEstimate { value: 1.0, low: 0.99, high: 1.01 };
+    let off = GainEstimate { value: 0.9, low: 0.89, high: 0.91 };
     let known = KnownLoop { position: right, command: off, late: 0, stated: 1.0, left: 0.1, size: 1.0 };
     let (found, ..) = of(1e4, Some(known));
     let told = |list: &[Cause]| list.iter().map(|it| it.kind).collect::<Vec<_>>();
