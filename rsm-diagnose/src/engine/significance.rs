@@ -164,14 +164,14 @@ pub(crate) fn most_significant<T>(tried: impl IntoIterator<Item = (f64, T)>, ser
     best.map(|(ln_p, what)| (ln_p_of_best(ln_p, series * f64::from(count)), what))
 }
 
-/// The gain that the best of `trials` on noise exceeds with the probability [`ALARM`], if each fits `numbers` parameters: chi squared with
+/// The gain that the best of `trials` on noise exceeds with the probability [`FALSE_ALARM`], if each fits `numbers` parameters: chi squared with
 /// Bonferroni's bound (C. E. Bonferroni, 1936). This bound also covers what first-order draws miss: nonlinear parameters, and trials chosen after
 /// looking at the residual.
 pub(crate) fn best_gain_by_chance(trials: usize, numbers: usize) -> f64 {
     chi_squared_of((FALSE_ALARM / trials.max(1) as f64).ln(), numbers.max(1) as f64)
 }
 
-/// The value that the largest of many gains exceeds with the probability [`ALARM`], estimated from some draws of the largest gain. A maximum has a
+/// The value that the largest of many gains exceeds with the probability [`FALSE_ALARM`], estimated from some draws of the largest gain. A maximum has a
 /// Gumbel distribution (E. J. Gumbel, 1958). Few draws give its mean and standard deviation; a percentile would need many more.
 pub(crate) fn point_of_largest(largest: &[f64]) -> f64 {
     let n = largest.len().max(1) as f64;

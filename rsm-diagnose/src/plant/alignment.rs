@@ -100,7 +100,7 @@ pub fn shifts(records: &[(&Prepared, &Simulated)]) -> Vec<Shift> {
     found
 }
 
-/// The mean square difference between the readings and a simulation delayed by -`FARTHEST` to `FARTHEST` rows, after subtracting the mean.
+/// The mean square difference between the readings and a simulation delayed by -`LARGEST_SHIFT` to `LARGEST_SHIFT` rows, after subtracting the mean.
 fn mean_square_errors(measured: &[f64], simulated: &[f64], used: &[bool]) -> Vec<f64> {
     let rows = measured.len();
     if rows < 8 * LARGEST_SHIFT {

@@ -43,7 +43,7 @@ const RIVALS_NOT_TESTED: f64 = 0.5;
 /// The probability that a cause is right.
 #[must_use]
 pub(super) fn confidence(case: &Evidence<'_>) -> Probability {
-    // The evidence falls by a factor of ten for each `unit` that a rival fits worse.
+    // The evidence falls by a factor of ten for each `deciding_difference` that a rival fits worse.
     let evidence = |behind: f64| (-behind.max(0.0) / case.deciding_difference * std::f64::consts::LN_10).exp();
     let fitted = case.rivals.iter().map(|it| (evidence(it.1), it.1 < case.same));
     let rivals = fitted.chain(std::iter::repeat_n((1.0, true), case.not_fitted));

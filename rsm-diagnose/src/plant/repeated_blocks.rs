@@ -9,7 +9,7 @@ use std::collections::HashMap;
 pub(super) const STUCK: usize = 8;
 
 /// A block is reported if the probability of its repetition by chance, anywhere in a record, is below this.
-const LEAST_SIGNIFICANT: f64 = 1e-6;
+const SIGNIFICANCE: f64 = 1e-6;
 
 /// Blocks of rows whose noisy readings all occurred earlier in the record: the first row and the row after the last.
 pub fn find(channels: &[&[f64]]) -> Vec<(usize, usize)> {
@@ -41,14 +41,14 @@ pub fn find(channels: &[&[f64]]) -> Vec<(usize, usize)> {
             (best.0, best.0 > 0 && (best.1 == 0 || !same(best.1 - 1, row - 1)))
         })
         .collect();
-    // If rows were independent, a block of this length would occur twice with a probability below `TWICE`.
-    let independent = (LEAST_SIGNIFICANT.ln() - 2.0 * (rows as f64).ln()) / of_a_row.min(-f64::MIN_POSITIVE);
+    // If rows were independent, a block of this length would occur twice with a probability below `SIGNIFICANCE`.
+    let independent = (SIGNIFICANCE.ln() - 2.0 * (rows as f64).ln()) / of_a_row.min(-f64::MIN_POSITIVE);
     // Rows are not independent if a plant rests or repeats its motion. Short blocks show how often a repeated row is followed by another repeated
     // row.
     let short = |least: usize| longest.iter().filter(|it| it.1 && (least..STUCK).contains(&it.0)).count() as f64;
     let (one, two) = (short(1), short(2));
     let following =
-        if two > 0.0 { 1.0 + (LEAST_SIGNIFICANT / one).ln() / (two / one).min(1.0 - 1.0 / (one + 1.0)).ln() } else { 0.0 };
+        if two > 0.0 { 1.0 + (SIGNIFICANCE / one).ln() / (two / one).min(1.0 - 1.0 / (one + 1.0)).ln() } else { 0.0 };
     let least = independent.max(following).ceil().max(2.0);
     let mut blocks = Vec::new();
     let mut row = 0;

@@ -86,9 +86,9 @@ pub(super) fn from_noise(
 const LEAST_RATIO: f64 = 0.01;
 
 /// Factors for the coefficient uncertainty. If the file does not give an uncertainty, two cases are tried and the likelihood decides: coefficients
-/// fitted to as many rows as are new, or exact ones (a formula, a data sheet). If the file gives its noise, [`know`] uses that. The first guesses are
-/// from the scatter of the data or, with few rows, from the noise of the file; and a tenth of it, because a file without some terms counted these as
-/// noise.
+/// fitted to as many rows as are new, or exact ones (a formula, a data sheet). If the file gives its noise, [`update_variance_factor`] uses that. The
+/// first guesses are from the scatter of the data or, with few rows, from the noise of the file; and a tenth of it, because a file without some terms
+/// counted these as noise.
 pub(super) fn variance_factors(sample: &Sample) -> Vec<f64> {
     match (sample.sd_of_file, sample.rows_of_file) {
         (Some(_), _) if is_few(sample) => vec![1.0, 1.0 / LEAST_RATIO],
