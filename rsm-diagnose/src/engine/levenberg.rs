@@ -10,7 +10,7 @@ const FIRST_DAMPING: f64 = 1e-3;
 pub(crate) const LEAST_DAMPING: f64 = 1e-9;
 
 /// The damping after a failed step with a smaller damping.
-const LEAST_MORE: f64 = 1e-6;
+const LEAST_INCREASED_DAMPING: f64 = 1e-6;
 
 /// A least squares problem.
 pub(crate) trait Problem {
@@ -84,13 +84,13 @@ pub(crate) struct Rules {
 }
 
 /// The damping after a successful step.
-fn less(damping: f64) -> f64 {
+fn decreased_damping(damping: f64) -> f64 {
     (damping / 10.0).max(LEAST_DAMPING)
 }
 
 /// The damping after a failed step.
-fn more(damping: f64) -> f64 {
-    (damping * 10.0).max(LEAST_MORE)
+fn increased_damping(damping: f64) -> f64 {
+    (damping * 10.0).max(LEAST_INCREASED_DAMPING)
 }
 
 /// Takes steps until they gain little. `derivatives` are known derivatives at the start, and whether they are exact.
@@ -124,11 +124,11 @@ pub(crate) fn descend<P: Problem>(
             }
             match problem.moved(&at, &equations, &step).filter(|to| problem.cost(to) < problem.cost(&at)) {
                 Some(to) => {
-                    damping = less(damping);
+                    damping = decreased_damping(damping);
                     taken = Some((to, predicted));
                     break;
                 }
-                None => damping = more(damping),
+                None => damping = increased_damping(damping),
             }
         }
         let mut continues = false;

@@ -187,7 +187,7 @@ impl Search<'_> {
         if hops > 0 || multistart::in_few_parts(self.whitened, &further) {
             further = multistart::basin_hopping(self.whitened, further, steps, hops, enough);
         }
-        if found.fit.cost - further.cost > enough { self.judged(fit, further) } else { None }
+        if found.fit.cost - further.cost > enough { self.evaluated(fit, further) } else { None }
     }
 
     /// The best forms with refined parameters; everything else is to first order.
@@ -270,12 +270,12 @@ impl Search<'_> {
                 levenberg::refit(self.whitened, model, self.limits.fit_steps, Some(fit))?
             }
         };
-        self.judged(fit, found)
+        self.evaluated(fit, found)
     }
 
     /// Evaluates a fit with one more cause. `None` if that cause is a parameter error within the tolerance of calibration, if any cause has
     /// implausible parameters, or if a wave does not repeat.
-    pub(super) fn judged(&self, without: &Fit, fit: Fit) -> Option<Candidate> {
+    pub(super) fn evaluated(&self, without: &Fit, fit: Fit) -> Option<Candidate> {
         let entry = fit.model.file.effects.last()?;
         let may_all_be =
             fit.model.file.effects.iter().all(|it| self.is_plausible(it) && waves::has_whole_period(self.whitened, it));
@@ -326,7 +326,7 @@ impl Search<'_> {
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;
         let before = fit.cost + unseen;
         let least = self.deciding_difference(fit, threshold);
-        let least_unseen = effect_size::least(unseen, self.unseen.rows());
+        let least_unseen = effect_size::least_gain(unseen, self.unseen.rows());
         let pays = |it: &&Candidate| {
             fit.cost - it.fit.cost > least
                 && (self.unseen.records.is_empty() || it.unseen < unseen && unseen - it.unseen > least_unseen)
@@ -338,7 +338,7 @@ impl Search<'_> {
         let first = simple.iter().copied().min_by(|a, b| a.numbers.cmp(&b.numbers).then(a.score.total_cmp(&b.score)))?;
         let equal =
             simple.into_iter().filter(|it| it.numbers == first.numbers && it.score <= first.score + best_gain_by_chance(1, 1));
-        equal.min_by(|a, b| a.is_of_the_file().cmp(&b.is_of_the_file()).then(a.score.total_cmp(&b.score)))
+        equal.min_by(|a, b| a.is_parameter_error().cmp(&b.is_parameter_error()).then(a.score.total_cmp(&b.score)))
     }
 
     /// How much worse a simpler explanation may be than the best one and still be preferred: the gain by chance or, if the best one leaves structure,
@@ -354,7 +354,7 @@ impl Search<'_> {
 impl Candidate {
     /// Whether it says that a parameter of the plant file is wrong. The author of the file knew such a parameter within its tolerance. Effects that
     /// the file does not contain (wind, a slope, a dragging brake) were never measured.
-    fn is_of_the_file(&self) -> bool {
+    fn is_parameter_error(&self) -> bool {
         let last = self.fit.model.file.effects.last();
         last.is_some_and(|entry| entry.description.subject == rsm_sim::effect::Subject::Parameter)
     }

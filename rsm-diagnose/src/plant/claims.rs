@@ -139,7 +139,7 @@ fn is_better(anew: &Diagnosis, contradicted: usize, found: &Diagnosis) -> bool {
         // If both explain the error, the one with fewer corrections and causes wins. If neither does, the new one must leave less, by the gain that a
         // cause needs.
         (true, true) => anew.entries().count() + contradicted <= found.entries().count(),
-        (false, false) => effect_size::least(left(found), found.extended.len()) < left(found) - left(anew),
+        (false, false) => effect_size::least_gain(left(found), found.extended.len()) < left(found) - left(anew),
     }
 }
 

@@ -35,7 +35,7 @@ pub(super) fn strongest(accepted: &[AcceptedCause]) -> Vec<usize> {
 /// The combinations. `without` holds, for each of the strongest causes, the plant without this one cause along the evaluation records.
 pub(super) fn combinations(it: &Compared<'_>, accepted: &[AcceptedCause], without: &[Option<Fit>]) -> Combinations<Combined> {
     let order = strongest(accepted);
-    let judged = it.judged();
+    let judged = it.evaluation_records();
     // The search has ended. This work does not count against its limit.
     let mut training = it.whitened.clone();
     training.work = it.whitened.work.with_new_count();

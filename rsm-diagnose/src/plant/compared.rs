@@ -28,7 +28,7 @@ pub struct Compared<'a> {
 
 impl Compared<'_> {
     /// The evaluation records.
-    pub(super) fn judged(&self) -> &WhitenedResiduals {
+    pub(super) fn evaluation_records(&self) -> &WhitenedResiduals {
         if self.unseen.records.is_empty() { self.whitened } else { self.unseen }
     }
 }

@@ -17,10 +17,10 @@ use rsm_sim::record::Record;
 const STEPS: usize = 8;
 
 /// Structure in the other records that counts as none, as a share of the noise energy: the gain that a cause needs before it is named.
-const SLIGHT: f64 = 0.0015;
+const NEGLIGIBLE_STRUCTURE: f64 = 0.0015;
 
 /// The smallest structure of the one record: a twentieth of the noise energy.
-const CLEAR: f64 = 0.05;
+const LEAST_STRUCTURE: f64 = 0.05;
 
 /// The smallest number of other records: with two records the usual configuration is unknown.
 const LEAST_OTHERS: usize = 2;
@@ -86,11 +86,12 @@ fn is_separate(
     fit = levenberg::fit(&whitened, fit.model, STEPS)?;
     unseen.floors = whitened.floors;
     let sds = Posterior::of(&fit).deviations().to_vec();
-    if whiteness::test(&whitened, &fit).excess > SLIGHT || structure(&unseen, &fit, &sds)? > SLIGHT {
+    if whiteness::test(&whitened, &fit).excess > NEGLIGIBLE_STRUCTURE || structure(&unseen, &fit, &sds)? > NEGLIGIBLE_STRUCTURE
+    {
         return None;
     }
     let alone = whitened.with_records(vec![record.clone()]);
-    if structure(&alone, &fit, &sds)? < CLEAR {
+    if structure(&alone, &fit, &sds)? < LEAST_STRUCTURE {
         return None;
     }
     let mut its = on_records(&fit.model, &alone);

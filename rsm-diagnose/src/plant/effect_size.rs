@@ -7,26 +7,26 @@
 /// A cause must remove a twentieth of the error that is left above the noise: 2.5 % of its root mean square. A right cause removes most of what is
 /// left, except the effects of other causes, and the strongest cause is found first. On the measured axis, dry friction removes 80 % of the squared
 /// error, an offset 60 % of the rest, an asymmetry of friction 20 % of that. The next best trace of the catalogue removes 1.5 %.
-const OF_WHAT_IS_LEFT: f64 = 0.05;
+const LEAST_SHARE_OF_EXCESS: f64 = 0.05;
 
 /// The smallest gain of a cause, for a squared residual of this many rows.
 #[must_use]
-pub fn least(squared: f64, rows: usize) -> f64 {
-    OF_WHAT_IS_LEFT * (squared - rows as f64).max(0.0)
+pub fn least_gain(squared: f64, rows: usize) -> f64 {
+    LEAST_SHARE_OF_EXCESS * (squared - rows as f64).max(0.0)
 }
 
 /// The difference that decides between two explanations: `threshold`, the gain by chance, or a twentieth of the error above the noise if that is
 /// more. The same limit is used to name a cause, to remove it again, to compare rivals and to evaluate holdout records.
 #[must_use]
 pub fn deciding_difference(threshold: f64, squared: f64, rows: usize) -> f64 {
-    threshold.max(least(squared, rows))
+    threshold.max(least_gain(squared, rows))
 }
 
 /// How much worse a simpler cause may fit and still count as good: `tie`. If the better cause leaves more than twice the noise energy, at most the
 /// gain that a separate cause would need.
 #[must_use]
 pub fn tie(tie: f64, squared: f64, rows: usize) -> f64 {
-    if squared > 2.0 * rows as f64 { tie.min(least(squared, rows)) } else { tie }
+    if squared > 2.0 * rows as f64 { tie.min(least_gain(squared, rows)) } else { tie }
 }
 
 #[cfg(test)]
@@ -35,8 +35,8 @@ mod tests {
 
     #[test]
     fn noise_asks_for_nothing_and_structure_for_its_twentieth() {
-        assert_eq!(least(900.0, 1000), 0.0);
-        assert_eq!(least(21_000.0, 1000), 1000.0);
+        assert_eq!(least_gain(900.0, 1000), 0.0);
+        assert_eq!(least_gain(21_000.0, 1000), 1000.0);
         assert_eq!((deciding_difference(30.0, 900.0, 1000), deciding_difference(30.0, 21_000.0, 1000)), (30.0, 1000.0));
         assert_eq!(tie(500.0, 1900.0, 1000), 500.0);
         assert_eq!(tie(500.0, 5000.0, 1000), 200.0);

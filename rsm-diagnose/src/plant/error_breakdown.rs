@@ -26,7 +26,7 @@ const MOST_DETAILED_CAUSES: usize = 3;
 const PLACES: usize = 3;
 
 /// The zoomed view of a curve shows one part in this many of a record's rows.
-const CLOSER: usize = 25;
+const ZOOM: usize = 25;
 
 /// Simulated outputs along one record.
 #[derive(Debug, Clone, PartialEq)]
@@ -133,8 +133,10 @@ impl ErrorBreakdown {
 #[must_use]
 pub fn error_breakdown(it: &Compared<'_>, accepted: &[AcceptedCause]) -> (ErrorBreakdown, Vec<Option<Contribution>>) {
     let strongest = combinations::strongest(accepted);
-    let without: Vec<Option<Fit>> =
-        strongest.iter().map(|place| validation::fit_initial_states(it.judged(), &accepted[*place].without)).collect();
+    let without: Vec<Option<Fit>> = strongest
+        .iter()
+        .map(|place| validation::fit_initial_states(it.evaluation_records(), &accepted[*place].without))
+        .collect();
     let mut contributions = vec![None; accepted.len()];
     for (place, without) in strongest.iter().zip(&without).take(MOST_DETAILED_CAUSES) {
         contributions[*place] = without.as_ref().map(|without| contribution(it, without));
@@ -144,7 +146,7 @@ pub fn error_breakdown(it: &Compared<'_>, accepted: &[AcceptedCause]) -> (ErrorB
 
 /// The breakdown without the figures of single causes.
 fn of_plants(it: &Compared<'_>) -> ErrorBreakdown {
-    let judged = it.judged();
+    let judged = it.evaluation_records();
     let (before, after) = (&it.before.simulated, &it.after.simulated);
     let quantities = quantities::quantities(judged, &it.fit.model, after);
     let slices = regions::slices(judged, before, after, &quantities);
@@ -210,7 +212,7 @@ fn trace(
         let error = if used[row] { (measured[row] - before[row]) / sd } else { 0.0 };
         sums.push(sums[row] + error * error);
     }
-    let length = (rows / CLOSER).max(40).min(rows);
+    let length = (rows / ZOOM).max(40).min(rows);
     let start = (0..=rows - length).max_by(|a, b| (sums[a + length] - sums[*a]).total_cmp(&(sums[b + length] - sums[*b])));
     let start = start.unwrap_or(0);
     Trace {
@@ -245,7 +247,7 @@ fn calibration(nominal: &Model, fit: &Fit) -> Vec<CalibratedParameter> {
 
 /// What a cause does on the evaluation records, compared with the plant without it.
 fn contribution(it: &Compared<'_>, without: &Fit) -> Contribution {
-    let judged = it.judged();
+    let judged = it.evaluation_records();
     let quantities = quantities::quantities(judged, &it.fit.model, &it.after.simulated);
     let slices = regions::slices(judged, &without.simulated, &it.after.simulated, &quantities);
     let spectra = spectrum::spectra(judged, &without.simulated, &it.after.simulated);

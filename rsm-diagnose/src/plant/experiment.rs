@@ -270,7 +270,7 @@ impl<'a> Trial<'a> {
 fn covering_record(whitened: &WhitenedResiduals, fit: &Fit, limits: &Limits) -> Option<NextExperiment> {
     let kind = fit.model.file.kind;
     let points: Vec<Vec<[f64; 2]>> =
-        whitened.records.iter().map(|it| operating(kind, &it.record, &it.outputs, fit_of(fit, whitened, it))).collect();
+        whitened.records.iter().map(|it| operating_points(kind, &it.record, &it.outputs, fit_of(fit, whitened, it))).collect();
     let edges: Vec<Vec<f64>> = (0..2)
         .map(|axis| {
             let mut all: Vec<f64> = points.iter().flatten().map(|point| point[axis]).collect();
@@ -321,7 +321,7 @@ fn covering_record(whitened: &WhitenedResiduals, fit: &Fit, limits: &Limits) -> 
         .filter_map(|it| {
             let outputs: Vec<usize> = held.iter().copied().filter(|k| it.record.measured[*k].is_some()).collect();
             let simulated = excitations::outputs_of(&it.record, &outputs)?;
-            let expected = expected(&operating(kind, &it.record, &outputs, &simulated));
+            let expected = expected(&operating_points(kind, &it.record, &outputs, &simulated));
             Some((it, expected))
         })
         .max_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -334,7 +334,7 @@ fn fit_of<'f>(fit: &'f Fit, whitened: &WhitenedResiduals, prepared: &Prepared) -
 }
 
 /// Two quantities that give the operating point of a plant: speed and current; engine speed and throttle; position and speed.
-fn operating(kind: PlantKind, record: &Record, outputs: &[usize], simulated: &Simulated) -> Vec<[f64; 2]> {
+fn operating_points(kind: PlantKind, record: &Record, outputs: &[usize], simulated: &Simulated) -> Vec<[f64; 2]> {
     let of = |output: usize| outputs.iter().position(|it| *it == output).map(|k| simulated[k].as_slice());
     let at = |values: Option<&[f64]>, row: usize| values.and_then(|values| values.get(row)).copied().unwrap_or(0.0);
     (0..record.rows())

@@ -17,7 +17,7 @@ use rsm_sim::simulate::starting;
 const STEPS: usize = 4;
 
 /// Two rounds: the residual of a fit gives noise floors, and these give another fit. A third round changes nothing visible.
-const TURNS: usize = 2;
+const ROUNDS: usize = 2;
 
 /// Fits again with the noise floors of the residual, and stores these floors in the whitening.
 #[must_use]
@@ -26,8 +26,8 @@ pub fn final_fit(
     mut fit: Fit,
     floors: impl Fn(&WhitenedResiduals, &Fit) -> [NoiseFloor; OUTPUTS],
 ) -> Fit {
-    fit.model = plain(fit.model);
-    for _ in 0..TURNS {
+    fit.model = with_normalised_waves(fit.model);
+    for _ in 0..ROUNDS {
         let found = floors(whitened, &fit);
         if found == whitened.floors {
             break;
@@ -45,7 +45,7 @@ pub fn final_fit(
 /// an accepted effect replaces it. An output that no record holds, and the speed of an axis that begins in motion, get the initial value fitted to
 /// the first record; without it the file could not be simulated.
 #[must_use]
-pub fn written(file: &PlantFile, whitened: &WhitenedResiduals, nominal: &Model, fit: &Fit) -> PlantFile {
+pub fn extended_plant_file(file: &PlantFile, whitened: &WhitenedResiduals, nominal: &Model, fit: &Fit) -> PlantFile {
     let mut plant = fit.model.file.clone();
     for held in &fit.held {
         let Place::Nominal(name) = fit.model.unknowns[held.unknown].place else { continue };
@@ -62,7 +62,7 @@ pub fn written(file: &PlantFile, whitened: &WhitenedResiduals, nominal: &Model, 
     let places = starting(&first.record, file.kind);
     let is_hidden = |place: &usize| file.kind.output(file.kind.starts()[*place].name).is_none();
     let mut in_motion = false;
-    if let Some((whitened, fit)) = began(whitened, fit) {
+    if let Some((whitened, fit)) = fit_of_initial_state(whitened, fit) {
         starts = fit.model.starts[0];
         in_motion = places.iter().filter(|it| is_hidden(it)).any(|place| moves(&whitened, &fit, *place));
     }
@@ -81,7 +81,7 @@ pub fn written(file: &PlantFile, whitened: &WhitenedResiduals, nominal: &Model, 
 
 /// A fit of only the initial state of the first record, with its records; `None` if records begin steadily. The first rows, which no other fit
 /// compares, determine the initial state best, now that the causes are known.
-fn began(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(WhitenedResiduals, Fit)> {
+fn fit_of_initial_state(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(WhitenedResiduals, Fit)> {
     if fit.model.at_start == InitialMotion::Steady {
         return None;
     }
@@ -103,7 +103,7 @@ fn moves(whitened: &WhitenedResiduals, fit: &Fit, place: usize) -> bool {
 }
 
 /// Waves with positive amplitudes, and phases between -pi and pi.
-fn plain(mut model: Model) -> Model {
+fn with_normalised_waves(mut model: Model) -> Model {
     for entry in &mut model.file.effects {
         let numbers = &mut entry.arguments.numbers;
         let place = |name: &str| numbers.iter().position(|it| it.0 == name);

@@ -20,7 +20,7 @@ use rsm_sim::kind::OUTPUTS;
 pub const LONGEST: usize = 10;
 
 /// A gap must be a whole number of periods within this share of a period: ten times the jitter of a row.
-const OFF_GRID: f64 = 0.1;
+const GRID_TOLERANCE: f64 = 0.1;
 
 /// The effect of an input in a gap, in squared standard deviations of the noise, below which its course does not matter: a hundredth of the gain that
 /// a cause needs.
@@ -43,11 +43,11 @@ const CORRECTIONS: usize = 4;
 const STEPS: usize = 8;
 
 /// How often the offsets are solved with the same traces. The remaining error of the gaps counts as noise, and it falls each time.
-const TURNS: usize = 6;
+const SOLUTION_ROUNDS: usize = 6;
 
 /// The variance of the mean of an input that changes once in a gap at an unknown instant, about the middle of its two values, divided by the square
 /// of the change.
-const OF_A_CHANGE: f64 = 1.0 / 12.0;
+const VARIANCE_OF_A_CHANGE: f64 = 1.0 / 12.0;
 
 /// If all offsets together gain less, in squared standard deviations of the noise, no further calibration is done.
 const LEAST_GAIN: f64 = 1.0;
@@ -83,7 +83,7 @@ pub fn fill(prepared: &mut Prepared) {
     let missing = |row: &usize| {
         let periods = (record.time[*row] - record.time[*row - 1]) / record.period;
         let whole = periods.round();
-        let fits = (periods - whole).abs() <= OFF_GRID && whole >= 2.0 && whole <= (LONGEST + 1) as f64;
+        let fits = (periods - whole).abs() <= GRID_TOLERANCE && whole >= 2.0 && whole <= (LONGEST + 1) as f64;
         if fits { whole as usize - 1 } else { 0 }
     };
     let gaps: Vec<(usize, usize)> = record.breaks.iter().map(|row| (*row, missing(row))).collect();
@@ -153,7 +153,7 @@ struct GapInput {
 
 /// The inputs in gaps of a record. The error of linear interpolation elsewhere in the record gives the expected error here. A change across the gap
 /// may lie anywhere in it.
-fn open(prepared: &Prepared) -> Vec<GapInput> {
+fn gap_inputs(prepared: &Prepared) -> Vec<GapInput> {
     let mut list = Vec::new();
     for (input, values) in prepared.record.inputs.iter().enumerate().filter(|(_, values)| !values.is_empty()) {
         let mut elsewhere = [None; LONGEST + 1];
@@ -161,7 +161,7 @@ fn open(prepared: &Prepared) -> Vec<GapInput> {
             let rows = it.rows.len();
             let usual = *elsewhere[rows].get_or_insert_with(|| interpolation_error(values, rows));
             let change = values[it.rows.end] - values[it.rows.start - 1];
-            let sd = f64::max(usual, OF_A_CHANGE * change * change).sqrt();
+            let sd = f64::max(usual, VARIANCE_OF_A_CHANGE * change * change).sqrt();
             if sd > 0.0 {
                 list.push(GapInput { gap, input, rows: rows as f64, sd });
             }
@@ -181,7 +181,7 @@ fn interpolation_error(values: &[f64], rows: usize) -> f64 {
 
 /// The gap inputs that matter. The effect of one gap is simulated; the effects of the others follow in proportion.
 fn significant(whitened: &WhitenedResiduals, fit: &Fit, record: usize) -> Vec<GapInput> {
-    let all = open(&whitened.records[record]);
+    let all = gap_inputs(&whitened.records[record]);
     let mut list: Vec<(f64, GapInput)> = Vec::new();
     for input in 0..whitened.records[record].record.inputs.len() {
         let its: Vec<GapInput> = all.iter().filter(|it| it.input == input).copied().collect();
@@ -222,11 +222,11 @@ pub fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(Vec<Prepare
 fn correct(whitened: &mut WhitenedResiduals, fit: &Fit) -> bool {
     let nuisance = Nuisance::new(fit);
     let mut residual = fit.residual.clone();
-    let before = nuisance.left(&residual).0;
+    let before = nuisance.remaining_square(&residual).0;
     for record in 0..whitened.records.len() {
         correct_one(whitened, fit, &nuisance, record, &mut residual);
     }
-    before - nuisance.left(&residual).0 > LEAST_GAIN
+    before - nuisance.remaining_square(&residual).0 > LEAST_GAIN
 }
 
 /// The same for one record. The residual of all records is updated.
@@ -241,8 +241,8 @@ fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<
     let products: Vec<Vec<f64>> = traces.iter().map(|(_, trace)| nuisance.products_of(trace)).collect();
     let own = symmetric(n, |i, j| nuisance.between(traces[i].1.dot(&traces[j].1), &products[i], &products[j], 0));
     let first = whitened.first(record);
-    let mut cost = nuisance.left(residual).0;
-    for _ in 0..TURNS {
+    let mut cost = nuisance.remaining_square(residual).0;
+    for _ in 0..SOLUTION_ROUNDS {
         // The remaining error of all gaps in the record counts as noise.
         let its = &residual[first..first + WhitenedResiduals::length(&whitened.records[record])];
         let noise = (dot(its, its) / its.len().max(1) as f64).max(1.0);
@@ -264,7 +264,7 @@ fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<
         let mut moved = residual.clone();
         let its = other.residual(&run);
         moved[first..first + its.len()].copy_from_slice(&its);
-        let left = nuisance.left(&moved).0;
+        let left = nuisance.remaining_square(&moved).0;
         if left >= cost {
             return;
         }

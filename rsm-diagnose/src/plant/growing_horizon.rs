@@ -24,10 +24,10 @@ const TIMES_THE_NOISE: f64 = 4.0;
 const LEAST_ROWS: usize = 50;
 
 /// A horizon grows at most by this factor in one stage.
-const LONGER: usize = 2;
+const LARGEST_GROWTH: usize = 2;
 
 /// A plant that cannot follow any record further by this share has failed.
-const STEP: f64 = 0.05;
+const LEAST_GROWTH: f64 = 0.05;
 
 /// The largest number of stages. From fifty rows, seven doublings exceed 6000, and records need not grow in the same stage.
 const STAGES: usize = 24;
@@ -77,11 +77,11 @@ fn rows_followed(whitened: &WhitenedResiduals, model: &Model) -> Option<Vec<usiz
     Some(each.collect())
 }
 
-/// The same, but each record grows at most by the factor `LONGER` and never shrinks. If the plant cannot be simulated so far, half the growth is
+/// The same, but each record grows at most by the factor `LARGEST_GROWTH` and never shrinks. If the plant cannot be simulated so far, half the growth is
 /// tried.
 fn extended_rows(whitened: &WhitenedResiduals, model: &Model, ends: &[usize]) -> Option<Vec<usize>> {
-    let mut more = (LONGER - 1) as f64;
-    while more > STEP {
+    let mut more = (LARGEST_GROWTH - 1) as f64;
+    while more > LEAST_GROWTH {
         let each = ends.iter().zip(&whitened.records);
         let wide: Vec<usize> = each.map(|(end, it)| (*end + (*end as f64 * more) as usize).min(it.record.rows())).collect();
         if let Some(found) = rows_followed(&cut(whitened, &wide), model) {
@@ -96,7 +96,7 @@ fn extended_rows(whitened: &WhitenedResiduals, model: &Model, ends: &[usize]) ->
 fn has_grown(whitened: &WhitenedResiduals, before: &[usize], after: &[usize]) -> bool {
     let mut each = before.iter().zip(after).zip(&whitened.records);
     each.any(|((before, after), it)| {
-        after > before && (*after == it.record.rows() || *after as f64 > (1.0 + STEP) * *before as f64)
+        after > before && (*after == it.record.rows() || *after as f64 > (1.0 + LEAST_GROWTH) * *before as f64)
     })
 }
 
@@ -202,7 +202,7 @@ impl Search<'_> {
         for it in found {
             (self.progress)(&format!("following {}", it.label));
             let whole = followed_to_end(self.whitened, it.fit.model, base.ends.clone(), limits.fit_steps, threshold);
-            candidates.extend(whole.and_then(|whole| self.judged(fit, whole)));
+            candidates.extend(whole.and_then(|whole| self.evaluated(fit, whole)));
         }
         candidates
     }

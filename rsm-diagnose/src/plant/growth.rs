@@ -14,7 +14,7 @@ const PARTS: usize = 12;
 const LEAST_ROWS: usize = 50;
 
 /// Rows on either side that give the size of the reading at a row. Its own reading is excluded; otherwise noise would choose its own weight.
-const BESIDE: usize = 4;
+const NEIGHBOURS: usize = 4;
 
 /// The variance of the logarithm of a standard deviation that comes from a median, multiplied by the number of independent rows (P. J. Huber, "Robust
 /// statistics", 1981, section 5.1).
@@ -187,14 +187,14 @@ pub fn has_one_correlation(lists: &[(&[f64], &[f64], &[bool])]) -> bool {
 
 /// The size of the reading at each row, from the rows beside it.
 fn sizes(measured: &[f64]) -> impl Iterator<Item = f64> + '_ {
-    let mut sum: f64 = measured.iter().take(BESIDE).sum();
+    let mut sum: f64 = measured.iter().take(NEIGHBOURS).sum();
     (0..measured.len()).map(move |row| {
-        sum += measured.get(row + BESIDE).copied().unwrap_or(0.0);
-        let first = row.saturating_sub(BESIDE);
-        let count = (row + BESIDE).min(measured.len() - 1) - first;
+        sum += measured.get(row + NEIGHBOURS).copied().unwrap_or(0.0);
+        let first = row.saturating_sub(NEIGHBOURS);
+        let count = (row + NEIGHBOURS).min(measured.len() - 1) - first;
         let size = ((sum - measured[row]) / count.max(1) as f64).abs();
-        if row >= BESIDE {
-            sum -= measured[row - BESIDE];
+        if row >= NEIGHBOURS {
+            sum -= measured[row - NEIGHBOURS];
         }
         size
     })

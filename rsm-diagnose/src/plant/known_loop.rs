@@ -32,7 +32,7 @@ const T_POINT: f64 = 2.262;
 
 /// The 99.95 % point of the same: a gain is reported as wrong if it differs from 1 by this many standard deviations. Two gains are tested for every
 /// loop; with the 95 % point, one in twenty good sensors would be reported.
-const OFF_POINT: f64 = 4.781;
+const SIGNIFICANCE_POINT: f64 = 4.781;
 
 /// The smallest number of rows.
 const LEAST_ROWS: usize = 200;
@@ -67,7 +67,7 @@ impl GainEstimate {
     /// Whether a gain differs significantly from 1.
     fn is_wrong(&self) -> bool {
         let sd = 0.5 * (self.high - self.low) / T_POINT;
-        (self.value - 1.0).abs() > OFF_POINT * sd
+        (self.value - 1.0).abs() > SIGNIFICANCE_POINT * sd
     }
 }
 
@@ -156,12 +156,12 @@ impl KnownLoop {
         let off = |it: &Entry| it.arguments.optional("gain").map(|gain| gain - 1.0);
         let known = self.entries(file).into_iter().find(same);
         let both = known.as_ref().and_then(off).zip(off(entry));
-        both.is_some_and(|(known, found)| (found - known).abs() < AGREES * known.abs())
+        both.is_some_and(|(known, found)| (found - known).abs() < AGREEMENT * known.abs())
     }
 }
 
 /// The allowed difference between the gains of a search and of the law, as a share of the gain error. Unknown effects bias the gain of a search.
-const AGREES: f64 = 0.2;
+const AGREEMENT: f64 = 0.2;
 
 /// A row of the regression: the command and its regressors.
 #[derive(Debug, Clone, Copy)]
@@ -269,7 +269,7 @@ fn gains([of_reference, of_law, _]: [f64; 3]) -> [f64; 2] {
 }
 
 /// The mean square of the command minus the law as stated and a constant.
-fn missed(rows: &[Row]) -> f64 {
+fn mean_square_error(rows: &[Row]) -> f64 {
     let count = rows.len().max(1) as f64;
     let constant = rows.iter().map(|row| row.command - row.law).sum::<f64>() / count;
     rows.iter().map(|row| (row.command - row.law - constant).powi(2)).sum::<f64>() / count
@@ -288,7 +288,7 @@ pub fn check(records: &[Prepared], file: &PlantFile) -> Option<KnownLoop> {
     // The residual for different delays shows how late a position is, whatever its gain.
     let left = |rows: &[Row]| -> f64 {
         let Some(slopes) = Sums::of(rows).solve() else { return f64::INFINITY };
-        rows.iter().map(|row| miss(row, &slopes).powi(2)).sum::<f64>() / rows.len().max(1) as f64
+        rows.iter().map(|row| residual(row, &slopes).powi(2)).sum::<f64>() / rows.len().max(1) as f64
     };
     let now = left(&on_time);
     let others = (-LARGEST_DELAY..=LARGEST_DELAY).filter(|late| *late != 0).map(|late| (late, rows(records, file, late)));
@@ -302,7 +302,7 @@ pub fn check(records: &[Prepared], file: &PlantFile) -> Option<KnownLoop> {
     let (mut parts, mut squares) = (Vec::new(), 0.0);
     for part in rows.chunks(rows.len().div_ceil(PARTS)) {
         let slopes = all.without(&Sums::of(part)).solve()?;
-        squares += part.iter().map(|row| miss(row, &slopes).powi(2)).sum::<f64>();
+        squares += part.iter().map(|row| residual(row, &slopes).powi(2)).sum::<f64>();
         parts.push(gains(slopes));
     }
     let known = |which: usize, value: f64| {
@@ -313,12 +313,12 @@ pub fn check(records: &[Prepared], file: &PlantFile) -> Option<KnownLoop> {
     };
     let size = (rows.iter().map(|row| row.command * row.command).sum::<f64>() / rows.len() as f64).sqrt();
     let left = (squares / rows.len() as f64).sqrt();
-    let stated = missed(&on_time).sqrt();
+    let stated = mean_square_error(&on_time).sqrt();
     (size > 0.0).then(|| KnownLoop { position: known(0, position), command: known(1, command), late, stated, left, size })
 }
 
 /// The residual of the regression in a row.
-fn miss(row: &Row, slopes: &[f64; 3]) -> f64 {
+fn residual(row: &Row, slopes: &[f64; 3]) -> f64 {
     row.command - slopes[0] * row.reference - slopes[1] * row.law - slopes[2]
 }
 

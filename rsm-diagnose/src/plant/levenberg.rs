@@ -9,10 +9,10 @@ use crate::engine::levenberg::{CostTolerance, LEAST_DAMPING, Problem, Rules, des
 use crate::engine::normal::{Normal, symmetric};
 
 /// A step with a smaller predicted gain, in squared residuals with unit noise, is not worth its simulations.
-const ENOUGH: f64 = 0.3;
+const LEAST_GAIN: f64 = 0.3;
 
 /// The same relative to the cost, for records far above their noise.
-const ENOUGH_SHARE: f64 = 1e-6;
+const LEAST_GAIN_SHARE: f64 = 1e-6;
 
 /// A fitted model.
 #[derive(Debug, Clone)]
@@ -192,7 +192,7 @@ pub fn refit(whitened: &WhitenedResiduals, model: Model, steps: usize, earlier: 
     let exact = missing.len() == known.len();
     let mut fresh = whitened.derivatives(&start.model, &start.simulated, &missing)?.into_iter();
     let columns: Vec<Column> = known.into_iter().map(|column| column.or_else(|| fresh.next())).collect::<Option<_>>()?;
-    let enough = CostTolerance { absolute: ENOUGH, relative: ENOUGH_SHARE };
+    let enough = CostTolerance { absolute: LEAST_GAIN, relative: LEAST_GAIN_SHARE };
     // Five dampings cover a factor of ten thousand. If none of them improves the cost, the point is a minimum. With corrected derivatives only two
     // are tried, because exact ones can be computed.
     let rules = Rules {
@@ -405,7 +405,7 @@ mod tests {
         let elsewhere = linearised(&whitened, model.clone()).unwrap();
         let again = refit(&whitened, model, 20, Some(&elsewhere)).unwrap();
         // What ends a fit promises less than this.
-        assert!((again.cost - whole.cost).abs() < ENOUGH, "{} {}", again.cost, whole.cost);
+        assert!((again.cost - whole.cost).abs() < LEAST_GAIN, "{} {}", again.cost, whole.cost);
     }
 
     #[test]

@@ -20,11 +20,11 @@ const FIRST_ROWS: usize = 20;
 
 /// An axis moves if its speed exceeds this many standard deviations. A cubic leaves sixteen degrees of freedom of twenty rows; chance then exceeds
 /// six once in 50,000 records.
-const MOVES: f64 = 6.0;
+const MOVING: f64 = 6.0;
 
 /// Effects with a memory of the time before a record (a delayed input, a slow sensor, a twisted shaft) change the initial speed that fits best. The
 /// prior is therefore this many times as wide as the standard deviation of the estimate.
-const REMEMBERED: f64 = 10.0;
+const EFFECTS_WITH_MEMORY: f64 = 10.0;
 
 /// The initial speed from positions, and its standard deviation: the slope of a cubic through the first rows. The standard deviation includes the
 /// residual of the cubic and the difference from the slope of a parabola. `None` if there are fewer rows.
@@ -149,7 +149,7 @@ impl InitialMotion {
     /// For an axis: in motion if the first readings of any record show motion. Records of other plants count as steady until a simulation shows the
     /// contrary.
     pub fn of<'a>(kind: PlantKind, mut records: impl Iterator<Item = &'a Record>) -> Self {
-        let moves = |record| speed_of(record).is_some_and(|(speed, sd)| speed.abs() > MOVES * sd);
+        let moves = |record| speed_of(record).is_some_and(|(speed, sd)| speed.abs() > MOVING * sd);
         if kind == PlantKind::ServoAxis && records.any(moves) { InitialMotion::InMotion } else { InitialMotion::Steady }
     }
 }
@@ -254,7 +254,7 @@ impl Model {
             return Some((at, 0.1 * sd, Some((0.0, sd))));
         }
         let (speed, sd) = speed_of(record)?;
-        Some((speed, sd, Some((speed, REMEMBERED * sd))))
+        Some((speed, sd, Some((speed, EFFECTS_WITH_MEMORY * sd))))
     }
 
     /// The value of an unknown.
@@ -337,7 +337,7 @@ mod tests {
         // degrees of freedom give half to twice that in fifty draws.
         for _ in 0..50 {
             let ((rest, sd), (moving, _)) = (begins(0.0), begins(0.02));
-            assert!(rest.abs() < MOVES * sd && (moving - 0.02).abs() < MOVES * sd, "{rest} {moving} {sd}");
+            assert!(rest.abs() < MOVING * sd && (moving - 0.02).abs() < MOVING * sd, "{rest} {moving} {sd}");
             assert!((1.9e-4..1.5e-3).contains(&sd), "{sd}");
         }
         assert_eq!(speed_at_start(&[1.0; 40], 1e-3), Some((0.0, 0.0)));

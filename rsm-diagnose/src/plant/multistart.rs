@@ -86,7 +86,7 @@ pub fn line_search_escape(whitened: &WhitenedResiduals, fit: Fit, steps: usize, 
             }
         }
         let runs = whitened.run_all(&models);
-        let costs = runs.into_iter().map(|run| run.map(|run| nuisance.left(&whitened.residual(&run)).0));
+        let costs = runs.into_iter().map(|run| run.map(|run| nuisance.remaining_square(&whitened.residual(&run)).0));
         let mut order: Vec<(f64, Model)> = costs.zip(models).filter_map(|(cost, model)| Some((cost?, model))).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         let others = order.into_iter().take(MOST_MINIMA).filter_map(|(_, model)| levenberg::fit(whitened, model, steps));

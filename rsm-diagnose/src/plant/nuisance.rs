@@ -140,7 +140,7 @@ impl<'a> Nuisance<'a> {
 
     /// The squared residual after a first-order step of the free unknowns, and which held ones are released.
     #[must_use]
-    pub fn left(&self, residual: &[f64]) -> (f64, Released) {
+    pub fn remaining_square(&self, residual: &[f64]) -> (f64, Released) {
         let products: Vec<f64> = self.products(residual);
         // The priors contribute the difference between the fit's gradient and its residual's gradient.
         let own: Vec<f64> = self.products(&self.fit.residual);
@@ -175,11 +175,11 @@ mod tests {
         let nuisance = Nuisance::new(&fit);
         let with = Model { file: truth, ..fit.model.clone() };
         let residual = whitened.residual(&whitened.run(&with).unwrap());
-        let (left, back) = nuisance.left(&residual);
+        let (left, back) = nuisance.remaining_square(&residual);
         assert_eq!(back, 1);
         // Held, the viscous friction would be 4 % too high, by far the larger part of what is left; and without the friction it stays where it is.
         let held_still = dot(&residual, &residual);
         assert!(left < 0.2 * held_still, "{left} {held_still}");
-        assert_eq!(nuisance.left(&fit.residual).1, 0);
+        assert_eq!(nuisance.remaining_square(&fit.residual).1, 0);
     }
 }

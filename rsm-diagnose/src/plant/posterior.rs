@@ -24,7 +24,7 @@ const DRAWS: usize = 20_000;
 const BURN_IN: usize = 500;
 
 /// A share of the draws, or of their range, that is below the accuracy of the shortest interval.
-const NEXT_TO_NOTHING: f64 = 0.005;
+const NEGLIGIBLE_SHARE: f64 = 0.005;
 
 /// The share of the draws in an interval.
 const SHARE_OF_DRAWS: f64 = 0.95;
@@ -247,9 +247,9 @@ fn shortest(mut list: Vec<f64>, bounds: (f64, f64)) -> (f64, f64, f64) {
     let mean = list.iter().sum::<f64>() / count as f64;
     let square = list.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count as f64;
     // If the truncated distribution ends at the edge, so does the interval.
-    let few = (NEXT_TO_NOTHING * count as f64) as usize;
+    let few = (NEGLIGIBLE_SHARE * count as f64) as usize;
     let (least, most) = (list[0], list[count - 1]);
-    let near = NEXT_TO_NOTHING * (most - least);
+    let near = NEGLIGIBLE_SHARE * (most - least);
     let low = if first >= few {
         list[first]
     } else if least - bounds.0 < near {

@@ -224,7 +224,7 @@ fn fit_with_known_causes(whitened: &WhitenedResiduals, nominal: &Model, calibrat
     let from =
         [nominal, &calibrated.model].map(|model| levenberg::fit(whitened, model.with_effects(nominal, entries.to_vec()), 8));
     let best = from.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-    (best.cost < calibrated.cost - effect_size::least(calibrated.cost, whitened.rows())).then_some(best)
+    (best.cost < calibrated.cost - effect_size::least_gain(calibrated.cost, whitened.rows())).then_some(best)
 }
 
 /// The result if only one record is wrong: the others have no discrepancy, and the causes belong to that record.

@@ -182,7 +182,7 @@ impl Search<'_> {
     fn add_equation_error_cause(&self, fit: &Fit, candidates: &mut Vec<Candidate>) {
         let alone =
             self.equation_error_fits.first().filter(|it| it.model.file.effects.len() == 1 && fit.model.file.effects.is_empty());
-        let Some(from_equations) = alone.and_then(|it| self.judged(fit, it.clone())) else { return };
+        let Some(from_equations) = alone.and_then(|it| self.evaluated(fit, it.clone())) else { return };
         match candidates.iter_mut().find(|it| it.label == from_equations.label) {
             Some(known) if from_equations.score < known.score => {
                 *known = Candidate { aliases_not_fitted: std::mem::take(&mut known.aliases_not_fitted), ..from_equations }

@@ -12,7 +12,7 @@ use crate::engine::significance::median;
 use statrs::function::gamma::ln_gamma;
 
 /// Rows on either side that give the expected value of a row: outliers do not change their median.
-const BESIDE: usize = 4;
+const NEIGHBOURS: usize = 4;
 
 /// The tested degrees of freedom. Above ten, least squares loses less than 4 % of the information, 3 f/((f + 3)(f - 2)) of it (R. A. Fisher, 1922).
 /// Larger values only show whether there are tails at all.
@@ -203,16 +203,16 @@ pub(super) fn to_uniform_noise(floor: &NoiseFloor, measured: &[f64], left: &[f64
 
 /// Each row minus the median of the rows beside it; `None` if it does not count or has no neighbours that count.
 pub(super) fn off_neighbours(left: &[f64], used: &[bool]) -> Vec<Option<f64>> {
-    let mut beside = Vec::with_capacity(2 * BESIDE);
+    let mut beside = Vec::with_capacity(2 * NEIGHBOURS);
     (0..left.len())
         .map(|row| {
             if !used[row] {
                 return None;
             }
             beside.clear();
-            let near = row.saturating_sub(BESIDE)..(row + BESIDE + 1).min(left.len());
+            let near = row.saturating_sub(NEIGHBOURS)..(row + NEIGHBOURS + 1).min(left.len());
             beside.extend(near.filter(|at| *at != row && used[*at]).map(|at| left[at]));
-            (beside.len() >= BESIDE).then(|| left[row] - median(&mut beside))
+            (beside.len() >= NEIGHBOURS).then(|| left[row] - median(&mut beside))
         })
         .collect()
 }

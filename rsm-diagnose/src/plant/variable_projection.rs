@@ -14,10 +14,10 @@ use crate::engine::normal::{Normal, symmetric};
 use rsm_sim::plant_file::Entry;
 
 /// A step that gains less, in squared residuals with unit noise, ends the search.
-const ENOUGH: f64 = 1.0;
+const LEAST_GAIN: f64 = 1.0;
 
 /// The same relative to the cost; full fits decide later on larger differences.
-const ENOUGH_SHARE: f64 = 1e-3;
+const LEAST_GAIN_SHARE: f64 = 1e-3;
 
 /// The largest change of a logarithm in a step: a factor of 4.5.
 const LARGEST_LOG_STEP: f64 = 1.5;
@@ -51,10 +51,10 @@ struct OwnParameters<'a> {
 }
 
 impl OwnParameters<'_> {
-    fn standing(&self, model: Model) -> Option<Iterate> {
+    fn iterate(&self, model: Model) -> Option<Iterate> {
         let simulated = model.is_possible().then(|| self.whitened.run(&model))??;
         let residual = self.whitened.residual(&simulated);
-        Some(Iterate { left: self.nuisance.left(&residual), model, simulated, residual })
+        Some(Iterate { left: self.nuisance.remaining_square(&residual), model, simulated, residual })
     }
 }
 
@@ -92,7 +92,7 @@ impl Problem for OwnParameters<'_> {
             let limit = if unknown.logarithmic { LARGEST_LOG_STEP } else { f64::INFINITY };
             model.set(k, unknown.from_search_scale(unknown.to_search_scale(at.model.value(k)) + change.clamp(-limit, limit)));
         }
-        self.standing(model)
+        self.iterate(model)
     }
 
     fn may_continue(&self) -> bool {
@@ -120,11 +120,11 @@ pub fn project(
         model.set(k, value);
     }
     let problem = OwnParameters { whitened, nuisance, own };
-    let start = problem.standing(model)?;
+    let start = problem.iterate(model)?;
     if steps == 0 || problem.own.is_empty() || !problem.may_continue() {
         return Some((start.model, start.left.0));
     }
-    let enough = CostTolerance { absolute: ENOUGH, relative: ENOUGH_SHARE };
+    let enough = CostTolerance { absolute: LEAST_GAIN, relative: LEAST_GAIN_SHARE };
     let rules = Rules {
         steps,
         tries: [4; 2],

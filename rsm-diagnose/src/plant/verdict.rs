@@ -175,9 +175,9 @@ pub fn conclude(
     replace(&mut causes, told_by_law, |it| (it.kind, it.subject.clone()));
     causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     aliases.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let verdict = judged_by(structure, stopped, causes.is_empty());
+    let verdict = verdict_of(structure, stopped, causes.is_empty());
     let (causes, helpers): (Vec<Cause>, Vec<Cause>) = causes.into_iter().partition(|it| is_named(verdict, it.confidence));
-    let mut plant = final_fit::written(file, whitened, nominal, &fit);
+    let mut plant = final_fit::extended_plant_file(file, whitened, nominal, &fit);
     replace(&mut plant.effects, by_law, |it| (it.description.kind, it.arguments.subject.clone()));
     for (output, step) in coarse {
         plant.effects.extend(rounding_entry(file.kind, output, step));
@@ -289,7 +289,7 @@ fn replace<T, Name: PartialEq>(list: &mut Vec<T>, new: Vec<T>, name: impl Fn(&T)
 
 /// The verdict. Causes that leave only noise are accepted, even if tests of rivals were not finished. A search that repeated a set of causes, or that
 /// reached the limit of additions or exchanges, has no result.
-fn judged_by(structure: bool, stopped: Option<Limit>, nothing: bool) -> Verdict {
+fn verdict_of(structure: bool, stopped: Option<Limit>, nothing: bool) -> Verdict {
     match (is_explained(structure, stopped), nothing) {
         (false, _) => Verdict::Unexplained,
         (true, true) => Verdict::NoDiscrepancy,

@@ -140,7 +140,7 @@ impl SimulationWork {
 }
 
 /// The indices of jobs that can run side by side: plants with the same effects in the same order, on one record.
-fn side_by_side(jobs: &[(usize, &Model)]) -> Vec<Vec<usize>> {
+fn joint_jobs(jobs: &[(usize, &Model)]) -> Vec<Vec<usize>> {
     let is_like = |one: &(usize, &Model), other: &(usize, &Model)| {
         let (mut a, mut b) = (one.1.file.acting(), other.1.file.acting());
         let is_one = |a: &Entry, b: &Entry| {
@@ -183,7 +183,7 @@ impl WhitenedResiduals {
     /// Runs jobs on all threads; `None` for a job whose simulation failed.
     #[must_use]
     pub fn simulate(&self, jobs: &[(usize, &Model)]) -> Vec<Option<Simulated>> {
-        let groups = side_by_side(jobs);
+        let groups = joint_jobs(jobs);
         let done = in_threads(&groups, self.threads, |group| self.group(jobs, group));
         let mut answers: Vec<Option<Simulated>> = vec![None; jobs.len()];
         for (place, answer) in groups.into_iter().flatten().zip(done.into_iter().flatten()) {

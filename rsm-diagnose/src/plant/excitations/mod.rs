@@ -134,7 +134,7 @@ impl Limits {
                 let i_q = outputs.of("i_q").unwrap_or(&[]);
                 let short = |(k, q): (usize, &f64)| outputs.of("i_d").map_or(0.0, |i_d| i_d[k]).hypot(*q) <= most;
                 // A motor that turned in one direction may turn in the other.
-                let top = self.top();
+                let top = self.largest_speed();
                 i_q.iter().enumerate().all(short) && within(2, [-top, top])
             }
             PlantKind::Driveline => {
@@ -147,7 +147,7 @@ impl Limits {
     }
 
     /// The highest recorded speed of a motor, in rad/s.
-    fn top(&self) -> f64 {
+    fn largest_speed(&self) -> f64 {
         let [low, high] = self.seen[2];
         if low.is_finite() { low.abs().max(high.abs()) } else { 0.0 }
     }

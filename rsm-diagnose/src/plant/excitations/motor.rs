@@ -157,7 +157,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         friction: of("viscous_friction"),
         voltage: OF_VOLTAGE * of("bus_voltage") / 3.0_f64.sqrt(),
         current: of("current_limit"),
-        top: limits.top(),
+        top: limits.largest_speed(),
     };
     let rows = limits.rows;
     let seconds = rows as f64 * limits.period;

@@ -31,11 +31,11 @@ fn twice_the_noise_is_never_explained_however_wrong_the_plant_was() {
 
 #[test]
 fn causes_that_leave_noise_stand_when_only_the_work_ran_out() {
-    assert_eq!(judged_by(false, None, false), Verdict::Explained);
-    assert_eq!(judged_by(false, None, true), Verdict::NoDiscrepancy);
-    assert_eq!(judged_by(false, Some(Limit::Steps), false), Verdict::Explained);
-    assert_eq!(judged_by(true, Some(Limit::Steps), false), Verdict::Unexplained);
-    assert_eq!(judged_by(false, Some(Limit::Cycle), false), Verdict::Unexplained);
+    assert_eq!(verdict_of(false, None, false), Verdict::Explained);
+    assert_eq!(verdict_of(false, None, true), Verdict::NoDiscrepancy);
+    assert_eq!(verdict_of(false, Some(Limit::Steps), false), Verdict::Explained);
+    assert_eq!(verdict_of(true, Some(Limit::Steps), false), Verdict::Unexplained);
+    assert_eq!(verdict_of(false, Some(Limit::Cycle), false), Verdict::Unexplained);
 }
 
 #[test]
