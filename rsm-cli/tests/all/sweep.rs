@@ -193,7 +193,7 @@ fn bad_words_and_bad_files_have_status_2() {
         assert!(refused(&["sweep.toml", "--out", "o", "--shard", part]).contains("expected K/N"));
     }
     assert!(refused(&["sweep.toml", "--task", "0123"]).contains("no task of 3 has the hash `0123`"));
-    assert!(refused(&["sweep.toml", "--out", "o", "--merge", "nowhere"]).contains("no folder of results"));
+    assert!(refused(&["sweep.toml", "--out", "o", "--merge", "nowhere"]).contains("not the output folder of a sweep"));
     assert!(refused(&["sweep.toml", "--out", "o", "--threads", "0"]).contains("--threads"));
     assert!(refused(&["sweep.toml", "--out", "o", "--engine", "dask"]).contains("--scheduler"));
     if cfg!(feature = "parquet") {
