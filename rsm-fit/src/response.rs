@@ -134,9 +134,12 @@ impl Task<'_> {
             let rows = self.fit.rows();
             let what = match method {
                 Method::Search(_) => {
-                    format!("response `{}`: {rows} rows to fit, a search of terms needs {least}", surface.name)
+                    format!("response `{}`: found {rows} rows to fit, a search of terms needs at least {least}", surface.name)
                 }
-                _ => format!("response `{}`: at least {least} terms, but {rows} rows to fit", surface.name),
+                _ => format!(
+                    "response `{}`: found {rows} rows to fit, expected at least as many as terms, {least}",
+                    surface.name
+                ),
             };
             return Err(Faults::one(self.fault(what).help("fit fewer terms or measure more points")));
         }
@@ -162,7 +165,8 @@ impl Task<'_> {
         let is_searched = Searcher::is_for(method, all.width(), self.fit.rows());
         let found = if is_searched { searcher.choose() } else { None };
         if is_searched && found.is_none() {
-            let what = format!("response `{}`: the rows are too few, or in too few groups, to choose terms by", surface.name);
+            let what =
+                format!("response `{}`: there are too few rows, or too few groups of rows, to choose terms", surface.name);
             return Err(Faults::one(self.fault(what).help("measure more points, or give terms with method \"fixed\"")));
         }
         // For a search, only the chosen candidates: reducing all of them in double-double would take too long.

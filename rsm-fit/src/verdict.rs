@@ -164,7 +164,7 @@ impl std::fmt::Display for Verdict {
             Verdict::NotProven(why) => why.fmt(f),
             Verdict::IllConditioned { condition, columns } => write!(
                 f,
-                "ill-conditioned ({condition:.1e}): the data cannot tell apart the terms {}; vary their inputs independently or drop a term",
+                "ill-conditioned ({condition:.1e}): the data cannot distinguish the terms {}; vary their inputs independently or drop a term",
                 columns.join(", ")
             ),
         }
@@ -229,7 +229,7 @@ mod tests {
         assert_eq!(told(Verdict::Infeasible { constraints }), "infeasible: no coefficients of the chosen terms keep: a; b");
         assert_eq!(
             told(Verdict::IllConditioned { condition: 2e15, columns: vec!["x".into(), "z".into()] }),
-            "ill-conditioned (2.0e15): the data cannot tell apart the terms x, z; vary their inputs independently or drop a term"
+            "ill-conditioned (2.0e15): the data cannot distinguish the terms x, z; vary their inputs independently or drop a term"
         );
         let who = [
             ChosenBy::Nobody,

@@ -111,7 +111,10 @@ impl Notes<'_> {
         warn("output-bound", self.output_bound(&residuals, spread));
         warn("bounds-off-data", self.bounds_off_data(low, high));
         for (key, count) in self.copies {
-            warn("rows-seen", Some(format!("{count} rows of `{key}` are exact copies of fitted rows: they have been seen")));
+            warn(
+                "rows-seen",
+                Some(format!("{count} rows of `{key}` are exact copies of fitted rows: they are no holdout rows")),
+            );
         }
         Noted { warnings, is_lacking, serial }
     }
@@ -222,8 +225,8 @@ impl Notes<'_> {
         let more = if more > 0 { format!(", and {more} more") } else { String::new() };
         (!beyond.is_empty()).then(|| {
             format!(
-                "{} beyond chance, in standard deviations: {}{more}",
-                count(beyond.len(), "row lies", "rows lie"),
+                "{} that noise does not explain, in standard deviations: {}{more}",
+                count(beyond.len(), "row has an error", "rows have errors"),
                 named.join("; ")
             )
         })
@@ -261,17 +264,17 @@ impl Notes<'_> {
     fn correlated(&self, serial: &Serial) -> String {
         let (who, why) = match serial.order {
             "rows" => {
-                ("rows", "something drifts along the recording, or the surface misses something where rows stand in order")
+                ("rows", "a quantity drifts during the recording, or the surface has an error that neighbouring rows share")
             }
-            _ => ("runs", "something drifts"),
+            _ => ("runs", "a quantity drifts"),
         };
         let ratio = serial.largest_ratio(self.statistics.terms.iter().map(|term| term.standard_error));
         let known = ratio.zip(serial.lags).map_or(String::new(), |(ratio, lags)| {
-            format!("; with {lags} lags (Newey-West) they are up to {ratio:.1} times as large")
+            format!("; estimated with {lags} lags (Newey-West) they are up to {ratio:.1} times as large")
         });
         let (correlation, p) = (serial.correlation, serial.p);
         format!(
-            "errors of neighbouring {who} are alike (correlation {correlation:.2}, p = {}): {why}, and standard errors are too small{known}",
+            "errors of neighbouring {who} are correlated ({correlation:.2}, p = {}): {why}. The standard errors are too small{known}",
             if p < 1e-3 { format!("{p:.1e}") } else { format!("{p:.3}") }
         )
     }
@@ -306,7 +309,10 @@ impl Notes<'_> {
 
 /// The warning if there are no rows that were not used for any choice.
 pub(crate) fn not_judged(used: &RowsUsed) -> Warning {
-    Warning { kind: "judged-by-choosers", what: format!("no error on rows that chose nothing is known: {}", used.error) }
+    Warning {
+        kind: "judged-by-choosers",
+        what: format!("there is no error estimate from rows that chose nothing: {}", used.error),
+    }
 }
 
 fn count(count: usize, one: &str, many: &str) -> String {

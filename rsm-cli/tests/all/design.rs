@@ -112,7 +112,7 @@ fn an_optimal_design_has_the_wanted_runs_and_adds_to_those_that_were_made() {
     // Without them it cannot be: said why.
     let output = design(&[]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("1 runs cannot tell apart the 3 terms of the model: at least 3 runs are needed"));
+    assert!(text(&output.stderr).contains("1 runs cannot estimate the 3 terms of the model: at least 3 runs are needed"));
     // The terms of a fit specification; candidates of a table.
     std::fs::write(here.path().join("points.csv"), "a,b\n0,0\n10,0\n0,4\n10,4\n5,2\n").unwrap();
     std::fs::write(

@@ -235,8 +235,7 @@ fn check_search(specification: &Specification, response: &ResponseSpec, search: 
                 fault("one_standard_error", what, "use it with \"k-fold\" or \"held-out\"");
             }
             if criterion == Criterion::Press && search.by == SearchBy::Lasso {
-                let what =
-                    "criterion \"press\" rates least squares, and method \"lasso\" has penalised coefficients too".to_string();
+                let what = "criterion \"press\" is for least squares; method \"lasso\" penalises the coefficients".to_string();
                 fault("criterion", what, "use \"k-fold\", \"held-out\" or \"aicc\"");
             }
         }
