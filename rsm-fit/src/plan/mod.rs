@@ -129,7 +129,7 @@ impl Plan {
         if let Some(kept) = kept.as_ref().filter(|_| lost > 0 && !points.is_empty()) {
             let order = if specification.design.is_of_first_order() { "first" } else { "second" };
             let what = format!(
-                "`where`: only {} of {} points of the design fulfil it: {lost} terms of {order} order that the complete design can estimate cannot be estimated from them",
+                "`where`: only {} of {} points of the design fulfil it: {lost} of the terms of {order} order that the complete design can estimate cannot be estimated from them",
                 kept.points, kept.of
             );
             let help = "loosen `where`, or ask for a `latin-hypercube`, which is planned within it";
