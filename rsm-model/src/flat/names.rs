@@ -45,7 +45,7 @@ impl Translator<'_> {
                     .is_some_and(|symbol| self.variables[symbol.0 as usize].role == Role::Constant);
                 if !is_constant {
                     let what = format!("`{name}` is not declared in this function");
-                    return self.fault(span, what, "a function knows its inputs, its own variables and constants alone");
+                    return self.fault(span, what, "a function can use only its inputs, its own variables and constants");
                 }
                 break;
             }

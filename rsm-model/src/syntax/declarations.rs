@@ -94,11 +94,11 @@ impl Parser<'_> {
             ),
             Token::Keyword("class" | "block") => {
                 let found = self.found();
-                self.skip_definition(&format!("{found} is not read as the kind of a flat text"), "write `model`")
+                self.skip_definition(&format!("{found} is not supported in flat text"), "write `model`")
             }
             Token::Keyword("connector" | "partial" | "encapsulated" | "expandable") => {
                 let found = self.found();
-                self.skip_definition(&format!("{found} stands in component models, not in flat text"), FLATTEN)
+                self.skip_definition(&format!("{found} is allowed in component models only, not in flat text"), FLATTEN)
             }
             _ => {
                 let result = self.unexpected("`model`, `function`, `type`, `constant` or `package`");
@@ -288,7 +288,7 @@ impl Parser<'_> {
                     "flow" | "stream" | "inner" | "outer" | "replaceable" | "redeclare" | "extends" | "import" | "connector"
                     | "partial",
                 ) => {
-                    let what = format!("{} stands in component models, not in flat text", self.found());
+                    let what = format!("{} is allowed in component models only, not in flat text", self.found());
                     return self.fault_with_help(self.span(), what, FLATTEN);
                 }
                 Token::Keyword("equation") if variability == Variability::Parameter => {
@@ -390,7 +390,7 @@ impl Parser<'_> {
         while self.takes_keyword("final") || self.takes_keyword("each") {}
         let span = self.span();
         if self.is_keyword("redeclare") || self.is_keyword("replaceable") {
-            let what = format!("{} stands in component models, not in flat text", self.found());
+            let what = format!("{} is allowed in component models only, not in flat text", self.found());
             return self.fault_with_help(span, what, FLATTEN);
         }
         let name = self.dotted("an attribute, such as `unit` or `start`")?;

@@ -140,7 +140,7 @@ impl Parser<'_> {
             let right = self.climb(operator.rank() + 1)?;
             if matches!(operator, Operator::Power(_)) && matches!(self.operator(), Some(Operator::Power(_))) {
                 let what = format!("found {} after a power", self.found());
-                return self.fault_with_help(self.span(), what, "say with parentheses which power is taken first");
+                return self.fault_with_help(self.span(), what, "write parentheses around the power that is computed first");
             }
             left = Expression { kind: joined(left, operator, right), span: self.since(start) };
         }
