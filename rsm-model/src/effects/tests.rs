@@ -214,7 +214,11 @@ fn what_cannot_stand_somewhere_says_why() {
         (body("position = \"x\"\nspeed = \"v\"\n"), friction, "plant.toml:1:1: [sites.body]: `inertia` is missing"),
         (body("position = \"x\"\nspeed = \"w\"\ninertia = \"m\"\n"), friction, "plant.toml:4:10: `w` is not declared"),
         (body("position = \"x\"\nspeed = \"v\"\ninertia = \"m\"\n"), friction, "`v` is not the derivative of `x`"),
-        (body("position = \"x\"\nspeed = \"v\"\ninertia = \"u\"\n"), friction, "no equation contains `der(v)` together with `u`"),
+        (
+            body("position = \"x\"\nspeed = \"v\"\ninertia = \"u\"\n"),
+            friction,
+            "no equation contains `der(v)` together with `u`",
+        ),
         (String::new(), friction, "it needs a rotation or translation"),
         (String::new(), ("input-gain", Some("w"), &[("gain", 1.0)]), "it can stand at `u`"),
         (String::new(), ("input-gain", Some("u"), &[("gian", 1.0)]), "its numbers there are `gain`"),

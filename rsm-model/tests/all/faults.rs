@@ -27,13 +27,17 @@ fn an_unknown_without_an_equation_is_named() {
 #[test]
 fn an_equation_too_many_is_named_with_those_it_competes_with() {
     let told = told("  Real x, y;\n  parameter Real p = 1;", "  x + y = 1;\n  x - 2*y = 2;\n  3*x = 4 + y*p;");
-    assert!(told.contains("m.mo:7:3: one equation too many: the 3 equations of lines 5, 6, 7 contain only 2 unknowns"), "{told}");
+    assert!(
+        told.contains("m.mo:7:3: one equation too many: the 3 equations of lines 5, 6, 7 contain only 2 unknowns"),
+        "{told}"
+    );
 }
 
 #[test]
 fn an_equation_without_unknowns_is_named() {
     assert!(
-        told("  Real x;\n  parameter Real p = 1;", "  x = 1;\n  p = 2;").contains("m.mo:6:3: this equation contains no unknown")
+        told("  Real x;\n  parameter Real p = 1;", "  x = 1;\n  p = 2;")
+            .contains("m.mo:6:3: this equation contains no unknown")
     );
 }
 
