@@ -44,7 +44,7 @@ fn a_plant_of_equations_is_diagnosed_and_its_extended_file_runs() {
         (vec!["diagnose", &plant, "--record", &record, "--effects", "nowhere"], "nowhere: cannot be read"),
         (
             vec!["diagnose", &shipped("pmac.toml"), "--record", &record, "--effects", "nowhere"],
-            "--effects: a plant file of format 1",
+            "--effects: found a plant file of format 1",
         ),
     ] {
         let refused = rsm(&words, here.path());
@@ -230,7 +230,10 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
     // What the causes were chosen by is called so; the test record has figures of its own, beside the others.
     assert_eq!(value["judged_on"], "on the records that chose it");
     assert!(
-        value["test"]["judged_on"].as_str().unwrap().contains("which nothing has seen before: their starts are estimated on")
+        value["test"]["judged_on"]
+            .as_str()
+            .unwrap()
+            .contains("which were not used before: their initial states are estimated on")
     );
     assert!(value["test"]["gain"].as_f64().unwrap() > 0.9, "{}", value["test"]);
     for plant in ["nominal", "extended"] {
@@ -308,6 +311,6 @@ fn shipped_records_say_that_they_hold_inputs_only() {
         let (file, record) = (shipped(&format!("{plant}.toml")), shipped(&format!("{plant}.csv")));
         let output = rsm(&["diagnose", &file, "--record", &record], here.path());
         assert_eq!(output.status.code(), Some(2), "{plant}: {}", text(&output.stderr));
-        assert!(text(&output.stderr).contains("the records hold inputs only"), "{}", text(&output.stderr));
+        assert!(text(&output.stderr).contains("found no measured output"), "{}", text(&output.stderr));
     }
 }

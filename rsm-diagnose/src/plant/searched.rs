@@ -58,7 +58,7 @@ impl<'a> Asked<'a> {
         let mut hypotheses = hypotheses::all(file.kind, &ready.survey, &present);
         let is_rounded = |name: &str| ready.rounded.iter().any(|(k, _)| name == file.kind.outputs()[*k].name);
         hypotheses.retain(|it| it.description.declared.role != Role::Rounding || !it.subject.is_some_and(is_rounded));
-        (options.progress)("asking the equations along the records");
+        (options.progress)("evaluating the equations along the records");
         let said = equations::look(&ready.whitened, &ready.nominal, &hypotheses);
         said.iter().for_each(|it| it.hand_over(&mut hypotheses));
         let whitened = &mut ready.whitened;
@@ -147,7 +147,7 @@ pub(super) fn searched(
     unseen.floors = whitened.floors;
     selection.known_loop = known_loop;
     if share.not_seen().is_some() {
-        (options.progress)("asking all rows");
+        (options.progress)("testing all rows");
         let all: Vec<&Record> = training.iter().chain(validation).collect();
         selection.everywhere = Some(everywhere::look(&all, file, &whitened, &selection.fit));
     }
@@ -233,7 +233,7 @@ fn of_one_record(
     options: &Options<'_>,
 ) -> Result<Diagnosis, Refused> {
     let record = own.alone.records[0].record.file.clone();
-    (options.progress)(&format!("looking at {record} alone"));
+    (options.progress)(&format!("diagnosing {record} alone"));
     let start = levenberg::fit(&own.alone, own.nominal.clone(), 8).ok_or(Refused::CannotSimulate)?;
     let found = search.run(start);
     let (ranking, threshold, stopped) = (found.ranking.clone(), found.threshold, found.stopped);
@@ -260,7 +260,7 @@ fn of_one_record(
     let of_record = |mut cause: Cause| {
         cause.only_in = Some(record.clone());
         cause.sentence = format!(
-            "In {} alone: {} The other records are noise without it.",
+            "Only in {}: {} The residuals of the other records are noise without it.",
             super::regions::name_of(&record),
             cause.sentence
         );

@@ -115,7 +115,7 @@ impl Search<'_> {
         if !self.leaves_noise(&fit, threshold)
             && let Some(said) = self.said_together(&calibrated).last().filter(|it| path.visit(labels(&it.model)))
         {
-            (self.progress)("going on from what the equations say");
+            (self.progress)("continuing from the errors of the equations");
             let mut after = remaining.clone();
             let from = self.grown(said.clone(), None, threshold, &mut competed, &mut after, &mut path);
             let from = from.into_iter().next_back().unwrap_or_else(|| said.clone());
@@ -302,7 +302,7 @@ impl Search<'_> {
                         None => (calibrated.clone(), self.anew(calibrated, threshold, path)),
                     }
                 } else {
-                    (self.progress)(&format!("asking what else could stand for {name}"));
+                    (self.progress)(&format!("testing alternatives to {name}"));
                     let without = fit.model.minus(self.nominal, place);
                     let Some(base) = levenberg::onward(self.whitened, without, self.effort.fit_steps, Some(&fit)) else {
                         continue;

@@ -28,7 +28,7 @@ const SLOW_NOISE: f64 = 0.9;
 /// The basis of the figures of test records.
 pub fn tested_on() -> String {
     format!(
-        "on test records, which nothing has seen before: their starts are estimated on the first {} % of each, errors are of the rest",
+        "on test records, which were not used before: their initial states are estimated on the first {} % of each, the errors are computed on the rest",
         100 / FIRST_PART
     )
 }
@@ -96,7 +96,7 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
         }
         Verdict::Unexplained => {
             let looks = telling(&found.error_breakdown.after, 1);
-            let looks = looks.first().map_or(String::new(), |it| format!(" Most telling: {}.", place(kind, it)));
+            let looks = looks.first().map_or(String::new(), |it| format!(" The clearest region: {}.", place(kind, it)));
             let predicted = found.predicted.as_ref().map_or(String::new(), |it| {
                 let output = kind.outputs()[it.output].name;
                 format!(
@@ -195,11 +195,14 @@ pub fn bridged(it: &Bridged) -> String {
 /// An effect of the plant file, with its parameters as estimated from the records.
 pub fn claim(it: &Claim) -> String {
     let number = |(number, file): (&Interval, &f64)| {
-        format!("{} {file}, in the records {:.4} ({:.4} to {:.4})", number.name, number.value, number.low, number.high)
+        format!(
+            "{} is {file} in the file, {:.4} ({:.4} to {:.4}) in the records",
+            number.name, number.value, number.low, number.high
+        )
     };
     let numbers: Vec<String> = it.records.iter().zip(&it.file).map(number).collect();
     let subject = it.subject.as_ref().map_or(String::new(), |name| format!(" of {name}"));
-    let judged = if it.stands { "stands" } else { "is contradicted" };
+    let judged = if it.stands { "agrees with the records" } else { "disagrees with the records" };
     format!("{}{subject} {judged}: {}.", it.kind, numbers.join("; "))
 }
 
