@@ -85,9 +85,9 @@ fn an_extended_plant_is_monitored() {
     let (again, words) = diagnosed("found/extended.toml", "train.csv", "unseen.csv", "again");
     assert_eq!((&again["verdict"], again["causes"].as_array().unwrap().len()), (&"no-discrepancy".into(), 0), "{words}");
     assert_eq!((&again["claims"][0]["kind"], &again["claims"][0]["stands"]), (&"coulomb-friction".into(), &true.into()));
-    assert!(words.contains("The plant file's coulomb-friction stands"), "{words}");
+    assert!(words.contains("The plant file's coulomb-friction agrees with the records"), "{words}");
     let page = std::fs::read_to_string(here.path().join("again/report.html")).unwrap();
-    assert!(page.contains("Effects of the plant file") && page.contains("coulomb-friction stands"), "{page}");
+    assert!(page.contains("Effects of the plant file") && page.contains("coulomb-friction agrees with the records"), "{page}");
     // The bearing has worn since.
     let (worn, words) = diagnosed("found/extended.toml", "worn.csv", "worn-2.csv", "worn");
     assert_eq!(worn["verdict"], "explained", "{words}");
