@@ -159,7 +159,7 @@ impl std::fmt::Display for Verdict {
             }
             Verdict::NotReached { best, wanted } => write!(f, "confidence {wanted} % not reached, best {best:.4} %"),
             Verdict::Infeasible { constraints } => {
-                write!(f, "infeasible: no coefficients of the chosen terms keep: {}", constraints.join("; "))
+                write!(f, "infeasible: no coefficients of the chosen terms fulfil: {}", constraints.join("; "))
             }
             Verdict::NotProven(why) => why.fmt(f),
             Verdict::IllConditioned { condition, columns } => write!(
@@ -226,7 +226,7 @@ mod tests {
             assert_eq!(about_zero(why), format!("{begin}{words}"));
         }
         let constraints = vec!["a".to_string(), "b".to_string()];
-        assert_eq!(told(Verdict::Infeasible { constraints }), "infeasible: no coefficients of the chosen terms keep: a; b");
+        assert_eq!(told(Verdict::Infeasible { constraints }), "infeasible: no coefficients of the chosen terms fulfil: a; b");
         assert_eq!(
             told(Verdict::IllConditioned { condition: 2e15, columns: vec!["x".into(), "z".into()] }),
             "ill-conditioned (2.0e15): the data cannot distinguish the terms x, z; vary their inputs independently or drop a term"

@@ -155,7 +155,7 @@ pub fn clash(earlier: &str, later: &str) -> Option<String> {
         return Some("is given twice".to_string());
     }
     if earlier.eq_ignore_ascii_case(later) {
-        return Some(format!("differs from `{earlier}` in nothing but case"));
+        return Some(format!("differs from `{earlier}` only in case"));
     }
     None
 }
@@ -385,7 +385,7 @@ mod tests {
     #[test]
     fn names_that_meet_through_a_suffix_or_in_case_clash() {
         assert_eq!(clash("a", "a"), Some("is given twice".to_string()));
-        assert_eq!(clash("Torque", "torque"), Some("differs from `Torque` in nothing but case".to_string()));
+        assert_eq!(clash("Torque", "torque"), Some("differs from `Torque` only in case".to_string()));
         assert_eq!(clash("a", "a_f32"), None);
         for (earlier, later) in
             [("a", "a_f32"), ("a_q", "a"), ("A", "a_support"), ("a", "a_step"), ("a_support", "a"), ("a", "a_init")]

@@ -140,7 +140,7 @@ impl Translator<'_> {
             return self.fault(&base.span, "a power of Booleans", "");
         }
         if !(each || a.is_scalar() && b.is_scalar()) {
-            return self.fault(&base.span, "a power of an array is not read", "element by element it is written `.^`");
+            return self.fault(&base.span, "a power of an array is not supported", "element by element it is written `.^`");
         }
         self.element_wise(&a, &b, Binary::Power, &base.span)
     }

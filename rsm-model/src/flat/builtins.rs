@@ -49,7 +49,7 @@ const NOT_READ: &[(&str, &str)] = &[
     ("cardinality", "flatten the component model first"),
     ("connect", "flatten the component model first"),
     ("semiLinear", "write `if x >= 0 then a*x else b*x`"),
-    ("pure", "leave `pure` out: every function that is read is pure"),
+    ("pure", "leave `pure` out: every supported function is pure"),
 ];
 
 impl Translator<'_> {
@@ -65,7 +65,7 @@ impl Translator<'_> {
             return self.call_function(function, arguments, named, span);
         }
         if let Some((_, help)) = NOT_READ.iter().find(|(known, _)| *known == name) {
-            return self.fault(span, format!("`{name}(...)` is not read"), help);
+            return self.fault(span, format!("`{name}(...)` is not supported"), help);
         }
         if let Some((argument, _)) = named.first() {
             return self.fault(
@@ -171,7 +171,7 @@ impl Translator<'_> {
             }
             _ => {
                 let (Some(x), Some(y)) = (a.item(), b.item()) else {
-                    return self.fault(span, format!("`{name}` of arrays is not read"), "write it for each element");
+                    return self.fault(span, format!("`{name}` of arrays is not supported"), "write it for each element");
                 };
                 let quotient = self.pool.divide(x, y);
                 let whole = if name == "mod" {

@@ -167,7 +167,7 @@ impl Translator<'_> {
                     self.each(index, range, |translator| translator.run(body, types))?;
                 }
                 StatementKind::Call(call) => {
-                    return self.fault(&call.span, "a call that gives no value in a function is not read", "leave it out");
+                    return self.fault(&call.span, "a call that gives no value in a function is not supported", "leave it out");
                 }
             }
         }

@@ -98,7 +98,7 @@ impl Translator<'_> {
                         let Some(index) = self.known(*item) else {
                             return self.fault(
                                 &expression.span,
-                                "a subscript that changes while the model runs is not read",
+                                "a subscript that changes while the model runs is not supported",
                                 "write the choice as an if-expression, or as a response surface",
                             );
                         };

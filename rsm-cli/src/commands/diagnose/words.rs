@@ -189,7 +189,7 @@ pub fn bridged(it: &Bridged) -> String {
         (gaps, 1) => format!("{gaps} lost rows were bridged"),
         (gaps, longest) => format!("{gaps} gaps of 1 to {longest} rows, {} rows in all, were bridged", it.rows),
     };
-    format!("{gaps}: outputs there are not compared, inputs are interpolated with the help of later readings")
+    format!("{gaps}: there, outputs are not compared, and inputs are interpolated from the readings around the gap")
 }
 
 /// An effect of the plant file, with its parameters as estimated from the records.
