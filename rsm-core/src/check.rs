@@ -421,7 +421,7 @@ fn check_terms(context: &Context<'_>, faults: &mut Collector, surface: &Surface,
         }
         if let Some(first) = surface.terms[..k].iter().position(|earlier| earlier.powers == term.powers) {
             let powers = &term.powers;
-            let what = format!("{who}: term {}: powers {powers:?} stand already in term {}", k + 1, first + 1);
+            let what = format!("{who}: term {}: powers {powers:?} occur twice, first in term {}", k + 1, first + 1);
             faults.push(context.fault(&place, what).help("add the two coefficients and keep one term"));
         }
     }

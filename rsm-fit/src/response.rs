@@ -462,26 +462,28 @@ impl Judging {
         };
         let validation = match (chosen.by, validate) {
             (_, None) => "none".to_string(),
-            (ChosenBy::Validation, Some(rows)) => format!("{rows} rows, on the rows that chose it"),
-            (_, Some(rows)) => format!("{rows} unseen rows: they chose nothing"),
+            (ChosenBy::Validation, Some(rows)) => format!("{rows} rows, which also chose the terms"),
+            (_, Some(rows)) => format!("{rows} holdout rows, not used for any choice"),
         };
         let error = match (&task.test, &self.cross_validated, chosen.by, validate) {
-            (Some(test), ..) => format!("{} test rows: they chose nothing and were used once", test.rows()),
-            (None, _, by, Some(rows)) if by != ChosenBy::Validation => format!("{rows} validation rows: they chose nothing"),
+            (Some(test), ..) => format!("{} test rows, not used for anything else", test.rows()),
+            (None, _, by, Some(rows)) if by != ChosenBy::Validation => {
+                format!("{rows} validation rows, not used for any choice")
+            }
             (None, Some(cross), by, _) if !self.is_held => {
                 let (rows, parts) = (cross.errors.rows, cross.parts);
                 let again = match (by == ChosenBy::Nobody, has_found_steps) {
                     (true, false) => "the fit repeated without them",
                     (false, false) => "fit and choice of terms repeated without them",
                     (_, true) => {
-                        "fit, choice of terms and of the form's own numbers repeated without them; by the same rows the form was preferred to powers alone"
+                        "fit, choice of terms and of the parameters of the form repeated without them; the same rows also chose this form over powers only"
                     }
                 };
                 format!("{rows} rows left out in {parts} parts in turn, {again}")
             }
-            (None, Some(_), ..) => "none: constraints hold the surface, and are not repeated with rows left out".to_string(),
+            (None, Some(_), ..) => "none: constraints are active, and cross-validation does not repeat them".to_string(),
             (None, None, ChosenBy::Nobody, None) => "none: there are too few rows to leave any out".to_string(),
-            (None, None, ..) => "none: the error is that on the rows that chose it".to_string(),
+            (None, None, ..) => "none: the only error is that on the rows that chose the terms".to_string(),
         };
         RowsUsed { coefficients: format!("{fitted} rows"), terms, validation, error }
     }

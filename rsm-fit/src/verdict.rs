@@ -122,7 +122,7 @@ impl std::fmt::Display for AboutZero {
             AboutZero::ExplainsLittle { share } => {
                 write!(
                     f,
-                    "on rows that chose nothing it explains {:.1} % of the spread about the mean, {:.0} % wanted",
+                    "on holdout rows it explains {:.1} % of the spread about the mean, {:.0} % required",
                     100.0 * share,
                     100.0 * LEAST_EXPLAINED
                 )
@@ -218,7 +218,7 @@ mod tests {
         for (why, words) in [
             (
                 AboutZero::ExplainsLittle { share: 0.125 },
-                "on rows that chose nothing it explains 12.5 % of the spread about the mean, 50 % wanted",
+                "on holdout rows it explains 12.5 % of the spread about the mean, 50 % required",
             ),
             (AboutZero::LacksFit { centred: 87.5 }, "87.5000 % of the spread about it, and a significant lack of fit"),
             (AboutZero::NobodyJudges, "no rows are left that were not used to choose the model"),

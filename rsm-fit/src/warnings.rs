@@ -8,11 +8,11 @@
 //! lack-of-fit           F against replicates; and the largest t of a term that is not in the model, up to one order above
 //! outliers              the largest externally studentised residual, Bonferroni over rows
 //! correlated-residuals  neighbours in the run order, or as rows stand, against random orders
-//! explains-little       less than half of the spread about the mean on rows that chose nothing
-//! output-bound          the output range holds the surface at some rows
+//! explains-little       less than half of the spread about the mean on holdout rows
+//! output-bound          the output range limits the surface at some rows
 //! bounds-off-data       most responses lie beyond the bounds of a constraint or of the output range
 //! rows-seen             rows kept apart are exact copies of fitted rows
-//! judged-by-choosers    there are no rows that chose nothing
+//! judged-by-choosers    there are no holdout rows
 //! ```
 //!
 //! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 2.6 and 2.7 (lack of fit, R-student); Cook, Weisberg 1982,
@@ -138,7 +138,7 @@ impl Notes<'_> {
         }
         let fitted = self.statistics.r2_predicted.or(self.statistics.r2);
         let (share, rows) = match self.explained {
-            Some(share) => (share, "rows that chose nothing"),
+            Some(share) => (share, "holdout rows"),
             None => (if is_held { self.statistics.r2? } else { fitted? }, "the fitted rows"),
         };
         (share < LEAST_EXPLAINED).then(|| {
@@ -283,8 +283,9 @@ impl Notes<'_> {
         let [low, high] = self.surface.output_range?;
         let margin = HELD * spread;
         let held = residuals.predicted.iter().filter(|y| **y < low - margin || **y > high + margin).count();
-        (held > 0)
-            .then(|| format!("the output range [{low}, {high}] holds the surface at {held} of {} fitted rows", self.fit.rows()))
+        (held > 0).then(|| {
+            format!("the output range [{low}, {high}] limits the surface at {held} of {} fitted rows", self.fit.rows())
+        })
     }
 
     fn bounds_off_data(&self, low: f64, high: f64) -> Option<String> {
@@ -309,10 +310,7 @@ impl Notes<'_> {
 
 /// The warning if there are no rows that were not used for any choice.
 pub(crate) fn not_judged(used: &RowsUsed) -> Warning {
-    Warning {
-        kind: "judged-by-choosers",
-        what: format!("there is no error estimate from rows that chose nothing: {}", used.error),
-    }
+    Warning { kind: "judged-by-choosers", what: format!("there is no error estimate from holdout rows: {}", used.error) }
 }
 
 fn count(count: usize, one: &str, many: &str) -> String {

@@ -222,7 +222,7 @@ fn with_clock(mut log: Log, wishes: &Wishes) -> Result<Timed, Faults> {
         };
         let rows = log.columns.iter().map(|column| column.values.len()).max().unwrap_or(0);
         let times: Vec<f64> = (0..rows).map(|row| row as f64 * period).collect();
-        log.notes.push(format!("no column of time: rows are {} s apart, as --period says", decimal(period)));
+        log.notes.push(format!("no column of time: rows are {} s apart, from --period", decimal(period)));
         let clock = Clock::of(&times).map_err(|(_, what)| Faults::one(fault(what)))?;
         return Ok(Timed { log, clock, time: String::new() });
     };

@@ -201,7 +201,7 @@ fn errors(statistics: &ResponseStatistics, is_unseen: bool, unit: &str) -> Strin
     let left_out = cross.map_or(String::new(), |cross| format!("rows left out in {} parts in turn", cross.parts));
     let lists = [
         (validation, statistics.validation.as_ref()),
-        ("test rows, which chose nothing", statistics.test.as_ref()),
+        ("test rows, which were not used before", statistics.test.as_ref()),
         (left_out.as_str(), cross.map(|cross| &cross.errors)),
     ];
     let line = |name: &str, rows: usize, errors: [Option<f64>; 3]| {

@@ -137,7 +137,7 @@ impl KnownLoop {
                 gain: rows as f64 * ((self.stated / self.left).powi(2) - 1.0),
                 rivals: Vec::new(),
                 asked: true,
-                sentence: format!("{sentence} The law of the controller shows it, whatever the plant."),
+                sentence: format!("{sentence} The control law shows this, independently of the plant."),
                 check: entry.description.check,
                 witness: None,
                 only_in: None,

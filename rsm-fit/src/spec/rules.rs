@@ -294,7 +294,7 @@ fn check_terms(specification: &Specification, response: &ResponseSpec, terms: &[
             continue;
         }
         if let Some(first) = terms[..k].iter().position(|earlier| earlier == powers) {
-            let what = format!("{who}: term {}: powers {powers:?} stand already in term {}", k + 1, first + 1);
+            let what = format!("{who}: term {}: powers {powers:?} occur twice, first in term {}", k + 1, first + 1);
             faults.push(specification.fault(&place, what));
         }
         if let Some(input) = missing_odd_input(surface, powers) {

@@ -71,8 +71,8 @@ fn chosen<'t>(text: &'t tree::Text, source: &Source, options: &Options, faults: 
     if found.is_none() {
         let names: Vec<String> = text.models.iter().map(|model| format!("`{}`", model.name)).collect();
         let what = match (&options.model, names.is_empty()) {
-            (_, true) => "the text holds no model: expected `model NAME ... end NAME;`".to_string(),
-            (Some(name), false) => format!("the text holds no model `{name}`; there is {}", names.join(", ")),
+            (_, true) => "found no model in the text, expected `model NAME ... end NAME;`".to_string(),
+            (Some(name), false) => format!("found no model `{name}` in the text; there is {}", names.join(", ")),
             (None, false) => unreachable!("the last one is found"),
         };
         faults.push(Fault::whole_file(source.name(), what));

@@ -298,7 +298,7 @@ impl Translator<'_> {
         self.fault(
             &call.span,
             "found a call, expected an equation `x = ...` or `reinit(x, ...)` inside a `when`",
-            "an `assert` stands outside",
+            "write an `assert` outside of the `when`",
         )
     }
 

@@ -207,7 +207,7 @@ impl Paper {
 
     /// The table of the report.
     pub fn table(&self) -> String {
-        let mut text = "<table>\n<tr><th>figure</th><th>paper</th><th>to keep</th><th>measured</th></tr>\n".to_string();
+        let mut text = "<table>\n<tr><th>figure</th><th>paper</th><th>bound</th><th>measured</th></tr>\n".to_string();
         for line in &LINES {
             let value = self.value(line.key);
             let met = value.and_then(|value| line.bound.met(value));
