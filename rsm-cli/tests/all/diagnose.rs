@@ -230,10 +230,7 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
     // What the causes were chosen by is called so; the test record has figures of its own, beside the others.
     assert_eq!(value["judged_on"], "on the records that chose it");
     assert!(
-        value["test"]["judged_on"]
-            .as_str()
-            .unwrap()
-            .contains("which were not used before: their initial states are estimated on")
+        value["test"]["judged_on"].as_str().unwrap().contains("which nothing has seen before: their starts are estimated on")
     );
     assert!(value["test"]["gain"].as_f64().unwrap() > 0.9, "{}", value["test"]);
     for plant in ["nominal", "extended"] {

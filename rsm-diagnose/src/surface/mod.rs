@@ -368,7 +368,9 @@ fn of_response(
     let names = |data: &NewData| data.files.iter().map(|file| file.name.as_str()).collect::<Vec<_>>().join(", ");
     let on_files = unseen.map(|unseen| (unseen, holdout::on_files(model, index, &extension, unseen)));
     let (judged, judged_on) = match on_files {
-        Some((_, Ok(judged))) => (judged, "rows of the validation files, which no choice and no estimate used".to_string()),
+        Some((_, Ok(judged))) => {
+            (judged, "rows of the files for validation, from which nothing was chosen or estimated".to_string())
+        }
         other => {
             if let Some((unseen, Err(why))) = &other {
                 notes.push(format!(

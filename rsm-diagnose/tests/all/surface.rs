@@ -235,7 +235,7 @@ fn columns_that_judging_files_have_otherwise_lose_no_diagnosis() {
         let found = diagnose_and_test(&checked, &data, Some(&judging), Some(&judging), &mut |_| {}).unwrap();
         assert_eq!((found.verdict, labels(&found)), (Verdict::Explained, vec!["missing-input:temperature"]));
         let response = &found.responses[0];
-        let on_files = response.judged_on.contains("validation files");
+        let on_files = response.judged_on.contains("files for validation");
         let notes = response.notes.iter().filter(|note| note.contains("rows.csv cannot")).count();
         // One note for the files that judge, one for those that test.
         assert_eq!(notes, if on_files { 0 } else { 2 }, "{:?}", response.notes);

@@ -221,7 +221,7 @@ fn response_value(data: &NewData, response: &ResponseDiagnosis) -> Value {
         "judged_on": response.judged_on,
         "stopped": response.stopped,
         "test": response.tested.as_ref().map(|it| json!({
-            "rows": it.nominal.rows, "gain": output::finite(it.gain), "judged_on": "test rows, which were not used before",
+            "rows": it.nominal.rows, "gain": output::finite(it.gain), "judged_on": "test rows, which nothing has seen before",
         })),
         "threshold": output::finite(response.threshold),
         "structure_tests": tests.collect::<Vec<Value>>(),

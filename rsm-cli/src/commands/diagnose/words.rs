@@ -28,7 +28,7 @@ const SLOW_NOISE: f64 = 0.9;
 /// The basis of the figures of test records.
 pub fn tested_on() -> String {
     format!(
-        "on test records, which were not used before: their initial states are estimated on the first {} % of each, the errors are computed on the rest",
+        "on test records, which nothing has seen before: their starts are estimated on the first {} % of each, errors are of the rest",
         100 / FIRST_PART
     )
 }
