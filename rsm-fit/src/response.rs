@@ -137,7 +137,7 @@ impl Task<'_> {
                     format!("response `{}`: found {rows} rows to fit, a search of terms needs at least {least}", surface.name)
                 }
                 _ => format!(
-                    "response `{}`: found {rows} rows to fit, expected at least as many as terms, {least}",
+                    "response `{}`: found {rows} rows to fit, expected at least {least}, one for each term",
                     surface.name
                 ),
             };

@@ -220,7 +220,7 @@ impl Notes<'_> {
         let mut beyond: Vec<&(usize, f64)> = found.iter().filter(is_beyond).collect();
         beyond.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
         let named: Vec<String> =
-            beyond.iter().take(MOST_NAMED).map(|(row, t)| format!("{} by {t:+.1}", self.place(*row))).collect();
+            beyond.iter().take(MOST_NAMED).map(|(row, t)| format!("{}: {t:+.1}", self.place(*row))).collect();
         let more = beyond.len().saturating_sub(MOST_NAMED);
         let more = if more > 0 { format!(", and {more} more") } else { String::new() };
         (!beyond.is_empty()).then(|| {

@@ -67,7 +67,7 @@ impl fmt::Display for Everywhere {
             )?,
             (count, _) => write!(
                 f,
-                "{count} have more error than noise, at worst {:.1} % of the noise energy ({})",
+                "{count} with more error than noise, at worst {:.1} % of the noise energy ({})",
                 100.0 * self.excess,
                 names.join("; ")
             )?,

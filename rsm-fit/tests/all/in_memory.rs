@@ -212,7 +212,7 @@ fn what_cannot_be_fitted_is_told_in_words() {
         ("both", plain().terms([[1]]).ladder(99.0), "response `y`: found both terms and something that chooses them"),
         ("powers", plain().terms([[1, 1]]), "response `y`: term 1: found 2 powers, expected one for each of 1 inputs"),
         ("confidence", plain().ladder(101.0), "`confidence`: found 101, expected percent"),
-        ("few", plain().order(4), "response `y`: found 4 rows to fit, expected at least as many as terms, 5"),
+        ("few", plain().order(4), "response `y`: found 4 rows to fit, expected at least 5, one for each term"),
         ("weights", Fit::new(&x, y().weights([1.0, 1.0, 0.0, 1.0])), "response `y`: the weight of row 3: found 0"),
         ("some weights", Fit::new(&x, y().weights([1.0])), "response `y`: the weights: found 1 rows, expected 4"),
         ("unknown", Fit::new(&x, y().inputs(["z"])), "response `y`: there is no input `z`"),
