@@ -209,7 +209,7 @@ fn what_cannot_be_fitted_is_told_in_words() {
         ("range NaN", Fit::new(Input::new("a", x).range([f64::NAN, 1.0]), &x), "input `a`: `range`: found NaN"),
         ("order", plain().order(0), "response `y`: the order: found 0, expected a whole number from 1 to 20"),
         ("power", plain().terms([[21]]), "response `y`: a term: found the power 21, expected at most 20"),
-        ("both", plain().terms([[1]]).ladder(99.0), "response `y`: found both terms and something that chooses them"),
+        ("both", plain().terms([[1]]).ladder(99.0), "response `y`: found both terms and a method that chooses them"),
         ("powers", plain().terms([[1, 1]]), "response `y`: term 1: found 2 powers, expected one for each of 1 inputs"),
         ("confidence", plain().ladder(101.0), "`confidence`: found 101, expected percent"),
         ("few", plain().order(4), "response `y`: found 4 rows to fit, expected at least 5, one for each term"),

@@ -207,7 +207,7 @@ impl Translator<'_> {
             at = at * size + found as usize - 1;
         }
         let (Some(item), true) = (value.item(), subscripts.len() == array.sizes.len()) else {
-            return self.fault(span, format!("an element takes {}", value.shape()), "");
+            return self.fault(span, format!("found {}, expected a scalar for an element", value.shape()), "");
         };
         array.items[at] = item;
         self.here(name.clone(), array);
