@@ -421,7 +421,7 @@ fn check_terms(context: &Context<'_>, faults: &mut Collector, surface: &Surface,
         }
         if let Some(first) = surface.terms[..k].iter().position(|earlier| earlier.powers == term.powers) {
             let powers = &term.powers;
-            let what = format!("{who}: term {}: powers {powers:?} stand already in term {}", k + 1, first + 1);
+            let what = format!("{who}: term {}: powers {powers:?} occur twice, first in term {}", k + 1, first + 1);
             faults.push(context.fault(&place, what).help("add the two coefficients and keep one term"));
         }
     }
@@ -515,7 +515,7 @@ pub fn sigmoid_fits(sigmoid: &Sigmoid, [low, high]: [f64; 2]) -> Result<(), (Str
     let (least, most) = (low - span, high + span);
     if !(least <= *at && *at <= most) {
         let what = format!("found {input} = {at}, expected a value from {least} to {most}");
-        return Err((what, "far from the range it is no step there: use powers of the input"));
+        return Err((what, "a step so far away has no bend inside the range: use powers of the input"));
     }
     if !(span / WIDEST <= *width && *width <= span * WIDEST) {
         let what = format!("`width`: found {width}, expected {:e} to {:e}", span / WIDEST, span * WIDEST);
@@ -575,7 +575,7 @@ pub fn wave_fits(wave: &Wave, input: &Input) -> Result<(), (String, &'static str
     }
     if wave.period > WIDEST * (high - low) {
         let what = format!("the period {} is more than {WIDEST:e} times the range of `{}`", wave.period, input.name);
-        return Err((what, "a wave that long is a straight line there: use powers of the input"));
+        return Err((what, "inside the range such a long wave is a straight line: use powers of the input"));
     }
     Ok(())
 }

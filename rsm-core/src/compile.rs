@@ -116,7 +116,10 @@ pub fn unit_with_parts(checked: &Checked, precisions: &[Precision], parts: &Part
         }
         let own = |surface: &&Surface| surface.inputs.iter().any(|input| *input == format!("{}_once", surface.name));
         if let Some(surface) = model.surfaces.iter().find(own) {
-            let what = format!("surface `{0}`: its input `{0}_once` has the name of what is to be given once", surface.name);
+            let what = format!(
+                "surface `{0}`: its input `{0}_once` has the name of the argument for what is computed once",
+                surface.name
+            );
             return Err(refuse(what, "rename the input"));
         }
     }
@@ -127,7 +130,11 @@ pub fn unit_with_parts(checked: &Checked, precisions: &[Precision], parts: &Part
 fn inside(checked: &Checked, index: usize, precision: Precision, once: &[String]) -> Result<Vec<Function>, Faults> {
     let surface = &checked.model().surfaces[index];
     let parts = lower::inside(checked, index, precision, once).map_err(|count| {
-        let what = format!("surface `{}`: {} give it {count} numbers, expected one", surface.name, once.join(", "));
+        let what = format!(
+            "surface `{}`: the part that depends on {} alone gives {count} numbers, expected one",
+            surface.name,
+            once.join(", ")
+        );
         let help = "an input can be given once where no term multiplies it with another input";
         Faults::one(Fault::whole_file(checked.file(), what).help(help))
     })?;

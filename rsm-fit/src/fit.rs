@@ -374,7 +374,7 @@ mod tests {
         assert_eq!(object(&verdict)["why"], verdict.to_string());
         assert_eq!(
             object(&contradiction),
-            serde_json::json!({ "why": "infeasible: no coefficients of the chosen terms keep: convex" })
+            serde_json::json!({ "why": "infeasible: no coefficients of the chosen terms fulfil: convex" })
         );
         let responses = Named(vec![("y".to_string(), None)]);
         let fine = Report { model: "m", responses: responses.clone(), not_fitted: Named(vec![]) };

@@ -160,7 +160,7 @@ impl Records {
                 if *value <= 0.0 || !(weight.is_normal()) {
                     let what = format!("column {} `{}`: found {value}, expected a number above 0", column.place, column.name);
                     let fault = Fault::at_line(&table.file, *line, 0, what);
-                    faults.push(fault.help("a row that shall not count is left out of the file"));
+                    faults.push(fault.help("remove the row from the file if it must not count"));
                 }
                 target.push(weight);
             }

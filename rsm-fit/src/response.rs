@@ -134,9 +134,12 @@ impl Task<'_> {
             let rows = self.fit.rows();
             let what = match method {
                 Method::Search(_) => {
-                    format!("response `{}`: {rows} rows to fit, a search of terms needs {least}", surface.name)
+                    format!("response `{}`: found {rows} rows to fit, a search of terms needs at least {least}", surface.name)
                 }
-                _ => format!("response `{}`: at least {least} terms, but {rows} rows to fit", surface.name),
+                _ => format!(
+                    "response `{}`: found {rows} rows to fit, expected at least {least}, one for each term",
+                    surface.name
+                ),
             };
             return Err(Faults::one(self.fault(what).help("fit fewer terms or measure more points")));
         }
@@ -162,7 +165,8 @@ impl Task<'_> {
         let is_searched = Searcher::is_for(method, all.width(), self.fit.rows());
         let found = if is_searched { searcher.choose() } else { None };
         if is_searched && found.is_none() {
-            let what = format!("response `{}`: the rows are too few, or in too few groups, to choose terms by", surface.name);
+            let what =
+                format!("response `{}`: there are too few rows, or too few groups of rows, to choose terms", surface.name);
             return Err(Faults::one(self.fault(what).help("measure more points, or give terms with method \"fixed\"")));
         }
         // For a search, only the chosen candidates: reducing all of them in double-double would take too long.
@@ -458,26 +462,28 @@ impl Judging {
         };
         let validation = match (chosen.by, validate) {
             (_, None) => "none".to_string(),
-            (ChosenBy::Validation, Some(rows)) => format!("{rows} rows, on the rows that chose it"),
-            (_, Some(rows)) => format!("{rows} unseen rows: they chose nothing"),
+            (ChosenBy::Validation, Some(rows)) => format!("{rows} rows, which also chose the terms"),
+            (_, Some(rows)) => format!("{rows} holdout rows, not used for any choice"),
         };
         let error = match (&task.test, &self.cross_validated, chosen.by, validate) {
-            (Some(test), ..) => format!("{} test rows: they chose nothing and were used once", test.rows()),
-            (None, _, by, Some(rows)) if by != ChosenBy::Validation => format!("{rows} validation rows: they chose nothing"),
+            (Some(test), ..) => format!("{} test rows, not used for anything else", test.rows()),
+            (None, _, by, Some(rows)) if by != ChosenBy::Validation => {
+                format!("{rows} validation rows, not used for any choice")
+            }
             (None, Some(cross), by, _) if !self.is_held => {
                 let (rows, parts) = (cross.errors.rows, cross.parts);
                 let again = match (by == ChosenBy::Nobody, has_found_steps) {
                     (true, false) => "the fit repeated without them",
                     (false, false) => "fit and choice of terms repeated without them",
                     (_, true) => {
-                        "fit, choice of terms and of the form's own numbers repeated without them; by the same rows the form was preferred to powers alone"
+                        "fit, choice of terms and of the parameters of the form repeated without them; the same rows also chose this form over powers only"
                     }
                 };
                 format!("{rows} rows left out in {parts} parts in turn, {again}")
             }
-            (None, Some(_), ..) => "none: constraints hold the surface, and are not repeated with rows left out".to_string(),
+            (None, Some(_), ..) => "none: constraints are active, and cross-validation does not repeat them".to_string(),
             (None, None, ChosenBy::Nobody, None) => "none: there are too few rows to leave any out".to_string(),
-            (None, None, ..) => "none: the error is that on the rows that chose it".to_string(),
+            (None, None, ..) => "none: the only error is that on the rows that chose the terms".to_string(),
         };
         RowsUsed { coefficients: format!("{fitted} rows"), terms, validation, error }
     }

@@ -122,7 +122,7 @@ impl std::fmt::Display for AboutZero {
             AboutZero::ExplainsLittle { share } => {
                 write!(
                     f,
-                    "on rows that chose nothing it explains {:.1} % of the spread about the mean, {:.0} % wanted",
+                    "on holdout rows it explains {:.1} % of the spread about the mean, {:.0} % required",
                     100.0 * share,
                     100.0 * LEAST_EXPLAINED
                 )
@@ -159,12 +159,12 @@ impl std::fmt::Display for Verdict {
             }
             Verdict::NotReached { best, wanted } => write!(f, "confidence {wanted} % not reached, best {best:.4} %"),
             Verdict::Infeasible { constraints } => {
-                write!(f, "infeasible: no coefficients of the chosen terms keep: {}", constraints.join("; "))
+                write!(f, "infeasible: no coefficients of the chosen terms fulfil: {}", constraints.join("; "))
             }
             Verdict::NotProven(why) => why.fmt(f),
             Verdict::IllConditioned { condition, columns } => write!(
                 f,
-                "ill-conditioned ({condition:.1e}): the data cannot tell apart the terms {}; vary their inputs independently or drop a term",
+                "ill-conditioned ({condition:.1e}): the data cannot distinguish the terms {}; vary their inputs independently or drop a term",
                 columns.join(", ")
             ),
         }
@@ -218,7 +218,7 @@ mod tests {
         for (why, words) in [
             (
                 AboutZero::ExplainsLittle { share: 0.125 },
-                "on rows that chose nothing it explains 12.5 % of the spread about the mean, 50 % wanted",
+                "on holdout rows it explains 12.5 % of the spread about the mean, 50 % required",
             ),
             (AboutZero::LacksFit { centred: 87.5 }, "87.5000 % of the spread about it, and a significant lack of fit"),
             (AboutZero::NobodyJudges, "no rows are left that were not used to choose the model"),
@@ -226,10 +226,10 @@ mod tests {
             assert_eq!(about_zero(why), format!("{begin}{words}"));
         }
         let constraints = vec!["a".to_string(), "b".to_string()];
-        assert_eq!(told(Verdict::Infeasible { constraints }), "infeasible: no coefficients of the chosen terms keep: a; b");
+        assert_eq!(told(Verdict::Infeasible { constraints }), "infeasible: no coefficients of the chosen terms fulfil: a; b");
         assert_eq!(
             told(Verdict::IllConditioned { condition: 2e15, columns: vec!["x".into(), "z".into()] }),
-            "ill-conditioned (2.0e15): the data cannot tell apart the terms x, z; vary their inputs independently or drop a term"
+            "ill-conditioned (2.0e15): the data cannot distinguish the terms x, z; vary their inputs independently or drop a term"
         );
         let who = [
             ChosenBy::Nobody,

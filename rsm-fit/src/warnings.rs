@@ -8,11 +8,11 @@
 //! lack-of-fit           F against replicates; and the largest t of a term that is not in the model, up to one order above
 //! outliers              the largest externally studentised residual, Bonferroni over rows
 //! correlated-residuals  neighbours in the run order, or as rows stand, against random orders
-//! explains-little       less than half of the spread about the mean on rows that chose nothing
-//! output-bound          the output range holds the surface at some rows
+//! explains-little       less than half of the spread about the mean on holdout rows
+//! output-bound          the output range limits the surface at some rows
 //! bounds-off-data       most responses lie beyond the bounds of a constraint or of the output range
 //! rows-seen             rows kept apart are exact copies of fitted rows
-//! judged-by-choosers    there are no rows that chose nothing
+//! judged-by-choosers    there are no holdout rows
 //! ```
 //!
 //! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 2.6 and 2.7 (lack of fit, R-student); Cook, Weisberg 1982,
@@ -111,7 +111,10 @@ impl Notes<'_> {
         warn("output-bound", self.output_bound(&residuals, spread));
         warn("bounds-off-data", self.bounds_off_data(low, high));
         for (key, count) in self.copies {
-            warn("rows-seen", Some(format!("{count} rows of `{key}` are exact copies of fitted rows: they have been seen")));
+            warn(
+                "rows-seen",
+                Some(format!("{count} rows of `{key}` are exact copies of fitted rows: they are no holdout rows")),
+            );
         }
         Noted { warnings, is_lacking, serial }
     }
@@ -135,7 +138,7 @@ impl Notes<'_> {
         }
         let fitted = self.statistics.r2_predicted.or(self.statistics.r2);
         let (share, rows) = match self.explained {
-            Some(share) => (share, "rows that chose nothing"),
+            Some(share) => (share, "holdout rows"),
             None => (if is_held { self.statistics.r2? } else { fitted? }, "the fitted rows"),
         };
         (share < LEAST_EXPLAINED).then(|| {
@@ -217,13 +220,13 @@ impl Notes<'_> {
         let mut beyond: Vec<&(usize, f64)> = found.iter().filter(is_beyond).collect();
         beyond.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
         let named: Vec<String> =
-            beyond.iter().take(MOST_NAMED).map(|(row, t)| format!("{} by {t:+.1}", self.place(*row))).collect();
+            beyond.iter().take(MOST_NAMED).map(|(row, t)| format!("{}: {t:+.1}", self.place(*row))).collect();
         let more = beyond.len().saturating_sub(MOST_NAMED);
         let more = if more > 0 { format!(", and {more} more") } else { String::new() };
         (!beyond.is_empty()).then(|| {
             format!(
-                "{} beyond chance, in standard deviations: {}{more}",
-                count(beyond.len(), "row lies", "rows lie"),
+                "{} that noise does not explain, in standard deviations: {}{more}",
+                count(beyond.len(), "row has an error", "rows have errors"),
                 named.join("; ")
             )
         })
@@ -261,17 +264,17 @@ impl Notes<'_> {
     fn correlated(&self, serial: &Serial) -> String {
         let (who, why) = match serial.order {
             "rows" => {
-                ("rows", "something drifts along the recording, or the surface misses something where rows stand in order")
+                ("rows", "a quantity drifts during the recording, or the surface has an error that neighbouring rows share")
             }
-            _ => ("runs", "something drifts"),
+            _ => ("runs", "a quantity drifts"),
         };
         let ratio = serial.largest_ratio(self.statistics.terms.iter().map(|term| term.standard_error));
         let known = ratio.zip(serial.lags).map_or(String::new(), |(ratio, lags)| {
-            format!("; with {lags} lags (Newey-West) they are up to {ratio:.1} times as large")
+            format!("; estimated with {lags} lags (Newey-West) they are up to {ratio:.1} times as large")
         });
         let (correlation, p) = (serial.correlation, serial.p);
         format!(
-            "errors of neighbouring {who} are alike (correlation {correlation:.2}, p = {}): {why}, and standard errors are too small{known}",
+            "errors of neighbouring {who} are correlated ({correlation:.2}, p = {}): {why}. The standard errors are too small{known}",
             if p < 1e-3 { format!("{p:.1e}") } else { format!("{p:.3}") }
         )
     }
@@ -280,8 +283,9 @@ impl Notes<'_> {
         let [low, high] = self.surface.output_range?;
         let margin = HELD * spread;
         let held = residuals.predicted.iter().filter(|y| **y < low - margin || **y > high + margin).count();
-        (held > 0)
-            .then(|| format!("the output range [{low}, {high}] holds the surface at {held} of {} fitted rows", self.fit.rows()))
+        (held > 0).then(|| {
+            format!("the output range [{low}, {high}] limits the surface at {held} of {} fitted rows", self.fit.rows())
+        })
     }
 
     fn bounds_off_data(&self, low: f64, high: f64) -> Option<String> {
@@ -306,7 +310,7 @@ impl Notes<'_> {
 
 /// The warning if there are no rows that were not used for any choice.
 pub(crate) fn not_judged(used: &RowsUsed) -> Warning {
-    Warning { kind: "judged-by-choosers", what: format!("no error on rows that chose nothing is known: {}", used.error) }
+    Warning { kind: "judged-by-choosers", what: format!("there is no error estimate from holdout rows: {}", used.error) }
 }
 
 fn count(count: usize, one: &str, many: &str) -> String {

@@ -120,22 +120,22 @@ pub(crate) fn align(first: &Samples, second: &Samples) -> Result<Alignment, Stri
     let longer = [first, second].iter().map(|it| it.span().1 - it.span().0).fold(0.0, f64::max);
     let finest = first.usual().max(second.usual());
     if finest <= 0.0 || first.len() < 2 * BLOCKS || second.len() < 2 * BLOCKS {
-        return Err(format!("a clock is aligned by {} samples at least in each file", 2 * BLOCKS));
+        return Err(format!("found too few samples, expected at least {} in each file", 2 * BLOCKS));
     }
     let mut width = finest.max(longer / CELLS as f64);
     let found = search(&Cells::of(first, width), &Cells::of(second, width));
     let Some(found) = found else {
-        return Err("one of them is constant, or they never overlap long enough".to_string());
+        return Err("one of the two signals is constant, or they overlap for too short a time".to_string());
     };
     if found.correlation < LEAST_CORRELATION {
         return Err(format!(
-            "the two do not show one signal: their correlation is {:.2} at best, {LEAST_CORRELATION} is asked for",
+            "the two signals do not agree: found a correlation of {:.2} at best, expected at least {LEAST_CORRELATION}",
             found.correlation
         ));
     }
     if 1.0 - found.next.0.powi(2) < NEXT_BEST * (1.0 - found.correlation.powi(2)) && found.next.0 > 0.0 {
         return Err(format!(
-            "they fit at an offset of {:.4} s (correlation {:.3}) and as well at {:.4} s ({:.3}): take a signal that does not repeat",
+            "the offset is ambiguous: {:.4} s (correlation {:.3}) and {:.4} s ({:.3}) fit equally well; use a signal that does not repeat",
             found.offset, found.correlation, found.next.1, found.next.0
         ));
     }
@@ -165,7 +165,7 @@ pub(crate) fn align(first: &Samples, second: &Samples) -> Result<Alignment, Stri
     let correlation = correlation(&signals, fit, middle);
     if correlation.is_nan() || correlation < LEAST_CORRELATION {
         return Err(format!(
-            "they are alike on averages over {:.3} s, and not in detail (correlation {correlation:.2}): take a slower signal",
+            "the two signals agree in averages over {:.3} s, but not in detail (correlation {correlation:.2}): use a slower signal",
             longer / CELLS as f64
         ));
     }
@@ -289,7 +289,7 @@ fn normal(points: &[Point], has_rate: bool) -> (Matrix4<f64>, Vector4<f64>) {
     (matrix, right)
 }
 
-const TOO_LITTLE: &str = "what both have in common does not fix the offset: take a signal that moves";
+const TOO_LITTLE: &str = "the two signals do not determine the offset: use a signal that changes";
 
 fn newton(signals: &(Cells, Cells), mut fit: Fit, middle: f64, has_rate: bool) -> Result<Fit, String> {
     // From half a cell away each step is a quarter of the one before; 20 are more than any case of the tests takes.
@@ -433,6 +433,6 @@ mod tests {
         let said = align(&of(one), &of(two)).unwrap_err();
         assert!(said.contains("do not show one signal"), "{said}");
         assert!(align(&wave, &of(vec![1.0; 4000])).unwrap_err().contains("constant"));
-        assert!(align(&wave, &Samples::of(&times[..20], &times[..20])).unwrap_err().contains("60 samples"));
+        assert!(align(&wave, &Samples::of(&times[..20], &times[..20])).unwrap_err().contains("at least 60"));
     }
 }

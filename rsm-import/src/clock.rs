@@ -47,7 +47,7 @@ impl Clock {
             notes.push(format!("{} rows without an instant are left out", instants.len() - present.len()));
         }
         if present.len() < 3 {
-            return Err((None, format!("{} rows have an instant, a record needs three", present.len())));
+            return Err((None, format!("found {} rows with an instant, expected at least three", present.len())));
         }
         let times: Vec<f64> = present.iter().map(|row| instants[*row]).collect();
         let (rows, times, back) = increasing(&present, &times);
@@ -69,7 +69,7 @@ impl Clock {
             None if as_read.is_uniform => as_read,
             Some((quantum, straight)) => {
                 notes.push(format!(
-                    "instants are rounded to {} s; the rows are uniform within that, and their instants are taken from a straight line",
+                    "instants are rounded to {} s; within this rounding the rows are uniform, and a straight line gives their instants",
                     decimal(quantum)
                 ));
                 Clock::steady(rows, straight, GAP_OF_UNIFORM)
@@ -84,7 +84,7 @@ impl Clock {
                 let rows: Vec<usize> = distinct.iter().map(|k| rows[*k]).collect();
                 let times: Vec<f64> = distinct.iter().map(|k| times[*k]).collect();
                 if times.len() < 3 {
-                    return Err((None, format!("there are {} different instants, a record needs three", times.len())));
+                    return Err((None, format!("found {} different instants, expected at least three", times.len())));
                 }
                 Clock::steady(rows, times, GAP_WITH_JITTER)
             }

@@ -11,7 +11,7 @@ pub(crate) fn read(name: &str, bytes: &[u8]) -> Result<Log, Faults> {
     } else if crate::mat::is_mat(bytes) {
         crate::mat::read(name, bytes)?
     } else if let Some(format) = foreign(bytes) {
-        let what = format!("this is {format}, which is not read");
+        let what = format!("found {format}, which is not supported");
         return Err(Faults::one(Fault::whole_file(name, what).help("export it as CSV or as a MAT file")));
     } else {
         crate::sheet::read(name, bytes)?

@@ -35,7 +35,7 @@ impl Log {
                 .iter()
                 .any(|it| it.unit == column.unit && it.texts == column.texts && same(&it.values, &column.values))
             {
-                self.notes.push(format!("`{}` stands there twice with the same values: one is left out", column.name));
+                self.notes.push(format!("the column `{}` occurs twice with the same values: one is left out", column.name));
                 continue;
             }
             if !of_the_name.is_empty() {
@@ -44,7 +44,10 @@ impl Log {
                     number += 1;
                 }
                 let name = format!("{}_{number}", column.name);
-                self.notes.push(format!("`{}` stands there twice with other values: the later one is `{name}`", column.name));
+                self.notes.push(format!(
+                    "the column `{}` occurs twice with different values: the later one is called `{name}`",
+                    column.name
+                ));
                 column.name = name;
             }
             kept.push(column);

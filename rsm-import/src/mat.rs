@@ -202,7 +202,7 @@ impl Found {
                 for k in 0..count {
                     for field in &names {
                         if data.len() < 8 {
-                            return Err("a structure with fewer values than it says: the MAT file is damaged".to_string());
+                            return Err("a structure with fewer values than it declares: the MAT file is damaged".to_string());
                         }
                         let (element, taken) = self.element(data)?;
                         data = &data[taken..];

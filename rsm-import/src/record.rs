@@ -180,7 +180,8 @@ pub fn import(files: &[File], wishes: &Wishes) -> Result<Record, Faults> {
         ));
         if period > 1.5 * clock.period {
             notes.push(
-                "the new period is longer than that of the file: what is faster than half the new rate folds down".to_string(),
+                "the new period is longer than that of the file: frequencies above half the new rate alias to lower ones"
+                    .to_string(),
             );
         }
     }
@@ -221,7 +222,7 @@ fn with_clock(mut log: Log, wishes: &Wishes) -> Result<Timed, Faults> {
         };
         let rows = log.columns.iter().map(|column| column.values.len()).max().unwrap_or(0);
         let times: Vec<f64> = (0..rows).map(|row| row as f64 * period).collect();
-        log.notes.push(format!("no column of time: rows are {} s apart, as --period says", decimal(period)));
+        log.notes.push(format!("no column of time: rows are {} s apart, from --period", decimal(period)));
         let clock = Clock::of(&times).map_err(|(_, what)| Faults::one(fault(what)))?;
         return Ok(Timed { log, clock, time: String::new() });
     };
@@ -253,9 +254,9 @@ fn with_clock(mut log: Log, wishes: &Wishes) -> Result<Timed, Faults> {
         log.columns.iter().filter(|it| it.values.len() != instants.len()).map(|it| format!("`{}`", it.name)).collect();
     if !other.is_empty() {
         log.notes.push(format!(
-            "left out, since `{}` has {} rows and they have not: {}",
-            column.name,
+            "left out, because they do not have the {} rows of `{}`: {}",
             instants.len(),
+            column.name,
             other.join(", ")
         ));
         log.columns.retain(|it| it.values.len() == instants.len());
@@ -357,7 +358,7 @@ fn chosen<'a>(timed: &'a [Timed], wishes: &Wishes, notes: &mut Vec<String>) -> R
         for it in timed {
             for column in it.log.columns.iter().filter(|column| column.name != it.time) {
                 if !column.texts.is_empty() {
-                    notes.push(format!("{}: `{}` holds words and is left out", it.log.file, column.name));
+                    notes.push(format!("{}: `{}` contains text and is left out", it.log.file, column.name));
                     continue;
                 }
                 let mut name = column.name.clone();
@@ -367,7 +368,10 @@ fn chosen<'a>(timed: &'a [Timed], wishes: &Wishes, notes: &mut Vec<String>) -> R
                     number += 1;
                 }
                 if name != column.name {
-                    notes.push(format!("{}: `{}` is called `{name}`, the name is taken", it.log.file, column.name));
+                    notes.push(format!(
+                        "{}: `{}` is called `{name}`, because the name is already in use",
+                        it.log.file, column.name
+                    ));
                 }
                 all.push(Chosen { timed: it, column, name, unit: column.unit.clone() });
             }
@@ -381,11 +385,11 @@ fn chosen<'a>(timed: &'a [Timed], wishes: &Wishes, notes: &mut Vec<String>) -> R
             return Err(Faults::one(Fault::whole_file(&timed[0].log.file, what)));
         };
         if !column.texts.is_empty() {
-            let what = format!("`{}` holds words, `{}` for one; expected numbers", column.name, column.texts[0]);
+            let what = format!("`{}`: found text such as `{}`, expected numbers", column.name, column.texts[0]);
             return Err(Faults::one(Fault::whole_file(&it.log.file, what)));
         }
         if wish.name == "time" || all.iter().any(|other| other.name == wish.name) {
-            let what = format!("two columns would be called `{}`", wish.name);
+            let what = format!("found the name `{}` for two columns, expected different names", wish.name);
             return Err(Faults::one(Fault::whole_file(&it.log.file, what)));
         }
         all.push(Chosen {

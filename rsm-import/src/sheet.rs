@@ -93,7 +93,7 @@ pub(crate) fn read(file: &str, bytes: &[u8]) -> Result<Log, Faults> {
                 let count = texts.iter().zip(&values).filter(|(text, value)| value.is_nan() && !is_absent(text)).count();
                 let found: String = texts[row].chars().take(40).collect();
                 log.notes.push(format!(
-                    "`{name}`: {count} cells that are no numbers count as no sample, the first is `{found}` (line {})",
+                    "`{name}`: {count} cells are not numbers and count as missing samples, the first is `{found}` (line {})",
                     log.lines[row]
                 ));
             }

@@ -141,7 +141,7 @@ fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, wish: &Wish) -> 
         if moved > 0 && now.saturating_sub(Duration::from_nanos(moved)) > wish.silence {
             let tick = shared.with(|done| done.table.rows());
             break Some(format!(
-                "after tick {tick} time stood still for {:.1} s: a peer or the broker at {} is gone",
+                "after tick {tick} the simulated time did not advance for {:.1} s: a peer or the broker at {} has ended or cannot be reached",
                 wish.silence.as_secs_f64(),
                 wish.broker
             ));
@@ -208,7 +208,11 @@ fn command_name(side: Loop) -> String {
 fn join(library: &'static Library, role: Role, wish: &Wish) -> Result<(Federate, Ends), String> {
     let until = Instant::now() + wish.wait;
     if !library.has(wish.core) {
-        return Err(format!("{} has no core {}", library.place.display(), wish.core.name()));
+        return Err(format!(
+            "{}: this build of HELICS has no core `{}`\n  help: use another core, or another build of HELICS",
+            library.place.display(),
+            wish.core.name()
+        ));
     }
     if wish.core != Core::Ipc {
         await_port(&wish.broker, until)?;
@@ -230,7 +234,7 @@ fn join(library: &'static Library, role: Role, wish: &Wish) -> Result<(Federate,
 /// Waits until something listens at the broker's address. The library would wait too, but it prints every refused connection on the terminal, and after a request that is a moment too early it waits 2 s.
 fn await_port(broker: &Address, until: Instant) -> Result<(), String> {
     use std::net::{TcpStream, ToSocketAddrs as _};
-    let mut why = String::from("no address");
+    let mut why = String::from("this name has no address");
     loop {
         match (broker.host.as_str(), broker.port).to_socket_addrs() {
             Ok(addresses) => {
@@ -268,7 +272,7 @@ fn hear(federate: &Federate, from: Subscription, what: &str, tick: u64, values: 
         return Err(format!("tick {tick}: no value of `{what}` arrived: its sender has ended, or is not in the federation"));
     }
     if vector[0] != tick as f64 {
-        return Err(format!("tick {tick}: of `{what}` tick {} was heard: who tells it has ended", vector[0]));
+        return Err(format!("tick {tick}: the last value of `{what}` is that of tick {}: its sender has ended", vector[0]));
     }
     values.copy_from_slice(&vector[1..length]);
     Ok(())

@@ -263,7 +263,11 @@ impl Library {
         let options = text(&format!("--federates={federates} {place} {HEARTBEAT} --terminate_on_error --loglevel=no_print"));
         let handle = checked!(self.functions.create_broker, kind.as_ptr(), name.as_ptr(), options.as_ptr())?;
         let broker = Broker { library: self, handle };
-        if broker.is_connected() { Ok(broker) } else { Err(format!("no broker can listen on {address}")) }
+        if broker.is_connected() {
+            Ok(broker)
+        } else {
+            Err(format!("the broker cannot listen on {address}: the port is in use, or the address is not of this host"))
+        }
     }
 
     /// Joins a federation. Waits for the broker up to a time.
@@ -411,7 +415,7 @@ impl Federate {
         let granted = checked!(self.library.functions.request_time, self.handle, time)?;
         // Times are whole nanoseconds in the library.
         if granted < time - 1e-9 || granted > time + 1e-9 {
-            return Err(format!("asked for the time {time} s, got {granted} s: the federation is over"));
+            return Err(format!("requested the time {time} s, got {granted} s: the federation has ended"));
         }
         Ok(())
     }

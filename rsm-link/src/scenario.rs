@@ -192,7 +192,10 @@ fn read_processes(top: &TableReader<'_>, value: toml_reader::Value<'_>, faults: 
         let who = format!("process `{name}`");
         let Some(mut reader) = TableReader::of(top.source(), value, who.clone(), faults) else { continue };
         if name == "broker" {
-            faults.push(top.fault(span, "the broker is started by itself: give the process another name"));
+            faults.push(top.fault(
+                span,
+                "found a process `broker`; the broker starts automatically, outside this list: give the process another name",
+            ));
         }
         let host = reader.optional_text("host", faults);
         let listened = reader.choice("loop", &Loop::ALL.map(|it| (it.name(), it)), faults).unwrap_or(Loop::Motor);
@@ -206,15 +209,15 @@ fn read_processes(top: &TableReader<'_>, value: toml_reader::Value<'_>, faults: 
             };
             let unique = role.unique_name();
             if taken.contains(&unique) {
-                let what = format!("`roles`: \"{unique}\" takes part twice");
-                let help = "a recorder names what it listens to by `loop`; a process has one";
+                let what = format!("`roles`: found \"{unique}\" twice, expected each role once in all processes");
+                let help = "a recorder records the `loop` of its process; write a process for each loop";
                 faults.push(reader.fault(span, what).help(help));
             }
             taken.push(unique);
             roles.push(role);
         }
         if roles.is_empty() && faults.is_clean() {
-            faults.push(reader.fault(reader.span(), "it has no role"));
+            faults.push(reader.fault(reader.span(), "`roles`: found none, expected at least one"));
         }
         reader.finish(faults);
         processes.push(Process { name: name.to_string(), roles, host });
@@ -224,12 +227,16 @@ fn read_processes(top: &TableReader<'_>, value: toml_reader::Value<'_>, faults: 
         let (plant, step, recorder) = (Role::Plant(side), Role::Step(side), Role::Recorder(side));
         let some = has(plant) || has(step) || has(recorder);
         for missing in [plant, step].into_iter().filter(|role| some && !has(*role)) {
-            let what = format!("`processes`: nobody is \"{}\", and the loop of the {} needs it", missing.name(), side.name());
+            let what = format!(
+                "`processes`: no process has the role \"{}\"; the loop of the {} needs it",
+                missing.name(),
+                side.name()
+            );
             faults.push(top.fault(top.key_span("processes"), what));
         }
     }
     if processes.is_empty() {
-        faults.push(top.fault(top.key_span("processes"), "`processes`: there is none"));
+        faults.push(top.fault(top.key_span("processes"), "`processes`: found none, expected at least one"));
     }
     Some(processes)
 }
@@ -297,10 +304,10 @@ host = "right"
         assert!(change("0.05", "-1").contains("s.toml:4:16: `load_inertia`: found -1 kg m^2"));
         assert!(change("\"zmq\"", "\"tcp\"").contains("expected one of \"tcp_ss\", \"zmq\", \"ipc\""));
         assert!(change("10.0.0.1:23500", "10.0.0.1").contains("s.toml:6:10: `broker`: found `10.0.0.1`, expected HOST:PORT"));
-        assert!(change("\"throttle\", \"controller\"", "\"throttle\"").contains("nobody is \"controller\""));
-        assert!(change("\"throttle\", \"controller\"", "\"throttle\", \"throttle\"").contains("takes part twice"));
+        assert!(change("\"throttle\", \"controller\"", "\"throttle\"").contains("no process has the role \"controller\""));
+        assert!(change("\"throttle\", \"controller\"", "\"throttle\", \"throttle\"").contains("expected each role once"));
         assert!(change("[\"recorder\"]", "[\"broker\"]").contains("found \"broker\", expected motor"));
-        assert!(change("[\"recorder\"]", "[]").contains("it has no role"));
+        assert!(change("[\"recorder\"]", "[]").contains("`roles`: found none, expected at least one"));
         assert!(change("loop =", "of =").contains("unknown key `of`"));
         assert!(change("processes.plants", "processes.broker").contains("another name"));
         assert!(refused("format = 1\n").contains("`processes`"));

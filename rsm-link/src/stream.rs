@@ -214,7 +214,7 @@ const FAREWELLS: u32 = 5;
 pub fn run(wish: &Wish) -> Result<Done, String> {
     let (side, mine) = wish.side;
     let peer = wish.peer.to_socket_addrs().map_err(|error| format!("--peer {}: {error}", wish.peer))?.next();
-    let peer = peer.ok_or_else(|| format!("--peer {}: no address", wish.peer))?;
+    let peer = peer.ok_or_else(|| format!("--peer {}: this name has no address", wish.peer))?;
     let socket = UdpSocket::bind(&wish.listen).map_err(|error| format!("--listen {}: {error}", wish.listen))?;
     socket.set_read_timeout(Some(Duration::from_millis(20))).map_err(|error| format!("--listen {}: {error}", wish.listen))?;
     let (session, start_ns) = (session(), now_ns());
@@ -297,9 +297,9 @@ fn greet(link: &Link<'_>, heard: &Mutex<Heard>, wish: &Wish) -> Result<(), Strin
                 let why = if other_model > 0 {
                     "it runs another model: compare the coefficients and versions of both sides".to_string()
                 } else if foreign > 0 {
-                    format!("{foreign} datagrams came that have another key, or are no such thing")
+                    format!("received {foreign} datagrams that have another key or are not of `rsm stream`")
                 } else {
-                    "nothing came".to_string()
+                    "nothing was received".to_string()
                 };
                 return Err(format!(
                     "the peer at {} sent no valid datagram within {:.1} s: {why}",
@@ -359,7 +359,7 @@ impl<'a> Ticks<'a> {
         let silent = now.saturating_sub(heard.last_ns);
         if !heard.ended && u128::from(silent) > self.wish.silence.as_nanos() {
             let seconds = self.wish.silence.as_secs_f64();
-            self.done.lost = Some(format!("nothing was heard of the peer at {} for {seconds:.1} s", self.link.peer));
+            self.done.lost = Some(format!("the peer at {} sent no valid datagram for {seconds:.1} s", self.link.peer));
             return None;
         }
         // A late tick is played for its scheduled time, so that catching up does not use up the buffer.

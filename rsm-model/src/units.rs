@@ -300,7 +300,7 @@ impl Checker<'_> {
                     let Some(unit) = unit else { continue };
                     let (a, b) = (self.of_text(&unit), of(self, *argument));
                     let text = self.flat.text(*argument);
-                    self.same(a, b, &format!("an argument of `{name}` and what stands there"), &input, &text);
+                    self.same(a, b, &format!("an argument of `{name}` and the given expression"), &input, &text);
                 }
                 unit.map_or(Measure::Any, |unit| self.of_text(&unit))
             }

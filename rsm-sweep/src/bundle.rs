@@ -26,11 +26,12 @@ pub fn is_one(text: &str) -> bool {
 /// If the text is no bundle of this version, or the faults of its scenario.
 pub fn read(source: &Source) -> Result<Scenario, Faults> {
     let refuse = |what: &str| Faults::one(Fault::whole_file(source.name(), what));
-    let value: Value = serde_json::from_str(source.text()).map_err(|error| refuse(&format!("no bundle: {error}")))?;
+    let value: Value =
+        serde_json::from_str(source.text()).map_err(|error| refuse(&format!("not a bundle of `rsm sweep`: {error}")))?;
     let (Some(1), Some(scenario), Some(name), Some(files)) =
         (value["bundle"].as_u64(), value["scenario"].as_str(), value["name"].as_str(), value["files"].as_object())
     else {
-        return Err(refuse("no bundle of this version"));
+        return Err(refuse("not a bundle of this version of rsm"));
     };
     let open = |wanted: &str| match files.get(wanted).and_then(Value::as_str) {
         Some(text) => Ok(Source::new(wanted, text)),

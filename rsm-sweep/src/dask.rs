@@ -63,7 +63,8 @@ pub fn run(
     let output = child.0.stdout.take().ok_or("the script has no standard output")?;
     for line in BufReader::new(output).lines() {
         let line = line.map_err(|error| format!("the script cannot be read: {error}"))?;
-        let told: Value = serde_json::from_str(&line).map_err(|error| format!("the script said `{line}`: {error}"))?;
+        let told: Value = serde_json::from_str(&line)
+            .map_err(|error| format!("the script printed `{line}`, expected one JSON object: {error}"))?;
         let hash = told["task"].as_str().unwrap_or_default();
         let task = by_hash.get(hash).ok_or_else(|| format!("the script reported an unknown task: `{hash}`"))?;
         if let Some(why) = told["error"].as_str() {
@@ -71,9 +72,9 @@ pub fn run(
             continue;
         }
         let result: Value = serde_json::from_str(told["result"].as_str().unwrap_or_default())
-            .map_err(|error| format!("the result of the task {hash} is not whole: {error}"))?;
+            .map_err(|error| format!("the result of the task {hash} is incomplete: {error}"))?;
         if result["task"].as_str() != Some(hash) {
-            return Err(format!("the result of the task {hash} is that of another one"));
+            return Err(format!("the script returned the result of another task for the task {hash}"));
         }
         store.put(task, &result)?;
         if left.remove(hash).is_some() {
@@ -86,7 +87,7 @@ pub fn run(
     }
     if !status.success() || !left.is_empty() {
         return Err(format!(
-            "{} -m rsm_sweep_dask ended with {status}, {} of {} tasks have no result\n  help: on this machine `pip install PROJECT/rsm-sweep/python` (with Dask's `distributed`), on the workers `rsm` of this version",
+            "{} -m rsm_sweep_dask ended with {status}, {} of {} tasks have no result\n  help: install the script here by `pip install PROJECT/rsm-sweep/python`, and this version of `rsm` on every worker",
             cluster.python,
             left.len(),
             tasks.len()

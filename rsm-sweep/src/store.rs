@@ -56,7 +56,7 @@ impl Store {
         if folder.is_dir() {
             Ok(Store { folder, log: None })
         } else {
-            Err(format!("{}: no folder of results: it has no folder `tasks`", out.display()))
+            Err(format!("{}: not the output folder of a sweep: found no folder `tasks` in it", out.display()))
         }
     }
 

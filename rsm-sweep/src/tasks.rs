@@ -66,7 +66,7 @@ pub fn list(scenario: &Scenario) -> Result<Vec<Task>, Faults> {
     let mut seen = std::collections::HashSet::new();
     if let Some(twice) = tasks.iter().find(|it| !seen.insert(it.hash.as_str())) {
         let what = format!("the task {} occurs twice in the list", twice.hash);
-        let help = "two settings are the same: take one of them out of the plan, run lists as `design = \"full-factorial\"`, or set `noise = true`";
+        let help = "two settings are the same: remove one of them from the plan, use `design = \"full-factorial\"` for lists, or set `noise = true`";
         faults.push(Fault::whole_file(scenario.source.name(), what).help(help));
     }
     faults.finish(Some(tasks))
@@ -152,7 +152,7 @@ fn check(scenario: &Scenario, all: &Simulations, plant: &Plant, settings: &[Vec<
         );
         let fault = scenario.fault(factor, &what);
         faults.push(match place.law {
-            Law::Drawn(_) => fault.help("`within = [LOW, HIGH]` cuts a normal distribution"),
+            Law::Drawn(_) => fault.help("limit a normal distribution by `within = [LOW, HIGH]`"),
             Law::Planned(_) => fault,
         });
         good = false;
@@ -162,7 +162,11 @@ fn check(scenario: &Scenario, all: &Simulations, plant: &Plant, settings: &[Vec<
         && has_effects
         && let Some(run) = settings.iter().position(|values| split(&set(plant, values)) >= 1.0)
     {
-        let what = format!("setting {} of {}: effects split off the whole inertia", run + 1, plant.name);
+        let what = format!(
+            "setting {} of {}: the effects move the whole inertia to the load, expected a part of it",
+            run + 1,
+            plant.name
+        );
         faults.push(Fault::whole_file(scenario.source.name(), what));
     }
 }

@@ -118,7 +118,8 @@ impl Drop for Guarded {
 }
 
 fn start_and_wait(starts: Vec<Start>, helics: Option<&Path>) -> Result<Vec<Ended>, Refusal> {
-    let program = std::env::current_exe().map_err(|error| Refusal::new(format!("this program is not to be found: {error}")))?;
+    let program = std::env::current_exe()
+        .map_err(|error| Refusal::new(format!("the path of this program cannot be determined: {error}")))?;
     let mut running = Vec::new();
     for start in starts {
         let mut command = Command::new(&program);

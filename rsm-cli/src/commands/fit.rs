@@ -106,7 +106,7 @@ pub fn in_words(fitted: &Fitted) -> String {
     for response in &fitted.responses {
         text += &format!("{}: {}\n", response.name, verdict_in_words(response));
         let Some(statistics) = &response.statistics else {
-            text += "  no surface was written for it\n";
+            text += "  no surface was written for this response\n";
             continue;
         };
         let unit = fitted.model.surface(&response.name).map_or("", |surface| surface.unit.as_str());
@@ -120,18 +120,18 @@ pub fn in_words(fitted: &Fitted) -> String {
         );
         let errors = |what: &str, errors: &ValidationStatistics, of: &str| {
             format!(
-                "  {what}: {} rows {of}, mean error {:.4e} {unit}, largest {:.4e} {unit}, root of mean square {:.4e} {unit}\n",
+                "  {what}: {} rows {of}, mean error {:.4e} {unit}, largest {:.4e} {unit}, root mean square {:.4e} {unit}\n",
                 errors.rows, errors.mean_abs_error, errors.max_abs_error, errors.rmse
             )
         };
         if let Some(validation) = &statistics.validation {
             text += &match response.chosen_by {
-                ChosenBy::Nobody => errors("unseen", validation, "that chose nothing"),
-                _ => errors("validation", validation, "(on the rows that chose it)"),
+                ChosenBy::Nobody => errors("holdout", validation, "(not used for the fit)"),
+                _ => errors("validation", validation, "(these rows chose the terms)"),
             };
         }
         if let Some(test) = &statistics.test {
-            text += &errors("test", test, "that chose nothing");
+            text += &errors("test", test, "(not used before)");
         }
         if let Some(cross) = &statistics.cross_validation {
             text += &errors("cross-validation", &cross.errors, &format!("left out in {} parts in turn", cross.parts));
@@ -149,7 +149,7 @@ pub fn in_words(fitted: &Fitted) -> String {
         }
         if let Some(support) = &statistics.support {
             text += &format!(
-                "  supported: {:.1} % of the box by {} half-spaces, {} rows that were not fitted outside\n",
+                "  supported: {:.1} % of the box by {} half-spaces; {} holdout rows are outside\n",
                 100.0 * support.share_of_box,
                 support.half_spaces,
                 support.unseen_rows_outside
@@ -182,8 +182,7 @@ fn warnings(fitted: &Fitted) -> String {
 fn in_words_of_constraints(told: &ConstraintStatistics, unit: &str) -> String {
     let mut text = String::new();
     for report in &told.constraints {
-        let held =
-            if report.points.is_empty() { "does not touch it".to_string() } else { format!("holds it at {}", places(report)) };
+        let held = if report.points.is_empty() { "not active".to_string() } else { format!("active at {}", places(report)) };
         text += &format!("  constraint {}: proven over the whole region, {held}\n", report.constraint);
     }
     if let Some(change) = &told.largest_change {

@@ -75,7 +75,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         output::json(&report(&record, &arguments.out))?;
     } else {
         tell!(
-            "{}: {} rows of {} columns, {} s apart",
+            "{}: {} rows, {} columns, period {} s",
             arguments.out.display(),
             record.rows(),
             record.columns.len(),

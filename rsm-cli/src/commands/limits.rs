@@ -53,7 +53,7 @@ pub fn check(arguments: &LimitsArguments, model: &Model) -> Result<Option<Checke
     }
     if let Some(effect) = plant.effects.first() {
         let kind = effect.description.kind;
-        return Err(refuse(format!("found the effect `{kind}`; --limits is about the nominal motor: leave the effects out")));
+        return Err(refuse(format!("found the effect `{kind}`, expected none: --limits is for the nominal motor")));
     }
     // First report a model that does not have the surfaces of the loop: it has no speed range either.
     limits::step::Tapes::new(model)?;
@@ -137,7 +137,7 @@ impl Checked {
         let top = self.operation.top_speed_rad_s;
         let head = match self.found.verdict {
             Verdict::Proved => "proved",
-            Verdict::VoltageExceeded(_) | Verdict::CurrentExceeded(_) => "broken at a point",
+            Verdict::VoltageExceeded(_) | Verdict::CurrentExceeded(_) => "violated at a point",
             Verdict::Undecided(_) => "not decided",
         };
         let line = |what: &str, limit: &str, share: &Share| {
@@ -156,7 +156,7 @@ impl Checked {
 
 fn place(point: &Point) -> String {
     format!(
-        "at {} rad/s, {} V, {} N m wanted after {} N m, trim {} A: i_d {} A, i_q {} A",
+        "at {} rad/s, {} V, demand of {} N m after {} N m, trim {} A: i_d {} A, i_q {} A",
         point.speed_rad_s, point.bus_voltage_v, point.torque_nm, point.last_torque_nm, point.trim_a, point.i_d_a, point.i_q_a
     )
 }

@@ -74,7 +74,7 @@ pub fn precisions(names: &[PrecisionName]) -> Vec<Precision> {
 pub fn tell_left_out(checked: &Checked) {
     for precision in Precision::ALL {
         if let Some(faults) = checked.refusal(precision) {
-            tell!("{} is left out:\n{faults}", precision.name());
+            tell!("{} is left out, because it cannot represent this model:\n{faults}", precision.name());
         }
     }
 }

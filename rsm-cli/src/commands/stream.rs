@@ -121,10 +121,10 @@ fn tell(arguments: &Arguments, role: Role, done: &Done) -> Outcome {
         let trip = done.round_trip.map_or(String::new(), |trip| {
             format!(", round trips {:.0} us p50, {:.0} us p99", trip.p50_ns as f64 * 1e-3, trip.p99_ns as f64 * 1e-3)
         });
-        tell!("{}: {} ticks, {} sent, {} heard{trip}", role.name(), done.table.rows(), done.sent, counts.heard);
+        tell!("{}: {} ticks; datagrams: {} sent, {} received{trip}", role.name(), done.table.rows(), done.sent, counts.heard);
         if counts.under_runs() > 0 {
             tell!(
-                "  {} ticks without their values: {} held, {} in the safe state; {} lost, {} late",
+                "  {} ticks had no value of the peer: {} with the last value held, {} in the safe state; datagrams: {} lost, {} late",
                 counts.under_runs(),
                 counts.held,
                 counts.safe,
@@ -134,7 +134,7 @@ fn tell(arguments: &Arguments, role: Role, done: &Done) -> Outcome {
         }
         let others = [("doubled", counts.doubled), ("too far ahead", counts.ahead), ("foreign", done.not_mine.foreign)];
         for (what, count) in others.into_iter().filter(|(_, count)| *count > 0) {
-            tell!("  {count} datagrams {what}");
+            tell!("  datagrams: {count} {what}");
         }
         tell!(
             "  {} ticks began after their period, {} ended after it; late by {:.0} us p99, {:.0} us at most, {:.0} us behind the clock at the end",

@@ -84,7 +84,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         (Some(hash), _) => alone(&scenario, &tasks, hash, arguments),
         (None, Some(out)) => all(&scenario, &tasks, out, arguments),
         // The parser does not accept such arguments.
-        (None, None) => Err(Refusal::new("--out: found none")),
+        (None, None) => Err(Refusal::new("`--out` is missing")),
     }
 }
 
@@ -104,7 +104,7 @@ fn has_failed(result: &Value) -> bool {
 fn alone(scenario: &Scenario, tasks: &[Task], hash: &str, arguments: &Arguments) -> Outcome {
     let Some(task) = tasks.iter().find(|it| it.hash == hash) else {
         return Err(Refusal::new(format!(
-            "{}: no task of {} has the hash `{hash}`: another version of rsm, or other files?",
+            "{}: found no task with the hash `{hash}` in a list of {}: use the version of rsm and the files that made the list",
             arguments.scenario.display(),
             tasks.len()
         )));
@@ -290,7 +290,7 @@ fn tell(scenario: &Scenario, counts: &Counts, seconds: f64, arguments: &Argument
     let rate = if made > 0 && seconds > 0.0 { format!(", {} a second", short(made as f64 / seconds)) } else { String::new() };
     let shard = arguments.shard.as_ref().map_or(String::new(), |it| format!(", shard {it}"));
     tell!(
-        "{}{shard}: {} tasks, {} were there, {made} {verb} in {seconds:.1} s{rate}; {} failed, {} missing",
+        "{}{shard}: {} tasks, {} with a result from before, {made} {verb} in {seconds:.1} s{rate}; {} failed, {} missing",
         scenario.name,
         counts.tasks,
         counts.there,
@@ -298,7 +298,7 @@ fn tell(scenario: &Scenario, counts: &Counts, seconds: f64, arguments: &Argument
         counts.missing
     );
     if counts.others > 0 && arguments.shard.is_none() {
-        tell!("  {} results of other lists stand in the folder, and are in no table", counts.others);
+        tell!("  the folder contains {} results of other lists, which are in no table", counts.others);
     }
     let number = |value: f64| figure(Some(value));
     for it in collected.into_iter().flatten() {

@@ -96,7 +96,7 @@ fn believed(response: &ResponseOutcome, statistics: &ResponseStatistics) -> Opti
     let test = statistics.test.as_ref().map(|it| on(it, "test rows"));
     let cross = statistics.cross_validation.as_ref().map(|it| on(&it.errors, "rows, each left out in turn"));
     let validation = statistics.validation.as_ref().map(|it| {
-        on(it, if response.chosen_by == ChosenBy::Nobody { "unseen rows" } else { "validation rows, which chose the terms" })
+        on(it, if response.chosen_by == ChosenBy::Nobody { "holdout rows" } else { "validation rows, which chose the terms" })
     });
     let residual = statistics.residual_sd.map(|sd| (sd, format!("on the {} fitted rows", statistics.rows)));
     test.or(cross).or(validation).or(residual)
@@ -196,12 +196,12 @@ fn of_response(
 
 /// Errors by the rows on which they are.
 fn errors(statistics: &ResponseStatistics, is_unseen: bool, unit: &str) -> String {
-    let validation = if is_unseen { "unseen rows" } else { "validation rows: on the rows that chose it" };
+    let validation = if is_unseen { "holdout rows" } else { "validation rows, which chose the terms" };
     let cross = statistics.cross_validation.as_ref();
     let left_out = cross.map_or(String::new(), |cross| format!("rows left out in {} parts in turn", cross.parts));
     let lists = [
         (validation, statistics.validation.as_ref()),
-        ("test rows, which chose nothing", statistics.test.as_ref()),
+        ("test rows, which were not used before", statistics.test.as_ref()),
         (left_out.as_str(), cross.map(|cross| &cross.errors)),
     ];
     let line = |name: &str, rows: usize, errors: [Option<f64>; 3]| {

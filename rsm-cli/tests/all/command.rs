@@ -115,7 +115,11 @@ fn emit_writes_surfaces_without_clamps_and_what_an_input_gives_once() {
         "{ powers = [1, 0], coefficient = 30.0 }",
         "{ powers = [1, 1], coefficient = 30.0 }, { powers = [0, 2], coefficient = 1.5 }",
     );
-    refused(&["--inside", "--once", "load"], &crossed, "surface `drag`: load give it 2 numbers, expected one");
+    refused(
+        &["--inside", "--once", "load"],
+        &crossed,
+        "surface `drag`: the part that depends on load alone gives 2 numbers, expected one",
+    );
     let clash = model.to_string()
         + "[surfaces.drag_inside]\nunit = \"N\"\ninputs = [\"speed\"]\nterms = [{ powers = [0], coefficient = 5.0 }]\n";
     refused(&["--inside"], &clash, "`drag_inside` would both have a function `drag_inside`");

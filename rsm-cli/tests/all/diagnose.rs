@@ -44,7 +44,7 @@ fn a_plant_of_equations_is_diagnosed_and_its_extended_file_runs() {
         (vec!["diagnose", &plant, "--record", &record, "--effects", "nowhere"], "nowhere: cannot be read"),
         (
             vec!["diagnose", &shipped("pmac.toml"), "--record", &record, "--effects", "nowhere"],
-            "--effects: a plant file of format 1",
+            "--effects: found a plant file of format 1",
         ),
     ] {
         let refused = rsm(&words, here.path());
@@ -85,9 +85,9 @@ fn an_extended_plant_is_monitored() {
     let (again, words) = diagnosed("found/extended.toml", "train.csv", "unseen.csv", "again");
     assert_eq!((&again["verdict"], again["causes"].as_array().unwrap().len()), (&"no-discrepancy".into(), 0), "{words}");
     assert_eq!((&again["claims"][0]["kind"], &again["claims"][0]["stands"]), (&"coulomb-friction".into(), &true.into()));
-    assert!(words.contains("The plant file's coulomb-friction stands"), "{words}");
+    assert!(words.contains("The plant file's coulomb-friction agrees with the records"), "{words}");
     let page = std::fs::read_to_string(here.path().join("again/report.html")).unwrap();
-    assert!(page.contains("Effects of the plant file") && page.contains("coulomb-friction stands"), "{page}");
+    assert!(page.contains("Effects of the plant file") && page.contains("coulomb-friction agrees with the records"), "{page}");
     // The bearing has worn since.
     let (worn, words) = diagnosed("found/extended.toml", "worn.csv", "worn-2.csv", "worn");
     assert_eq!(worn["verdict"], "explained", "{words}");
@@ -308,6 +308,6 @@ fn shipped_records_say_that_they_hold_inputs_only() {
         let (file, record) = (shipped(&format!("{plant}.toml")), shipped(&format!("{plant}.csv")));
         let output = rsm(&["diagnose", &file, "--record", &record], here.path());
         assert_eq!(output.status.code(), Some(2), "{plant}: {}", text(&output.stderr));
-        assert!(text(&output.stderr).contains("the records hold inputs only"), "{}", text(&output.stderr));
+        assert!(text(&output.stderr).contains("found no measured output"), "{}", text(&output.stderr));
     }
 }

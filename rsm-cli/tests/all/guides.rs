@@ -343,11 +343,11 @@ fn the_guide_to_sweeps_does_what_it_says() {
         std::fs::write(here.join(name), block("sweep.md", place)).unwrap();
     }
     let text = run(&block("sweep.md", 1), here);
-    assert!(text.contains("200 tasks, 0 were there, 200 run") && text.contains("i_q_rms [A]"), "{text}");
+    assert!(text.contains("200 tasks, 0 with a result from before, 200 run") && text.contains("i_q_rms [A]"), "{text}");
     let longer = block("sweep.md", 0).replace("runs = 200", "runs = 210");
     std::fs::write(here.join("longer.toml"), longer).unwrap();
     let text = run("rsm sweep longer.toml --out results", here);
-    assert!(text.contains("210 tasks, 200 were there, 10 run"), "{text}");
+    assert!(text.contains("210 tasks, 200 with a result from before, 10 run"), "{text}");
     let text = run(&block("sweep.md", 4), here);
     assert!(text.contains("speed_final") && here.join("final-speed.toml").is_file(), "{text}");
     for record in ["machine-1.csv", "machine-2.csv"] {
@@ -359,7 +359,7 @@ fn the_guide_to_sweeps_does_what_it_says() {
     std::fs::write(here.join("array.sh"), block("sweep.md", 7)).unwrap();
     run("for k in 1 2 3 4; do SLURM_ARRAY_TASK_ID=$k SLURM_CPUS_PER_TASK=1 sh -e array.sh; done", here);
     let text = run(&block("sweep.md", 8), here);
-    assert!(text.contains("200 were there, 0 run") && text.contains("200 merged"), "{text}");
+    assert!(text.contains("200 with a result from before, 0 run") && text.contains("200 merged"), "{text}");
     let table = |folder: &str| std::fs::read(here.join(folder).join("table.csv")).unwrap();
     assert!(table("shared") == table("merged"));
     // The bits of the run in one.

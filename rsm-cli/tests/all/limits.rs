@@ -55,7 +55,7 @@ fn a_surface_that_weakens_too_little_is_broken_at_a_point() {
     let words = text(&output.stdout);
     assert_eq!(output.status.code(), Some(1), "{words}{}", text(&output.stderr));
     assert!(
-        words.contains("broken at a point") && words.contains("problem: limits: the voltage limit does not hold"),
+        words.contains("violated at a point") && words.contains("problem: limits: the voltage limit does not hold"),
         "{words}"
     );
 

@@ -77,7 +77,10 @@ fn threads_shards_and_kills_leave_the_bits_alone_and_no_task_is_repeated() {
     let here = motor(runs);
     let here = here.path();
     let told = ok(&["sweep", "sweep.toml", "--out", "one", "--threads", "1"], here);
-    assert!(told.contains("1500 tasks, 0 were there, 1500 run") && told.contains("speed_final [rad/s]"), "{told}");
+    assert!(
+        told.contains("1500 tasks, 0 with a result from before, 1500 run") && told.contains("speed_final [rad/s]"),
+        "{told}"
+    );
     let expected = ["table.csv", "summary.json"].map(|name| read(&here.join("one").join(name)));
     let is_equal = |folder: &str| ["table.csv", "summary.json"].map(|name| read(&here.join(folder).join(name))) == expected;
     ok(&["sweep", "sweep.toml", "--out", "two", "--threads", "2"], here);
@@ -117,7 +120,7 @@ fn threads_shards_and_kills_leave_the_bits_alone_and_no_task_is_repeated() {
     assert!(again <= 4, "{again} tasks were started again");
     // A fourth time nothing runs.
     let told = ok(&["sweep", "sweep.toml", "--out", "killed"], here);
-    assert!(told.contains("1500 were there, 0 run"), "{told}");
+    assert!(told.contains("1500 with a result from before, 0 run"), "{told}");
 }
 
 #[test]
@@ -129,7 +132,7 @@ fn a_changed_input_makes_new_tasks_and_old_results_are_in_no_table() {
     let record = read(&here.join("pmac.csv")).replace("0.0,0,5,0.5,0,2,10", "0.0,0,5,0.5,0,2,11");
     std::fs::write(here.join("pmac.csv"), record).unwrap();
     let told = ok(&["sweep", "sweep.toml", "--out", "out"], here);
-    assert!(told.contains("0 were there, 20 run") && told.contains("20 results of other lists"), "{told}");
+    assert!(told.contains("0 with a result from before, 20 run") && told.contains("20 results of other lists"), "{told}");
     let after = read(&here.join("out/table.csv"));
     assert_eq!(after.lines().count(), 21);
     let hashes = |table: &str| table.lines().skip(1).map(|it| it.rsplit_once(',').unwrap().1.to_string()).collect::<Vec<_>>();
@@ -139,7 +142,7 @@ fn a_changed_input_makes_new_tasks_and_old_results_are_in_no_table() {
     let whole = read(&broken);
     std::fs::write(&broken, &whole[..whole.len() / 2]).unwrap();
     let told = ok(&["sweep", "sweep.toml", "--out", "out"], here);
-    assert!(told.contains("19 were there, 1 run"), "{told}");
+    assert!(told.contains("19 with a result from before, 1 run"), "{told}");
     assert_eq!(read(&broken), whole);
     // One task alone prints the same bytes.
     let output = rsm(&["sweep", "sweep.toml", "--task", &hashes(&after)[3]], here);
@@ -192,8 +195,8 @@ fn bad_words_and_bad_files_have_status_2() {
     for part in ["0/3", "4/3", "3", "a/b"] {
         assert!(refused(&["sweep.toml", "--out", "o", "--shard", part]).contains("expected K/N"));
     }
-    assert!(refused(&["sweep.toml", "--task", "0123"]).contains("no task of 3 has the hash `0123`"));
-    assert!(refused(&["sweep.toml", "--out", "o", "--merge", "nowhere"]).contains("no folder of results"));
+    assert!(refused(&["sweep.toml", "--task", "0123"]).contains("found no task with the hash `0123` in a list of 3"));
+    assert!(refused(&["sweep.toml", "--out", "o", "--merge", "nowhere"]).contains("not the output folder of a sweep"));
     assert!(refused(&["sweep.toml", "--out", "o", "--threads", "0"]).contains("--threads"));
     assert!(refused(&["sweep.toml", "--out", "o", "--engine", "dask"]).contains("--scheduler"));
     if cfg!(feature = "parquet") {

@@ -261,7 +261,7 @@ fn strangers_are_not_heard_and_a_killed_peer_ends_the_other_within_5_s() {
     assert!(since.elapsed() < Duration::from_secs(5), "{:?}", since.elapsed());
     let words = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1), "{words}");
-    assert!(words.contains("nothing was heard of the peer at") && words.contains("whole ticks are recorded"), "{words}");
+    assert!(words.contains("sent no valid datagram for") && words.contains("whole ticks are recorded"), "{words}");
     let told: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(count(&told, "foreign"), 5, "{told}");
     let ended = Ended { folder, told: [(told.clone(), Some(1)), (told, None)], stood_us: relay.stood_us() };
@@ -290,7 +290,9 @@ fn a_wrong_key_and_a_silent_peer_are_told_at_the_start() {
         String::from_utf8(output.stderr).unwrap()
     };
     let (one, other) = (port(), port());
-    assert!(refused(start("motor", "link.key", one, other)).contains("sent no valid datagram within 0.5 s: nothing came"));
+    assert!(
+        refused(start("motor", "link.key", one, other)).contains("sent no valid datagram within 0.5 s: nothing was received")
+    );
     let (plant, step) = (start("motor", "link.key", one, other), start("controller", "other.key", other, one));
     for child in [plant, step] {
         let words = refused(child);

@@ -69,17 +69,15 @@ impl Plant {
         let mut lines = vec![
             format!("One step of {} s.", decimal(self.length)),
             String::new(),
-            "The inputs hold for the step. What is due at its beginning happens (`when`, `sample`); the outputs are those of this".to_string(),
-            "instant; then the state goes on by the classical method of Runge and Kutta. Comparisons count as they are at each of its".to_string(),
-            "four points. The bits are those of `rsm simulate --fixed-step`.".to_string(),
+            "The inputs are constant during the step. First, the events at its beginning are executed (`when`, `sample`). Then the".to_string(),
+            "outputs of this instant are computed. Then the classical Runge-Kutta method integrates the state over the step. At each".to_string(),
+            "of its four stages the comparisons are evaluated again. The results have the bits of `rsm simulate --fixed-step`.".to_string(),
             String::new(),
         ];
         if !self.tape.inputs.is_empty() {
-            lines.push("Where an input is NaN or infinite the state stays as it was; a clock goes on. The outputs of that call mean nothing.".to_string());
+            lines.push("If an input is NaN or infinite, the state does not change, except for clocks; the outputs of that call are not valid.".to_string());
         }
-        lines.push(
-            "A state that is no longer finite stays so: the plant has diverged, and only `init` brings it back.".to_string(),
-        );
+        lines.push("If a state is no longer finite, the plant has diverged; only `init` makes it finite again.".to_string());
         lines.push(format!("{} operations, {} deep, no branch.", self.tape.operation_count(), self.tape.depth()));
         lines
     }

@@ -135,7 +135,7 @@ pub fn refuse_model(name: &str) -> Option<String> {
     let family = || {
         FAMILIES
             .contains(&name)
-            .then(|| format!("makes C names that begin with `{name}_`, which the C library keeps for its own functions"))
+            .then(|| format!("makes C names that begin with `{name}_`, which the C library reserves for its own functions"))
     };
     refuse(name).or_else(family)
 }
@@ -155,7 +155,7 @@ pub fn clash(earlier: &str, later: &str) -> Option<String> {
         return Some("is given twice".to_string());
     }
     if earlier.eq_ignore_ascii_case(later) {
-        return Some(format!("differs from `{earlier}` in nothing but case"));
+        return Some(format!("differs from `{earlier}` only in case"));
     }
     None
 }
@@ -240,19 +240,20 @@ fn not_an_identifier(name: &str) -> Option<String> {
 
 fn reserved_form(name: &str) -> Option<String> {
     if name.starts_with('_') {
-        return Some("begins with an underscore, which C keeps for the compiler".to_string());
+        return Some("begins with an underscore, which C reserves for the compiler".to_string());
     }
     if name.ends_with('_') {
         return Some(
-            "ends with an underscore, which would make a double one in C, and C++ keeps those for the compiler".to_string(),
+            "ends with an underscore, which would give a double underscore in C; C++ reserves those for the compiler"
+                .to_string(),
         );
     }
     if name.contains("__") {
-        return Some("contains a double underscore, which C++ keeps for the compiler".to_string());
+        return Some("contains a double underscore, which C++ reserves for the compiler".to_string());
     }
     let lower = name.to_ascii_lowercase();
     (lower == "rsm" || lower.starts_with("rsm_"))
-        .then(|| "begins with `rsm`, which emitted code keeps for its own helpers".to_string())
+        .then(|| "begins with `rsm`, which emitted code reserves for its own helpers".to_string())
 }
 
 /// Whether a compiler, or a header that emitted C includes, may define a macro with this name. `tests/all/names.rs` tests this with compilers.
@@ -293,7 +294,7 @@ fn library(name: &str) -> Option<String> {
     let in_capitals = !name.bytes().any(|byte| byte.is_ascii_lowercase());
     let macro_family = in_capitals && name.split_once('_').is_some_and(|(prefix, _)| MACRO_FAMILIES.contains(&prefix));
     let known = fixed_width || macro_family || LIBRARY.contains(&name) || keyword(name).is_some();
-    known.then(|| format!("makes the C name `{name}`, which the language or its library keeps for itself"))
+    known.then(|| format!("makes the C name `{name}`, which the language or its library reserves"))
 }
 
 #[cfg(test)]
@@ -385,7 +386,7 @@ mod tests {
     #[test]
     fn names_that_meet_through_a_suffix_or_in_case_clash() {
         assert_eq!(clash("a", "a"), Some("is given twice".to_string()));
-        assert_eq!(clash("Torque", "torque"), Some("differs from `Torque` in nothing but case".to_string()));
+        assert_eq!(clash("Torque", "torque"), Some("differs from `Torque` only in case".to_string()));
         assert_eq!(clash("a", "a_f32"), None);
         for (earlier, later) in
             [("a", "a_f32"), ("a_q", "a"), ("A", "a_support"), ("a", "a_step"), ("a_support", "a"), ("a", "a_init")]

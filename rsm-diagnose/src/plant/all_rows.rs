@@ -56,20 +56,28 @@ const NAMED_WINDOWS: usize = 3;
 
 impl fmt::Display for AllRows {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "The answer was then asked on {} of all {} rows, in {} windows: ", self.rows, self.total_rows, self.windows)?;
+        write!(
+            f,
+            "The explanation was then tested on {} of all {} rows, in {} windows: ",
+            self.rows, self.total_rows, self.windows
+        )?;
         let names: Vec<String> = self.beyond_noise.iter().take(NAMED_WINDOWS).map(|it| regions::name_of(&it.record)).collect();
         match (self.beyond_noise.len(), self.excess > 0.0) {
-            (0, false) => write!(f, "each leaves noise")?,
-            (0, true) => write!(f, "each leaves noise, and all together {:.1} % more than noise", 100.0 * self.excess)?,
+            (0, false) => write!(f, "the residuals of each window are noise")?,
+            (0, true) => write!(
+                f,
+                "the residuals of each window are noise, but all windows together have {:.1} % more energy than noise",
+                100.0 * self.excess
+            )?,
             (count, _) => write!(
                 f,
-                "{count} leave more than noise, at worst {:.1} % of its energy ({})",
+                "{count} with more error than noise, at worst {:.1} % of the noise energy ({})",
                 100.0 * self.excess,
                 names.join("; ")
             )?,
         }
         if self.rows < self.total_rows {
-            write!(f, "; what the other {} rows show was not asked", self.total_rows - self.rows)?;
+            write!(f, "; the other {} rows were not tested", self.total_rows - self.rows)?;
         }
         Ok(())
     }

@@ -95,7 +95,7 @@ impl CalibratedRecords {
             (nominal, calibrated) = anew(&mut whitened, &mut unseen, at_start)?;
         }
         if initial_motion::is_visible(&whitened, &calibrated, &unseen) {
-            (options.progress)("a record begins in the middle of a motion: what no column shows of its start is unknown");
+            (options.progress)("a record begins during a motion: initial states that no column shows are unknown");
             (nominal, calibrated) = anew(&mut whitened, &mut unseen, InitialMotion::InMotion)?;
         }
         let mut recorded = [&whitened, &unseen].map(RecordedReadings::of);
@@ -104,7 +104,7 @@ impl CalibratedRecords {
                 if !outlier_correction::detect(&mut whitened, &mut unseen, &mut recorded, &calibrated, &findings) {
                     break;
                 }
-                (options.progress)("noise with heavy tails: readings far off their neighbours count less");
+                (options.progress)("noise with heavy tails: readings far from their neighbours get a lower weight");
                 (nominal, calibrated) = anew(&mut whitened, &mut unseen, nominal.at_start)?;
             }
             if bursts::leave_out(&mut whitened, &mut unseen, &calibrated, &mut findings) {

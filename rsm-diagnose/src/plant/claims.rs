@@ -57,7 +57,7 @@ pub(super) fn diagnose(
         let moved: Vec<usize> = (0..judged.claims.len()).filter(|k| !judged.claims[*k].stands).collect();
         found.claims = judged.claims.clone();
         if judged.contradict && !moved.is_empty() && !matches!(found.verdict, Verdict::NoDiscrepancy) {
-            (options.progress)("with other numbers of the plant file's effects");
+            (options.progress)("repeating the diagnosis with other numbers of the plant file's effects");
             let mut other = filed.clone();
             for k in &moved {
                 other.given[*k] = judged.fit.model.file.effects[*k].clone();

@@ -152,7 +152,7 @@ pub fn correction(
         });
         let mut with_evidence = surface.surface.clone();
         let text = format!(
-            "black box, no physics: add to the simulated {}; fitted to what the extended simulation leaves",
+            "black box, no physics: add to the simulated {}; fitted to the residuals of the extended simulation",
             kind.outputs()[output].name
         );
         with_evidence.evidence = vec![

@@ -188,7 +188,7 @@ impl Search<'_> {
         if base.ends.iter().sum::<usize>() as f64 > NEARLY_ALL * rows as f64 {
             return Vec::new();
         }
-        (self.progress)("looking at the beginnings of the records");
+        (self.progress)("fitting the beginnings of the records");
         let short = cut(self.whitened, &base.ends);
         let unseen = short.with_records(Vec::new());
         let hypotheses = scanned(self.hypotheses);

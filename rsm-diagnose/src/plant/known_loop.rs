@@ -138,7 +138,7 @@ impl KnownLoop {
                 gain: rows as f64 * ((self.stated / self.left).powi(2) - 1.0),
                 rivals: Vec::new(),
                 rivals_tested: true,
-                sentence: format!("{sentence} The law of the controller shows it, whatever the plant."),
+                sentence: format!("{sentence} The control law shows this, independently of the plant."),
                 check: entry.description.check,
                 contribution: None,
                 only_in: None,

@@ -125,18 +125,21 @@ impl std::fmt::Display for Refused {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Refused::NoOutputs => {
-                write!(f, "no training record holds an output of the plant: there is nothing to compare with")
+                write!(f, "found no output of the plant in the training records, expected at least one measured output")
             }
             Refused::OnlyInputs(channels) => {
                 write!(
                     f,
-                    "the records hold inputs only: {} read one value in all rows, though the plant moves there; found nothing to compare with, expected measured outputs \
-                     (`rsm simulate` makes them from the inputs)",
+                    "found no measured output: {} read one value in all rows, although the plant moves there; expected measured outputs (`rsm simulate` \
+                     computes outputs from the inputs)",
                     channels.join(", ")
                 )
             }
             Refused::CannotSimulate => {
-                write!(f, "the nominal plant cannot be simulated along the records: are their inputs those of this plant?")
+                write!(
+                    f,
+                    "the nominal plant cannot be simulated along the records: check that their inputs are those of this plant, in the right units"
+                )
             }
         }
     }

@@ -61,8 +61,8 @@ impl fmt::Display for UnusedRows {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "Of {} rows the search for causes looked at {}, of each record its beginning and pieces of the rest, where the plant forgets its start fast enough: all of them would take longer than a diagnosis may",
-            self.total, self.used
+            "The search for causes used {} of {} rows, because all rows would exceed the work limit. It used the beginning of each record and, if the plant forgets its initial state fast enough, parts of the rest",
+            self.used, self.total
         )
     }
 }

@@ -33,8 +33,8 @@ impl std::fmt::Display for Limit {
             Limit::Additions => write!(f, "after {MOST_ADDITIONS} additions of a cause"),
             Limit::Competitions => write!(f, "after {MOST_COMPETITIONS} competitions between causes"),
             Limit::Exchanges => write!(f, "after {MOST_EXCHANGES} exchanges of a cause"),
-            Limit::Steps => write!(f, "after as many steps of simulations as are allowed"),
-            Limit::Cycle => write!(f, "at a set of causes that it had been at before"),
+            Limit::Steps => write!(f, "at the limit for the steps of all simulations"),
+            Limit::Cycle => write!(f, "because it returned to an earlier set of causes"),
         }
     }
 }

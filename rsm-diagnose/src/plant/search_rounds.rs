@@ -58,7 +58,7 @@ impl<'a> SearchInput<'a> {
         let mut hypotheses = hypotheses::all(file.kind, &prepared.survey, &present);
         let is_rounded = |name: &str| prepared.rounded.iter().any(|(k, _)| name == file.kind.outputs()[*k].name);
         hypotheses.retain(|it| it.description.declared.role != Role::Rounding || !it.subject.is_some_and(is_rounded));
-        (options.progress)("asking the equations along the records");
+        (options.progress)("evaluating the equations along the records");
         let equation_errors = equations::look(&prepared.whitened, &prepared.nominal, &hypotheses);
         equation_errors.iter().for_each(|it| it.hand_over(&mut hypotheses));
         let whitened = &mut prepared.whitened;
@@ -149,7 +149,7 @@ pub(super) fn diagnose_records(
     unseen.floors = whitened.floors;
     selection.known_loop = known_loop;
     if share.unused_rows().is_some() {
-        (options.progress)("asking all rows");
+        (options.progress)("testing all rows");
         let all: Vec<&Record> = training.iter().chain(validation).collect();
         selection.all_rows = Some(all_rows::check(&all, file, &whitened, &selection.fit));
     }
@@ -237,7 +237,7 @@ fn of_one_record(
     options: &Options<'_>,
 ) -> Result<Diagnosis, Refused> {
     let record = own.alone.records[0].record.file.clone();
-    (options.progress)(&format!("looking at {record} alone"));
+    (options.progress)(&format!("diagnosing {record} alone"));
     let start = levenberg::fit(&own.alone, own.nominal.clone(), 8).ok_or(Refused::CannotSimulate)?;
     let found = search.run(start);
     let (ranking, threshold, stopped) = (found.ranking.clone(), found.threshold, found.stopped);
@@ -264,7 +264,7 @@ fn of_one_record(
     let of_record = |mut cause: Cause| {
         cause.only_in = Some(record.clone());
         cause.sentence = format!(
-            "In {} alone: {} The other records are noise without it.",
+            "Only in {}: {} The residuals of the other records are noise without it.",
             super::regions::name_of(&record),
             cause.sentence
         );

@@ -119,7 +119,7 @@ impl Search<'_> {
             && let Some(from_equations) =
                 self.equation_error_sets(&calibrated).last().filter(|it| path.visit(labels(&it.model)))
         {
-            (self.progress)("going on from what the equations say");
+            (self.progress)("continuing from the errors of the equations");
             let mut after = remaining.clone();
             let from = self.forward_selection(from_equations.clone(), None, threshold, &mut competed, &mut after, &mut path);
             let from = from.into_iter().next_back().unwrap_or_else(|| from_equations.clone());
@@ -307,7 +307,7 @@ impl Search<'_> {
                         None => (calibrated.clone(), self.new_candidates(calibrated, threshold, path)),
                     }
                 } else {
-                    (self.progress)(&format!("asking what else could stand for {name}"));
+                    (self.progress)(&format!("testing alternatives to {name}"));
                     let without = fit.model.without_cause(self.nominal, place);
                     let Some(base) = levenberg::refit(self.whitened, without, self.limits.fit_steps, Some(&fit)) else {
                         continue;

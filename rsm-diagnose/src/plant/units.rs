@@ -90,17 +90,17 @@ pub struct WrongUnit {
 impl std::fmt::Display for WrongUnit {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let [value, low, high] = self.gain;
-        let (is, reads) = if self.columns.len() > 1 { ("are", "read") } else { ("is", "reads") };
+        let reads = if self.columns.len() > 1 { "read" } else { "reads" };
         write!(
             f,
-            "{} {reads} {value:.4} times what the plant says (95 %: {low:.4} to {high:.4}): {} is the factor of {}, not {}, so {is} probably in the wrong unit. What follows is about the record in the right one",
+            "{} {reads} {value:.4} times the simulated value (95 %: {low:.4} to {high:.4}). {} is the factor of {}, not {}: the header probably states the wrong unit. The following results use the record in the corrected unit",
             self.columns.join(" and "),
             self.factor,
             self.unit,
             if self.stated == "1" { "a share of 1" } else { self.stated },
         )?;
         if !self.alike.is_empty() {
-            write!(f, ". The records show as well: {}", self.alike.join("; "))?;
+            write!(f, ". These units explain the records equally well: {}", self.alike.join("; "))?;
         }
         Ok(())
     }

@@ -111,7 +111,7 @@ impl NewData {
                 let known: Vec<String> = model.surfaces.iter().map(|surface| format!("`{}`", surface.name)).collect();
                 let what = format!("no column is a response of model `{}`: found {}", model.name, names.join(", "));
                 let fault = Fault::at_line(&table.file, table.header_line, 0, what);
-                Faults::one(fault.help(format!("name a column as a surface of the model: {}", known.join(", "))))
+                Faults::one(fault.help(format!("give one column the name of a surface of the model: {}", known.join(", "))))
             });
             return Err(Refused(found.collect()));
         }
@@ -293,7 +293,7 @@ fn numbers(cells: &[String]) -> Option<Vec<f64>> {
 fn as_known(known: &ExtraColumn, unit: Option<&str>, cells: &[String]) -> Result<ExtraColumn, String> {
     let unit = unit.unwrap_or("1");
     if unit != known.unit {
-        return Err(format!("its unit is {unit}, and {} in the data that were diagnosed", known.unit));
+        return Err(format!("its unit is {unit}, but {} in the diagnosed data", known.unit));
     }
     let mut names: Vec<String> = Vec::new();
     let of = |cell: &String| {
@@ -306,7 +306,7 @@ fn as_known(known: &ExtraColumn, unit: Option<&str>, cells: &[String]) -> Result
     let values = known
         .values
         .as_ref()
-        .map(|_| numbers(cells).ok_or("its cells are not all numbers, and are in the data that were diagnosed"));
+        .map(|_| numbers(cells).ok_or("found cells that are not numbers, expected numbers as in the diagnosed data"));
     Ok(ExtraColumn {
         values: values.transpose()?,
         levels: known.levels.as_ref().map(|_| (names, of)),

@@ -111,7 +111,7 @@ pub(super) fn extend(sample: &Sample, found: &Explained, estimates: &Estimates, 
                 for (parts, value) in it.in_file.iter().zip(&numbers.values) {
                     if parts.is_empty() {
                         notes.push(format!(
-                            "{} cannot stand in the model file: the surface is odd in an input that it does not contain",
+                            "the model file cannot represent {}: the surface is odd in an input that this term does not contain",
                             it.kind.label(sample)
                         ));
                     }
@@ -131,10 +131,7 @@ pub(super) fn extend(sample: &Sample, found: &Explained, estimates: &Estimates, 
         *sums.entry(Monomial { powers: term.powers.clone(), extra: None }).or_insert(0.0) += amount;
     }
     if !offsets.is_empty() {
-        notes.push(
-            "drift, steps and offsets of blocks are of the experiment, not of the surface: the model file does not hold them"
-                .into(),
-        );
+        notes.push("drift, steps and offsets of blocks belong to the experiment: the model file does not contain them".into());
     }
     let (inputs, columns) = write(sample, &mut surface, sums, taken);
     surface.evidence = evidence(sample, found, estimates);
@@ -150,14 +147,15 @@ fn sensors(sample: &Sample, found: &Explained, estimates: &Estimates, notes: &mu
             HypothesisKind::InputBias(input) if bias_fits_file(sample, input) => sensors[input].1 = numbers.values[0],
             HypothesisKind::InputBias(input) => {
                 let name = &sample.inputs[input].name;
-                notes.push(format!("the bias of {name} cannot stand in the model file: {name} enters mirrored or inverted"));
+                notes
+                    .push(format!("the model file cannot represent the bias of {name}: {name} has `symmetry` or `reciprocal`"));
             }
             _ => {}
         }
     }
     if sensors.iter().any(|sensor| *sensor != (1.0, 0.0)) {
         notes.push(
-            "the extended file takes the readings of the faulty sensor; with the sensor put right, the nominal file holds"
+            "the extended file is for the readings of the faulty sensor; when the sensor is corrected, use the nominal file"
                 .into(),
         );
     }

@@ -102,8 +102,7 @@ fn judge(nominal: (&Surface, &[Input]), extension: &Extension, rows: &Rows<'_>) 
     let mut points = rows.points.clone();
     for name in &extension.columns {
         let column = rows.extras.iter().find(|it| it.name == *name).and_then(|it| it.values.as_ref());
-        let column =
-            column.ok_or_else(|| format!("they have no column `{name}` of numbers, which the extended surface needs"))?;
+        let column = column.ok_or_else(|| format!("found no column `{name}` of numbers, which the extended surface needs"))?;
         points.push(rows.at.iter().map(|row| column[*row]).collect());
     }
     let file = evaluate(&extension.surface, &extension.inputs, &points);
@@ -130,7 +129,7 @@ fn judge(nominal: (&Surface, &[Input]), extension: &Extension, rows: &Rows<'_>) 
 /// # Errors
 /// If a column is missing that the extension needs, or if no row is inside; as a sentence.
 pub fn on_files(model: &Model, index: usize, extension: &Extension, data: &NewData) -> Result<HoldoutRows, String> {
-    let response = data.responses[index].as_ref().ok_or("they have no column of the response")?;
+    let response = data.responses[index].as_ref().ok_or("found no column of the response")?;
     let sample = Sample::new(model, index, &data.inputs, response, &data.extras, RowSet::Inside);
     if sample.rows() == 0 {
         return Err("no row is inside the ranges and the support of the surface".to_string());

@@ -209,7 +209,7 @@ pub fn diagnose_and_test(
                     let mut response = response;
                     response
                         .notes
-                        .push(format!("the extended surface cannot stand in a model file: {}", faults.list()[0].what));
+                        .push(format!("the extended surface cannot be written as a model file: {}", faults.list()[0].what));
                     responses.push(response);
                     continue;
                 }
@@ -328,7 +328,7 @@ fn of_response(
     let inside = sample_of(RowSet::Inside);
     if let Some(beyond) = inside.nominal.iter().find(|value| value.is_nan() || value.abs() > MAGNITUDES[1]) {
         return Err(format!(
-            "`{}`: the model gives {beyond:?} at a row of the data, expected a magnitude up to {:e}: squares of what it errs must be finite",
+            "`{}`: the model gives {beyond:?} at a row of the data, expected a magnitude up to {:e}: the squares of its errors must be finite",
             surface.name, MAGNITUDES[1]
         ));
     }
@@ -365,7 +365,7 @@ fn of_response(
     let mut notes = extension.notes.clone();
     if stopped {
         notes.push(
-            "the search met its limit of work: further kinds of noise and exchanges of causes were not asked".to_string(),
+            "the search reached its work limit: further kinds of noise and exchanges of causes were not tried".to_string(),
         );
     }
     let names = |data: &NewData| data.files.iter().map(|file| file.name.as_str()).collect::<Vec<_>>().join(", ");
@@ -376,7 +376,10 @@ fn of_response(
         }
         other => {
             if let Some((unseen, Err(why))) = &other {
-                notes.push(format!("{} cannot judge the extension: {why}; rows of the data do in turns", names(unseen)));
+                notes.push(format!(
+                    "{} cannot be used for validation: {why}; cross-validation on the data is used instead",
+                    names(unseen)
+                ));
             }
             say("judging by cross-validation");
             let judged = holdout::by_folds(&sample, &thresholds, &found, taken, MOST_WORK_OF_FOLD);
@@ -391,7 +394,7 @@ fn of_response(
             Some(Tested { nominal: of(&judged.nominal), extended: of(&judged.extended), gain: judged.gain(floor.sd) })
         }
         Err(why) => {
-            notes.push(format!("{} cannot test the extension: {why}", names(test)));
+            notes.push(format!("{} cannot be used as test data: {why}", names(test)));
             None
         }
     });

@@ -132,7 +132,7 @@ impl Narrative<'_> {
                 let run = sample.places[*at] + 1;
                 let (way, size, low, high) = either_way(&parameter, ["higher", "lower"]);
                 let sentence = format!(
-                    "From run {run} on {response} is {way} by {} ({} to {}) than before, at the same inputs.",
+                    "From run {run} on, {response} is {way} by {} ({} to {}) than before, at the same inputs.",
                     self.with_unit(size),
                     number(low),
                     number(high)

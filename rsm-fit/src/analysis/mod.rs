@@ -74,7 +74,7 @@ impl std::fmt::Display for Refusal {
         f.write_str(match self {
             Refusal::Lengths => "columns and response: found different numbers of rows",
             Refusal::NotFinite => "columns and response: found a number that is not finite, or a weight that is not above 0",
-            Refusal::Dependent => "the columns make each other up, or no row is left for the residual",
+            Refusal::Dependent => "the columns are linearly dependent, or there are no more rows than columns",
         })
     }
 }

@@ -371,8 +371,8 @@ fn what_is_not_proven_is_named() {
     assert_eq!(told.constraints[0].at.as_ref().map(|at| at.0[0].1), Some(0.0));
     let words = told.to_string();
     for part in [
-        "is proven to be at least -1.00e0, 2.5e-1 of the spread, but 0 is required; kept wherever it was looked at, least seen 0.00e0 at",
-        "The search ended after 7 rounds and 25 % of the work for proofs: the constraints were enforced 1.0e-4 of the spread inside",
+        "is proven to be at least -1.00e0, 2.5e-1 of the spread, but 0 is required; holds at all examined points, smallest value found 0.00e0 at",
+        "The search ended after 7 rounds and 25 % of the work for proofs: the constraints were enforced with a margin of 1.0e-4 of the spread",
     ] {
         assert!(words.contains(part), "{words}");
     }

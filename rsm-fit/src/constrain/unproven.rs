@@ -90,7 +90,7 @@ impl NotProven {
 
 impl std::fmt::Display for NotProven {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "not proven to keep over the whole region: ")?;
+        write!(f, "not proven to hold over the whole region: ")?;
         for (k, one) in self.constraints.iter().enumerate() {
             let Unproven { constraint, quantity, bound, share_of_spread, seen, at } = one;
             let separator = if k == 0 { "" } else { "; " };
@@ -101,18 +101,20 @@ impl std::fmt::Display for NotProven {
             )?;
             if let (Some(seen), Some(at)) = (seen, at) {
                 let place = at.0.iter().map(|(name, x)| format!("{name} = {x:.4}")).collect::<Vec<_>>().join(", ");
-                let kind = if *seen < 0.0 { "broken" } else { "kept wherever it was looked at" };
-                write!(f, "; {kind}, least seen {seen:.2e} at {place}")?;
+                let kind = if *seen < 0.0 { "broken" } else { "holds at all examined points" };
+                write!(f, "; {kind}, smallest value found {seen:.2e} at {place}")?;
             }
             write!(f, ")")?;
         }
         let (shift, rounds, work) = (self.shift, self.rounds, 100.0 * self.work);
         let why = match self.stopped_by {
             Stop::LargestShift => {
-                format!("the constraints were enforced {shift:.1e} of the spread inside, the most that is allowed")
+                format!("the constraints were enforced with a margin of {shift:.1e} of the spread, the largest allowed margin")
             }
             Stop::NoneSoFarInside => {
-                format!("no coefficients keep them {shift:.1e} of the spread inside, while some do {SHIFT:.0e} inside")
+                format!(
+                    "no coefficients keep them with a margin of {shift:.1e} of the spread, but some do with a margin of {SHIFT:.0e}"
+                )
             }
             Stop::Program => "the quadratic program for the coefficients did not converge".to_string(),
         };

@@ -394,7 +394,7 @@ fn weights(response: &Response, name: &str, faults: &mut Collector) -> Vec<f64> 
     same_length(faults, &format!("response `{name}`: the weights"), given.len(), response.values.len());
     if let Some(row) = (0..given.len()).find(|row| given[*row] <= 0.0 || !weights[*row].is_normal()) {
         let what = format!("response `{name}`: the weight of row {}: found {}, expected a number above 0", row + 1, given[row]);
-        faults.push(Fault::whole_file(IN_MEMORY, what).help("leave out a row that shall not count"));
+        faults.push(Fault::whole_file(IN_MEMORY, what).help("leave the row out if it must not count"));
     }
     weights
 }

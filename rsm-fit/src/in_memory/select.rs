@@ -89,7 +89,7 @@ impl Select {
         let mut faults = Vec::new();
         let highest = rsm_core::model_file::HIGHEST_POWER;
         if self.method().is_none() {
-            faults.push("found both terms and something that chooses them, expected one of them".to_string());
+            faults.push("found both terms and a method that chooses them, expected one of them".to_string());
         }
         let order = self.order.or(self.search.map(|search| search.max_order));
         if let Some(order) = order.filter(|order| !(1..=highest).contains(order)) {

@@ -58,13 +58,13 @@ impl Kept {
         let [whole, left] = self.correlation;
         // A thousandth is above rounding and below what matters.
         let correlated = if left > whole + 1e-3 {
-            format!("two factors are correlated by {left:.2} (by {whole:.2} in the whole design)")
+            format!("two factors have a correlation of {left:.2} ({whole:.2} in the complete design)")
         } else {
-            "no two factors are correlated more than in the whole design".to_string()
+            "no two factors are correlated more than in the complete design".to_string()
         };
-        let rotatable = if self.was_rotatable { ", and it is not rotatable any more" } else { "" };
+        let rotatable = if self.was_rotatable { ", and the design is no longer rotatable" } else { "" };
         format!(
-            "`where` leaves {} of the {} points of the {design} design: what the whole one promises does not hold; {correlated}{rotatable}",
+            "`where` keeps only {} of the {} points of the {design} design, so the properties of the complete design do not hold: {correlated}{rotatable}",
             self.points, self.of
         )
     }
@@ -168,8 +168,8 @@ mod tests {
         assert!(kept.correlation[0] < 1e-15 && (kept.correlation[1] - 8.0 / 48.0).abs() < 1e-14, "{kept:?}");
         assert_eq!(
             kept.words("central-composite"),
-            "`where` leaves 7 of the 8 points of the central-composite design: what the whole one promises does not hold; two factors are correlated by 0.17 (by \
-             0.00 in the whole design), and it is not rotatable any more"
+            "`where` keeps only 7 of the 8 points of the central-composite design, so the properties of the complete design do not hold: two factors have a \
+             correlation of 0.17 (0.00 in the complete design), and the design is no longer rotatable"
         );
         // The corners alone: nothing correlated, and no square told from the constant; one with the centre.
         let (kept, lost) = of(|point| point[0].abs() < 1.2 && point[1].abs() < 1.2 && point[0] != 0.0 && point[1] != 0.0, 1);

@@ -119,14 +119,17 @@ impl Plan {
             faults.push(specification.fault("where", "`where`: no point of the design fulfils it"));
         }
         if let Some(wanted) = specification.design.runs().filter(|wanted| !points.is_empty() && points.len() != *wanted) {
-            let what = format!("`where`: {} different points of the design fulfil it, `runs` asks for {wanted}", points.len());
+            let what = format!(
+                "`where`: found {} different points of the design that fulfil it, expected {wanted} as in `runs`",
+                points.len()
+            );
             let help = "ask for fewer runs, widen the ranges, or loosen `where`";
             faults.push(specification.fault("where", what).help(help));
         }
         if let Some(kept) = kept.as_ref().filter(|_| lost > 0 && !points.is_empty()) {
             let order = if specification.design.is_of_first_order() { "first" } else { "second" };
             let what = format!(
-                "`where`: {} of {} points of the design fulfil it, too few: {lost} of the terms of {order} order that the whole design tells apart cannot be told apart by them",
+                "`where`: only {} of {} points of the design fulfil it: {lost} of the terms of {order} order that the complete design can estimate cannot be estimated from them",
                 kept.points, kept.of
             );
             let help = "loosen `where`, or ask for a `latin-hypercube`, which is planned within it";

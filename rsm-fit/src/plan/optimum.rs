@@ -169,7 +169,7 @@ pub(super) fn plan(specification: &DesignSpecification, wanted: &Optimum, existi
         let of_blocks =
             if task.block_count > 1 { format!(" and {} contrasts of blocks", task.block_count - 1) } else { String::new() };
         let what = format!(
-            "`runs`: {} runs{done} cannot tell apart the {} terms of the model{of_blocks}: at least {width} runs are needed",
+            "`runs`: {} runs{done} cannot estimate the {} terms of the model{of_blocks}: at least {width} runs are needed",
             wanted.runs,
             space.terms.len()
         );
@@ -189,7 +189,7 @@ pub(super) fn plan(specification: &DesignSpecification, wanted: &Optimum, existi
         let what = match failure {
             Failure::EmptyRegion => "`where`: no point within the ranges was found that fulfils it".to_string(),
             Failure::Singular => format!(
-                "`terms`: no {} runs of the region tell apart the {} terms of the model",
+                "`terms`: no {} runs of the region can estimate the {} terms of the model",
                 wanted.runs,
                 space.terms.len()
             ),

@@ -151,7 +151,7 @@ impl File {
         let surface = self.surface();
         let inputs = &surface.inputs;
         if !(surface.knots.is_empty() && surface.sigmoids.is_empty() && surface.waves.is_empty()) {
-            return Err("the surface has hinges, sigmoids or waves; an exchange knows powers alone".to_string());
+            return Err("the surface has hinges, sigmoids or waves; an optimal design is for powers only".to_string());
         }
         let places: Vec<usize> = inputs.iter().map(|name| around.factor("`terms_of`", name)).collect::<Result<_, _>>()?;
         let own = match self {
@@ -318,7 +318,7 @@ pub(super) fn read_fraction(
         return found;
     };
     if runs.is_some() {
-        let what = "`runs`: the generators say how many runs there are";
+        let what = "`runs`: not accepted with `generators`, which give the number of runs";
         faults.push(top.fault(top.key_span("runs"), what));
         return None;
     }

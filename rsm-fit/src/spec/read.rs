@@ -363,7 +363,7 @@ fn read_select<'a>(
                 reader.number("`confidence`", value, faults)
             });
             if terms.is_some() || terms_broken {
-                let what = "`terms` stands with method \"fixed\" only; \"ladder\" chooses them itself";
+                let what = "`terms` is for method \"fixed\" only; \"ladder\" chooses the terms";
                 faults.push(response.fault(places.place(&format!("{path}.terms")), what));
             }
             max_order.zip(confidence).map(|(max_order, confidence)| Method::Ladder { max_order, confidence })
@@ -400,7 +400,7 @@ fn read_select<'a>(
                 faults.push(reader.fault(reader.span(), "`max_order` is missing"));
             }
             if terms.is_some() || terms_broken {
-                let what = format!("`terms` stands with method \"fixed\" only; \"{method}\" chooses them itself");
+                let what = format!("`terms` is for method \"fixed\" only; \"{method}\" chooses the terms");
                 faults.push(response.fault(places.place(&format!("{path}.terms")), what));
             }
             let search = read_search(Search::new(by, max_order.flatten().unwrap_or(1)), path, &mut reader, places, faults);

@@ -235,8 +235,7 @@ fn check_search(specification: &Specification, response: &ResponseSpec, search: 
                 fault("one_standard_error", what, "use it with \"k-fold\" or \"held-out\"");
             }
             if criterion == Criterion::Press && search.by == SearchBy::Lasso {
-                let what =
-                    "criterion \"press\" rates least squares, and method \"lasso\" has penalised coefficients too".to_string();
+                let what = "criterion \"press\" is for least squares; method \"lasso\" penalises the coefficients".to_string();
                 fault("criterion", what, "use \"k-fold\", \"held-out\" or \"aicc\"");
             }
         }
@@ -295,7 +294,7 @@ fn check_terms(specification: &Specification, response: &ResponseSpec, terms: &[
             continue;
         }
         if let Some(first) = terms[..k].iter().position(|earlier| earlier == powers) {
-            let what = format!("{who}: term {}: powers {powers:?} stand already in term {}", k + 1, first + 1);
+            let what = format!("{who}: term {}: powers {powers:?} occur twice, first in term {}", k + 1, first + 1);
             faults.push(specification.fault(&place, what));
         }
         if let Some(input) = missing_odd_input(surface, powers) {

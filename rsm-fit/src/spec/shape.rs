@@ -249,14 +249,15 @@ pub(super) fn check(specification: &Specification, faults: &mut Collector) {
 fn unwanted_form(response: &ResponseSpec) -> Option<(String, &'static str)> {
     response.forms.as_ref().filter(|forms| forms.contains(&Form::Sigmoid))?;
     if let Method::Fixed(_) = response.method {
-        return Some(("with `terms` nothing is chosen by the data".to_string(), "leave `forms` out, or `terms`"));
+        return Some(("not accepted with `terms`: the given terms fix the form".to_string(), "leave `forms` out, or `terms`"));
     }
     if !response.constraints.is_empty() {
-        let what = "\"sigmoid\" and `constraints`: what constraints prove is about polynomials".to_string();
+        let what = "\"sigmoid\" cannot be combined with `constraints`: they are proved for polynomials only".to_string();
         return Some((what, "leave out one of the two, or saturate the result by `output_range`"));
     }
     let reciprocal = response.surface.reciprocal.first();
-    reciprocal.map(|input| (format!("\"sigmoid\", and `{input}` enters by its reciprocal"), "leave out one of the two"))
+    reciprocal
+        .map(|input| (format!("\"sigmoid\" cannot be combined with `reciprocal` of `{input}`"), "leave out one of the two"))
 }
 
 /// The fault of a constraint, and what to do.
@@ -266,7 +267,7 @@ fn contradiction(response: &ResponseSpec, constraint: &Constraint) -> Option<(St
     let mut odd = surface.symmetry.iter().filter(|(_, kind)| *kind == Symmetry::Odd).map(|(input, _)| input);
     if !surface.sigmoids.is_empty() || !surface.waves.is_empty() {
         let key = if surface.sigmoids.is_empty() { "waves" } else { "sigmoids" };
-        let what = format!("constraints are not offered for a response with `{key}`: what they prove is about polynomials");
+        let what = format!("constraints cannot be combined with `{key}`: they are proved for polynomials only");
         return Some((what, "leave out one of the two, or saturate the result by `output_range`".to_string()));
     }
     match constraint {
@@ -279,16 +280,19 @@ fn contradiction(response: &ResponseSpec, constraint: &Constraint) -> Option<(St
             }
             if symmetry_of(input) == Some(Symmetry::Even) {
                 let help = "leave out one of the two".to_string();
-                return Some((format!("the response is even in `{input}`: what rises on one side falls on the other"), help));
+                return Some((
+                    format!("the response is even in `{input}`: if it increases on one side of 0, it decreases on the other"),
+                    help,
+                ));
             }
             odd.find(|name| *name != input).map(|name| {
-                let what = format!("the response is odd in `{name}`: what rises with `{input}` on one side falls on the other");
+                let what = format!("the response is odd in `{name}`: if it increases with `{input}` where `{name}` is positive, it decreases where it is negative");
                 (what, "leave out one of the two".to_string())
             })
         }
         Constraint::Convex | Constraint::Concave => {
             if let Some((input, _)) = surface.symmetry.first() {
-                let what = format!("a response with `symmetry` in `{input}` is not offered as convex or concave");
+                let what = format!("a response with `symmetry` in `{input}` cannot be constrained to be convex or concave");
                 return Some((what, "leave out one of the two".to_string()));
             }
             surface.reciprocal.first().map(|input| {

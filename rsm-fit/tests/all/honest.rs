@@ -145,7 +145,10 @@ fn few_rows_are_told_an_error_of_their_surface_or_none() {
                     _ => false,
                 };
                 assert!(is_honest, "seed {seed}, {rows} rows: {words}");
-                assert_eq!(statistics(&outcome).rows_used.error, "none: the error is that on the rows that chose it");
+                assert_eq!(
+                    statistics(&outcome).rows_used.error,
+                    "none: the only error is that on the rows that chose the terms"
+                );
             }
         }
     }
@@ -302,7 +305,7 @@ fn test_rows_choose_nothing_and_judge() {
     assert!(errors[0] < 0.5 && errors[1] > 2.0, "{errors:?}");
     assert!(statistics(&one).cross_validation.is_none() && statistics(&one).validation.is_none());
     assert!(
-        statistics(&one).rows_used.error.starts_with("20 test rows: they chose nothing"),
+        statistics(&one).rows_used.error.starts_with("20 test rows, not used for anything else"),
         "{:?}",
         statistics(&one).rows_used
     );
@@ -324,7 +327,7 @@ fn the_words_say_who_chose() {
     };
     let files = "validate = [\"more.csv\"]";
     let (rows, evidence) = used(files, &ladder(3, 90.0));
-    assert_eq!(rows.validation, "20 rows, on the rows that chose it");
+    assert_eq!(rows.validation, "20 rows, which also chose the terms");
     assert!(rows.error.contains("20 rows left out in 10 parts in turn, fit and choice of terms repeated"), "{rows:?}");
     assert!(
         evidence.contains("errors = \"on the rows that chose it\"") && evidence.contains("cross_validation = {"),
@@ -334,7 +337,7 @@ fn the_words_say_who_chose() {
     let (rows, evidence) = used(files, given);
     assert_eq!(
         (rows.validation.as_str(), rows.terms.as_str()),
-        ("20 unseen rows: they chose nothing", "none: the terms were given")
+        ("20 holdout rows, not used for any choice", "none: the terms were given")
     );
     assert!(!evidence.contains("on the rows that chose it") && !evidence.contains("cross_validation"), "{evidence}");
     let (rows, _) = used("", given);

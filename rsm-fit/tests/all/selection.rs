@@ -203,14 +203,14 @@ fn validation_rows_choose_or_are_unseen_as_the_criterion_says() {
         let outcome = of(criterion);
         assert_eq!(outcome.responses[0].chosen_by, ChosenBy::Validation);
         let used = &outcome.statistics("y").unwrap().rows_used;
-        assert_eq!(used.validation, "24 rows, on the rows that chose it");
+        assert_eq!(used.validation, "24 rows, which also chose the terms");
         assert!(used.error.contains("left out in 10 parts in turn, fit and choice of terms repeated"), "{used:?}");
     }
     let outcome = of(Some(Criterion::KFold));
     assert_eq!(outcome.responses[0].chosen_by, ChosenBy::LeftOut { parts: 10 });
     let statistics = outcome.statistics("y").unwrap();
-    assert_eq!(statistics.rows_used.validation, "24 unseen rows: they chose nothing");
-    assert_eq!(statistics.rows_used.error, "24 validation rows: they chose nothing");
+    assert_eq!(statistics.rows_used.validation, "24 holdout rows, not used for any choice");
+    assert_eq!(statistics.rows_used.error, "24 validation rows, not used for any choice");
     assert!(statistics.cross_validation.is_none() && statistics.validation.is_some());
 }
 

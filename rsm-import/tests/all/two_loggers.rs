@@ -92,7 +92,7 @@ fn one_logger_with_every_untidiness() {
         "instant of the row before",
         "1 gaps",
         "resampled",
-        "`Bemerkung` holds words",
+        "`Bemerkung` contains text",
         "`Gang` steps",
     ] {
         assert!(all.contains(word), "{word} is not in\n{all}");
@@ -134,9 +134,9 @@ fn what_is_wrong_is_said() {
         said(&|it| it.columns = column("v=speed"))
             .contains("there is no column `speed`; the columns are a.csv: `t`, `x`, `words`")
     );
-    assert!(said(&|it| it.columns = column("v=words")).contains("holds words, `a` for one"));
+    assert!(said(&|it| it.columns = column("v=words")).contains("found text such as `a`, expected numbers"));
     assert!(said(&|it| it.columns = column("v=x[V]")).contains("measure different things"));
-    assert!(said(&|it| it.columns = column("time=x")).contains("two columns would be called `time`"));
+    assert!(said(&|it| it.columns = column("time=x")).contains("found the name `time` for two columns"));
     assert!(said(&|it| it.time = Some("u".into())).contains("there is no column `u` for the time"));
     assert!(said(&|it| it.constants = column("x=1[m]")).contains("has a column of this name"));
     assert!(said(&|it| it.constants = column("y=1")).contains("write its unit"));

@@ -341,7 +341,7 @@ impl Rewriter {
         for (name, _) in &placed.numbers {
             if !effect.numbers_on(site.kind).any(|it| it.name == *name) {
                 let known: Vec<String> = effect.numbers_on(site.kind).map(|it| format!("`{}`", it.name)).collect();
-                let what = format!("`{name}` is no number of it on a site of kind `{}`", site.kind.name());
+                let what = format!("it has no number `{name}` on a site of kind `{}`", site.kind.name());
                 faults.push(told(what).help(format!("its numbers there are {}", known.join(", "))));
             }
         }

@@ -148,18 +148,18 @@ fn balance_through(flat: &mut Flat, rate_of: Symbol, inertia: Inertia, depth: us
         [] if part_of.is_some() => {
             let (line, whole) = part_of.map_or((0, unit), |(k, whole)| (flat.line(&flat.equations[k].place.clone()), whole));
             Err(format!(
-                "the balance of line {line} holds `der({name})` times `{}`, of which `{}` is a part only: expected the whole inertia, mass or capacity that moves with it",
+                "the balance of line {line} contains `der({name})` times `{}`; found `{}`, which is only a part of this factor, expected the whole inertia, mass or capacity",
                 flat.text(whole),
                 flat.text(unit)
             ))
         }
         [] => Err(format!(
-            "no equation holds `der({name})` together with `{}`: expected the inertia, mass or capacity of that balance",
+            "no equation contains `der({name})` together with `{}`: expected the inertia, mass or capacity of that balance",
             flat.text(unit)
         )),
         _ => {
             let lines: Vec<String> = list.iter().map(|it| flat.line(&flat.equations[it.0].place.clone()).to_string()).collect();
-            Err(format!("several equations hold `der({name})`: those of lines {}", lines.join(", ")))
+            Err(format!("several equations contain `der({name})`, expected one: those of lines {}", lines.join(", ")))
         }
     }
 }
@@ -193,7 +193,7 @@ fn symbols(flat: &Flat, equation: usize) -> Vec<Symbol> {
 /// through the same factor.
 fn followed(flat: &mut Flat, symbol: Symbol, inertia: Inertia, depth: usize) -> Result<Balance, String> {
     let name = flat.variable(symbol).name.clone();
-    let none = || format!("no equation holds `der({name})`, and `{name}` follows from no single state");
+    let none = || format!("no equation contains `der({name})`, and `{name}` does not follow from a single state");
     let value = law(flat, symbol).filter(|_| depth > 0).ok_or_else(none)?;
     let unknown: Vec<Symbol> =
         flat.pool.symbols(value).into_iter().filter(|it| flat.variable(*it).role == Role::Unknown).collect();

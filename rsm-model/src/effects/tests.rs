@@ -51,8 +51,8 @@ fn every_shipped_effect_stands_somewhere_on_a_shipped_plant_or_is_for_plants_tha
                             "has no",
                             "expected",
                             "does not name",
-                            "shapes the equations",
-                            "not a name of the text",
+                            "determines the structure of the equations",
+                            "expected a single variable",
                             "can be delayed",
                             "is missing",
                             "no single equation",
@@ -165,7 +165,7 @@ fn an_inertia_that_is_a_part_of_what_moves_is_refused() {
     // Half of an equation is an equation too.
     assert_eq!(stands("0.5*(m + J/r^2)"), Ok(()));
     let told = stands("m").unwrap_err();
-    assert!(told.contains("the balance of line 10 holds `der(w)` times") && told.contains("is a part only"), "{told}");
+    assert!(told.contains("the balance of line 10 holds `der(w)` times") && told.contains("is only a part of"), "{told}");
 }
 
 #[test]
@@ -214,7 +214,11 @@ fn what_cannot_stand_somewhere_says_why() {
         (body("position = \"x\"\nspeed = \"v\"\n"), friction, "plant.toml:1:1: [sites.body]: `inertia` is missing"),
         (body("position = \"x\"\nspeed = \"w\"\ninertia = \"m\"\n"), friction, "plant.toml:4:10: `w` is not declared"),
         (body("position = \"x\"\nspeed = \"v\"\ninertia = \"m\"\n"), friction, "`v` is not the derivative of `x`"),
-        (body("position = \"x\"\nspeed = \"v\"\ninertia = \"u\"\n"), friction, "no equation holds `der(v)` together with `u`"),
+        (
+            body("position = \"x\"\nspeed = \"v\"\ninertia = \"u\"\n"),
+            friction,
+            "no equation contains `der(v)` together with `u`",
+        ),
         (String::new(), friction, "it needs a rotation or translation"),
         (String::new(), ("input-gain", Some("w"), &[("gain", 1.0)]), "it can stand at `u`"),
         (String::new(), ("input-gain", Some("u"), &[("gian", 1.0)]), "its numbers there are `gain`"),

@@ -50,8 +50,8 @@ impl Translator<'_> {
         };
         let is_sum = matches!(operation, Binary::Add | Binary::Subtract);
         if a.sizes != b.sizes && (is_sum || !(a.is_scalar() || b.is_scalar())) {
-            let what = format!("found {} beside {}", b.shape(), a.shape());
-            return self.fault(span, what, if is_sum { "a sum is of values of one shape" } else { "" });
+            let what = format!("found {} and {} in one operation, expected values of one shape", a.shape(), b.shape());
+            return self.fault(span, what, "");
         }
         let long = if a.is_scalar() { b } else { a };
         self.spend(long.items.len(), span)?;
@@ -92,7 +92,11 @@ impl Translator<'_> {
             Joint::EachOver => self.element_wise(a, b, Binary::Divide, span),
             Joint::Over => {
                 if !b.is_scalar() {
-                    return self.fault(span, format!("a division by {}", b.shape()), "element by element it is written `./`");
+                    return self.fault(
+                        span,
+                        format!("found a division by {}, expected a scalar", b.shape()),
+                        "write an element-wise division as `./`",
+                    );
                 }
                 self.element_wise(a, b, Binary::Divide, span)
             }
@@ -106,15 +110,19 @@ impl Translator<'_> {
         let (rows, inner) = match a.sizes[..] {
             [n] => (None, n),
             [n, m] => (Some(n), m),
-            _ => return self.fault(span, format!("a product of {}", a.shape()), ""),
+            _ => return self.fault(span, format!("found a product of {}, expected vectors or matrices", a.shape()), ""),
         };
         let (its, columns) = match b.sizes[..] {
             [n] => (n, None),
             [n, m] => (n, Some(m)),
-            _ => return self.fault(span, format!("a product with {}", b.shape()), ""),
+            _ => return self.fault(span, format!("found a product with {}, expected vectors or matrices", b.shape()), ""),
         };
         if inner != its {
-            return self.fault(span, format!("a product of {} with {}", a.shape(), b.shape()), "");
+            return self.fault(
+                span,
+                format!("found a product of {} and {}, expected equal inner sizes", a.shape(), b.shape()),
+                "",
+            );
         }
         let basic = self.common(a.basic, b.basic, span)?;
         let width = columns.unwrap_or(1);
@@ -137,10 +145,10 @@ impl Translator<'_> {
         let (a, b) = (self.value(base), self.value(exponent));
         let (a, b) = (a?, b?);
         if a.basic == Basic::Boolean || b.basic == Basic::Boolean {
-            return self.fault(&base.span, "a power of Booleans", "");
+            return self.fault(&base.span, "found a Boolean in a power, expected numbers", "");
         }
         if !(each || a.is_scalar() && b.is_scalar()) {
-            return self.fault(&base.span, "a power of an array is not read", "element by element it is written `.^`");
+            return self.fault(&base.span, "a power of an array is not supported", "write an element-wise power as `.^`");
         }
         self.element_wise(&a, &b, Binary::Power, &base.span)
     }

@@ -34,10 +34,10 @@ const NOT_READ: &[(&str, &str)] = &[
         "delay",
         "give the delay in the plant file as an effect: `input-delay`, `sensor-delay`; inside the equations write a first-order lag",
     ),
-    ("spatialDistribution", "write the transport as a row of volumes"),
+    ("spatialDistribution", "write the transport as a series of volumes"),
     ("initial", "write an `initial equation`"),
-    ("terminal", "a plant has no end of its own: leave it out"),
-    ("terminate", "the record ends a simulation: leave it out"),
+    ("terminal", "the end of the record ends a simulation: leave it out"),
+    ("terminate", "the end of the record ends a simulation: leave it out"),
     ("Clock", "write `when sample(start, period) then ... end when;`"),
     ("sampleClocked", "write `when sample(start, period) then ... end when;`"),
     ("hold", "a variable that a `when` gives a value holds it: use it as it is"),
@@ -49,7 +49,7 @@ const NOT_READ: &[(&str, &str)] = &[
     ("cardinality", "flatten the component model first"),
     ("connect", "flatten the component model first"),
     ("semiLinear", "write `if x >= 0 then a*x else b*x`"),
-    ("pure", "leave `pure` out: every function that is read is pure"),
+    ("pure", "leave `pure` out: every supported function is pure"),
 ];
 
 impl Translator<'_> {
@@ -65,7 +65,7 @@ impl Translator<'_> {
             return self.call_function(function, arguments, named, span);
         }
         if let Some((_, help)) = NOT_READ.iter().find(|(known, _)| *known == name) {
-            return self.fault(span, format!("`{name}(...)` is not read"), help);
+            return self.fault(span, format!("`{name}(...)` is not supported"), help);
         }
         if let Some((argument, _)) = named.first() {
             return self.fault(
@@ -118,7 +118,7 @@ impl Translator<'_> {
             "zeros" | "ones" | "fill" | "size" | "transpose" | "scalar" | "vector" | "identity" | "cross" | "ndims" => {
                 self.of_arrays(name, arguments, span)
             }
-            "assert" | "reinit" => self.fault(span, format!("`{name}` gives no value"), "it stands as an equation of its own"),
+            "assert" | "reinit" => self.fault(span, format!("`{name}` gives no value"), "write it as a separate equation"),
             _ => {
                 let help = "a text from rumoca leaves functions out: write the function before the model. Without an algorithm it is a response \
                             surface, named under [functions] of the plant file";
@@ -171,7 +171,7 @@ impl Translator<'_> {
             }
             _ => {
                 let (Some(x), Some(y)) = (a.item(), b.item()) else {
-                    return self.fault(span, format!("`{name}` of arrays is not read"), "write it for each element");
+                    return self.fault(span, format!("`{name}` of arrays is not supported"), "write it for each element");
                 };
                 let quotient = self.pool.divide(x, y);
                 let whole = if name == "mod" {
@@ -198,8 +198,8 @@ impl Translator<'_> {
             Node::Symbol(symbol) => Some(symbol),
             _ => self.fault(
                 span,
-                format!("`{name}` is taken of a variable, found an expression"),
-                "name the expression as a variable",
+                format!("`{name}`: found an expression, expected a variable"),
+                "declare a variable, with an equation that gives it this expression",
             ),
         }
     }
@@ -238,7 +238,7 @@ impl Translator<'_> {
                 let before = self.before(item, span)?;
                 let id = if name == "edge" {
                     if basic != Basic::Boolean {
-                        return self.fault(span, "`edge` is taken of a Boolean", "");
+                        return self.fault(span, "`edge`: expected a Boolean", "");
                     }
                     let not = self.pool.unary(Unary::Not, before);
                     self.pool.binary(Binary::And, item, not)

@@ -71,8 +71,8 @@ fn chosen<'t>(text: &'t tree::Text, source: &Source, options: &Options, faults: 
     if found.is_none() {
         let names: Vec<String> = text.models.iter().map(|model| format!("`{}`", model.name)).collect();
         let what = match (&options.model, names.is_empty()) {
-            (_, true) => "the text holds no model: expected `model NAME ... end NAME;`".to_string(),
-            (Some(name), false) => format!("the text holds no model `{name}`; there is {}", names.join(", ")),
+            (_, true) => "found no model in the text, expected `model NAME ... end NAME;`".to_string(),
+            (Some(name), false) => format!("found no model `{name}` in the text; there is {}", names.join(", ")),
             (None, false) => unreachable!("the last one is found"),
         };
         faults.push(Fault::whole_file(source.name(), what));
@@ -183,7 +183,7 @@ impl Translator<'_> {
                     match found.and_then(|value| value.sizes.get(k).copied()) {
                         Some(size) => size,
                         None => {
-                            let what = format!("the size of `{}` is left open", declaration.name);
+                            let what = format!("the size of `{}` is unknown", declaration.name);
                             return self.fault(&declaration.span, what, "write it as a number: Real x[3]");
                         }
                     }
@@ -204,8 +204,11 @@ impl Translator<'_> {
         if let Some(before) = self.declared.get(name) {
             let at = before.symbols.first().map_or(0, |symbol| self.variables[symbol.0 as usize].place.start);
             let (line, _) = self.source.position(at);
-            let _: Option<()> =
-                self.fault(&declaration.span, format!("`{name}` is declared twice"), &format!("it stands in line {line} too"));
+            let _: Option<()> = self.fault(
+                &declaration.span,
+                format!("`{name}` is declared twice"),
+                &format!("the first declaration is in line {line}: rename one of the two"),
+            );
             return;
         }
         let role = match (declaration.variability, declaration.direction) {
@@ -292,12 +295,9 @@ impl Translator<'_> {
         let name = attribute.name.as_str();
         let expression = match &attribute.value {
             AttributeValue::Nested => {
-                let what = format!("`{name}` of `{}` has parts of its own", declaration.name);
-                return self.fault(
-                    &attribute.span,
-                    what,
-                    "a flat variable is a scalar or an array: its attributes have values",
-                );
+                let what =
+                    format!("found `{name}(...)` in the attributes of `{}`, expected `{name} = value`", declaration.name);
+                return self.fault(&attribute.span, what, "a flat variable is a scalar or an array, and has no parts");
             }
             AttributeValue::Text(text) => {
                 match name {
@@ -331,7 +331,13 @@ impl Translator<'_> {
                 for (symbol, item) in declared.symbols.iter().zip(value.items) {
                     // A bound that depends on parameters is evaluated with their values in the text; it does not restrict the equations.
                     let Some((number, _)) = super::known::known(&self.pool, &self.variables, item) else {
-                        return self.fault(&expression.span, format!("`{name}` is not a number that the text gives"), "");
+                        return self.fault(
+                            &expression.span,
+                            format!(
+                                "`{name}`: expected a number, or an expression of constants and parameters that have values"
+                            ),
+                            "",
+                        );
                     };
                     let variable = &mut self.variables[symbol.0 as usize];
                     match name {
@@ -404,7 +410,10 @@ impl Translator<'_> {
                 self.faults.push(fault.help("write `= value` behind it, or give it under [parameters] of the plant file"));
             }
             if variable.role == Role::Parameter && variable.fixed == Some(false) {
-                let what = format!("the parameter `{}` is to be found at the start (fixed = false)", variable.name);
+                let what = format!(
+                    "the parameter `{}` has fixed = false; a parameter that the start determines is not supported",
+                    variable.name
+                );
                 self.faults.push(self.source.fault(variable.place.clone(), what).help("give it a value, or leave `fixed` out"));
             }
         }

@@ -42,8 +42,8 @@ impl Translator<'_> {
             EquationKind::When(_) if is_initial => {
                 return self.fault(
                     &equation.span,
-                    "a `when` among the initial equations",
-                    "write what holds at the start as an equation",
+                    "found a `when` among the initial equations",
+                    "write an equation for the start instead",
                 );
             }
             EquationKind::When(branches) => self.when(branches, written)?,
@@ -56,17 +56,17 @@ impl Translator<'_> {
         let (a, b) = (self.value(left), self.value(right));
         let (a, b) = (a?, b?);
         if (a.basic == Basic::Boolean) != (b.basic == Basic::Boolean) {
-            let what = format!("an equation between {} and {}", a.basic.word(), b.basic.word());
+            let what = format!("found an equation between {} and {}", a.basic.word(), b.basic.word());
             return self.fault(span, what, "write `if condition then 1 else 0`");
         }
         if a.sizes != b.sizes {
-            let what = format!("an equation between {} and {}", a.shape(), b.shape());
-            return self.fault(span, what, "both sides of an equation have one shape");
+            let what = format!("found an equation between {} and {}", a.shape(), b.shape());
+            return self.fault(span, what, "both sides of an equation must have the same shape");
         }
         // An integer unknown cannot be computed from real values.
         for (side, other, at) in [(&a, &b, left), (&b, &a, right)] {
             if side.basic == Basic::Integer && other.basic == Basic::Real && matches!(at.kind, Kind::Name(_)) {
-                let what = "an Integer variable is equal to an expression of type Real";
+                let what = "found an expression of type Real for an Integer variable";
                 return self.fault(span, what, "declare it Real, or round: `integer(x)`");
             }
         }
@@ -298,7 +298,7 @@ impl Translator<'_> {
         self.fault(
             &call.span,
             "found a call, expected an equation `x = ...` or `reinit(x, ...)` inside a `when`",
-            "an `assert` stands outside",
+            "write an `assert` outside of the `when`",
         )
     }
 

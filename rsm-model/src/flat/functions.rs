@@ -37,7 +37,7 @@ impl Translator<'_> {
         span: &Span,
     ) -> Option<Value> {
         if self.calls >= DEEPEST {
-            return self.fault(span, format!("`{}` calls itself, or {DEEPEST} calls stand in one another", function.name), "");
+            return self.fault(span, format!("`{}` calls itself, or {DEEPEST} calls are nested", function.name), "");
         }
         self.spend(1, span)?;
         let of = |direction: Direction| function.declarations.iter().filter(move |item| item.direction == direction);
@@ -143,7 +143,7 @@ impl Translator<'_> {
         match self.scopes.last().and_then(|scope| scope.values.get(&output.name)).cloned() {
             Some(value) => Some(value),
             None => {
-                let what = format!("the result `{}` of `{}` is not given a value on every way", output.name, function.name);
+                let what = format!("the result `{}` of `{}` does not get a value in every branch", output.name, function.name);
                 self.fault(&function.span, what, "")
             }
         }
@@ -167,7 +167,7 @@ impl Translator<'_> {
                     self.each(index, range, |translator| translator.run(body, types))?;
                 }
                 StatementKind::Call(call) => {
-                    return self.fault(&call.span, "a call that gives no value in a function is not read", "leave it out");
+                    return self.fault(&call.span, "a call that gives no value in a function is not supported", "leave it out");
                 }
             }
         }
@@ -207,7 +207,7 @@ impl Translator<'_> {
             at = at * size + found as usize - 1;
         }
         let (Some(item), true) = (value.item(), subscripts.len() == array.sizes.len()) else {
-            return self.fault(span, format!("an element takes {}", value.shape()), "");
+            return self.fault(span, format!("found {}, expected a scalar for an element", value.shape()), "");
         };
         array.items[at] = item;
         self.here(name.clone(), array);
@@ -237,7 +237,7 @@ impl Translator<'_> {
             for (name, value) in &mut result {
                 let other = &end[name];
                 if other.sizes != value.sizes {
-                    let what = format!("`{name}` is {} on one way and {} on the other", other.shape(), value.shape());
+                    let what = format!("`{name}` is {} in one branch and {} in the other", other.shape(), value.shape());
                     return self.fault(&branches[0].0.span, what, "");
                 }
                 for (item, other) in value.items.iter_mut().zip(&other.items) {

@@ -65,7 +65,7 @@ impl Translator<'_> {
         for (condition, value) in found.into_iter().rev() {
             let (condition, value) = (condition?, value?);
             if value.sizes != result.sizes {
-                let what = format!("the values of `if` are {} and {}", value.shape(), result.shape());
+                let what = format!("the values of `if` are {} and {}, expected one shape", value.shape(), result.shape());
                 return self.fault(span, what, "");
             }
             let basic = self.common(value.basic, result.basic, span)?;

@@ -45,7 +45,7 @@ impl Translator<'_> {
                     .is_some_and(|symbol| self.variables[symbol.0 as usize].role == Role::Constant);
                 if !is_constant {
                     let what = format!("`{name}` is not declared in this function");
-                    return self.fault(span, what, "a function knows its inputs, its own variables and constants alone");
+                    return self.fault(span, what, "a function can use only its inputs, its own variables and constants");
                 }
                 break;
             }
@@ -98,7 +98,7 @@ impl Translator<'_> {
                         let Some(index) = self.known(*item) else {
                             return self.fault(
                                 &expression.span,
-                                "a subscript that changes while the model runs is not read",
+                                "a subscript that changes while the model runs is not supported",
                                 "write the choice as an if-expression, or as a response surface",
                             );
                         };

@@ -147,7 +147,7 @@ fn all_faults_of_names_types_and_shapes_are_told_at_once() {
         ("11:12", "the subscript is 3, expected 1 to 2"),
         ("12:2", "between Boolean and Integer"),
         ("13:10", "`foo` is not declared"),
-        ("14:10", "`delay(...)` is not read"),
+        ("14:10", "`delay(...)` is not supported"),
         ("15:10", "`sin` has 2 arguments"),
         ("16:5", "expected a condition"),
         ("17:10", "for equality"),

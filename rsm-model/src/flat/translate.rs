@@ -262,8 +262,8 @@ impl Translator<'_> {
             return Some(Value { sizes: vec![0], items: Vec::new(), basic: Basic::Real });
         };
         if let Some(other) = values.iter().find(|value| value.sizes != first.sizes) {
-            let what = format!("an array of {} and {}", first.shape(), other.shape());
-            return self.fault(span, what, "all elements of an array have one shape");
+            let what = format!("found an array of {} and {}", first.shape(), other.shape());
+            return self.fault(span, what, "all elements of an array must have the same shape");
         }
         let mut basic = first.basic;
         for value in &values {

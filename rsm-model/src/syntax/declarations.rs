@@ -86,19 +86,19 @@ impl Parser<'_> {
             }
             Token::Keyword("record") => {
                 let help = "write its members as variables (`omc --baseModelica --baseModelicaFormat=withoutRecords` does so)";
-                self.skip_definition("a `record` is not read", help)
+                self.skip_definition("a `record` is not supported", help)
             }
             Token::Keyword("operator") => self.skip_definition(
-                "an operator record is not read",
+                "an operator record is not supported",
                 "write its members as variables and its operators as equations",
             ),
             Token::Keyword("class" | "block") => {
                 let found = self.found();
-                self.skip_definition(&format!("{found} is not read as the kind of a flat text"), "write `model`")
+                self.skip_definition(&format!("{found} is not supported in flat text"), "write `model`")
             }
             Token::Keyword("connector" | "partial" | "encapsulated" | "expandable") => {
                 let found = self.found();
-                self.skip_definition(&format!("{found} stands in component models, not in flat text"), FLATTEN)
+                self.skip_definition(&format!("{found} is allowed in component models only, not in flat text"), FLATTEN)
             }
             _ => {
                 let result = self.unexpected("`model`, `function`, `type`, `constant` or `package`");
@@ -160,7 +160,7 @@ impl Parser<'_> {
                     model.initial_equations.extend(equations);
                 }
                 Token::Keyword("algorithm" | "initial") => {
-                    let what = "an `algorithm` of a model is not read";
+                    let what = "an `algorithm` of a model is not supported";
                     let _ = self.fault_with_help::<()>(
                         self.span(),
                         what,
@@ -171,7 +171,7 @@ impl Parser<'_> {
                     self.statements();
                 }
                 Token::Keyword("external") => {
-                    let what = "an external part of a model is not read";
+                    let what = "an external part of a model is not supported";
                     let _ = self.fault_with_help::<()>(self.span(), what, "write its equations");
                     self.recover();
                 }
@@ -207,7 +207,7 @@ impl Parser<'_> {
         let span = self.span();
         let name = self.dotted("the name of the function")?;
         if self.is_sign("=") {
-            let what = format!("`function {name} = ...` is not read");
+            let what = format!("`function {name} = ...` is not supported");
             return self.fault_with_help(
                 span,
                 what,
@@ -225,7 +225,7 @@ impl Parser<'_> {
                     function.algorithm.get_or_insert_default().extend(statements);
                 }
                 Token::Keyword("external") => {
-                    let what = format!("the function `{name}` is external: code of another language is not read");
+                    let what = format!("the function `{name}` is external: code of another language is not supported");
                     let _ = self.fault_with_help::<()>(
                         self.span(),
                         what,
@@ -260,7 +260,7 @@ impl Parser<'_> {
         let name = self.dotted("the name of the type")?;
         self.sign("=", "after the name of a type")?;
         if self.is_keyword("enumeration") {
-            let what = "an enumeration is not read";
+            let what = "an enumeration is not supported";
             return self.fault_with_help(self.span(), what, "write its values as Integer constants");
         }
         let base = self.dotted("a type: Real, Integer or Boolean")?;
@@ -288,11 +288,11 @@ impl Parser<'_> {
                     "flow" | "stream" | "inner" | "outer" | "replaceable" | "redeclare" | "extends" | "import" | "connector"
                     | "partial",
                 ) => {
-                    let what = format!("{} stands in component models, not in flat text", self.found());
+                    let what = format!("{} is allowed in component models only, not in flat text", self.found());
                     return self.fault_with_help(self.span(), what, FLATTEN);
                 }
                 Token::Keyword("equation") if variability == Variability::Parameter => {
-                    let what = "`parameter equation` is not read";
+                    let what = "`parameter equation` is not supported";
                     return self.fault_with_help(self.span(), what, "give the parameter a value: `parameter Real x = ...`");
                 }
                 Token::Keyword("model" | "function" | "type" | "record" | "class" | "block" | "package") => {
@@ -307,7 +307,7 @@ impl Parser<'_> {
         if let Token::Name(name) = self.token()
             && matches!(name.as_str(), "Clock" | "partition" | "subpartition")
         {
-            let what = format!("`{name}`: synchronous clocks are not read");
+            let what = format!("`{name}`: synchronous clocks are not supported");
             return self.fault_with_help(type_span, what, "write `when sample(start, period) then ... end when;`");
         }
         let type_name = self.dotted("a declaration: a type and a name")?;
@@ -321,7 +321,7 @@ impl Parser<'_> {
             let modification = self.modification()?;
             if self.is_keyword("if") {
                 let help = "leave the component out of the text, or write both cases as if-expressions";
-                return self.fault_with_help(self.span(), "a conditional component is not read", help);
+                return self.fault_with_help(self.span(), "a conditional component is not supported", help);
             }
             let description = self.comment()?;
             declarations.push(Declaration {
@@ -390,7 +390,7 @@ impl Parser<'_> {
         while self.takes_keyword("final") || self.takes_keyword("each") {}
         let span = self.span();
         if self.is_keyword("redeclare") || self.is_keyword("replaceable") {
-            let what = format!("{} stands in component models, not in flat text", self.found());
+            let what = format!("{} is allowed in component models only, not in flat text", self.found());
             return self.fault_with_help(span, what, FLATTEN);
         }
         let name = self.dotted("an attribute, such as `unit` or `start`")?;

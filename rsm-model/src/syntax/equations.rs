@@ -128,15 +128,15 @@ impl Parser<'_> {
                 StatementKind::For(index, range, body)
             }
             Token::Keyword(word @ ("while" | "when" | "break" | "return")) => {
-                let what = format!("`{word}` in a function is not read: its operations must be one straight line");
+                let what = format!("`{word}` in a function is not supported: its operations must be one straight line");
                 return self.fault_with_help(
                     self.span(),
                     what,
-                    "write assignments and `if`; a `for` over known numbers is read too",
+                    "write assignments and `if`; a `for` over known numbers is supported too",
                 );
             }
             _ if self.is_sign("(") => {
-                let what = "a call with several results is not read";
+                let what = "a call with several results is not supported";
                 return self.fault_with_help(self.span(), what, "write a function for each result");
             }
             _ => {

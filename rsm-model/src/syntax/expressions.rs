@@ -140,7 +140,7 @@ impl Parser<'_> {
             let right = self.climb(operator.rank() + 1)?;
             if matches!(operator, Operator::Power(_)) && matches!(self.operator(), Some(Operator::Power(_))) {
                 let what = format!("found {} after a power", self.found());
-                return self.fault_with_help(self.span(), what, "say with parentheses which power is taken first");
+                return self.fault_with_help(self.span(), what, "write parentheses around the power that is computed first");
             }
             left = Expression { kind: joined(left, operator, right), span: self.since(start) };
         }
@@ -180,12 +180,12 @@ impl Parser<'_> {
                 self.advance();
                 let inner = self.expression()?;
                 if self.is_sign(",") {
-                    let what = "a list of results in parentheses: functions with a single result are read";
+                    let what = "found a list of results in parentheses: only functions with one result are supported";
                     return self.fault_with_help(span, what, "write a function for each result");
                 }
                 self.sign(")", "after an expression in parentheses")?;
                 if self.is_sign("[") {
-                    let what = "subscripts behind parentheses are not read";
+                    let what = "subscripts after parentheses are not supported";
                     return self.fault_with_help(self.span(), what, "name the expression as a variable and take its part");
                 }
                 return Ok(inner);
@@ -237,7 +237,7 @@ impl Parser<'_> {
         self.keyword("in", "after the index of `for`")?;
         let range = self.expression()?;
         if self.is_sign(",") {
-            let what = "two indices in one `for` are not read";
+            let what = "two indices in one `for` are not supported";
             return self.fault_with_help(self.span(), what, "write one `for` inside the other");
         }
         Ok((index, range))
@@ -282,7 +282,7 @@ impl Parser<'_> {
                     self.advance();
                     named.push((argument, self.expression()?));
                 } else if self.is_keyword("function") {
-                    let what = "a function as an argument is not read";
+                    let what = "a function as an argument is not supported";
                     return self.fault_with_help(self.span(), what, "write the function that results as a function of its own");
                 } else {
                     let argument = self.expression()?;

@@ -156,7 +156,9 @@ pub(crate) fn tokens(source: &Source, faults: &mut Collector) -> Vec<Placed> {
                     let symbol = text[at..].chars().next().unwrap_or(' ');
                     at += symbol.len_utf8();
                     let what = format!("found the character `{symbol}`, which no name, number or sign starts with");
-                    faults.push(source.fault(start..at, what).help("names with other letters stand in single quotes: 'name'"));
+                    faults.push(
+                        source.fault(start..at, what).help("write a name with other characters in single quotes: 'name'"),
+                    );
                     continue;
                 }
             },

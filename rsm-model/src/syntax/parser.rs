@@ -147,11 +147,11 @@ impl<'s> Parser<'s> {
     /// Reads one level deeper in a construct that can be nested.
     pub(crate) fn deeper<T>(&mut self, read: impl FnOnce(&mut Self) -> Read<T>) -> Read<T> {
         if self.depth >= DEEPEST {
-            let what = format!("more than {DEEPEST} levels of parentheses or branches in one another");
+            let what = format!("found more than {DEEPEST} levels of nested parentheses or branches");
             return self.fault_with_help(
                 self.span(),
                 what,
-                "name a part of the expression as a variable with an equation of its own",
+                "declare a variable with a separate equation for a part of the expression",
             );
         }
         self.depth += 1;

@@ -75,17 +75,17 @@ impl Work {
                 searched.unknowns.iter().map(|k| format!("`{}`", self.flat.variable(variables[*k]).name)).collect();
             let place = self.equations[equation].place.clone();
             let what = if names.is_empty() {
-                "this equation holds no unknown that it could give".to_string()
+                "this equation contains no unknown for which it could be solved".to_string()
             } else {
                 format!(
-                    "one equation too many: the {} equations of lines {} hold {} unknowns: {}",
+                    "one equation too many: the {} equations of lines {} contain only {} unknowns: {}",
                     searched.equations.len(),
                     listed(&lines.iter().map(usize::to_string).collect::<Vec<_>>()),
                     names.len(),
                     listed(&names)
                 )
             };
-            self.fault(place, what, "take one of them out, or declare what it should give");
+            self.fault(place, what, "remove one of them, or declare the variable that it should determine");
         }
         for (k, symbol) in variables.iter().enumerate() {
             if matching.equation_of[k].is_some() {
@@ -101,14 +101,14 @@ impl Work {
                 "it is in no equation".to_string()
             } else {
                 let lines: Vec<String> = lines.iter().map(usize::to_string).collect();
-                format!("the equations that hold it (lines {}) give other unknowns", listed(&lines))
+                format!("the equations that contain it (lines {}) determine other unknowns", listed(&lines))
             };
             let help = if variable.is_discrete {
                 "write its `when`; a text from rumoca leaves `when` out"
             } else {
                 "write an equation, or declare it `input` or `parameter`"
             };
-            self.fault(variable.place, format!("no equation is left that gives `{}`: {where_used}", variable.name), help);
+            self.fault(variable.place, format!("no equation is left that determines `{}`: {where_used}", variable.name), help);
         }
     }
 
@@ -133,8 +133,8 @@ impl Work {
                 for unknown in &searched.unknowns {
                     if self.flat.variable(symbols[*unknown]).basic != Basic::Real {
                         let place = self.equations[at].place.clone();
-                        let what = format!("`{}` would have to be derived by time", self.flat.variable(symbols[*unknown]).name);
-                        self.fault(place, what, "only real variables have derivatives");
+                        let what = format!("the time derivative of `{}` is needed", self.flat.variable(symbols[*unknown]).name);
+                        self.fault(place, what, "only Real variables have derivatives");
                         return;
                     }
                     let derivative = self.flat.derived(Role::Derivative(symbols[*unknown]));
@@ -197,7 +197,7 @@ impl Work {
                 Role::Time => self.flat.pool.number(1.0),
                 Role::Input => {
                     let what = format!(
-                        "this equation must be derived by time, and holds the input `{}`, which has no derivative: it is held from row to row",
+                        "the time derivative of this equation is needed, but it contains the input `{}`, which has no derivative: it is held from row to row",
                         self.flat.variable(symbol).name
                     );
                     self.fault(old.place.clone(), what, "filter the input: der(y) = (u - y)/T, and use y");
@@ -306,10 +306,10 @@ impl Work {
         let lines: Vec<String> = rows.iter().map(|row| self.line(&self.equations[*row].place).to_string()).collect();
         let place = self.equations[rows[0]].place.clone();
         let what = format!(
-            "the constraints of lines {} depend on each other: their derivatives do not give as many unknowns",
+            "the constraints of lines {} depend on each other: their derivatives determine fewer unknowns",
             listed(&lines)
         );
-        self.fault(place, what, "take out a constraint that follows from the others");
+        self.fault(place, what, "remove a constraint that follows from the others");
         None
     }
 }

@@ -61,7 +61,7 @@ impl System {
             let register = match pool.node(id) {
                 Node::Symbol(symbol) => {
                     let Some(port) = place.get(&symbol) else {
-                        return Err(format!("`{}` is not an argument of `{name}`, and it needs it", self.name(symbol)));
+                        return Err(format!("`{name}` needs `{}`, which is not one of its arguments", self.name(symbol)));
                     };
                     lowering.tape.input(*port)
                 }
@@ -71,7 +71,10 @@ impl System {
                     match surfaces(&mut lowering.tape, surface, &arguments, orders) {
                         Some(register) => register,
                         None => {
-                            return Err(format!("no file gives the surface `{}`", self.flat.surfaces[surface as usize].name));
+                            return Err(format!(
+                                "no model file contains the surface `{}`",
+                                self.flat.surfaces[surface as usize].name
+                            ));
                         }
                     }
                 }

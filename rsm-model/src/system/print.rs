@@ -81,7 +81,7 @@ impl fmt::Display for System {
         match (units.equations, units.unchecked) {
             (0, _) => writeln!(f, "units: not checked, the text states too few"),
             (checked, 0) => writeln!(f, "units: checked in all {checked} equations"),
-            (checked, rest) => writeln!(f, "units: checked in {checked} equations; {rest} hold something without a unit"),
+            (checked, rest) => writeln!(f, "units: checked in {checked} equations; {rest} contain a variable without a unit"),
         }
     }
 }

@@ -68,8 +68,11 @@ impl Work {
         }
         let variable = self.flat.variable(unknown);
         if variable.basic != Basic::Real {
-            let what =
-                format!("`{}` of type {} is not alone on a side of its equation", variable.name, type_word(variable.basic));
+            let what = format!(
+                "`{}` of type {} must stand alone on one side of its equation",
+                variable.name,
+                type_word(variable.basic)
+            );
             self.fault(equation.place.clone(), what, "write it as `b = ...`");
             return;
         }
@@ -185,8 +188,8 @@ impl Work {
         let lines: Vec<String> = lines.iter().map(usize::to_string).collect();
         let place: Range<usize> = equations[block[0].0].place.clone();
         let what =
-            format!("the equations of lines {} do not give {}: they depend on each other", listed(&lines), listed(&names));
-        self.fault(place, what, "replace one of them by an equation that says something else");
+            format!("the equations of lines {} do not determine {}: they depend on each other", listed(&lines), listed(&names));
+        self.fault(place, what, "replace one of them by an independent equation");
     }
 }
 

@@ -139,7 +139,7 @@ impl Work {
                 (true, Of::Text | Of::Value) | (false, Of::Recorded(_) | Of::Value) => {}
                 (false, Of::Text) => self.fault(
                     place,
-                    format!("{name} is one demand too many: the rest determines the start already"),
+                    format!("{name} is one condition too many: the other conditions already determine the start"),
                     "leave it out, or write `fixed = false` at a start that is only a guess",
                 ),
             }
@@ -154,8 +154,8 @@ impl Work {
         for (k, symbol) in unknowns.iter().enumerate() {
             if matching.equation_of[k].is_none() {
                 let variable = self.flat.variable(*symbol).clone();
-                let what = format!("nothing gives `{}` at the start", variable.name);
-                self.fault(variable.place, what, "write `start = ...` at it, or an initial equation");
+                let what = format!("no condition determines `{}` at the start", variable.name);
+                self.fault(variable.place, what, "give it `start = ...`, or write an initial equation");
             }
         }
         if self.has_fault {
@@ -223,7 +223,7 @@ impl Work {
             // Starts are written with at least six digits. For a start of 0, a thousandth of a unit counts as small.
             if off.abs() > 1e-6 * value.abs().max(variable.nominal.unwrap_or(1e-3).abs()) {
                 let what = format!(
-                    "the start of `{}` is one demand too many: the rest determines it, and gives {}",
+                    "the start of `{}` is one condition too many: the other conditions determine it as {}",
                     variable.name,
                     value + off
                 );

@@ -17,23 +17,27 @@ fn told(declarations: &str, equations: &str) -> String {
 fn an_unknown_without_an_equation_is_named() {
     let told = told("  Real x, y;\n  Real z;\n  discrete Real u;", "  x = 1;\n  x + y = z;");
     assert!(
-        told.contains("m.mo:3:8: no equation is left that gives `z`: the equations that hold it (lines 7) give other unknowns"),
+        told.contains("m.mo:3:8: no equation is left that determines `z`: the equations that contain it (lines 7) determine other unknowns"),
         "{told}"
     );
-    assert!(told.contains("m.mo:4:17: no equation is left that gives `u`: it is in no equation"), "{told}");
+    assert!(told.contains("m.mo:4:17: no equation is left that determines `u`: it is in no equation"), "{told}");
     assert!(told.contains("a text from rumoca leaves `when` out"), "{told}");
 }
 
 #[test]
 fn an_equation_too_many_is_named_with_those_it_competes_with() {
     let told = told("  Real x, y;\n  parameter Real p = 1;", "  x + y = 1;\n  x - 2*y = 2;\n  3*x = 4 + y*p;");
-    assert!(told.contains("m.mo:7:3: one equation too many: the 3 equations of lines 5, 6, 7 hold 2 unknowns"), "{told}");
+    assert!(
+        told.contains("m.mo:7:3: one equation too many: the 3 equations of lines 5, 6, 7 contain only 2 unknowns"),
+        "{told}"
+    );
 }
 
 #[test]
 fn an_equation_without_unknowns_is_named() {
     assert!(
-        told("  Real x;\n  parameter Real p = 1;", "  x = 1;\n  p = 2;").contains("m.mo:6:3: this equation holds no unknown")
+        told("  Real x;\n  parameter Real p = 1;", "  x = 1;\n  p = 2;")
+            .contains("m.mo:6:3: this equation contains no unknown")
     );
 }
 
@@ -41,7 +45,7 @@ fn an_equation_without_unknowns_is_named() {
 fn equations_that_say_the_same_are_named() {
     let told = told("  Real x, y;\n  input Real u;", "  x + 2*y = u;\n  2*x + 4*y = 3;");
     assert!(
-        told.contains("the equations of lines 5, 6 do not give `x`, `y`") || told.contains("do not give `y`, `x`"),
+        told.contains("the equations of lines 5, 6 do not determine `x`, `y`") || told.contains("do not determine `y`, `x`"),
         "{told}"
     );
 }
@@ -49,7 +53,7 @@ fn equations_that_say_the_same_are_named() {
 #[test]
 fn an_input_that_would_have_to_be_derived_is_named() {
     let told = told("  input Real u;\n  Real x, v, f;", "  x = 2*u;\n  v = der(x);\n  f = der(v);");
-    assert!(told.contains("m.mo:5:3: this equation must be derived by time, and holds the input `u`"), "{told}");
+    assert!(told.contains("m.mo:5:3: the time derivative of this equation is needed, but it contains the input `u`"), "{told}");
     let told = self::told("  input Real u;\n  Real x, v;", "  x = u;\n  v = der(x);");
     assert!(told.contains("which is the input `u`"), "{told}");
 }
@@ -61,7 +65,7 @@ fn a_start_that_is_demanded_twice_is_named() {
         "  y = 3*x;\n  v = der(x);\n  w = der(y);\n  v + w = 1;",
     );
     // The one of the two that found no room: y = 3 x.
-    assert!(told.contains("`x` is one demand too many: the rest determines it, and gives 0.666"), "{told}");
+    assert!(told.contains("`x` is one condition too many: the other conditions determine it as 0.666"), "{told}");
 }
 
 #[test]

@@ -69,7 +69,7 @@ fn the_listing_says_what_was_understood() {
         "  motor.J[kg.m2]  = 0.1  inertia",
         ", a linear block",
         "  source.tau = torque",
-        "equations; 2 hold something without a unit",
+        "equations; 2 contain a variable without a unit",
     ] {
         assert!(text.contains(line), "{line} is missing in\n{text}");
     }

@@ -129,7 +129,7 @@ impl Bench {
         let runs = in_threads(settings, threads(), |setting| self.one(plant, *setting, seed));
         let outcomes = runs.into_iter().collect::<Result<Vec<Outcome>, Faults>>()?;
         if !outcomes.is_empty() && outcomes.iter().all(|it| matches!(it, Outcome::Tripped(_))) {
-            let what = "every run ends with more than twice the current limit: are these the parameters of a motor?";
+            let what = "every run ends with more than twice the current limit: check the parameters of the motor";
             return Err(Faults::one(Fault::whole_file("plant file", what)));
         }
         Ok(outcomes)

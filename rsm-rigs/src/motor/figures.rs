@@ -108,7 +108,10 @@ fn differences(
     }
     let mut found = beside.found;
     if found.angles.is_empty() {
-        return Err(Faults::one(Fault::whole_file("profile", "the full controller never weakens in it: it is too short")));
+        return Err(Faults::one(Fault::whole_file(
+            "profile",
+            "the full controller never weakens the flux in this profile: use a longer profile",
+        )));
     }
     found.angles.sort_by(f64::total_cmp);
     Ok(found)
@@ -147,7 +150,7 @@ pub fn surface_difference(
 ) -> Result<Differences, Faults> {
     let refused = |what: String| Faults::one(Fault::whole_file("model", format!("surface `{surface}`: {what}")));
     let Some(index) = model.model().surfaces.iter().position(|found| found.name == surface) else {
-        return Err(refused("it is not there".to_string()));
+        return Err(refused("the model has no surface of this name".to_string()));
     };
     let found = &model.model().surfaces[index];
     if found.inputs != ["torque", "speed"] {

@@ -33,11 +33,11 @@ pub fn check_plant(file: &PlantFile) -> Result<(), Faults> {
     }
     let hooks = Hooks::new(file, Pmac::STATES);
     if (0..3).any(|output| hooks.reads_late(output) > 0.0) {
-        let what = "the effect `sensor-delay` is one of a record; a drive in closed loop has its own delay";
+        let what = "found the effect `sensor-delay`, which is for records only: a drive in closed loop has its own delay; remove the effect";
         return Err(Faults::one(Fault::whole_file("plant file", what)));
     }
     if hooks.delay() > 0.0 {
-        let what = "the effect `input-delay` is one of a record; a drive in closed loop has its own delay";
+        let what = "found the effect `input-delay`, which is for records only: a drive in closed loop has its own delay; remove the effect";
         return Err(Faults::one(Fault::whole_file("plant file", what)));
     }
     Ok(())
@@ -104,8 +104,9 @@ impl Machine {
         if rate < FASTEST {
             Ok(machine)
         } else {
-            let what =
-                format!("the motor moves at {rate:e} 1/s: an inductance, an inertia or a stiffness is out of proportion");
+            let what = format!(
+                "found a rate of {rate:e} 1/s, expected less than {FASTEST:e} 1/s: check the inductances, the inertia and the stiffnesses"
+            );
             Err(Faults::one(Fault::whole_file("plant file", what)))
         }
     }

@@ -80,7 +80,7 @@ impl Compensation {
                 ("ratio", "1") => ScheduledBy::Ratio,
                 ("load", "kg") => ScheduledBy::Load,
                 (other, unit) => {
-                    let what = format!("compensator `{name}`: its input `{other}` in {unit} is nothing that this car measures");
+                    let what = format!("compensator `{name}`: its input `{other}` in {unit} is not measured on this car");
                     return Err(refuse(what, "expected speed in m/s, gear in 1, ratio in 1 or load in kg"));
                 }
             });

@@ -160,7 +160,7 @@ fn names(
     let value = if required { top.required(key, faults)? } else { top.optional(key)? };
     let names = top.texts(&format!("`{key}`"), value, faults)?;
     if names.is_empty() {
-        faults.push(top.fault(value.span(), format!("`{key}`: there is none")));
+        faults.push(top.fault(value.span(), format!("`{key}`: found none, expected at least one")));
         return None;
     }
     for (k, (name, span)) in names.iter().enumerate() {
@@ -291,11 +291,11 @@ fn points(
     let (wishes, has_plan) = (wishes?, has_plan?);
     let forbidden = |key: &'static str, why: &str| top.fault(top.key_span(key), format!("`{key}`: {why}"));
     let by_itself = if has_plan {
-        Some("the plan says which settings are run")
+        Some("not accepted together with `plan`, which lists the settings")
     } else if wishes.is_empty() {
-        Some("nothing is varied: every run is the same; `repeats` runs it again with other noise")
+        Some("not accepted without [[vary]]: every run would be the same; use `repeats` with `noise = true` for several runs")
     } else if shape == Shape::FullFactorial {
-        Some("a full factorial has a run for every combination of the lists")
+        Some("not accepted with \"full-factorial\", which has one run for each combination of the lists")
     } else {
         None
     };
@@ -308,7 +308,10 @@ fn points(
         return None;
     }
     if has_design && (has_plan || wishes.is_empty()) {
-        faults.push(forbidden("design", "it has nothing to set: a plan says everything, or nothing is varied"));
+        faults.push(forbidden(
+            "design",
+            "not accepted together with `plan`, nor without [[vary]]: there are no settings to choose",
+        ));
         return None;
     }
     if by_itself.is_some() && shape != Shape::FullFactorial {
@@ -388,7 +391,7 @@ fn outputs(top: &mut TableReader<'_>, faults: &mut Collector) -> Vec<Wanted> {
         wanted.push(Wanted { name: name.to_string(), statistics, span });
     }
     if table.entries().next().is_none() {
-        faults.push(top.fault(value.span(), "`outputs`: there is none"));
+        faults.push(top.fault(value.span(), "`outputs`: found none, expected at least one"));
     }
     wanted
 }
@@ -413,7 +416,7 @@ fn check_outputs(
         }
         let measured = plant.kind.output(&wanted.name).and_then(|place| record.measured[place].as_ref());
         if wanted.statistics.contains(&Statistic::Rmse) && measured.is_none() {
-            let what = format!("{who}: \"rmse\" compares with the record, and {record_name} has no such column");
+            let what = format!("{who}: \"rmse\" needs a measured column of this name, and {record_name} has none");
             faults.push(top.fault(wanted.span.clone(), what));
         }
     }
@@ -429,7 +432,7 @@ fn diagnoses_of(
     let items = top.array("`diagnose`", value, faults)?;
     let effects = effects?;
     if items.is_empty() {
-        faults.push(top.fault(value.span(), "`diagnose`: there is none"));
+        faults.push(top.fault(value.span(), "`diagnose`: found none, expected at least one"));
     }
     let mut found: Vec<Diagnosis> = Vec::new();
     for (k, item) in items.into_iter().enumerate() {

@@ -155,7 +155,7 @@ fn law(table: &mut TableReader<'_>, shape: Shape, target: Option<&Target>, fault
             };
             if matches!(shape, Shape::Tolerance) {
                 if matches!(target, Some(Target::Effect { .. })) {
-                    let what = "\"tolerance\" is that of a parameter in the plant file; a number of an effect has none";
+                    let what = "\"tolerance\" is for parameters of the plant file; a number of an effect has no tolerance";
                     faults.push(table.fault(table.span(), what));
                 }
                 return Some(Wanted::Tolerance { within });
@@ -172,7 +172,10 @@ fn law(table: &mut TableReader<'_>, shape: Shape, target: Option<&Target>, fault
             if let (Some(mean), Some([low, high]), Some(sd)) = (mean, within, sd)
                 && (mean - high > FAR * sd || low - mean > FAR * sd)
             {
-                faults.push(table.fault(table.key_span("within"), "`within`: next to nothing of the distribution is there"));
+                faults.push(table.fault(
+                    table.key_span("within"),
+                    "`within`: the distribution has almost no probability between these two values",
+                ));
             }
             Wanted::Normal { mean, sd, relative, within }
         }
@@ -183,7 +186,7 @@ fn law(table: &mut TableReader<'_>, shape: Shape, target: Option<&Target>, fault
                 return Some(Wanted::Known(Distribution::Uniform([low, high])));
             }
             if low <= 0.0 {
-                let what = format!("`range`: found {low}, expected a number above 0: its logarithm is distributed");
+                let what = format!("`range`: found {low}, expected a number above 0: \"log-uniform\" takes its logarithm");
                 faults.push(table.fault(value.span(), what));
                 return None;
             }
@@ -197,7 +200,7 @@ fn law(table: &mut TableReader<'_>, shape: Shape, target: Option<&Target>, fault
                 faults.push(table.fault(value.span(), format!("`values`: {} occurs twice", values[k])));
             }
             if values.is_empty() {
-                faults.push(table.fault(value.span(), "`values`: there is none"));
+                faults.push(table.fault(value.span(), "`values`: found none, expected at least one"));
                 return None;
             }
             Wanted::Known(Distribution::List(values))
@@ -209,7 +212,7 @@ fn law(table: &mut TableReader<'_>, shape: Shape, target: Option<&Target>, fault
                 _ => None,
             };
             let Some(column) = column.or(own) else {
-                faults.push(table.fault(table.span(), "`column` is missing: which column of the plan?"));
+                faults.push(table.fault(table.span(), "`column` is missing: name the column of the plan that has the values"));
                 return None;
             };
             Wanted::Planned { column }
@@ -232,13 +235,16 @@ pub(super) fn plan_and_factors(top: &TableReader<'_>, wishes: &[Wish], plan: Opt
     match plan {
         None => {
             for wish in wishes.iter().filter(|it| matches!(it.law, Wanted::Planned { .. })) {
-                faults.push(top.fault(wish.span.clone(), format!("{}: \"plan\" needs the key `plan`", wish.who)));
+                faults.push(top.fault(
+                    wish.span.clone(),
+                    format!("{}: `distribution = \"plan\"` needs the key `plan` with the name of a plan file", wish.who),
+                ));
             }
         }
         Some(plan) => {
             for factor in plan.factors.iter().filter(|it| !columns.contains(&it.name.as_str())) {
-                let what = format!("`plan`: no [[vary]] takes its column `{}`", factor.name);
-                let help = "an entry with `distribution = \"plan\"` takes a column";
+                let what = format!("`plan`: no [[vary]] uses its column `{}`", factor.name);
+                let help = "write an entry with `distribution = \"plan\"` for it, or remove the column";
                 faults.push(top.fault(top.key_span("plan"), what).help(help));
             }
         }
@@ -267,7 +273,7 @@ pub(super) fn place(
                 return refuse(format!("{plant_name} has no such parameter"), format!("it has {known}"));
             };
             let Some(now) = plant.parameters.optional(nominal.name) else {
-                return refuse(format!("{plant_name} gives it no value"), String::new());
+                return refuse(format!("{plant_name} has no value for this parameter"), String::new());
             };
             (Number::Parameter(nominal.name), nominal.unit.to_string(), nominal.bound, now)
         }
@@ -290,7 +296,10 @@ pub(super) fn place(
             let given = entry.arguments.numbers.iter().find(|it| it.0 == *number);
             let (Some(argument), Some((name, now))) = (described, given) else {
                 let known = list(&mut entry.arguments.numbers.iter().map(|it| it.0.to_string()));
-                return refuse(format!("the effect in {plant_name} gives no such number"), format!("it gives {known}"));
+                return refuse(
+                    format!("the effect in {plant_name} has no number of this name"),
+                    format!("its numbers are {known}"),
+                );
             };
             let of_parameter = match (entry.description.subject, &entry.arguments.subject) {
                 (Subject::Parameter, Some(name)) => schema::named(plant.kind).find(|it| it.name == *name),
@@ -310,7 +319,9 @@ pub(super) fn place(
                 Some((_, share)) if *share > 0.0 && now != 0.0 => {
                     Law::Drawn(Distribution::Normal { mean: now, sd: share * now.abs(), within: *within })
                 }
-                _ => return refuse(format!("{plant_name} gives no [tolerance] above 0 for it"), String::new()),
+                _ => {
+                    return refuse(format!("{plant_name} has no [tolerance] above 0 for it, or its value is 0"), String::new());
+                }
             }
         }
         Wanted::Normal { mean, sd, relative, within } => {

@@ -75,7 +75,7 @@ fn a_bundle_has_the_same_tasks_with_the_same_results() {
         let result = |scenario: &Scenario, task: &Task| task.run(scenario, 1, &no_diagnosis).to_string();
         assert_eq!(result(&here, &one[1 % one.len()]), result(&there, &other[1 % one.len()]));
         let cut = bundle::read(&Source::new("bundle.json", &text[..text.len() - 9])).unwrap_err();
-        assert!(cut.to_string().contains("no bundle"), "{cut}");
+        assert!(cut.to_string().contains("not a bundle"), "{cut}");
     }
 }
 

@@ -55,7 +55,7 @@ pub fn run(tell: &Teller, folder: &Path, full: bool, paper: &mut Paper) -> Resul
     }
     for (name, car) in [("without lash", without_lash), ("with lash", with_lash)] {
         tell.say(&format!(
-            "track    {name}: damping surface off by {:.2} % on unseen runs, {:.2} % at second order as the paper has it; compensated damping ratio {:.3}, largest residual {:.3}; overshoot {:.2} of before \
+            "track    {name}: error of the damping surface {:.2} % on holdout runs, {:.2} % at second order as the paper has it; compensated damping ratio {:.3}, largest residual {:.3}; overshoot {:.2} of before \
              at worst, rise time {:.2} times; {} rounds",
             car.damping_residual_percent,
             car.damping_residual_percent_second_order,
@@ -107,7 +107,9 @@ fn other_cars(tell: &Teller, plant: &PlantFile, study: &Study, results: &mut Map
     let mut found = Map::new();
     for (name, residual) in lines {
         let Residual { damping_percent, frequency_percent, .. } = residual;
-        tell.say(&format!("surfaces {name}: damping off by {damping_percent:.2} %, frequency by {frequency_percent:.2} %"))?;
+        tell.say(&format!(
+            "surfaces {name}: error of the damping {damping_percent:.2} %, of the frequency {frequency_percent:.2} %"
+        ))?;
         table += &format!("<tr><td>{name}</td><td>{damping_percent:.2} %</td><td>{frequency_percent:.2} %</td></tr>\n");
         found.insert(name.into(), json!({ "damping_percent": damping_percent, "frequency_percent": frequency_percent }));
     }
@@ -233,7 +235,7 @@ fn html(found: &Figures, checked: &Checked) -> Result<String, Refusal> {
          {} without lash, {} with it; all runs count.</p>\n<div class=\"plots\">\n{plots}</div>\n\
          <p>The damping surface, beside the form of the original work on the same runs.</p>\n{forms}\
          <p>Rounds of the pole damping.</p>\n{rounds}\
-         <p>What is left of the target with lash: the same compensator on a car from which one thing is taken away.</p>\n{rest}",
+         <p>Causes of the rest of the error with lash: the same compensator on a car without one of its properties.</p>\n{rest}",
         flagged(without_lash),
         flagged(with_lash)
     ))

@@ -23,9 +23,9 @@ pub fn run(tell: &Teller) -> Result<Section, Refusal> {
         "<h2>The motor's loop under faults</h2>\n<p>{runs} runs of the embedded steps: every sensor, broken for 1, 5, 10, 100 and 500 samples of 0.1 ms, at 11 operating points \
          and bus voltages of 180, 230, 270 and 330 V. No current may be longer than {MOST_A} A, 1.2 of the limit (the exact controller without a fault has {exact:.1} A), and \
          the torque must be back {MOST_MS} ms after the last bad sample. The bridge opens after ten bad samples in a row, or where the current leaves the limit by 7 %. A bias or a \
-         noise that is plausible cannot be told from the truth: the last column is what such a fault of 50 ms does to the torque in the mean.</p>\n\
+         noise that is plausible cannot be detected: the last column has the mean torque error of such a fault of 50 ms.</p>\n\
          <table>\n<tr><th>sensor</th><th>fault</th><th>runs</th><th>longest current, A</th><th>torque back after, ms</th><th>bridge opened in</th>\
-         <th>torque off while unnoticed, N m</th></tr>\n"
+         <th>torque error if undetected, N m</th></tr>\n"
     );
     for row in &rows {
         let mark = if row.kept() { "" } else { " class=\"missed\"" };

@@ -100,7 +100,7 @@ fn measure_and_fit(
         .collect();
     let (run, at) = (outcomes.len(), points.len());
     tell.say(&format!(
-        "bench    {run} runs to steady state, {at} of them at the voltage limit; the other half of the map is kept unseen"
+        "bench    {run} runs to steady state, {at} of them at the voltage limit; the other half of the map is the holdout set"
     ))?;
     if full {
         files.push((folder.join("dyno-180-data.csv"), bench::csv(&bench.run(plant, &plans[1], SEEDS[0])?)));

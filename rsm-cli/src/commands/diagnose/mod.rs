@@ -178,7 +178,9 @@ pub fn run(arguments: &Arguments) -> Outcome {
 fn plant_file(source: &Source, arguments: &Arguments) -> Result<PlantFile, Refusal> {
     if !plants::is_equations(source) {
         if arguments.effects.is_some() {
-            return Err(Refusal::new("--effects: a plant file of format 1 takes the effects that are built in"));
+            return Err(Refusal::new(
+                "--effects: found a plant file of format 1, which has built-in effects only; expected format 2",
+            ));
         }
         return Ok(PlantFile::read(source)?);
     }

@@ -235,7 +235,7 @@ fn of_cause(body: &mut String, data: &NewData, response: &ResponseDiagnosis, cau
         cause.confidence
     );
     if let Some((rival, behind)) = cause.rivals.first() {
-        let _ = write!(body, " Against it: {} in its place has only {} less evidence.", escaped(rival), short(*behind));
+        let _ = write!(body, " Against it: the evidence of {} in its place is only {} less.", escaped(rival), short(*behind));
         for (rival, behind) in cause.rivals.iter().skip(1).take(2) {
             let _ = write!(body, " Then {}: {}.", escaped(rival), short(*behind));
         }

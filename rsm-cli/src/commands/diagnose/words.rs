@@ -96,7 +96,7 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
         }
         Verdict::Unexplained => {
             let looks = most_informative(&found.error_breakdown.after, 1);
-            let looks = looks.first().map_or(String::new(), |it| format!(" Most telling: {}.", place(kind, it)));
+            let looks = looks.first().map_or(String::new(), |it| format!(" The clearest region: {}.", place(kind, it)));
             let predicted = found.predicted.as_ref().map_or(String::new(), |it| {
                 let output = kind.outputs()[it.output].name;
                 format!(
@@ -189,17 +189,20 @@ pub fn bridged(it: &FilledGaps) -> String {
         (gaps, 1) => format!("{gaps} lost rows were bridged"),
         (gaps, longest) => format!("{gaps} gaps of 1 to {longest} rows, {} rows in all, were bridged", it.rows),
     };
-    format!("{gaps}: outputs there are not compared, inputs are interpolated with the help of later readings")
+    format!("{gaps}: there, outputs are not compared, and inputs are interpolated from the readings around the gap")
 }
 
 /// An effect of the plant file, with its parameters as estimated from the records.
 pub fn claim(it: &Claim) -> String {
     let number = |(number, file): (&Interval, &f64)| {
-        format!("{} {file}, in the records {:.4} ({:.4} to {:.4})", number.name, number.value, number.low, number.high)
+        format!(
+            "{} is {file} in the file, {:.4} ({:.4} to {:.4}) in the records",
+            number.name, number.value, number.low, number.high
+        )
     };
     let numbers: Vec<String> = it.records.iter().zip(&it.file).map(number).collect();
     let subject = it.subject.as_ref().map_or(String::new(), |name| format!(" of {name}"));
-    let judged = if it.stands { "stands" } else { "is contradicted" };
+    let judged = if it.stands { "agrees with the records" } else { "disagrees with the records" };
     format!("{}{subject} {judged}: {}.", it.kind, numbers.join("; "))
 }
 

@@ -98,7 +98,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     output::line(system.to_string().trim_end())?;
     for (name, _, _, tolerance) in &parameters {
         if let Some(tolerance) = tolerance {
-            output::line(&format!("{name} is known to {} %", 100.0 * tolerance))?;
+            output::line(&format!("{name} has a tolerance of {} %", 100.0 * tolerance))?;
         }
     }
     match start {

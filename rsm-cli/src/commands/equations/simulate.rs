@@ -43,7 +43,7 @@ impl Wish<'_> {
             (_, Some(step)) if fixed::steps(step, period).is_some() => Method::Fixed { step },
             (_, Some(step)) => {
                 return Err(Refusal::new(format!(
-                    "--fixed-step: found {step} s, expected the period of the record, {period} s, or a whole share of it"
+                    "--fixed-step: found {step} s, expected the period of the record, {period} s, or this period divided by a whole number"
                 )));
             }
             (Some("explicit"), None) => Method::Explicit,

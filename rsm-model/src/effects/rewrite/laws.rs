@@ -66,7 +66,7 @@ impl Rewriter {
             if is_number(&symbol) && self.flat.pool.symbols(*law).iter().all(is_number) {
                 if self.flat.variable(symbol).is_structural {
                     return Err(format!(
-                        "`{}` shapes the equations: set it under [parameters]",
+                        "`{}` determines the structure of the equations, so an effect cannot change it: set it under [parameters]",
                         self.flat.variable(symbol).name
                     ));
                 }
@@ -96,7 +96,7 @@ impl Rewriter {
         let Context { placed, site, base, .. } = *context;
         let items = site.role(role).map(|it| it.items.clone()).ok_or_else(|| site.no_variable(role))?;
         if items.len() != law.items.len() {
-            return Err(format!("the law of `{role}` gives {}, expected as many as it has", law.shape()));
+            return Err(format!("the law of `{role}` gives {}, expected the shape of `{role}`", law.shape()));
         }
         let mut replaced = HashMap::new();
         let mut given = Vec::new();
@@ -173,7 +173,7 @@ impl Rewriter {
             };
             let Some(of) = of else {
                 return Err(format!(
-                    "`{}` changes at every instant: only an input, or a signal that is held between instants, can be delayed",
+                    "`{}` changes continuously: only an input, or a signal that is held between samples, can be delayed",
                     self.flat.variable(symbol).name
                 ));
             };

@@ -41,7 +41,7 @@ impl Bound {
     }
 
     pub(super) fn no_variable(&self, role: &str) -> String {
-        format!("the `{role}` of `{}` is not a name of the text alone, and cannot be given another law", self.name)
+        format!("the `{role}` of `{}` is an expression, expected a single variable: the effect changes its equation", self.name)
     }
 
     /// Whether a role is the factor of the derivative in the balance of the site.

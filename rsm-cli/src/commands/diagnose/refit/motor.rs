@@ -79,7 +79,11 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
     let mut words = Vec::new();
     for (points, found, what) in [
         (&at_bench, on_bench, format!("at {} points of the bench on the {on}", at_bench.len())),
-        (&recorded, on_records, format!("at {} steady points of the records, carried up to the voltage limit", recorded.len())),
+        (
+            &recorded,
+            on_records,
+            format!("at {} steady points of the records, transferred to the voltage limit", recorded.len()),
+        ),
     ] {
         words.push(match found {
             Some([before, after]) => format!(

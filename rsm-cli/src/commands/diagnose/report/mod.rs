@@ -377,9 +377,9 @@ fn ranking(body: &mut String, found: &Diagnosis) {
     }
     let _ = write!(
         body,
-        "<h2>Rejected hypotheses</h2>\n<p>Gains are squared errors in units of the noise. A cause needs at least {:.0} (significance and effect size). The first \
-         column is the first-order gain of the screening.</p>\n\
-         <table><tr><th>hypothesis</th><th>promised</th><th>with the causes in</th><th>why not</th></tr>\n",
+        "<h2>Rejected hypotheses</h2>\n<p>Gains are squared errors in units of the noise. A cause needs at least {:.0} (significance and effect size). The gains \
+         are those of first order.</p>\n\
+         <table><tr><th>hypothesis</th><th>gain in the screening</th><th>gain with the causes included</th><th>reason</th></tr>\n",
         found.threshold
     );
     for it in rejected.iter().take(RANKED) {
