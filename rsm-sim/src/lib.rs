@@ -1,4 +1,4 @@
-//! Simulated plants, and the catalogue of what a nominal plant may leave out.
+//! Simulated plants, and the catalogue of physical effects that a nominal plant may neglect.
 //!
 //! ```text
 //!   plant.toml --plant_file--> PlantFile --+
@@ -7,9 +7,9 @@
 //!        effects (one file each) --hooks---+
 //! ```
 //!
-//! A plant calls hooks at fixed places: parameters, inputs, frame, efforts on a body, law of a joint, outputs, extra states. An effect
-//! implements the hooks that it needs. No plant knows any effect (a test searches for their names). The same files give the same bits on
-//! one machine. Nothing here prints, and a simulation along a record draws no random numbers: noise is added by whoever measures.
+//! A plant calls hooks at fixed places: parameters, inputs, frame, efforts on a body, law of a joint, outputs, extra states. An effect implements the
+//! hooks that it needs. No plant contains code for an effect (a test searches the plants for the names of effects). The same files give the same bits
+//! on one machine. Nothing here prints. A simulation along a record draws no random numbers: the caller adds measurement noise.
 //!
 //! ```
 //! use rsm_core::source::Source;
@@ -27,7 +27,7 @@
 //! # }
 //! ```
 
-// What is public is what a user of the library needs.
+// Only what a user of the library needs is public.
 #![cfg_attr(not(test), warn(unreachable_pub))]
 
 pub mod quantity;
