@@ -4,12 +4,14 @@
 //!   plant.toml --plant_file--> PlantFile --+
 //!   record.csv --record--> Record ---------+--simulate--> outputs at every row
 //!                                          |
-//!        effects (one file each) --hooks---+
+//!        effects, in the equations --------+
 //! ```
 //!
-//! A plant calls hooks at fixed places: parameters, inputs, frame, efforts on a body, law of a joint, outputs, extra states. An effect implements the
-//! hooks that it needs. No plant contains code for an effect (a test searches the plants for the names of effects). The same files give the same bits
-//! on one machine. Nothing here prints. A simulation along a record draws no random numbers: the caller adds measurement noise.
+//! A simulation runs the equations of a plant with the effects of its plant file ([`equations`]). The module `plants` contains the built-in plants as
+//! code, for callers that advance a plant step by step. This code calls hooks at fixed places: parameters, inputs, frame, efforts on a body, law of a
+//! joint, outputs, extra states. An effect implements the hooks that it needs. No plant contains code for an effect (a test searches the plants for
+//! the names of effects). The same files give the same bits on one machine. Nothing here prints. A simulation along a record draws no random numbers:
+//! the caller adds measurement noise.
 //!
 //! ```
 //! use rsm_core::source::Source;
