@@ -90,8 +90,8 @@ fn signal(n: i64) -> Rational {
     integer((n * n) % 7 - 3) / integer(1 + n % 3)
 }
 
-/// The difference equation of H with s = (2/T)(q - 1)/(q + 1) and g = w T/2, directly by multiplication: numerator (v/w)^2 ((q - 1)^2 + 2 z g (q
-/// - 1)(q + 1) + g^2 (q + 1)^2), denominator with p and v in place of z and w.
+/// The difference equation of H with s = (2/T)(q - 1)/(q + 1) and g = w T/2, directly by multiplication: the numerator is
+/// (v/w)^2 ((q - 1)^2 + 2 z g (q - 1)(q + 1) + g^2 (q + 1)^2), the denominator has p and v in place of z and w.
 fn difference_equation(w: &Rational, z: &Rational, v: &Rational, p: &Rational, sample_time: f64, steps: i64) -> Vec<Rational> {
     let polynomial = |damping: &Rational, frequency: &Rational| {
         let g = frequency * exact(sample_time) / integer(2);

@@ -294,7 +294,7 @@ fn a_bound_at_the_end_of_what_is_known_is_not_written() {
     assert_eq!(written(inside_low, inside_high), (true, true));
 }
 
-/// 0.1 and 0.9 are between two numbers of f32: a value at the outer number is outside of the range, and is changed to the inner one.
+/// Both bounds, 0.1 and 0.9, are between two numbers of f32: a value at the outer number is outside of the range, and is changed to the inner one.
 #[test]
 fn a_bound_between_two_numbers_is_the_inner_one() {
     let outer = [Precision::F32.round_down(&exact(0.1)), Precision::F32.round_up(&exact(0.9))];
