@@ -82,7 +82,6 @@ fn count(told: &Value, name: &str) -> u64 {
 impl Ended {
     /// Whether this machine itself was inactive for so long that the run has no meaning: both sides and the relay together for half of the buffer.
     /// The other half is for the listening threads, which they cannot observe, and for the jitter of a case.
-    /// threads that listen, and for the jitter of a case.
     fn machine_stood_still(&self) -> bool {
         let sides = self.told.iter().map(|(told, _)| told["lateness_us"]["max"].as_f64().unwrap());
         sides.sum::<f64>() + self.stood_us > BUFFER_MS * 1e3 / 2.0
