@@ -77,7 +77,6 @@ impl Family {
     }
 
     /// The share of correct answers that must be reached. Cases of the family `Faults` have no effect, so their share is that of `Nulls`.
-    /// evaluated in the same way.
     pub fn threshold(self) -> f64 {
         match self {
             Family::Singles | Family::Nulls | Family::Faults | Family::Far => 0.95,
