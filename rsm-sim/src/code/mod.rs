@@ -1,7 +1,7 @@
 //! Tapes as code that works on an array of slots, for one lane or for [`WIDE`] lanes at once.
 //!
 //! ```text
-//! tape + where its arguments and results stand --Code::new--> machine code (x86-64 with AVX2) or the interpreter --run--> slots
+//! tape + slots of its arguments and results --Code::new--> machine code (x86-64 with AVX2) or the interpreter --run--> slots
 //! ```
 //!
 //! In: a tape without states. Out: [`Code`], which reads arguments from slots and writes results to slots. A slot contains one number for each lane.

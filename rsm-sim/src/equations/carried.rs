@@ -1,8 +1,8 @@
 //! Sensitivities, computed along with a walk.
 //!
 //! ```text
-//! d x = S d q:  a step       S behind = derivative of the step along S         (tangents of the tape of the series)
-//!               an event     dT = -(dg)/(g' f before),  S += f before dT;  what happens is differentiated;  S -= f behind dT
+//! d x = S d q:  a step       S after = derivative of the step along S          (tangents of the tape of the series)
+//!               an event     dT = -(dg)/(g' f before),  S += f before dT;  the event is differentiated;  S -= f after dT
 //! ```
 //!
 //! In: a walk of one lane, and the derivatives of its parameters and of its start in some directions. Out: the derivatives of every output. Each

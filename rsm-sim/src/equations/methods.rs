@@ -1,7 +1,7 @@
 //! One step of an embedded pair of methods: for stiff systems, and for points where the solution has no series.
 //!
 //! In: rates, a step, and for the stiff pair the exact Jacobian. Out: the states after the step, and an estimate of their error. This file never
-//! judges the error, and never searches for events.
+//! decides about the error, and never searches for events.
 
 use nalgebra::{DMatrix, DVector, Dyn, LU};
 
