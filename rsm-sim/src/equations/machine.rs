@@ -90,7 +90,7 @@ pub struct Machine {
 /// If the iteration of a nonlinear block has not converged after this number of iterations, it has no solution near its guess.
 pub(super) const TURNS: usize = 100;
 
-/// An iteration has converged if no value changes by more than this share of itself. Rounding alone causes changes of about 1e-16.
+/// An iteration has converged if no value changes by more than this share of 1 plus its magnitude. Rounding alone causes changes of about 1e-16.
 const SETTLED: f64 = 1e-12;
 
 impl Machine {

@@ -49,7 +49,7 @@ impl Flowing {
         acting
     }
 
-    /// The input of each lag of an input.
+    /// Writes the rates of the lags of inputs.
     fn lagged(&self, y: &State, dy: &mut State) {
         for (held, effects) in self.held.iter().zip(&self.inputs) {
             let mut u = *held;
