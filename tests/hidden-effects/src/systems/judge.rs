@@ -87,8 +87,8 @@ fn is_named(case: &Case, found: &[Found<'_>]) -> bool {
     open.is_empty()
 }
 
-/// The misfit of the causes of an answer, refitted to the true training records, if it is so small that the two explanations are equivalent. `None` if it
-/// is larger, or if the answer has more causes than the truth.
+/// The misfit of the causes of an answer, refitted to the true training records, if it is so small that the two explanations are equivalent. `None`
+/// if it is larger, or if the answer has more causes than the truth.
 fn is_same_trace(case: &Case, found: &[Found<'_>]) -> Option<f64> {
     if found.is_empty() || found.len() > case.truth.causes.len() {
         return None;
