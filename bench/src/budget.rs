@@ -1,6 +1,6 @@
-//! `instructions.txt`: the counts as they are checked in.
+//! `instructions.txt`: the counts in the repository.
 //!
-//! In and out: a text table, one line a subject, in the order of names. The first line names the compiler: another one gives other counts.
+//! In and out: a text table, one line for each subject, ordered by name. The first line names the compiler: another one gives other counts.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -11,7 +11,7 @@ use rsm_core::number::Precision;
 use crate::counted::Key;
 use crate::surfaces::workspace;
 
-/// The file, read.
+/// The contents of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Budget {
     /// The compiler and machine of the counts.
@@ -25,16 +25,16 @@ const HEAD: &str = "\
 # Written by `cargo xtask bless`. A change here is a change of what every user of the emitted C pays.
 ";
 
-/// Where it is.
+/// The path of the file.
 #[must_use]
 pub fn path() -> PathBuf {
     workspace().join("bench/instructions.txt")
 }
 
-/// Reads the checked-in file.
+/// Reads the file in the repository.
 ///
 /// # Panics
-/// When it is missing or not such a table.
+/// If it is missing or is not such a table.
 #[must_use]
 pub fn read() -> Budget {
     let path = path();
@@ -61,7 +61,7 @@ impl Budget {
         let mut budget = Budget { compiler: String::new(), counts: BTreeMap::new() };
         for line in text.lines() {
             if let Some(comment) = line.strip_prefix('#') {
-                // The last comment.
+                // The last comment line names the compiler.
                 budget.compiler = comment.trim().to_string();
                 continue;
             }

@@ -1,11 +1,13 @@
 //! Instructions per evaluation, counted by callgrind.
 //!
-//! In: subjects, each a C function with its inputs. Out: for each the number of instructions from the first load of an argument to the return, call included, if it
-//! is the same at every point of a list that has the inside, the bounds, the outside, infinities and NaN; else the points that differ.
+//! In: subjects, each a C function with its inputs. Out: for each, the number of instructions from the first load of an argument to the return,
+//! including the call, if the number is the same at every point of a list (inside, bounds, outside, infinities and NaN); otherwise the points that
+//! differ.
 //!
-//! How: for every subject a function `entry_k(const double *in)` in a file of its own loads the arguments and calls the evaluator, which is in
-//! another file, so nothing is inlined. The peers' benchmark counts from the same kind of entry, but inlines a small evaluator into it: the count here has
-//! the loads and the call on top (S1: 20 here, 18 there). A hand-written subject is inlined, as there, so that its count is the one known from there.
+//! Method: for every subject, a function `entry_k(const double *in)` in a separate file loads the arguments and calls the evaluator, which is in
+//! another file, so nothing is inlined. The peers' benchmark counts from the same kind of entry, but inlines a small evaluator into it, so the count
+//! here includes the loads and the call in addition (S1: 20 here, 18 there). A hand-written subject is inlined in both, so its count is the same as
+//! there.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -21,7 +23,7 @@ use crate::toolchain::{c_number, c_type, gcc, run, write};
 /// A C function to be counted.
 #[derive(Debug, Clone)]
 pub struct Subject {
-    /// Under which name and variant it is reported.
+    /// The name and variant in reports.
     pub key: Key,
     /// Its arguments, in order.
     pub inputs: Vec<Input>,
@@ -29,31 +31,32 @@ pub struct Subject {
     pub c_name: String,
     /// The type of its result in C.
     pub result: &'static str,
-    /// Where it is.
+    /// The source text.
     pub code: Code,
 }
 
-/// What a count is of.
+/// The subject of a count.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Key {
-    /// `S1`, or model and surface.
+    /// The name: `S1`, or model and surface.
     pub name: String,
-    /// `extrapolate`, `clamp`, `horner`, or `generated`.
+    /// The variant: `extrapolate`, `clamp`, `horner`, or `generated`.
     pub variant: String,
     /// The scalar type.
     pub precision: Precision,
 }
 
-/// The text of a subject.
+/// The source text of a subject.
 #[derive(Debug, Clone)]
 pub enum Code {
-    /// A file of its own with a header: name without extension, header, source.
+    /// A separate file with a header: name without extension, header, source.
     File(String, String, String),
     /// A static function of `const REAL *in`, compiled into the entry.
     Inline(String),
 }
 
-/// The subjects of an emitted unit, steps left out: they want a state, and nobody else's to be compared with. `name` gives the reported name of a surface; header and source are the emitted texts.
+/// The subjects of an emitted unit. Steps are omitted: they need a state, and there is no other code to compare them with. `name` gives the reported
+/// name of a surface; header and source are the emitted texts.
 #[must_use]
 pub fn subjects(unit: &Unit, variant: &str, name: impl Fn(&str) -> String, header: &str, source: &str) -> Vec<Subject> {
     let subject = |function: &rsm_core::emit::Function| {
@@ -77,7 +80,8 @@ pub fn subjects(unit: &Unit, variant: &str, name: impl Fn(&str) -> String, heade
     unit.functions.iter().filter(|function| function.kind != Kind::Step).map(subject).collect()
 }
 
-/// The points at which counts must agree, with their names. All inputs at once: a branch on any of them would show.
+/// The points at which the counts must agree, with their names. All inputs have the same kind of value: a branch on any of them would change the
+/// count.
 fn points(inputs: &[Input]) -> Vec<(&'static str, Vec<f64>)> {
     let at = |share: f64| inputs.iter().map(|i| i.range[0] + share * (i.range[1] - i.range[0])).collect::<Vec<_>>();
     let all = |value: f64| vec![value; inputs.len()];
@@ -99,7 +103,7 @@ fn points(inputs: &[Input]) -> Vec<(&'static str, Vec<f64>)> {
 /// Counts all subjects in one run. Writes its files to `folder`.
 ///
 /// # Panics
-/// When gcc or valgrind are missing or fail.
+/// If gcc or valgrind is missing or fails.
 pub fn count(folder: &Path, subjects: &[Subject]) -> BTreeMap<Key, Result<u64, String>> {
     let mut sources = vec!["entries.c".to_string(), "main.c".to_string()];
     let mut entries = String::from("/* Loads the arguments and calls. */\n");
@@ -116,7 +120,7 @@ pub fn count(folder: &Path, subjects: &[Subject]) -> BTreeMap<Key, Result<u64, S
                 write(folder, &format!("{part}.c"), source);
                 let arguments = vec![float; inputs.len()].join(", ");
                 let alias = format!("{}_{c_name}", key.variant);
-                // Variants share the C names of their functions: each is given one of its own on the way to the linker.
+                // Variants have the same C names of functions, so each function gets a unique name before linking.
                 writeln!(entries, "extern {result} {alias}({arguments});").expect("a string takes any text");
                 let object = format!("{part}.o");
                 if !sources.contains(&object) {
@@ -189,8 +193,8 @@ pub fn count(folder: &Path, subjects: &[Subject]) -> BTreeMap<Key, Result<u64, S
     counts
 }
 
-/// The inclusive cost of every function of an uncompressed callgrind profile: its own lines, and the lines after `calls=`, which carry the inclusive cost of
-/// the call.
+/// The inclusive cost of every function in an uncompressed callgrind profile: its own lines, and the lines after `calls=`, which contain the
+/// inclusive cost of the call.
 fn inclusive(profile: &str) -> BTreeMap<String, u64> {
     let mut costs = BTreeMap::new();
     let mut function = None;

@@ -1,7 +1,7 @@
-//! What a simulation of a plant of equations costs, against the same plant written in Rust by hand ([`crate::by_hand`]).
+//! The cost of a simulation of a plant of equations, compared with the same plant written by hand in Rust ([`crate::by_hand`]).
 //!
-//! In: the shipped plants as texts, records of [`crate::simulation`]. Out: rows a second at an error that is at most that of the plant in Rust, of one lane and of eight; the time from text to first row.
-//! The reference of both errors is the text at a tolerance of 1e-13.
+//! In: the shipped plants as texts, records of [`crate::simulation`]. Out: rows per second with an error that is at most that of the plant in Rust,
+//! for one lane and for eight; the time from text to first row. The reference of both errors is the text at a tolerance of 1e-13.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -14,7 +14,7 @@ use rsm_sim::schema;
 use crate::by_hand;
 use crate::simulation::Subject;
 
-/// Runs of which the shortest counts.
+/// The number of runs; the shortest time is used.
 const RUNS: usize = 31;
 
 /// Lanes that run side by side.
@@ -24,16 +24,16 @@ pub const LANES: usize = 8;
 pub struct Text {
     /// The plant file.
     pub file: EquationFile,
-    /// The machine, in the state of its start.
+    /// The machine, with the values of its start.
     pub machine: Machine,
     /// The record.
     pub signals: Signals,
-    /// A run's start.
+    /// The start of a run.
     pub lane: Lane,
     plant: String,
 }
 
-/// Seconds of the shortest of some runs.
+/// The shortest time of some runs, in seconds.
 pub fn shortest(mut run: impl FnMut()) -> f64 {
     let seconds = (0..RUNS).map(|_| {
         let start = Instant::now();
@@ -49,10 +49,10 @@ fn read(plant: &str) -> EquationFile {
 }
 
 impl Text {
-    /// The text of a subject's plant with the numbers of its plant file.
+    /// The text of a subject's plant with the values of its plant file.
     ///
     /// # Panics
-    /// When it cannot be read: it is part of the project.
+    /// If it cannot be read: it is part of the project.
     #[must_use]
     pub fn of(subject: &Subject, record: &Record) -> Text {
         let nominal = subject.nominal();
@@ -86,7 +86,7 @@ impl Text {
     /// The outputs by name, at a tolerance.
     ///
     /// # Panics
-    /// When the run ends early.
+    /// If the run ends early.
     #[must_use]
     pub fn outputs(&self, tolerance: f64) -> Vec<(String, Vec<f64>)> {
         let setting = Setting::new(Method::Automatic, tolerance);
@@ -95,10 +95,10 @@ impl Text {
         self.machine.outputs().into_iter().map(|it| it.0).zip(found).collect()
     }
 
-    /// Rows a second of so many lanes, all rows counted.
+    /// Rows per second of this number of lanes, with the rows of all lanes counted.
     ///
     /// # Panics
-    /// When a run ends early.
+    /// If a run ends early.
     #[must_use]
     pub fn rows_per_second(&self, lanes: usize, tolerance: f64) -> f64 {
         let setting = Setting::new(Method::Automatic, tolerance);
@@ -112,10 +112,10 @@ impl Text {
         (lanes * self.signals.time.len()) as f64 / seconds
     }
 
-    /// Up to so many parameters that move an output, as far as the plant has as many: their derivatives are asked for.
+    /// Up to `most` parameters that change an output. The derivatives with respect to them are computed.
     ///
     /// # Panics
-    /// When a run ends early.
+    /// If a run ends early.
     #[must_use]
     pub fn parameters(&self, most: usize) -> Vec<String> {
         let own = self.outputs(1e-4);
@@ -133,10 +133,11 @@ impl Text {
         all.filter(|it| !it.0.starts_with("record_")).filter(moves).map(|it| it.0).take(most).collect()
     }
 
-    /// The plant and its record for another solver, as JSON: parameters, states at the start, instants, inputs, the outputs at a tolerance of 1e-13.
+    /// The plant and its record for another solver, as JSON: parameters, states at the start, instants, inputs, and the outputs at a tolerance of
+    /// 1e-13.
     ///
     /// # Panics
-    /// When it cannot run.
+    /// If it cannot run.
     #[must_use]
     pub fn for_peers(&self, tolerance: f64) -> serde_json::Value {
         let mut machine = self.machine.clone();
@@ -163,10 +164,11 @@ impl Text {
         Lane::new(machine, start)
     }
 
-    /// Seconds of the derivatives by some parameters along the record: exact; by differences of one run a parameter and one more, one by one and in lanes; the largest difference of both, as a share of a derivative's size.
+    /// The time of the derivatives with respect to some parameters along the record, in seconds: exact; by differences with one run for each
+    /// parameter and one more, separately and in lanes; and the largest difference of both, as a share of a derivative's magnitude.
     ///
     /// # Panics
-    /// When a run ends early.
+    /// If a run ends early.
     #[must_use]
     pub fn sensitivities(&self, names: &[String], tolerance: f64) -> [f64; 4] {
         let mut machine = self.machine.clone();
@@ -214,10 +216,10 @@ impl Text {
         [own, one_by_one, side_by_side, worst]
     }
 
-    /// Seconds from the plant file to the first row.
+    /// The time from the plant file to the first row, in seconds.
     ///
     /// # Panics
-    /// When it cannot run.
+    /// If it cannot run.
     #[must_use]
     pub fn first_row(&self) -> f64 {
         shortest(|| {
@@ -238,7 +240,7 @@ fn start_of(file: &EquationFile, signals: &Signals, machine: &mut Machine) -> Po
     start.unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// The largest difference of any output from a reference, as a share of the output's size.
+/// The largest difference of any output from a reference, as a share of the output's magnitude.
 #[must_use]
 pub fn error(found: &[(String, Vec<f64>)], reference: &[(String, Vec<f64>)]) -> f64 {
     let mut worst = 0.0_f64;
@@ -254,14 +256,14 @@ pub fn error(found: &[(String, Vec<f64>)], reference: &[(String, Vec<f64>)]) -> 
 /// The outputs of the plant in Rust.
 ///
 /// # Panics
-/// When it cannot run.
+/// If it cannot run.
 #[must_use]
 pub fn in_rust(subject: &Subject, record: &Record) -> Vec<(String, Vec<f64>)> {
     let file = subject.nominal();
     file.kind.outputs().iter().map(|it| it.name.to_string()).zip(by_hand::run(&file, record)).collect()
 }
 
-/// Rows a second of the plant in Rust.
+/// Rows per second of the plant in Rust.
 #[must_use]
 pub fn rows_per_second_in_rust(subject: &Subject, record: &Record) -> f64 {
     let file = subject.nominal();
@@ -271,7 +273,7 @@ pub fn rows_per_second_in_rust(subject: &Subject, record: &Record) -> f64 {
     record.rows() as f64 / seconds
 }
 
-/// The loosest of some tolerances at which a text is at least as exact as the plant in Rust; the error there, the error in Rust.
+/// The largest of some tolerances at which a text is at least as accurate as the plant in Rust; its error at this tolerance, and the error in Rust.
 #[must_use]
 pub fn comparable(text: &Text, subject: &Subject, record: &Record) -> (f64, f64, f64) {
     let reference = text.outputs(1e-13);

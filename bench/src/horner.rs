@@ -1,23 +1,23 @@
-//! Nested Horner as one writes it by hand in C: what the emitted code is measured against.
+//! Nested Horner as written by hand in C: the emitted code is compared with it.
 //!
-//! In: a polynomial on coded variables. Out: one expression, first variable outermost, after one line x = (xi - mid) * (1/half) a variable. That is the
-//! peers' `horner`: no clamp, no promise about bits.
+//! In: a polynomial of coded variables. Out: one expression, with the first variable outermost, after one line x = (xi - mid) * (1/half) for each
+//! variable. This is the peers' `horner`: without a clamp and without a guarantee of bits.
 
 use std::fmt::Write as _;
 
 use rsm_core::model::{Model, Term};
 use rsm_core::number::{Precision, decimal, decimal_f32};
 
-/// How a C function gets its arguments.
+/// The way a C function gets its arguments.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Arguments {
-    /// One parameter an input, as the emitted functions have them.
+    /// One parameter for each input, as in the emitted functions.
     Values,
-    /// `const REAL *in`, as in the peers' benchmark; static, to be inlined.
+    /// `const REAL *in`, as in the peers' benchmark; static, so that it is inlined.
     Pointer,
 }
 
-/// A C function `name` of the natural inputs, for the only surface of a model with coding by range and nothing else.
+/// A C function `name` of the natural inputs, for the only surface of a model with coding by range and no other options.
 #[must_use]
 pub fn function(name: &str, arguments: Arguments, model: &Model, precision: Precision) -> String {
     let float = crate::toolchain::c_type(precision);
@@ -38,7 +38,7 @@ pub fn function(name: &str, arguments: Arguments, model: &Model, precision: Prec
     text
 }
 
-/// c_0 + x (c_1 + x (c_2 + ...)), each c_j a polynomial in the variables after x.
+/// The nested form c_0 + x (c_1 + x (c_2 + ...)); each c_j is a polynomial in the variables after x.
 fn nested(terms: &[&Term], variable: usize, precision: Precision) -> String {
     let Some(degree) = terms.iter().filter_map(|term| term.powers.get(variable)).max() else {
         return literal(terms[0].coefficient, precision);

@@ -1,13 +1,13 @@
-//! What an evaluation costs, and what a simulation and a diagnosis do.
+//! The cost of an evaluation, of a simulation and of a diagnosis.
 //!
 //! In: the six surfaces of the peers' benchmark and the evaluators in `generated/`. Out: nanoseconds (criterion, `benches/evaluators.rs`) and
-//! instructions (callgrind, `tests/instructions.rs`), both beside hand-written nested Horner in C; `bench-table` prints them together.
-//! Counts are exact and kept in `instructions.txt`, so that a change shows in review; times are of one machine on one day and are kept nowhere.
+//! instructions (callgrind, `tests/instructions.rs`), both beside hand-written nested Horner in C; `bench-table` prints them together. Counts are
+//! exact and are kept in `instructions.txt`, so that a review shows a change. Times are valid for one machine on one day and are not kept.
 //!
-//! `simulation-table` has rows a second of the simulated plants and the seconds of a diagnosis.
+//! `simulation-table` contains rows per second of the simulated plants and the seconds of a diagnosis.
 //!
-//! Evaluators are compiled when a benchmark runs, from the text that the emitters give, and run in processes of their own: there is no
-//! foreign call in this package.
+//! Evaluators are compiled when a benchmark runs, from the text of the emitters, and run in separate processes: this package contains no foreign
+//! call.
 
 pub mod budget;
 pub mod by_hand;

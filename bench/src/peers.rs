@@ -1,16 +1,17 @@
-//! Other solvers on the same plants: SciPy's LSODA with rates that numba compiles, diffsol with DiffSL.
+//! Other solvers with the same plants: SciPy's LSODA with rates compiled by numba, and diffsol with DiffSL.
 //!
-//! In: plants as texts with their records. Out: rows a second and errors of each, measured by `bench/peers/simulation.py` in a Python environment of its own, which is made where it is missing. Where it cannot be had, why.
+//! In: plants as texts with their records. Out: rows per second and errors of each, measured by `bench/peers/simulation.py` in a separate Python
+//! environment, which is created if it is missing; or the reason why it is not available.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
 
-/// What the environment holds: the versions that the script was written for.
+/// The packages of the environment, with the versions for which the script was written.
 const PACKAGES: [&str; 4] = ["numpy", "scipy==1.17.1", "numba==0.68.1", "pydiffsol==0.6.2"];
 
-/// Runs the other solvers. `plants`: by name what [`crate::engines::Text::for_peers`] gives.
+/// Runs the other solvers. `plants` contains, by name, the results of [`crate::engines::Text::for_peers`].
 ///
 /// # Errors
 /// A sentence: Python, a package or the network is missing, or the script failed.

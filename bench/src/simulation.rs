@@ -1,7 +1,8 @@
-//! What a simulation and a diagnosis cost.
+//! The cost of a simulation and of a diagnosis.
 //!
-//! In: the plants that rsm-sim ships, an effect for each, records of steps from fixed seeds. Out: rows a second along a record of 8000 rows, and the seconds of a diagnosis of
-//! three such records with sensor noise. Every run is the whole of what `rsm simulate` and `rsm diagnose` do, but for files.
+//! In: the plants that rsm-sim ships, an effect for each, records of steps from fixed seeds. Out: rows per second along a record of 8000 rows, and
+//! the seconds of a diagnosis of three such records with sensor noise. Every run does the same as `rsm simulate` and `rsm diagnose`, except for
+//! reading and writing files.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -14,24 +15,24 @@ use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 use rsm_sim::simulate::Simulator;
 
-/// Rows of a record.
+/// The number of rows of a record.
 pub const ROWS: usize = 8000;
 
-/// Runs of which the shortest counts: a run takes some milliseconds, and whatever interrupts it only adds.
+/// The number of runs; the shortest time is used. A run takes some milliseconds, and any interruption only adds time.
 const RUNS: usize = 31;
 
-/// A plant, and the effect that its records hide.
+/// A plant, and the hidden effect in its records.
 #[derive(Debug, Clone, Copy)]
 pub struct Subject {
-    /// Its file among those that are shipped, without its ending.
+    /// The name of its file among the shipped ones, without extension.
     pub plant: &'static str,
     /// The effect's kind.
     pub effect: &'static str,
-    /// Its numbers, as in a plant file.
+    /// The effect's parameters, as in a plant file.
     pub numbers: &'static str,
 }
 
-/// The three plants, each with an effect that a diagnosis often meets, of a size that shows in 8000 rows.
+/// The three plants, each with an effect that often occurs, of a magnitude that is visible in 8000 rows.
 pub const SUBJECTS: [Subject; 3] = [
     Subject { plant: "pmac", effect: "coulomb-friction", numbers: "torque = 0.1" },
     Subject { plant: "driveline", effect: "backlash", numbers: "gap = 0.05" },
@@ -42,7 +43,7 @@ impl Subject {
     /// The shipped plant.
     ///
     /// # Panics
-    /// When it cannot be read: it is part of the project.
+    /// If it cannot be read: it is part of the project.
     #[must_use]
     pub fn nominal(&self) -> PlantFile {
         self.file("")
@@ -64,7 +65,7 @@ impl Subject {
     /// A record of the plant with its effect and its sensors' noise.
     ///
     /// # Panics
-    /// When the plant cannot run: it is part of the project.
+    /// If the plant cannot run: it is part of the project.
     #[must_use]
     pub fn record(&self, seed: u64) -> Record {
         let plant = self.hidden();
@@ -86,7 +87,7 @@ impl Subject {
     }
 }
 
-/// A value that steps at random.
+/// A value with random steps.
 struct Steps {
     until: usize,
     value: f64,
@@ -104,7 +105,7 @@ impl Steps {
 
 const STILL: Steps = Steps { until: 0, value: 0.0 };
 
-/// 2 s at 4 kHz: speeds up to 120 rad/s in both directions by the voltage of their EMF, p lambda = 0.24 V s, under steps of v_d and of the load.
+/// 2 s at 4 kHz: speeds up to 120 rad/s in both directions, set by the voltage of their EMF, p lambda = 0.24 V s, with steps of v_d and of the load.
 fn motor(random: &mut Random) -> String {
     let mut text = "time[s],v_d[V],v_q[V],load_torque[N*m],i_d[A],i_q[A],speed[rad/s]\n".to_string();
     let (mut target, mut direct, mut load, mut speed) = (STILL, STILL, STILL, 0.0);
@@ -120,7 +121,7 @@ fn motor(random: &mut Random) -> String {
     text
 }
 
-/// 80 s at 100 Hz in third gear: tip-ins of every depth, and as many tip-outs.
+/// 80 s at 100 Hz in third gear: tip-ins of every depth, and the same number of tip-outs.
 fn car(random: &mut Random) -> String {
     let mut text = "time[s],throttle[1],gear[1],engine_speed[rad/s],road_speed[m/s],acceleration[m/s^2]\n".to_string();
     let (mut pedal, mut is_in) = (STILL, false);
@@ -134,13 +135,13 @@ fn car(random: &mut Random) -> String {
     text
 }
 
-/// 8 s at 1 kHz in closed loop: between random places at up to 0.2 m/s.
+/// 8 s at 1 kHz in closed loop: between random positions at up to 0.2 m/s.
 fn axis(random: &mut Random) -> String {
     let mut text = "time[s],reference[m],position[m],command[V]\n".to_string();
     let (mut goal, mut place, mut speed) = (STILL, 0.0, 0.0);
     for row in 0..ROWS {
         let goal = goal.at(row, random, (400.0, 1200.0), |it| 0.2 * it.uniform() - 0.1);
-        // A slider that brakes at 1 m/s^2 so that it stands at the goal.
+        // The reference brakes at 1 m/s^2, so that it stops at its target.
         let away: f64 = goal - place;
         let wanted = away.signum() * (2.0 * away.abs()).sqrt().min(0.2);
         speed += (wanted - speed).clamp(-1e-3, 1e-3);
@@ -150,10 +151,10 @@ fn axis(random: &mut Random) -> String {
     text
 }
 
-/// Rows a second along a record, in the shortest of some runs.
+/// Rows per second along a record, in the shortest of some runs.
 ///
 /// # Panics
-/// When the plant cannot run along it.
+/// If the plant cannot run along it.
 #[must_use]
 pub fn rows_per_second(plant: &PlantFile, record: &Record) -> f64 {
     let mut simulator = Simulator::new(plant, record).unwrap_or_else(|faults| panic!("{faults}"));
@@ -165,10 +166,10 @@ pub fn rows_per_second(plant: &PlantFile, record: &Record) -> f64 {
     record.rows() as f64 / seconds.fold(f64::INFINITY, f64::min)
 }
 
-/// A diagnosis of the nominal plant by two records, judged on a third, and its seconds on so many threads.
+/// A diagnosis of the nominal plant with two records, validated on a third, and its seconds with this number of threads.
 ///
 /// # Panics
-/// When there is nothing to compare: the records hold every output.
+/// If there is nothing to compare: the records contain every output.
 #[must_use]
 pub fn diagnosed(subject: &Subject, threads: usize) -> (Diagnosis, f64) {
     let records: Vec<Record> = (1..=3).map(|seed| subject.record(seed)).collect();
@@ -194,7 +195,7 @@ mod tests {
                 let noise = subject.nominal().noise.iter().find(|(name, _)| *name == signal.name).unwrap().1;
                 let measured = record.measured[subject.nominal().kind.output(signal.name).unwrap()].as_ref().unwrap();
                 let (low, high) = measured.iter().fold((f64::MAX, f64::MIN), |(low, high), it| (low.min(*it), high.max(*it)));
-                // Ten standard deviations from end to end is more than noise spreads over 8000 rows (eight).
+                // Ten standard deviations between the extremes is more than the noise gives in 8000 rows (eight).
                 assert!(high - low > 10.0 * noise, "{} {}", subject.plant, signal.name);
                 shows |= measured.iter().zip(values).any(|(a, b)| (a - b).abs() > 10.0 * noise);
             }

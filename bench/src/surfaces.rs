@@ -1,7 +1,7 @@
-//! The surfaces that are measured.
+//! The measured surfaces.
 //!
-//! In: `../shared/bench/peers/surfaces.json` beside the workspace (inputs with bounds, terms with exponents and coefficients), the same file from which the
-//! peers are made; `generated/coefficients`. Out: checked models. The six are made once for each behaviour outside the range.
+//! In: `../shared/bench/peers/surfaces.json` beside the workspace (inputs with bounds, terms with exponents and coefficients), from which the peers
+//! are also generated; `generated/coefficients`. Out: checked models. The six are created once for each behaviour outside the range.
 
 use std::path::{Path, PathBuf};
 
@@ -25,10 +25,10 @@ pub fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("this package lies in the workspace").to_path_buf()
 }
 
-/// The six surfaces, or where they were looked for.
+/// The six surfaces, or the path where they are missing.
 ///
 /// # Panics
-/// When the file is there but is not what it should be.
+/// If the file exists but is not valid.
 pub fn peers() -> Result<Vec<PeerSurface>, String> {
     let path = workspace().join("../shared/bench/peers/surfaces.json");
     let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
@@ -37,10 +37,10 @@ pub fn peers() -> Result<Vec<PeerSurface>, String> {
     Ok(surfaces.iter().map(|surface| peer(surface).unwrap_or_else(|| panic!("{}: {surface}", path.display()))).collect())
 }
 
-/// The six surfaces, or none with a loud word about it. Where CI is set they must be there.
+/// The six surfaces, or none with a message. If CI is set they must exist.
 ///
 /// # Panics
-/// When they are missing and CI is set.
+/// If they are missing and CI is set.
 #[must_use]
 pub fn peers_or_none() -> Vec<PeerSurface> {
     peers().unwrap_or_else(|missing| {
@@ -79,7 +79,7 @@ impl PeerSurface {
     /// The model with every input clamped, or none.
     ///
     /// # Panics
-    /// When rsm refuses the surface.
+    /// If rsm refuses the surface.
     #[must_use]
     pub fn checked(&self, outside: Outside) -> Checked {
         let mut model = self.model.clone();
@@ -90,10 +90,10 @@ impl PeerSurface {
     }
 }
 
-/// The models of `generated/coefficients`, in the order of their names.
+/// The models of `generated/coefficients`, ordered by name.
 ///
 /// # Panics
-/// When a file is refused: then nothing of it can be in `generated/` either.
+/// If a file is refused: then `generated/` cannot contain its code either.
 #[must_use]
 pub fn generated() -> Vec<Checked> {
     let folder = workspace().join("generated/coefficients");

@@ -1,11 +1,11 @@
-//! Evaluators to be timed: a C program, a Rust program, the interpreter.
+//! Evaluators for timing: a C program, a Rust program, the interpreter.
 //!
-//! In: subjects. Out: for each the time of n evaluations, in one of two ways. *Latency*: a dependent chain, every argument of an evaluation depends on the
-//! result of the one before, as in a control loop. *Throughput*: independent evaluations over 512 points. Compiled evaluators are called, not inlined: that is how a
-//! controller calls them. Each program runs in a process of its own and is asked over its standard input.
+//! In: subjects. Out: for each, the time of n evaluations, in one of two modes. *Latency*: a dependent chain, in which every argument of an
+//! evaluation depends on the previous result, as in a control loop. *Throughput*: independent evaluations at 512 points. Compiled evaluators are
+//! called, not inlined, as in a controller. Each program runs in a separate process and gets its requests on standard input.
 //!
 //! The chain feeds back (bits of the result AND a mask that is 0 at run time) OR (bits of the base point): a true dependence without rounding. It
-//! costs every evaluator the same few cycles; nothing is subtracted.
+//! costs the same few cycles for every evaluator; nothing is subtracted.
 
 use std::fmt::Write as _;
 use std::hint::black_box;
@@ -22,10 +22,11 @@ use rsm_core::tape::Tape;
 
 use crate::toolchain::{c_number, c_type, gcc, run, write};
 
-/// How many points a throughput pass goes over: 512 of them with their results fit in the first-level cache at up to three inputs, and in the second at eight.
+/// The number of points of a throughput pass: 512 points with their results fit in the first-level cache with up to three inputs, and in the
+/// second-level cache with eight.
 pub const POINTS: usize = 512;
 
-/// What to time.
+/// The timing mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
     /// A dependent chain.
@@ -59,12 +60,12 @@ pub struct Timed {
     pub precision: Precision,
 }
 
-/// Where a chain stands: a point inside, away from the centre where terms vanish.
+/// The base point of a chain: inside, away from the centre, where terms vanish.
 fn base(inputs: &[Input]) -> Vec<f64> {
     inputs.iter().map(|input| input.range[0] + 0.37 * (input.range[1] - input.range[0])).collect()
 }
 
-/// The points of a throughput pass, spread over the box by the golden ratio, one sequence an input.
+/// The points of a throughput pass, spread over the box by the golden ratio, with one sequence for each input.
 fn spread(inputs: &[Input]) -> Vec<Vec<f64>> {
     let share = |point: usize, input: usize| (point as f64 * 0.618_033_988_749_895 + input as f64 * 0.37).fract();
     let at = |point: usize| {
@@ -74,7 +75,7 @@ fn spread(inputs: &[Input]) -> Vec<Vec<f64>> {
     (0..POINTS).map(at).collect()
 }
 
-/// A running program with evaluators in it.
+/// A running program that contains evaluators.
 #[derive(Debug)]
 pub struct Program {
     child: Child,
@@ -185,10 +186,10 @@ impl Program {
         Program { child, answers }
     }
 
-    /// The time of `count` evaluations of a function, by its index.
+    /// The time of `count` evaluations of a function, given by its index.
     ///
     /// # Panics
-    /// When the program has died.
+    /// If the program has ended.
     pub fn time(&mut self, function: usize, mode: Mode, count: u64) -> Duration {
         let questions = self.child.stdin.as_mut().expect("its input is a pipe");
         let which = usize::from(mode == Mode::Throughput);
@@ -203,13 +204,13 @@ impl Program {
 
 impl Drop for Program {
     fn drop(&mut self) {
-        // The end of its input ends the program; that it is gone is all that is wanted of the wait.
+        // The end of its input ends the program. The result of the wait is not needed.
         drop(self.child.stdin.take());
         let _ = self.child.wait();
     }
 }
 
-/// The time of `count` interpretations of a tape, measured as the programs measure.
+/// The time of `count` interpretations of a tape, measured in the same way as in the programs.
 pub fn interpret<T: Scalar>(tape: &Tape, inputs: &[Input], mode: Mode, count: u64, from_bits: impl Fn(u64) -> T) -> Duration {
     let mut interpreter = Interpreter::<T>::new(tape);
     let scalars = |point: &[f64]| point.iter().map(|value| T::from_constant(*value)).collect::<Vec<T>>();

@@ -1,17 +1,17 @@
-//! The programs that compile and count.
+//! The programs for compiling and counting.
 //!
-//! In: command lines. Out: what they printed; a program that is missing or fails is the end, with what it said. Names no machine: the version goes into
-//! `instructions.txt`, since other compilers give other counts.
+//! In: command lines. Out: their output. If a program is missing or fails, the process stops with its message. The machine is not named: the version
+//! goes into `instructions.txt`, because other compilers give other counts.
 
 use std::path::Path;
 use std::process::Command;
 
 use rsm_core::number::Precision;
 
-/// Runs a program, which must succeed, and gives its standard output.
+/// Runs a program, which must succeed, and returns its standard output.
 ///
 /// # Panics
-/// When it cannot be started or fails.
+/// If it cannot be started or fails.
 pub fn run(command: &mut Command) -> String {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}; `cargo xtask test` installs it"));
     let said = String::from_utf8_lossy(&output.stderr);
@@ -19,15 +19,15 @@ pub fn run(command: &mut Command) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// Compiles C files in a folder to a program there: plain -O2, the machine's baseline, what a firmware project starts from.
+/// Compiles C files in a folder to a program there: plain -O2 for the machine's baseline, as a firmware project starts.
 pub fn gcc(folder: &Path, sources: &[String], program: &str) {
     run(Command::new("gcc").current_dir(folder).arg("-O2").args(sources).args(["-o", program]));
 }
 
-/// Writes a file in a folder, which is made where it is missing.
+/// Writes a file to a folder, which is created if it is missing.
 ///
 /// # Panics
-/// When it cannot be written.
+/// If it cannot be written.
 pub fn write(folder: &Path, name: &str, text: &str) {
     let path = folder.join(name);
     let parent = path.parent().expect("a file stands in a folder");
@@ -35,7 +35,7 @@ pub fn write(folder: &Path, name: &str, text: &str) {
     written.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
 }
 
-/// What decides about counts: the compiler and the machine it compiles for.
+/// The compiler and its target machine, which determine the counts.
 #[must_use]
 pub fn gcc_version() -> String {
     let version = run(Command::new("gcc").arg("--version"));
@@ -52,7 +52,7 @@ pub fn c_type(precision: Precision) -> &'static str {
     }
 }
 
-/// A number as C reads it in a constant expression, infinities and NaN included.
+/// A number in the form of a C constant expression, infinities and NaN included.
 #[must_use]
 pub fn c_number(value: f64) -> String {
     if value.is_nan() {

@@ -1,7 +1,8 @@
-//! What an effect is: its description, and the hooks through which it changes a plant.
+//! The interface of an effect: its description, and the hooks by which it changes a plant.
 //!
-//! In: the arguments of an effect from a plant file. Out: an object with the hooks that it needs; the others change nothing. A hook never
-//! allocates and never keeps anything from call to call: what an effect remembers is a state, integrated with those of the plant.
+//! In: the arguments of an effect from a plant file. Out: an object with the hooks that the effect needs; the other hooks change nothing. A hook does
+//! not allocate memory and does not store data between calls. If an effect has a memory, this memory is a state that is integrated together with the
+//! states of the plant.
 
 pub mod declared;
 
@@ -10,10 +11,10 @@ use crate::parameters::Parameters;
 
 pub use declared::{Argument, Declared, Plausible, Role, Step, Unit};
 
-/// A word that an effect takes beside its numbers.
+/// The kind of name that an effect needs in addition to its numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Subject {
-    /// None.
+    /// No name.
     None,
     /// `parameter`: a nominal parameter of the plant.
     Parameter,
@@ -23,21 +24,21 @@ pub enum Subject {
     Site,
 }
 
-/// An effect that stands in a file.
+/// An effect in a plant file.
 #[derive(Debug, Clone)]
 pub struct Entry {
-    /// Which effect.
+    /// The effect.
     pub description: &'static Description,
-    /// With what.
+    /// Its arguments.
     pub arguments: Arguments,
 }
 
-/// The arguments of one effect as they stand in a file.
+/// The arguments of one effect, as written in a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arguments {
-    /// The plant on which it stands.
+    /// The plant of the effect.
     pub plant: PlantKind,
-    /// The named parameter or output, if it takes one.
+    /// The named parameter or output, if the effect needs one.
     pub subject: Option<String>,
     /// Numbers by name, in the order of the description.
     pub numbers: Vec<(&'static str, f64)>,
@@ -53,23 +54,23 @@ impl Arguments {
     /// A number that the description requires.
     ///
     /// # Panics
-    /// When it is not there: the reader of plant files lets no such effect through.
+    /// If the number is missing. The reader of plant files refuses such an effect.
     #[must_use]
     pub fn number(&self, name: &str) -> f64 {
         self.optional(name)
             .unwrap_or_else(|| panic!("the effect's required number `{name}` was checked when the file was read"))
     }
 
-    /// The first of two names that is given: `torque` on a rotor, `force` on an axis.
+    /// The number of the first of two names that is present: `torque` for a rotor, `force` for an axis.
     #[must_use]
     pub fn either(&self, first: &str, second: &str) -> f64 {
         self.optional(first).unwrap_or_else(|| self.number(second))
     }
 
-    /// The place of the named output.
+    /// The index of the named output.
     ///
     /// # Panics
-    /// When there is none: the reader of plant files lets no such effect through.
+    /// If there is no such output. The reader of plant files refuses such an effect.
     #[must_use]
     pub fn output(&self) -> usize {
         let name = self.subject.as_deref().expect("an effect on an output names it");
@@ -77,19 +78,19 @@ impl Arguments {
     }
 }
 
-/// Where a search for the numbers of an effect may begin, by the scales of the records.
+/// The start points of a search for the numbers of an effect, computed from the scales of the records.
 pub enum Guesses {
-    /// As code says.
+    /// Computed by code.
     Code(fn(&Survey) -> Vec<Guess>),
-    /// As the file of the effect says at one place of a plant.
+    /// Computed from the file of the effect, at one place of a plant.
     File(Box<FromFile>),
 }
 
-/// Guesses by the scales of the records.
+/// A function that computes guesses from the scales of the records.
 pub type FromFile = dyn Fn(&Survey) -> Vec<Guess> + Send + Sync;
 
 impl Guesses {
-    /// Where it may begin.
+    /// The start points.
     #[must_use]
     pub fn of(&self, survey: &Survey) -> Vec<Guess> {
         match self {
@@ -105,41 +106,41 @@ impl std::fmt::Debug for Guesses {
     }
 }
 
-/// The sizes of the quantities of a place at which effects can stand, by their names: roles of a site, and the scales that files of effects name.
+/// The magnitudes of the quantities at a place where effects can act, by name: the roles of a site, and the scales that effect files define.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scales {
     /// The place.
     pub at: String,
-    /// Each size by its name.
+    /// The magnitudes, each with its name.
     pub sizes: Vec<(String, f64)>,
 }
 
-/// What a file, a report and a test may know of an effect.
+/// The description of an effect for plant files, reports and tests.
 #[derive(Debug)]
 pub struct Description {
-    /// The kind in a file; the file name in the code with `-` for `_`.
+    /// The name of the kind in a plant file: the name of the source file with `-` in place of `_`.
     pub kind: &'static str,
-    /// The plants on which it can stand.
+    /// The plants to which the effect can be added.
     pub plants: &'static [PlantKind],
-    /// Whether it names a parameter, an output or a site.
+    /// Whether the effect refers to a parameter, an output or a site.
     pub subject: Subject,
-    /// The only place where it stands, of an effect of a plant of equations; `None` where any name of its kind will do.
+    /// For an effect of a plant of equations, the only place where it acts; `None` if any name of the right kind is permitted.
     pub at: Option<&'static str>,
     /// Its numbers.
     pub arguments: &'static [Argument],
-    /// What the report says; `{name}` stands for an argument with its unit.
+    /// The sentence in the report; `{name}` is replaced by an argument with its unit.
     pub sentence: &'static str,
-    /// What an engineer measures or looks at to be sure, in a sentence.
+    /// A sentence: how an engineer can verify the effect by a measurement or an inspection.
     pub check: &'static str,
-    /// Makes the effect.
+    /// Builds the effect.
     pub build: fn(&Arguments) -> Box<dyn Effect>,
-    /// Where a search for its numbers may begin.
+    /// The start points of a search for its numbers.
     pub guesses: Guesses,
-    /// What else a search wants to know.
+    /// Further data for a search.
     pub declared: Declared,
 }
 
-/// What records and nominal plant say of sizes: the scales of first guesses.
+/// The magnitudes of quantities in the records and the nominal plant. They are the scales of the first guesses.
 #[derive(Debug, Clone)]
 pub struct Survey {
     /// The plant.
@@ -152,29 +153,29 @@ pub struct Survey {
     pub duration: f64,
     /// Largest first input (length of the voltage vector; throttle; command).
     pub input: f64,
-    /// Effort at the first body that the inputs can cause: torque of the motor, force of the drive, torque at the wheel.
+    /// The largest effort at the first body that the inputs can cause: torque of the motor, force of the drive, torque at the wheel.
     pub effort: f64,
     /// Typical speed of the first body.
     pub speed: f64,
-    /// Largest output that is read in these records, for each output of the plant.
+    /// The largest reading in these records, for each output of the plant.
     pub largest: [f64; OUTPUTS],
     /// Spread (standard deviation about the mean) of each output.
     pub spread: [f64; OUTPUTS],
-    /// Noise of each output.
+    /// The noise of each output.
     pub noise: [f64; OUTPUTS],
-    /// Waves of force over the position in what is left, the strongest first; of an axis.
+    /// For an axis: periodic forces over the position in the residuals, the strongest first.
     pub waves: Vec<Wave>,
-    /// The smallest step between readings of each output, where they are multiples of one.
+    /// The quantum of each output, if its readings are integer multiples of one.
     pub quantum: [Option<f64>; OUTPUTS],
-    /// The gears in which records run, first gear first; all false elsewhere.
+    /// The gears in which the records were made, first gear first; all false for other plants.
     pub gears: [bool; 5],
-    /// The named output, of an effect on one.
+    /// The index of the named output, for an effect on an output.
     pub output: usize,
-    /// The nominal value of the named parameter, of an effect on one.
+    /// The nominal value of the named parameter, for an effect on a parameter.
     pub nominal: f64,
-    /// Sizes at the places of a plant of equations; empty elsewhere.
+    /// Magnitudes at the places of a plant of equations; empty for other plants.
     pub scales: Vec<Scales>,
-    /// Parameters that the plant file calls exact by a tolerance of 0: none of them can be in error.
+    /// Parameters with a tolerance of 0 in the plant file. They are exact, so an error of them is not considered.
     pub exact: Vec<&'static str>,
 }
 
@@ -189,25 +190,25 @@ pub struct Wave {
     pub phase: f64,
 }
 
-/// Numbers of an effect at which a search begins, in the order of [`Description::arguments_on`]; NaN leaves an optional one out.
+/// The numbers of an effect at which a search begins, in the order of [`Description::arguments_on`]. NaN means that an optional number is absent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Guess {
     /// The numbers.
     pub values: Vec<f64>,
-    /// The number that scales the effect, and its value without effect: near it the effect grows in proportion.
+    /// The index of the number that scales the effect, and its neutral value. Near the neutral value the effect is proportional to the difference.
     pub neutral: Option<(usize, f64)>,
-    /// The number that is a phase: a quarter of a turn further the effect is another one.
+    /// The index of the number that is a phase. A shift by a quarter of a period gives an independent second effect.
     pub phase: Option<usize>,
 }
 
 impl Guess {
-    /// Of an effect that its first number scales from a value without effect.
+    /// A guess for an effect that is scaled by its first number; `without` is the neutral value.
     #[must_use]
     pub fn scaled(values: Vec<f64>, without: f64) -> Self {
         Guess { values, neutral: Some((0, without)), phase: None }
     }
 
-    /// Of an effect that no number scales.
+    /// A guess for an effect that is not scaled by a number.
     #[must_use]
     pub fn at(values: Vec<f64>) -> Self {
         Guess { values, neutral: None, phase: None }
@@ -215,12 +216,12 @@ impl Guess {
 }
 
 impl Description {
-    /// The numbers that it takes on a plant.
+    /// The numbers of the effect on a plant.
     pub fn arguments_on(&self, plant: PlantKind) -> impl Iterator<Item = &'static Argument> {
         self.arguments.iter().filter(move |argument| argument.on.is_none_or(|on| on == plant))
     }
 
-    /// The number of a name that it takes on a plant.
+    /// The number with this name on a plant.
     #[must_use]
     pub fn argument(&self, plant: PlantKind, name: &str) -> Option<&'static Argument> {
         self.arguments_on(plant).find(|argument| argument.name == name)
@@ -234,7 +235,7 @@ pub struct Motion {
     pub position: f64,
     /// Angular or linear speed.
     pub speed: f64,
-    /// What the plant itself takes off, per unit of speed.
+    /// The effort that the plant's own equations subtract, per unit of speed.
     pub viscous_friction: f64,
 }
 
@@ -249,7 +250,7 @@ pub struct Currents {
     pub theta_e: f64,
 }
 
-/// What a motor's equations take as constant and an effect may not.
+/// The constants in a motor's equations that an effect can change.
 #[derive(Debug, Clone, Copy)]
 pub struct Machine {
     /// Phase resistance, in ohm.
@@ -284,85 +285,86 @@ pub struct Twist {
     pub damping: f64,
 }
 
-/// A body that is split at a joint of an effect.
+/// A body that an effect splits in two by a joint.
 #[derive(Debug, Clone, Copy)]
 pub struct Split {
     /// The near side.
     pub near: Motion,
     /// Inertia or mass of the whole body.
     pub inertia: f64,
-    /// What holds the far side back.
+    /// The load on the far side.
     pub load: f64,
-    /// The piece of the law that is held, if one is.
+    /// The held piece of the law, if there is one.
     pub held: Option<u32>,
 }
 
-/// The law of a joint: what it carries, and to which of its pieces (0 to 3) the state belongs. The integrator places the instants at which the piece changes.
+/// The result of a joint's law: the effort, and the piece (0 to 3) to which the state belongs. The integrator locates the instants at which the piece
+/// changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Carried {
     /// Torque or force.
     pub effort: f64,
-    /// 0 where the law has a single piece.
+    /// The piece; 0 if the law has a single piece.
     pub piece: u32,
 }
 
 /// The wheel on the road.
 #[derive(Debug, Clone, Copy)]
 pub struct Contact {
-    /// r w_w, in m/s.
+    /// The speed r w_w of the tyre's surface, in m/s.
     pub surface_speed: f64,
-    /// Everything that holds the vehicle back, in N.
+    /// The sum of all resistances of the vehicle, in N.
     pub resistance: f64,
     /// Mass of the vehicle, in kg.
     pub mass: f64,
 }
 
-/// The true state at the start, for the states of effects.
+/// The true state at the start, from which the states of effects are set.
 #[derive(Debug, Clone, Copy)]
 pub struct FirstInstant {
     /// Position and speed of the first body.
     pub motion: Motion,
-    /// Road speed of a driveline, in m/s; 0 elsewhere.
+    /// Road speed of a driveline, in m/s; 0 for other plants.
     pub road_speed: f64,
     /// The time of the record's first row, in s.
     pub time: f64,
 }
 
-/// What decides how fast an effect's own dynamics are, at an instant and in the span that follows.
+/// The quantities that determine the rates of an effect, at an instant and in the span after it.
 #[derive(Debug, Clone, Copy)]
 pub struct Scale {
     /// Inertia or mass of the whole body.
     pub inertia: f64,
-    /// Inertia or mass that is left at the drive.
+    /// Inertia or mass that remains at the drive.
     pub drive_inertia: f64,
-    /// The least speed of the first body in the span, without its sign, at the rate at which it changes now.
+    /// The smallest magnitude of the first body's speed in the span, extrapolated with its present acceleration.
     pub slowest: f64,
-    /// How fast that speed changes, without its sign.
+    /// The magnitude of the acceleration of this body.
     pub change: f64,
-    /// Of a motor.
+    /// The quantities of a motor.
     pub windings: Windings,
-    /// Of a driveline.
+    /// The quantities of a driveline.
     pub vehicle: Vehicle,
 }
 
-/// What decides how fast a motor's effects are; zeros, and an inductance of 1, elsewhere.
+/// The quantities that determine the rates of a motor's effects. For other plants all are 0, except the inductance, which is 1.
 #[derive(Debug, Clone, Copy)]
 pub struct Windings {
     /// Nominal inductance, in H.
     pub inductance: f64,
-    /// Decay of a current, r/L, and swing of current against speed, at the nominal inductance, in 1/s.
+    /// The decay rate of a current, r/L plus the decay rate of the speed, at the nominal inductance, in 1/s.
     pub decay: f64,
-    /// See `decay`.
+    /// The angular frequency of the oscillation of current against speed, at the nominal inductance, in 1/s.
     pub swing: f64,
-    /// Electrical speed, in rad/s, without sign.
+    /// The magnitude of the electrical speed, in rad/s.
     pub turning: f64,
-    /// Least and largest length of the current vector in the span, at the rate at which it changes now, in A.
+    /// Minimum and maximum length of the current vector in the span, extrapolated with its present derivative, in A.
     pub current: (f64, f64),
-    /// How fast the current vector moves, in A/s.
+    /// The magnitude of the current vector's derivative, in A/s.
     pub change: f64,
 }
 
-/// What decides how fast a driveline's effects are; ones, and zeros for speeds and twists, elsewhere.
+/// The quantities that determine the rates of a driveline's effects. For other plants all are 1, except speeds and twists, which are 0.
 #[derive(Debug, Clone, Copy)]
 pub struct Vehicle {
     /// Wheel inertia and radius.
@@ -373,14 +375,15 @@ pub struct Vehicle {
     pub crank_speed: f64,
     /// Sum of the inverse inertias on both sides of the clutch, at the engine, in 1/(kg m^2).
     pub clutch_mobility: f64,
-    /// Stiffness of the clutch; its largest twist in the span, in rad: what there is, or what the engine can ask for; its rate, in rad/s, without sign.
+    /// Stiffness of the clutch; its largest twist in the span, in rad (the present twist, or the twist that the engine can produce); the magnitude of
+    /// its twist rate, in rad/s.
     pub clutch: (f64, f64, f64),
-    /// The swing of each joint on its spring, clutch and driveshaft, in rad/s.
+    /// The natural frequencies of clutch and driveshaft, in rad/s.
     pub swing: (f64, f64),
 }
 
 impl Scale {
-    /// Of bodies alone: their inertias, speed and acceleration of the first, the length of the span.
+    /// The scale of a plant with bodies only: their inertias, speed and acceleration of the first body, the length of the span.
     #[must_use]
     pub fn of(inertia: f64, drive_inertia: f64, motion: (f64, f64), span: f64) -> Self {
         let (speed, change) = (motion.0.abs(), motion.1.abs());
@@ -398,78 +401,79 @@ impl Scale {
     }
 }
 
-/// The hooks. Every one has a default that changes nothing.
+/// The hooks. The default of each hook changes nothing.
 #[allow(unused_variables)]
 pub trait Effect: Send + Sync {
-    /// Parameters: once, before the simulation.
+    /// Parameters: changes them once, before the simulation.
     // mutant `body to ()`: it does nothing.
     fn parameters(&self, parameters: &mut Parameters) {}
 
-    /// Inputs: the first input (both voltages of a motor) as it acts.
+    /// Inputs: changes the first input (both voltages of a motor).
     fn input(&self, value: f64) -> f64 {
         value
     }
 
-    /// Inputs: seconds by which the first input acts later.
+    /// Inputs: the delay of the first input, in s.
     fn delay(&self) -> f64 {
         0.0
     }
 
-    /// Readings: seconds by which an output is read late.
+    /// Readings: the delay of an output's readings, in s.
     fn reads_late(&self, _output: usize) -> f64 {
         0.0
     }
 
-    /// Whether it acts between rows: false where it has no hooks but those of parameters, inputs, starts, rates and readings. The others are then not called.
+    /// Whether the effect acts between rows. False if it has only hooks of parameters, inputs, starts, rates and readings; then the others are not
+    /// called.
     fn acts_between_rows(&self) -> bool {
         true
     }
 
-    /// Extra states: how many.
+    /// Extra states: their number.
     fn states(&self) -> usize {
         0
     }
 
-    /// Extra states: their start.
+    /// Extra states: sets their start.
     // mutant `body to ()`: it does nothing.
     fn start(&self, start: &FirstInstant, own: &mut [f64]) {}
 
-    /// Extra states: those that follow outputs, at rest with what the effects before this one read.
+    /// Extra states: sets the states that depend on outputs to their steady state for the readings of the previous effects.
     // mutant `body to ()`: it does nothing.
     fn settle(&self, outputs: &[f64; 3], own: &mut [f64]) {}
 
-    /// The fastest rate, in 1/s, that it brings into the equations.
+    /// The fastest rate that the effect adds to the equations, in 1/s.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         0.0
     }
 
-    /// What of that rate a linear part of the equations leaves, in 1/s: all of it, unless the effect is linear or nearly so. Where its law has pieces, the
-    /// rate at which they may change.
+    /// The rate that remains after the linear part of the equations is subtracted, in 1/s. This is the full rate, unless the effect is linear or
+    /// almost linear. For a law in pieces it is the rate at which the pieces can change.
     fn nonlinear_rate(&self, scale: &Scale) -> f64 {
         self.fastest_rate(scale)
     }
 
-    /// Whether one of its laws has pieces.
+    /// Whether one of its laws is defined in pieces.
     fn has_pieces(&self) -> bool {
         false
     }
 
-    /// Frame: how far the frame of the record is turned against the true one, in rad.
+    /// Frame: the angle between the frame of the record and the true one, in rad.
     fn frame_angle(&self, theta: f64) -> f64 {
         0.0
     }
 
-    /// Frame: the voltage that the bus allows.
+    /// Frame: the voltage after the limit of the bus.
     fn voltage_limit(&self, voltage: [f64; 2]) -> [f64; 2] {
         voltage
     }
 
-    /// Frame: the voltage that reaches the windings.
+    /// Frame: the voltage at the windings, after the loss of the inverter.
     fn voltage_loss(&self, voltage: [f64; 2], current: [f64; 2]) -> [f64; 2] {
         voltage
     }
 
-    /// Parameters of a motor that depend on its state.
+    /// Sets the parameters of a motor that depend on its state.
     // mutant `body to ()`: it does nothing.
     fn machine(&self, at: &Currents, own: &[f64], rates: &mut [f64], machine: &mut Machine) {}
 
@@ -483,7 +487,7 @@ pub trait Effect: Send + Sync {
         0.0
     }
 
-    /// The share of the body's inertia that stands behind a joint of its own.
+    /// The share of the body's inertia that the effect moves behind its own joint.
     fn split(&self) -> Option<f64> {
         None
     }
@@ -493,17 +497,17 @@ pub trait Effect: Send + Sync {
         Motion { position: 0.0, speed: 0.0, viscous_friction: 0.0 }
     }
 
-    /// The law of that joint: the effort that holds the near body back; moves the far one.
+    /// The law of that joint: returns the effort on the near body and computes the derivatives of the far body.
     fn passes(&self, body: &Split, own: &[f64], rates: &mut [f64]) -> Carried {
         Carried { effort: body.load, piece: 0 }
     }
 
-    /// Law of a joint of the plant. Where a piece is held, the law follows it beyond its end.
+    /// Law of a joint of the plant. If a piece is held, its law is also used outside of the piece's range.
     fn joint(&self, twist: &Twist, effort: f64, held: Option<u32>) -> Carried {
         Carried { effort, piece: 0 }
     }
 
-    /// Law of a joint: what it can carry at most, after every [`Effect::joint`].
+    /// Law of a joint: limits the effort. It is called after every [`Effect::joint`].
     fn joint_limit(&self, joint: Joint, effort: f64, held: Option<u32>) -> Carried {
         Carried { effort, piece: 0 }
     }
@@ -513,7 +517,7 @@ pub trait Effect: Send + Sync {
         0.0
     }
 
-    /// Effort of an engine at its crank angle.
+    /// The torque of an engine at its crank angle.
     fn engine_torque(&self, torque: f64, crank_angle: f64) -> f64 {
         torque
     }
@@ -523,46 +527,47 @@ pub trait Effect: Send + Sync {
         speed
     }
 
-    /// Extra state: the speed of a vehicle that does not follow its wheel.
+    /// Extra state: the speed of a vehicle if the wheel can slip.
     fn vehicle_speed(&self, own: &[f64]) -> Option<f64> {
         None
     }
 
-    /// Law of the joint between wheel and road, in N; moves that vehicle.
+    /// Law of the contact between wheel and road: returns the force in N and computes the derivative of the vehicle's speed.
     fn traction(&self, contact: &Contact, own: &[f64], rates: &mut [f64]) -> Option<f64> {
         None
     }
 
-    /// Outputs: what is read of an output, after the effects before this one.
+    /// Outputs: the reading of an output; `value` is the reading after the previous effects.
     fn reads(&self, output: usize, value: f64, time: f64, own: &[f64], rates: &mut [f64]) -> f64 {
         value
     }
 
-    /// Outputs: whether [`Effect::reads`] moves a state.
+    /// Outputs: whether [`Effect::reads`] computes the derivative of a state.
     fn reads_with_memory(&self) -> bool {
         false
     }
 
-    /// Outputs: the way back, for the start.
+    /// Outputs: the inverse of [`Effect::reads`], for the start.
     fn truth(&self, output: usize, reading: f64, time: f64) -> f64 {
         reading
     }
 }
 
-/// tanh(x/x_s): the sign of x, smooth over x_s.
+/// The formula tanh(x/x_s): a smooth sign of x with the width x_s.
 #[must_use]
 pub fn smooth_sign(x: f64, scale: f64) -> f64 {
     (x / scale).tanh()
 }
 
-/// Its slope, 1/x_s at 0.
+/// The slope of the smooth sign: 1/x_s at 0.
 fn smooth_sign_slope(x: f64, scale: f64) -> f64 {
     let sign = smooth_sign(x, scale);
     (1.0 - sign * sign) / scale
 }
 
-/// How fast a level with the smooth sign of the speed is, in 1/s: its steepest slope in the span over the inertia. A speed that passes through the width of the sign faster than
-/// the slope turns it sees a kink, whose mark grows with slope and step: then the geometric mean of slope and passing.
+/// The rate of an effort with the smooth sign of the speed, in 1/s: its steepest slope in the span, divided by the inertia. If the speed passes
+/// through the width of the sign faster than this rate, the sign acts like a kink, and the error of a step grows with slope and step. Then the rate
+/// is the geometric mean of the slope's rate and the rate of passing.
 #[must_use]
 pub fn smooth_sign_rate(level: f64, width: f64, scale: &Scale) -> f64 {
     let slope = level * smooth_sign_slope(scale.slowest, width) / scale.drive_inertia;
@@ -575,7 +580,7 @@ pub const ROTOR_SIGN_WIDTH: f64 = 1.0;
 /// Width of the smooth sign on an axis, in m/s (docs/book/src/reference/plants.md, section 3).
 pub const AXIS_SIGN_WIDTH: f64 = 1e-3;
 
-/// The width on a plant.
+/// The width of the smooth sign for a plant.
 #[must_use]
 pub fn sign_width(plant: PlantKind) -> f64 {
     if plant == PlantKind::ServoAxis { AXIS_SIGN_WIDTH } else { ROTOR_SIGN_WIDTH }

@@ -1,23 +1,23 @@
-//! All effects of a plant file at once: every hook goes through each of them in the order of the file.
+//! All effects of a plant file together: every hook calls each effect in the order of the file.
 //!
-//! In: effects, built. Out: what the plant gets at each of its fixed places. Holds which of the plant's states belong to which effect;
-//! the plant's own come first. Never allocates once it is built.
+//! In: the effects of a plant file. Out: their contribution at each fixed place of the plant's equations. Contains the assignment of states to
+//! effects; the plant's own states come first. It does not allocate memory after it has been built.
 
 use crate::effect::{Carried, Contact, Currents, Effect, FirstInstant, Joint, Machine, Motion, Scale, Split, Twist};
 use crate::plant_file::PlantFile;
 
 struct Active {
     effect: Box<dyn Effect>,
-    /// Its states are `first..end`.
+    /// The states of the effect are `first..end`.
     first: usize,
     end: usize,
-    /// The share of inertia that it puts behind a joint.
+    /// The share of inertia that the effect moves behind a joint.
     split: Option<f64>,
-    /// Where its piece stands among those of all: two bits from here.
+    /// The position of its two bits in the number with the pieces of all effects.
     shift: u32,
 }
 
-/// Bits of an effect's piece.
+/// The bit mask of an effect's piece.
 const PIECE: u32 = 3;
 
 impl Active {
@@ -29,7 +29,8 @@ impl Active {
 /// The effects of one simulation.
 pub struct Hooks {
     active: Vec<Active>,
-    /// Those that act between rows: the inner loop calls no other. Its hooks look first whether there are any: a plant without is run thousands of times.
+    /// The effects that act between rows; the inner loop calls only these. The hooks of the inner loop return early if there are none, because a
+    /// plant without effects is simulated thousands of times.
     inner: Vec<usize>,
     states: usize,
     memory: bool,
@@ -37,7 +38,7 @@ pub struct Hooks {
 }
 
 impl Hooks {
-    /// The effects of a file, for a plant with so many states of its own.
+    /// The effects of a file, for a plant with `own_states` states without effects.
     #[must_use]
     pub fn new(file: &PlantFile, own_states: usize) -> Self {
         let mut states = own_states;
@@ -52,7 +53,8 @@ impl Hooks {
             let own = shift;
             if effect.has_pieces() {
                 shift += PIECE.count_ones();
-                // Sixteen joints with free play on one plant: the reader allows an effect of a kind as often as the file has it.
+                // The limit is sixteen joints with free play on one plant. The reader of plant files does not limit the number of effects of one
+                // kind.
                 assert!(shift < u32::BITS, "the pieces of so many joints have no room");
             }
             active.push(Active { first, end: states, split: effect.split(), shift: own, effect });
@@ -65,50 +67,50 @@ impl Hooks {
         self.inner.iter().map(|k| &self.active[*k])
     }
 
-    /// States of plant and effects.
+    /// The number of states of plant and effects.
     #[must_use]
     pub fn states(&self) -> usize {
         self.states
     }
 
-    /// Whether reading an output moves a state.
+    /// Whether the reading of an output has a state.
     #[must_use]
     pub fn reads_with_memory(&self) -> bool {
         self.memory
     }
 
-    /// Whether a law has pieces.
+    /// Whether the law of a joint is defined in pieces.
     #[must_use]
     pub fn have_pieces(&self) -> bool {
         self.pieces
     }
 
-    /// The first input as it acts.
+    /// The first input after all effects.
     #[must_use]
     pub fn input(&self, value: f64) -> f64 {
         self.active.iter().fold(value, |value, it| it.effect.input(value))
     }
 
-    /// Seconds by which the first input acts later.
+    /// The delay of the first input, in s.
     #[must_use]
     pub fn delay(&self) -> f64 {
         self.active.iter().map(|it| it.effect.delay()).sum()
     }
 
-    /// Seconds by which an output is read late.
+    /// The delay of the readings of an output, in s.
     #[must_use]
     pub fn reads_late(&self, output: usize) -> f64 {
         self.active.iter().map(|it| it.effect.reads_late(output)).sum()
     }
 
-    /// Start of the states of all effects.
+    /// Sets the states of all effects at the start.
     pub fn start(&self, start: &FirstInstant, x: &mut [f64]) {
         for it in &self.active {
             it.effect.start(start, &mut x[it.first..it.end]);
         }
     }
 
-    /// Start of the states that follow outputs, from the true outputs.
+    /// Sets the start of the states that depend on outputs, from the true outputs.
     pub fn settle(&self, time: f64, mut outputs: [f64; 3], x: &mut [f64], dx: &mut [f64]) {
         for it in &self.active {
             it.effect.settle(&outputs, &mut x[it.first..it.end]);
@@ -124,7 +126,7 @@ impl Hooks {
         self.active.iter().map(|it| it.effect.fastest_rate(scale)).fold(0.0, f64::max)
     }
 
-    /// The fastest rate of what a linear part leaves of them, in 1/s.
+    /// The fastest rate that remains after the linear part is subtracted, in 1/s.
     #[must_use]
     pub fn nonlinear_rate(&self, scale: &Scale) -> f64 {
         self.active.iter().map(|it| it.effect.nonlinear_rate(scale)).fold(0.0, f64::max)
@@ -136,7 +138,7 @@ impl Hooks {
         self.active.iter().map(|it| it.effect.fastest_rate(scale)).sum()
     }
 
-    /// How far the frame of the record is turned.
+    /// The angle by which the frame of the record is rotated, in rad.
     #[must_use]
     #[inline]
     pub fn frame_angle(&self, theta: f64) -> f64 {
@@ -146,7 +148,7 @@ impl Hooks {
         self.inner().map(|it| it.effect.frame_angle(theta)).sum()
     }
 
-    /// The voltage at the windings: first what the bus allows, then what the switches leave.
+    /// The voltage at the windings: first the limit of the bus is applied, then the loss of the switches.
     #[must_use]
     #[inline]
     pub fn voltage(&self, voltage: [f64; 2], current: [f64; 2]) -> [f64; 2] {
@@ -157,7 +159,7 @@ impl Hooks {
         self.inner().fold(allowed, |voltage, it| it.effect.voltage_loss(voltage, current))
     }
 
-    /// What of a motor depends on its state.
+    /// Sets the parameters of a motor that depend on its state.
     #[inline]
     pub fn machine(&self, at: &Currents, x: &[f64], dx: &mut [f64], machine: &mut Machine) {
         if self.inner.is_empty() {
@@ -168,7 +170,7 @@ impl Hooks {
         }
     }
 
-    /// Effort on the first body.
+    /// The effort on the first body.
     #[must_use]
     #[inline]
     pub fn effort(&self, motion: &Motion) -> f64 {
@@ -178,13 +180,14 @@ impl Hooks {
         self.inner().map(|it| it.effect.effort(motion)).sum()
     }
 
-    /// The share of inertia that is left at the drive.
+    /// The share of inertia that remains at the drive.
     #[must_use]
     pub fn drive_share(&self) -> f64 {
         1.0 - self.inner().filter_map(|it| it.split).sum::<f64>()
     }
 
-    /// What of a load reaches the first body. Bodies that are split off stand in a row, in the order of the file, the load on the last.
+    /// The part of a load that reaches the first body. Bodies that are split off form a chain in the order of the file; the load acts on the last
+    /// one.
     #[inline]
     pub fn load(&self, body: &Split, x: &[f64], dx: &mut [f64]) -> Carried {
         if self.inner.is_empty() {
@@ -208,7 +211,7 @@ impl Hooks {
         Carried { effort: reaction, piece: pieces }
     }
 
-    /// The law of a joint.
+    /// The effort of a joint, by its law.
     #[must_use]
     #[inline]
     pub fn joint(&self, twist: &Twist, held: Option<u32>) -> Carried {
@@ -230,13 +233,13 @@ impl Hooks {
         carried
     }
 
-    /// Free play of a joint.
+    /// The free play of a joint.
     #[must_use]
     pub fn slack(&self, joint: Joint) -> f64 {
         self.inner().map(|it| it.effect.slack(joint)).sum()
     }
 
-    /// Effort of an engine.
+    /// The torque of an engine.
     #[must_use]
     #[inline]
     pub fn engine_torque(&self, torque: f64, crank_angle: f64) -> f64 {
@@ -246,7 +249,7 @@ impl Hooks {
         self.inner().fold(torque, |torque, it| it.effect.engine_torque(torque, crank_angle))
     }
 
-    /// Speed of the air.
+    /// The speed of the air against the vehicle.
     #[must_use]
     #[inline]
     pub fn air_speed(&self, speed: f64) -> f64 {
@@ -256,7 +259,7 @@ impl Hooks {
         self.inner().fold(speed, |speed, it| it.effect.air_speed(speed))
     }
 
-    /// The speed of a vehicle that does not follow its wheel.
+    /// The speed of a vehicle if the wheel can slip.
     #[must_use]
     #[inline]
     pub fn vehicle_speed(&self, x: &[f64]) -> Option<f64> {
@@ -266,7 +269,7 @@ impl Hooks {
         self.inner().find_map(|it| it.effect.vehicle_speed(&x[it.first..it.end]))
     }
 
-    /// The force between wheel and road, where it is not rigid.
+    /// The force between wheel and road, if the wheel can slip.
     #[inline]
     pub fn traction(&self, contact: &Contact, x: &[f64], dx: &mut [f64]) -> Option<f64> {
         if self.inner.is_empty() {
@@ -275,7 +278,7 @@ impl Hooks {
         self.inner().find_map(|it| it.effect.traction(contact, &x[it.first..it.end], &mut dx[it.first..it.end]))
     }
 
-    /// True outputs to readings.
+    /// Converts true outputs to readings.
     pub fn read(&self, time: f64, x: &[f64], dx: &mut [f64], outputs: &mut [f64; 3]) {
         for it in &self.active {
             for (k, value) in outputs.iter_mut().enumerate() {
@@ -284,7 +287,7 @@ impl Hooks {
         }
     }
 
-    /// A reading back to the truth, the last effect first.
+    /// Converts a reading to the true value: the inverse of each effect, the last effect first.
     #[must_use]
     pub fn truth(&self, output: usize, reading: f64, time: f64) -> f64 {
         self.active.iter().rev().fold(reading, |value, it| it.effect.truth(output, value, time))

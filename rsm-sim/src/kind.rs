@@ -1,13 +1,13 @@
 //! The kinds of plants and their signals (docs/book/src/reference/plants.md 1.2).
 //!
-//! In: nothing. Out: names and units of inputs and outputs, the same for files, records and simulation. Never holds a value.
+//! In: nothing. Out: names and units of inputs and outputs, the same for files, records and simulation. The built-in kinds contain no values.
 
 use std::any::Any;
 
 use crate::quantity::Nominal;
 pub use crate::quantity::Signal;
 
-/// A plant of section 2 of docs/book/src/reference/plants.md, or one of equations.
+/// A plant of section 2 of docs/book/src/reference/plants.md, or a plant of equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PlantKind {
     /// Surface permanent-magnet motor in the rotor frame.
@@ -20,7 +20,8 @@ pub enum PlantKind {
     Equations(&'static Described),
 }
 
-/// What files, records and reports know of a plant of equations. It lives as long as the program: a program reads few plants, and every part of it speaks of them.
+/// The data of a plant of equations for files, records and reports. It has the lifetime of the program: a program reads few plants, and all its parts
+/// refer to them.
 pub struct Described {
     /// The name of its model.
     pub name: &'static str,
@@ -28,32 +29,34 @@ pub struct Described {
     pub inputs: Vec<Signal>,
     /// The outputs, in the order of the text.
     pub outputs: Vec<Signal>,
-    /// What can say where a record starts, in the places of a [`StartValues`]: outputs that follow from states, then states that are no outputs.
+    /// Variables that can determine the start of a record, in the order of [`StartValues`]: outputs that follow from states, then states that are not
+    /// outputs.
     pub starts: Vec<Signal>,
-    /// Their values where the text alone says them.
+    /// Their start values from the text alone.
     pub start_values: Vec<f64>,
-    /// The numbers that may be set.
+    /// The parameters that may be set.
     pub parameters: Vec<Nominal>,
-    /// Parameters that a record decides.
+    /// Parameters that a record determines.
     pub decisions: Vec<Decision>,
-    /// The values of the parameters in the plant file, in their order.
+    /// The values of the parameters in the plant file, in the order of `parameters`.
     pub values: Vec<f64>,
-    /// The text of the plant file that it was read from.
+    /// The text of the plant file.
     pub text: String,
     /// The files that the plant file names, with their texts.
     pub files: Vec<(String, String)>,
-    /// The equations, for the module that runs them.
+    /// The equations, in a type that only the module that runs them uses.
     pub equations: Box<dyn Any + Send + Sync>,
 }
 
-/// A parameter that a record decides.
+/// A parameter that a record determines.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Decision {
     /// The parameter.
     pub parameter: &'static str,
-    /// The column that is constant in a record and gives it, with its name in the plant; `None` where the absence of columns decides.
+    /// The column that gives it, with the name of the signal in the plant. The column is constant in a record. `None` if the absence of columns
+    /// determines the parameter.
     pub column: Option<&'static str>,
-    /// The parameter is 1 where all of these are absent, else 0. Absent inputs are 0.
+    /// The parameter is 1 if all of these are absent, else 0. Absent inputs are 0.
     pub without: Vec<&'static str>,
 }
 
@@ -71,19 +74,19 @@ impl std::fmt::Debug for Described {
     }
 }
 
-/// Outputs that a diagnosis compares, at most.
+/// The largest number of outputs that a diagnosis compares.
 pub const OUTPUTS: usize = 12;
 
-/// A value for each output: those of the first ones, and one for all further.
+/// A value for each output: separate values for the first outputs, and one value for all others.
 #[must_use]
 pub fn by_output<T: Copy>(first: &[T], further: T) -> [T; OUTPUTS] {
     std::array::from_fn(|output| first.get(output).copied().unwrap_or(further))
 }
 
-/// Numbers that say where a record starts, at most: outputs, and states that are none.
+/// The largest number of variables that determine a start: outputs, and states that are not outputs.
 pub const STARTS: usize = 24;
 
-/// A start of a simulation: a value for each of [`PlantKind::starts`], 0 beyond them.
+/// A start of a simulation: a value for each of [`PlantKind::starts`], and 0 for unused entries.
 pub type StartValues = [f64; STARTS];
 
 const fn signal(name: &'static str, unit: &'static str) -> Signal {
@@ -106,7 +109,7 @@ impl PlantKind {
         }
     }
 
-    /// Everything that can be in a record as an input, in the order of the simulation. The axis has either of its two.
+    /// All inputs that a record can contain, in the order of the simulation. A record of the axis needs one of its two inputs.
     #[must_use]
     pub fn inputs(self) -> &'static [Signal] {
         const PMAC: &[Signal] = &[signal("v_d", "V"), signal("v_q", "V"), signal("load_torque", "N*m")];
@@ -120,7 +123,7 @@ impl PlantKind {
         }
     }
 
-    /// The outputs, in the order of the simulation. The command of the axis is one in closed loop only.
+    /// The outputs, in the order of the simulation. The command of the axis is an output only in closed loop.
     #[must_use]
     pub fn outputs(self) -> &'static [Signal] {
         const PMAC: &[Signal] = &[signal("i_d", "A"), signal("i_q", "A"), signal("speed", "rad/s")];
@@ -135,8 +138,9 @@ impl PlantKind {
         }
     }
 
-    /// What can stand under `[initial]`, in the places of a simulation's start: outputs, and what no column holds. Of an axis that is the speed; of a car by how much the engine's torque, the
-    /// driveshaft's twist and its speed differ from those of a car that rolls steadily under its pedal.
+    /// The variables that `[initial]` can contain, in the order of a simulation's start: outputs, and variables without a column. For an axis this is
+    /// the speed. For a car these are the differences of the engine's torque, of the driveshaft's twist and of its rate from those of a car that
+    /// rolls steadily with its throttle.
     #[must_use]
     pub fn starts(self) -> &'static [Signal] {
         const AXIS: &[Signal] = &[signal("position", "m"), signal("speed", "m/s")];
@@ -156,7 +160,7 @@ impl PlantKind {
         }
     }
 
-    /// The place of an output among [`PlantKind::outputs`].
+    /// The index of an output in [`PlantKind::outputs`].
     #[must_use]
     pub fn output(self, name: &str) -> Option<usize> {
         self.outputs().iter().position(|signal| signal.name == name)
@@ -175,7 +179,7 @@ impl PlantKind {
             columns.push(signal("angle", "rad"));
         }
         if let PlantKind::Equations(it) = self {
-            // A column that decides a parameter is a number without a unit.
+            // A column that determines a parameter is a number without a unit.
             let decides = it.decisions.iter().filter_map(|it| it.column).map(|name| Signal { name, unit: "" });
             columns.extend(decides.filter(|it| !it.name.is_empty()));
         }

@@ -1,15 +1,17 @@
-//! Simulated plants, and the catalogue of what a nominal plant may leave out.
+//! Simulated plants, and the catalogue of physical effects that a nominal plant may neglect.
 //!
 //! ```text
 //!   plant.toml --plant_file--> PlantFile --+
 //!   record.csv --record--> Record ---------+--simulate--> outputs at every row
 //!                                          |
-//!        effects (one file each) --hooks---+
+//!        effects, in the equations --------+
 //! ```
 //!
-//! A plant calls hooks at fixed places: parameters, inputs, frame, efforts on a body, law of a joint, outputs, extra states. An effect
-//! implements the hooks that it needs. No plant knows any effect (a test searches for their names). The same files give the same bits on
-//! one machine. Nothing here prints, and a simulation along a record draws no random numbers: noise is added by whoever measures.
+//! A simulation runs the equations of a plant with the effects of its plant file ([`equations`]). The module `plants` contains the built-in plants as
+//! code, for callers that advance a plant step by step. This code calls hooks at fixed places: parameters, inputs, frame, efforts on a body, law of a
+//! joint, outputs, extra states. An effect implements the hooks that it needs. No plant contains code for an effect (a test searches the plants for
+//! the names of effects). The same files give the same bits on one machine. Nothing here prints. A simulation along a record draws no random numbers:
+//! the caller adds measurement noise.
 //!
 //! ```
 //! use rsm_core::source::Source;
@@ -27,7 +29,7 @@
 //! # }
 //! ```
 
-// What is public is what a user of the library needs.
+// Only what a user of the library needs is public.
 #![cfg_attr(not(test), warn(unreachable_pub))]
 
 pub mod quantity;

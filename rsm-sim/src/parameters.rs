@@ -1,9 +1,9 @@
-//! The nominal parameters of a plant, by the names of [`crate::schema`].
+//! The nominal parameters of a plant, with the names of [`crate::schema`].
 
 use crate::kind::PlantKind;
 use crate::schema;
 
-/// Where the controller of an axis takes the velocity from.
+/// The source of the velocity for the controller of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VelocityFrom {
     /// The state itself.
@@ -20,12 +20,12 @@ pub struct Parameters {
     pub(crate) values: Vec<Option<f64>>,
     /// Gear ratios of a driveline, first gear first; 1 elsewhere.
     pub gear_ratios: [f64; 5],
-    /// Of an axis.
+    /// For an axis.
     pub velocity_from: VelocityFrom,
 }
 
 impl Parameters {
-    /// A parameter that may be left out; `gear_ratios[3]` is the ratio of third gear.
+    /// The value of an optional parameter; `gear_ratios[3]` is the ratio of third gear.
     #[must_use]
     pub fn optional(&self, name: &str) -> Option<f64> {
         match schema::index(self.kind, name) {
@@ -34,16 +34,16 @@ impl Parameters {
         }
     }
 
-    /// A parameter that the plant requires.
+    /// The value of a required parameter.
     ///
     /// # Panics
-    /// When the plant has no such parameter: the names in the code and in the schema are ours.
+    /// If the plant has no such parameter. This is a fault of the code: names in the code and in the schema must agree.
     #[must_use]
     pub fn number(&self, name: &str) -> f64 {
         self.optional(name).unwrap_or_else(|| panic!("the parameter `{name}` was checked when the file was read"))
     }
 
-    /// Gives a parameter another value; a name that the plant does not have changes nothing.
+    /// Sets a parameter. A name that the plant does not have has no effect.
     pub fn set(&mut self, name: &str, value: f64) {
         if let Some(index) = schema::index(self.kind, name) {
             self.values[index] = Some(value);

@@ -1,7 +1,7 @@
-//! The plant file (docs/book/src/reference/plants.md 1.1) as the simulation sees it.
+//! The plant file (docs/book/src/reference/plants.md 1.1) for the simulation.
 //!
-//! In: a file, by `read`. Out: [`PlantFile`], and its text again with the effects filled in, by `write`. Only numbers that keep their
-//! bounds are in a [`PlantFile`] that was read.
+//! In: a file, by `read`. Out: [`PlantFile`], and, by `write`, its text again with the effects included. All numbers of a [`PlantFile`] that was read
+//! are within their bounds.
 
 mod read;
 mod write;
@@ -13,14 +13,14 @@ pub use crate::parameters::{Parameters, VelocityFrom};
 /// A number by name, as in `[tolerance]`, `[noise]` and `[initial]`.
 pub type Named = (&'static str, f64);
 
-/// A column of the record under another name.
+/// A column with a different name in the record.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Renamed {
     /// The name of docs/book/src/reference/plants.md 1.2.
     pub signal: &'static str,
     /// The name in the record.
     pub column: String,
-    /// The unit, where the header has none.
+    /// The unit, if the header of the record has none.
     pub unit: Option<String>,
 }
 
@@ -29,7 +29,7 @@ pub struct Renamed {
 pub struct PlantFile {
     /// The plant.
     pub kind: PlantKind,
-    /// Nominal parameters, without what an effect changes of them.
+    /// Nominal parameters, without changes by effects.
     pub parameters: Parameters,
     /// Relative 1-sigma uncertainty of parameters.
     pub tolerance: Vec<Named>,
@@ -37,11 +37,12 @@ pub struct PlantFile {
     pub noise: Vec<Named>,
     /// Start values of outputs.
     pub initial: Vec<Named>,
-    /// Effects that belong to the plant and are not in question: a diagnosis of a plant that comes with effects puts them here. They act before the others.
+    /// Effects that belong to the plant and are not to be diagnosed. If a plant file already has effects, the diagnosis moves them to this list. They
+    /// act before the others.
     pub given: Vec<Entry>,
     /// Effects, in the order of the file.
     pub effects: Vec<Entry>,
-    /// Columns of the record under other names.
+    /// Columns with a different name in the record.
     pub columns: Vec<Renamed>,
 }
 
@@ -51,7 +52,7 @@ impl PlantFile {
         self.given.iter().chain(&self.effects)
     }
 
-    /// The parameters with what effects change of them.
+    /// The parameters with the changes by effects.
     #[must_use]
     pub fn effective_parameters(&self) -> Parameters {
         let mut parameters = self.parameters.clone();

@@ -1,6 +1,6 @@
-//! Quantities: names, units, and which values a number may have.
+//! Quantities: names, units and the permitted values of a number.
 //!
-//! In: nothing. Out: types that kinds of plants, files and effects share. Never holds a value.
+//! In: nothing. Out: types that kinds of plants, files and effects share. This file contains no values.
 
 /// A named quantity with its unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -11,7 +11,7 @@ pub struct Signal {
     pub unit: &'static str,
 }
 
-/// Which values a number may have.
+/// The permitted values of a number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Bound {
     /// Any finite number.
@@ -22,12 +22,12 @@ pub enum Bound {
     NotNegative,
     /// Between two numbers, both excluded.
     Between(f64, f64),
-    /// A whole number of at least one.
+    /// An integer of at least one.
     Count,
 }
 
 impl Bound {
-    /// Whether a finite number keeps the bound.
+    /// Whether a finite number is within the bound.
     #[must_use]
     pub fn holds(self, value: f64) -> bool {
         match self {
@@ -59,8 +59,8 @@ pub struct Nominal {
     pub name: &'static str,
     /// Its unit.
     pub unit: &'static str,
-    /// What the physics says of it.
+    /// The physical bound.
     pub bound: Bound,
-    /// May be left out.
+    /// Whether it may be omitted.
     pub optional: bool,
 }

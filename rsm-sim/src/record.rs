@@ -1,7 +1,7 @@
-//! Records (docs/book/src/reference/plants.md 1.2): reading a CSV for a plant, writing one.
+//! Records (docs/book/src/reference/plants.md 1.2): reads a CSV for a plant, and writes one.
 //!
-//! In: a CSV and the plant file that says what its columns are called. Out: a [`Record`] in the units of the code, uniformly sampled; or
-//! every fault with the line. Never fills a gap, never resamples.
+//! In: a CSV, and the plant file with the names of its columns. Out: a [`Record`] in the units of the code, uniformly sampled; or every fault with
+//! its line. It never fills a gap and never resamples.
 
 use rsm_core::number::decimal;
 use rsm_core::source::{Collector, Fault, Faults, Source};
@@ -10,44 +10,44 @@ use rsm_fit::table::{Table, Wanted};
 use crate::kind::{Described, PlantKind, Signal};
 use crate::plant_file::PlantFile;
 
-/// Jitter beyond this share of the period is a fault (docs/book/src/reference/plants.md 1.2).
+/// Jitter above this share of the period is a fault (docs/book/src/reference/plants.md 1.2).
 const JITTER: f64 = 0.01;
 
 /// What drives the plant in a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Drive {
-    /// The inputs alone.
+    /// Only the inputs.
     Open,
-    /// A motor's drive holds i_d = 0: neither v_d nor i_d is in the record.
+    /// The drive of a motor keeps i_d = 0: the record contains neither v_d nor i_d.
     HoldsDirectCurrent,
-    /// The controller of the axis, from the reference.
+    /// The controller of the axis, which follows the reference.
     Closed,
-    /// The inputs of a plant of equations, which are all in the record.
+    /// The inputs of a plant of equations. The record contains all of them, except those that it may leave out.
     Inputs,
 }
 
 /// A uniformly sampled record.
 #[derive(Debug, Clone)]
 pub struct Record {
-    /// As messages speak of it.
+    /// The name of the record in messages.
     pub file: String,
     /// What drives the plant.
     pub drive: Drive,
     /// Instants, in s.
     pub time: Vec<f64>,
-    /// Their period, in s.
+    /// The sample period, in s.
     pub period: f64,
     /// The inputs in the order of the simulation: v_d, v_q, load_torque; throttle; command or reference.
     pub inputs: Vec<Vec<f64>>,
     /// The gear, 1 to 5; 1 for other plants.
     pub gear: usize,
-    /// The first angle of the rotor, where the record has one.
+    /// The first angle of the rotor, if the record has one.
     pub angle: Option<f64>,
-    /// The outputs that it holds, in the order of the plant.
+    /// The outputs in the order of the plant, if the record has them.
     pub measured: Vec<Option<Vec<f64>>>,
-    /// Parameters of a plant of equations that the record decides.
+    /// Parameters of a plant of equations that the record determines.
     pub settings: Vec<(&'static str, f64)>,
-    /// Rows (from 0) before which time is missing or goes back: none in a record that [`Record::read`] accepts.
+    /// Rows (from 0) before which time is missing or goes back. A record from [`Record::read`] has none.
     pub breaks: Vec<usize>,
 }
 
@@ -60,12 +60,11 @@ impl Record {
         Self::read_as(&|wanted| Table::read(source, wanted), plant, false)
     }
 
-    /// A record of columns in memory: by the name that a record of this plant gives a signal its values, in the units of the simulation
-    /// (docs/book/src/reference/plants.md), all of one length.
+    /// A record from columns in memory. Each column has the name that a record of this plant gives the signal, and its values in the units of the
+    /// simulation (docs/book/src/reference/plants.md). All columns have the same length.
     ///
     /// # Errors
-    /// Every fault: a column that the plant needs and that is not there, columns of different lengths, a number that is not finite, a time
-    /// that is not uniform.
+    /// Every fault: a missing column, columns of different lengths, a number that is not finite, a time that is not uniform.
     ///
     /// ```
     /// use rsm_core::source::Source;
@@ -94,7 +93,8 @@ impl Record {
         Self::read_as(&open, plant, false)
     }
 
-    /// Reads a record that may have gaps, as a logger that stopped for a while leaves them: its `breaks` say where. Nobody simulates across a break.
+    /// Reads a record that may have gaps, for example of a logger that stopped for a while. The field `breaks` contains their rows. A simulation must
+    /// not cross a break.
     ///
     /// # Errors
     /// Every other fault, with its line.
@@ -102,7 +102,7 @@ impl Record {
         Self::read_as(&|wanted| Table::read(source, wanted), plant, true)
     }
 
-    /// `open` gives the wanted columns.
+    /// `open` returns the wanted columns.
     fn read_as(open: &dyn Fn(&Wanted) -> Result<Table, Faults>, plant: &PlantFile, gaps: bool) -> Result<Record, Faults> {
         let header = open(&Wanted::default())?;
         let columns = Columns { plant, header: &header };
@@ -135,7 +135,7 @@ impl Record {
             PlantKind::Equations(kind) => columns.settings(kind, &take, &mut faults),
             _ => Vec::new(),
         };
-        // An input that a record of a plant of equations may leave out is 0 then.
+        // An optional input that a record of a plant of equations does not have is 0.
         let left_out = if drive == Drive::Inputs { vec![0.0; time.len()] } else { Vec::new() };
         let record = Record {
             settings,
@@ -155,19 +155,19 @@ impl Record {
         faults.finish(Some(record))
     }
 
-    /// The time of its first row, in s; 0 without rows (a drive that makes its own).
+    /// The time of its first row, in s; 0 without rows (a drive that generates its own inputs).
     #[must_use]
     pub fn first_time(&self) -> f64 {
         self.time.first().copied().unwrap_or(0.0)
     }
 
-    /// How many rows there are.
+    /// The number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.time.len()
     }
 
-    /// Some of its rows as a record of their own: the angle at its first row is that of no sensor any more.
+    /// Some of its rows as a separate record. The angle is kept only if the first row is.
     #[must_use]
     pub fn piece(&self, rows: std::ops::Range<usize>) -> Record {
         let cut = |values: &Vec<f64>| values[rows.start.min(values.len())..rows.end.min(values.len())].to_vec();
@@ -191,7 +191,7 @@ impl Record {
     }
 }
 
-/// The columns of inputs that a simulation reads, in its order.
+/// The columns of inputs that a simulation reads, in order.
 #[must_use]
 pub fn inputs(kind: PlantKind, drive: Drive) -> &'static [Signal] {
     match (kind, drive) {
@@ -215,13 +215,13 @@ struct Columns<'a> {
 }
 
 impl Columns<'_> {
-    /// Inputs of a plant of equations that a record may leave out, where it leaves them all out.
+    /// Optional inputs of a plant of equations, if the record has none of their group.
     fn absent(&self, plant: &Described) -> Vec<&'static str> {
         let lists = plant.decisions.iter().map(|it| &it.without);
         lists.filter(|list| list.iter().all(|name| !self.has(name))).flatten().copied().collect()
     }
 
-    /// What the record decides of the parameters of a plant of equations.
+    /// The parameters of a plant of equations that the record determines.
     fn settings(
         &self,
         plant: &Described,
@@ -260,7 +260,7 @@ impl Columns<'_> {
         self.header.column(self.name(signal)).is_some()
     }
 
-    /// What drives the plant, and whether the columns for it are there.
+    /// What drives the plant. Reports the columns that are missing for it.
     fn drive(&self, faults: &mut Collector) -> Drive {
         let kind = self.plant.kind;
         let mut needed: Vec<&str> = vec!["time"];
@@ -313,7 +313,7 @@ impl Columns<'_> {
         let stated = renamed.and_then(|renamed| renamed.unit.as_deref());
         let takes_any = matches!(self.plant.kind, PlantKind::Equations(_));
         match (in_header, stated) {
-            // Where a text or a record of a plant of equations has no unit, the numbers are taken as they are.
+            // If the text or the record of a plant of equations gives no unit, the numbers are used without conversion.
             (in_header, stated) if takes_any && (signal.unit.is_empty() || in_header.or(stated).is_none()) => {
                 Ok(table.column(name).map(|it| it.values.clone()).unwrap_or_default())
             }
@@ -333,7 +333,7 @@ impl Columns<'_> {
     }
 }
 
-/// The period of instants that must be uniform, and where they are not, if that is allowed; else the first bad row is a fault.
+/// The period of instants that must be uniform, and the rows after gaps. If gaps are not allowed, the first one is a fault.
 pub(crate) fn uniform(time: &[f64], table: &Table, gaps: bool, faults: &mut Collector) -> (f64, Vec<usize>) {
     if time.len() < 2 {
         let what = "a record needs two rows at least: one has no period";
@@ -342,7 +342,7 @@ pub(crate) fn uniform(time: &[f64], table: &Table, gaps: bool, faults: &mut Coll
     }
     let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     steps.sort_by(f64::total_cmp);
-    // The median: one gap or one step back does not move it.
+    // The median: one gap or one step back does not change it.
     let period = steps[steps.len() / 2];
     let mut breaks = Vec::new();
     let mut lasted = 0.0;
@@ -367,7 +367,7 @@ pub(crate) fn uniform(time: &[f64], table: &Table, gaps: bool, faults: &mut Coll
         }
         breaks.push(k + 1);
     }
-    // The mean over the whole record: the decimals of single instants are rounded.
+    // The mean over the whole record, because the decimals of single instants are rounded.
     let period = if breaks.is_empty() {
         (time[time.len() - 1] - time[0]) / (time.len() - 1) as f64
     } else {
@@ -389,7 +389,7 @@ fn constant_gear(gears: &[f64], table: &Table, faults: &mut Collector) -> usize 
     first as usize
 }
 
-/// A CSV of columns of equal length; decimals read back to the same bits.
+/// A CSV of columns of equal length. Its decimals are read back to the same bits.
 #[must_use]
 pub fn csv(columns: &[(Signal, &[f64])]) -> String {
     let header: Vec<String> = columns.iter().map(|(signal, _)| format!("{}[{}]", signal.name, signal.unit)).collect();

@@ -1,6 +1,6 @@
-//! The nominal parameters of each plant (docs/book/src/reference/plants.md, section 2): name, unit, and what physics says of the sign.
+//! The nominal parameters of each plant (docs/book/src/reference/plants.md, section 2): name, unit and physical bounds.
 //!
-//! In: nothing. Out: tables for the reader, the writer and `parameter-error`. Never holds a value of a parameter.
+//! In: nothing. Out: tables for the reader, the writer and `parameter-error`. This file contains no value of a parameter.
 
 use crate::kind::PlantKind;
 
@@ -46,7 +46,7 @@ const DRIVELINE: &[Nominal] = &[
     of("rolling_resistance_2", "m/s", NotNegative),
     of("drag_area", "m^2", NotNegative),
     of("air_density", "kg/m^3", NotNegative),
-    // Steeper than a wall is not a road.
+    // A slope steeper than vertical is not possible.
     of("grade", "rad", Between(-std::f64::consts::FRAC_PI_2, std::f64::consts::FRAC_PI_2)),
     of("torque_0", "N*m", Any),
     of("torque_1", "N*m*s", Any),
@@ -65,7 +65,7 @@ const SERVO_AXIS: &[Nominal] = &[
     optional("velocity_gain", "V*s/m", Positive),
 ];
 
-/// The entries of a driveline's array `gear_ratios`, numbered as the column `gear` of a record numbers them: from 1.
+/// The entries of a driveline's array `gear_ratios`, numbered from 1, like the column `gear` of a record.
 const GEAR_RATIOS: &[Nominal] = &[
     of("gear_ratios[1]", "1", Positive),
     of("gear_ratios[2]", "1", Positive),
@@ -74,7 +74,7 @@ const GEAR_RATIOS: &[Nominal] = &[
     of("gear_ratios[5]", "1", Positive),
 ];
 
-/// The numbers of a plant, in the order of docs/book/src/reference/plants.md. The gear ratios and the choice of the velocity stand beside them.
+/// The parameters of a plant, in the order of docs/book/src/reference/plants.md. The gear ratios and the choice of the velocity are separate.
 #[must_use]
 pub fn parameters(kind: PlantKind) -> &'static [Nominal] {
     match kind {
@@ -85,24 +85,24 @@ pub fn parameters(kind: PlantKind) -> &'static [Nominal] {
     }
 }
 
-/// The entries of the array of gear ratios, first gear first; none on a plant without gears.
+/// The entries of the array of gear ratios, first gear first; none for a plant without gears.
 #[must_use]
 pub fn gear_ratios(kind: PlantKind) -> &'static [Nominal] {
     if kind == PlantKind::Driveline { GEAR_RATIOS } else { &[] }
 }
 
-/// Everything that a `parameter-error` may name: the numbers of a plant, and its gear ratios one by one.
+/// All names that a `parameter-error` can use: the parameters of a plant, and each of its gear ratios.
 pub fn named(kind: PlantKind) -> impl Iterator<Item = &'static Nominal> {
     parameters(kind).iter().chain(gear_ratios(kind))
 }
 
-/// The place of a gear ratio in its array, from 0, by the name that a `parameter-error` gives it.
+/// The index of a gear ratio in its array, from 0, by its name in a `parameter-error`.
 #[must_use]
 pub fn gear(kind: PlantKind, name: &str) -> Option<usize> {
     gear_ratios(kind).iter().position(|nominal| nominal.name == name)
 }
 
-/// The place of a parameter among [`parameters`].
+/// The index of a parameter in [`parameters`].
 #[must_use]
 pub fn index(kind: PlantKind, name: &str) -> Option<usize> {
     parameters(kind).iter().position(|nominal| nominal.name == name)

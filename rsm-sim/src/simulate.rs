@@ -1,7 +1,7 @@
-//! Runs a plant with its effects along a record.
+//! Simulates a plant with its effects along a record.
 //!
-//! In: a plant file and a record. Out: every output at every row. What stands between two rows is `equations`'.
-//! The same files give the same bits.
+//! In: a plant file and a record. Out: every output at every row. The integration between two rows is in `equations`. The same files give the same
+//! bits.
 
 use std::fmt;
 
@@ -14,7 +14,7 @@ use crate::kind::{PlantKind, Signal};
 use crate::plant_file::PlantFile;
 use crate::record::{Drive, Record};
 
-/// Why a simulation stopped: a numerical outcome.
+/// Why a simulation stopped. This is a numerical result, not a program fault.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Stopped {
     /// A state is no longer finite after this row (from 0).
@@ -22,7 +22,7 @@ pub enum Stopped {
         /// The row.
         row: usize,
     },
-    /// The run took more steps up to this row than it was allowed: see [`Simulator::at_most`].
+    /// The run needed more steps up to this row than permitted: see [`Simulator::at_most`].
     TooLong {
         /// The row.
         row: usize,
@@ -55,9 +55,9 @@ impl std::error::Error for Stopped {}
 /// The outputs of a run.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Outputs {
-    /// Those that this record's drive has, in the order of the plant.
+    /// The outputs for this record's drive, in the order of the plant.
     pub signals: Vec<Signal>,
-    /// A value a row, for each of them.
+    /// For each of them, the value at every row.
     pub values: Vec<Vec<f64>>,
 }
 
@@ -70,14 +70,14 @@ impl Outputs {
     }
 }
 
-/// A plant with its effects, ready for one record; it can run many times.
+/// A plant with its effects, prepared for one record. It can run many times.
 pub struct Simulator(Box<equation_plant::Run>);
 
 impl Simulator {
     /// The plant of a file for a record.
     ///
     /// # Errors
-    /// A fault when the start is neither in the record nor in `[initial]`, when the effects cannot stand together, or when the start has no solution.
+    /// A fault if the start is neither in the record nor in `[initial]`, if the effects cannot be combined, or if the start has no solution.
     pub fn new(file: &PlantFile, record: &Record) -> Result<Simulator, Faults> {
         if !matches!(file.kind, PlantKind::Equations(_)) {
             let missing = starting(record, file.kind).into_iter().find(|place| start_of(file, record, *place).is_none());
@@ -91,21 +91,22 @@ impl Simulator {
         Ok(Simulator(Box::new(equation_plant::Run::new(file, record)?)))
     }
 
-    /// With another error of a step than 1e-8, relative to the largest value that a state has had, or changes by in one row: how far the outputs then move shows what steps leave.
+    /// Sets the permitted error of a step. The default is 1e-8, relative to the largest magnitude that a state has had, or to its change in one row.
+    /// The change of the outputs with the tolerance shows the error of the steps.
     #[must_use]
     pub fn tolerance(mut self, tolerance: f64) -> Self {
         self.0.tolerance = tolerance;
         self
     }
 
-    /// Gives a run up that takes more than so many steps a row, on average over its record.
+    /// Stops a run that needs more than this number of steps per row, on average over its record.
     #[must_use]
     pub fn at_most(mut self, steps_a_row: usize) -> Self {
         self.0.steps_a_row = steps_a_row;
         self
     }
 
-    /// Steps of the last run, also of one that was given up.
+    /// The number of steps of the last run, also if it was stopped early.
     #[must_use]
     pub fn taken(&self) -> u64 {
         self.0.taken()
@@ -114,16 +115,17 @@ impl Simulator {
     /// Runs along the record.
     ///
     /// # Errors
-    /// [`Stopped`], when the numbers leave no way on.
+    /// [`Stopped`], if a value is not finite or the run needs too many steps.
     pub fn run(&mut self, record: &Record) -> Result<Outputs, Stopped> {
         self.along(record, None)
     }
 
-    /// Runs with a controller in the loop: at every row it reads the outputs and says the first input, which is held to the next row; the record gives the rows, the start and what was said before the first. What it says does not move what it reads at
-    /// the same instant: of the driveline nothing does, where the engine's lag stands between.
+    /// Runs with a controller in the loop. At every row the controller reads the outputs and returns the first input, which is constant until the
+    /// next row. The record gives the rows, the start and the first input before the first row. The returned input must not change the outputs at the
+    /// same instant. In the driveline it does not, because the engine's lag is between them.
     ///
     /// # Errors
-    /// [`Stopped`], when the numbers leave no way on.
+    /// [`Stopped`], if a value is not finite or the run needs too many steps.
     pub fn run_controlled(&mut self, record: &Record, controller: &mut Controller<'_>) -> Result<Outputs, Stopped> {
         self.along(record, Some(controller))
     }
@@ -134,7 +136,7 @@ impl Simulator {
     }
 }
 
-/// Why a plant stopped.
+/// Converts the reason why a plant stopped.
 fn of_equations(stopped: &crate::equations::Stopped) -> Stopped {
     use crate::equations::Stopped as Why;
     match stopped {
@@ -144,7 +146,7 @@ fn of_equations(stopped: &crate::equations::Stopped) -> Stopped {
     }
 }
 
-/// The places of [`PlantKind::starts`] that decide where a record starts (docs/book/src/reference/plants.md, section 2).
+/// The indices in [`PlantKind::starts`] that determine the start of a record (docs/book/src/reference/plants.md, section 2).
 #[must_use]
 pub fn starting(record: &Record, kind: PlantKind) -> Vec<usize> {
     match kind {
@@ -156,7 +158,8 @@ pub fn starting(record: &Record, kind: PlantKind) -> Vec<usize> {
     }
 }
 
-/// Where one of them starts: as the plant file says, else as the record's first row; what no column can hold starts at 0 (an axis at rest, a car steadily). `None` where nothing says it.
+/// The start value of one of them: from the plant file, else from the record's first row. A variable without a column starts at 0 (an axis at rest, a
+/// car in steady motion) or at the value of the text. `None` if no value is known.
 #[must_use]
 pub fn start_of(file: &PlantFile, record: &Record, place: usize) -> Option<f64> {
     let name = file.kind.starts()[place].name;

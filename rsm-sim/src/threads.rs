@@ -1,10 +1,10 @@
-//! Work that is the same for many items, on several threads.
+//! The same work for many items, on several threads.
 //!
-//! In: items, what to do with one. Out: the answers in the order of the items, whatever the number of threads. Never shares a number between items.
+//! In: items, and the work for one item. Out: the results in the order of the items, for any number of threads. Items never share data that changes.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Does something with every item on so many threads; the answers stand in the order of the items.
+/// Applies the work to every item, with this number of threads. The results are in the order of the items.
 pub fn in_threads<T: Sync, A: Send>(items: &[T], threads: usize, work: impl Fn(&T) -> A + Sync) -> Vec<A> {
     let next = AtomicUsize::new(0);
     let mut answers: Vec<(usize, A)> = std::thread::scope(|scope| {
@@ -30,7 +30,7 @@ pub fn in_threads<T: Sync, A: Send>(items: &[T], threads: usize, work: impl Fn(&
     answers.into_iter().map(|(_, answer)| answer).collect()
 }
 
-/// So many threads as the machine has cores for.
+/// The number of threads that this machine can run at the same time.
 #[must_use]
 pub fn threads() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)

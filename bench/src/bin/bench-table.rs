@@ -1,7 +1,7 @@
-//! One table of what an evaluation costs.
+//! Prints one table of the cost of an evaluation.
 //!
-//! In: what criterion left in the target directory, and `instructions.txt`. Out: nanoseconds and instructions, and how many times longer the interpreter and
-//! hand-written Horner take than the emitted C. A case that was not timed is a dash.
+//! In: criterion's results in the target directory, and `instructions.txt`. Out: nanoseconds and instructions, and the times of the interpreter and
+//! of hand-written Horner as multiples of the emitted C. A case without a time is shown as a dash.
 
 use std::path::{Path, PathBuf};
 
@@ -54,13 +54,13 @@ fn main() {
     }
 }
 
-/// Beside the profile folder in which this program lies.
+/// The folder beside the profile folder that contains this program.
 fn criterion_folder() -> PathBuf {
     let program = std::env::current_exe().expect("a program knows where it is");
     program.ancestors().nth(2).expect("it lies in the target directory").join("criterion")
 }
 
-/// The median that criterion last found, in nanoseconds; `None` when the case has not been timed.
+/// The last median of criterion, in nanoseconds; `None` if the case has not been timed.
 fn median_ns(case: &Path) -> Option<f64> {
     let text = std::fs::read_to_string(case.join("new/estimates.json")).ok()?;
     let estimates: serde_json::Value = serde_json::from_str(&text).ok()?;

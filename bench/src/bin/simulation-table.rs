@@ -1,8 +1,10 @@
-//! One table of what simulations and diagnoses cost, measured in one run.
+//! Prints one table of the cost of simulations and diagnoses, measured in one run.
 //!
-//! In: nothing; with `--quick` no diagnoses. Out: rows a second of each plant, nominal and with an effect, their ratio, how many times faster than the plant itself that is; the
-//! seconds of a diagnosis of three records of 8000 rows, and how many runs along all three records would take as long. Then the same plants as texts of equations: rows a second at an error that is at most that of the plant
-//! in Rust, one lane and eight, against Rust and against one lane; the time from text to first row; exact sensitivities against differences; SciPy LSODA and diffsol at the same tolerance, or why they cannot be had. Judges nothing: times are of one machine.
+//! In: nothing; with `--quick` no diagnoses. Out: rows per second of each plant, nominal and with an effect, their ratio, and the ratio to real time;
+//! the seconds of a diagnosis of three records of 8000 rows, and the number of runs along all three records that would take the same time. Then the
+//! same plants as texts of equations: rows per second with an error that is at most that of the plant in Rust, for one lane and for eight, relative
+//! to Rust and to one lane; the time from text to first row; exact sensitivities compared with differences; SciPy LSODA and diffsol at the same
+//! tolerance, or why they are not available. No limits are checked, because times depend on the machine.
 
 use rsm_bench::engines::{LANES, Text, comparable, error, rows_per_second_in_rust};
 use rsm_bench::peers;
@@ -40,7 +42,7 @@ fn main() {
     texts();
 }
 
-/// The same plants as texts, against the plants in Rust.
+/// The same plants as texts, compared with the plants in Rust.
 fn texts() {
     println!(
         "\nplants as texts, without effect; errors against the text at a tolerance of 1e-13, as a share of an output's size\n\n{:<11}| {:>9} {:>9} {:>9} {:>12} {:>8} | {:>12} {:>8} | {:>10}",
@@ -65,7 +67,7 @@ fn texts() {
     peers();
 }
 
-/// Exact derivatives by ten parameters, or as many as move an output, against differences.
+/// Exact derivatives with respect to ten parameters, or to all that change an output, compared with differences.
 fn sensitivities() {
     println!(
         "\nsensitivities at a tolerance of 1e-8; differences of one run a parameter and one more; `off`: the difference of both, as a share of a derivative's size\n\n{:<11}| {:>10} {:>9} {:>12} {:>12} {:>9}",
@@ -90,7 +92,7 @@ fn sensitivities() {
 /// The same tolerance for all.
 const TOLERANCE: f64 = 1e-6;
 
-/// The same plants by other solvers.
+/// The same plants with other solvers.
 fn peers() {
     let texts: Vec<_> = SUBJECTS.iter().map(|subject| (subject.plant, Text::of(subject, &subject.record(1)))).collect();
     let plants = texts.iter().map(|(name, text)| ((*name).to_string(), text.for_peers(TOLERANCE))).collect();

@@ -1,7 +1,7 @@
-//! The three plants as they were written in Rust, without effects: what the engine of equations is compared with.
+//! The three plants as Rust code, without effects. The engine of equations is compared with them.
 //!
-//! In: a plant file of format 1 without effects, a record. Out: every output at every row. `plants` has the equations and how fast they are, `steps` the classical and the exponential method of fourth order, with steps from these rates. A copy that nothing but
-//! the benchmark uses.
+//! In: a plant file of format 1 without effects, a record. Out: every output at every row. `plants` contains the equations and their rates, `steps`
+//! the classical and the exponential method of fourth order, with step lengths from these rates. Only the benchmark uses this copy.
 
 mod phi;
 mod plants;
@@ -17,7 +17,7 @@ use steps::Work;
 /// Every output at every row, in the order of the plant.
 ///
 /// # Panics
-/// For a plant of equations, or one with effects: they are not in the copy.
+/// For a plant of equations, or one with effects: the copy does not contain them.
 #[must_use]
 pub fn run(file: &PlantFile, record: &Record) -> Vec<Vec<f64>> {
     assert!(file.acting().next().is_none(), "the plants by hand have no effects");
@@ -71,7 +71,7 @@ mod tests {
             for (signal, (found, wanted)) in wanted.signals.iter().zip(run(&file, &record).iter().zip(&wanted.values)) {
                 let size = wanted.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
                 let off = found.iter().zip(wanted).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-                // Steps of a quarter of a radian leave 0.25^4/120, and swings add up.
+                // Steps of a quarter of a radian have an error of 0.25^4/120, and the errors of oscillations add up.
                 assert!(off < 2e-3 * size, "{}, {}: {off} of {size}", subject.plant, signal.name);
             }
         }

@@ -1,14 +1,14 @@
 //! Functions of small matrices for exponential integrators.
 //!
-//! In: a matrix A and a span. Out: the functions phi_1, phi_2, phi_3 of A h for the span and for its halves, quarters and so on, where
-//! phi_0(z) = e^z and phi_k+1(z) = (phi_k(z) - 1/k!)/z. By scaling and doubling (B. V. Minchev, W. M. Wright, "A review of exponential
-//! integrators for first order semi-linear problems", 2005, section 7): the halves come for nothing on the way. Never inverts a matrix, so a
-//! singular one, as that of a free body, is no special case.
+//! In: a matrix A and a span. Out: the functions phi_1, phi_2, phi_3 of A h for the span and for its half, quarter and so on, where phi_0(z) = e^z
+//! and phi_k+1(z) = (phi_k(z) - 1/k!)/z. They are computed by scaling and doubling (B. V. Minchev, W. M. Wright, "A review of exponential integrators
+//! for first order semi-linear problems", 2005, section 7), which gives the halves without additional cost. No matrix is inverted, so a singular
+//! matrix, for example of a free body, is no special case.
 
-/// Norm of A h below which the series are summed; they converge there by a factor of 2 (k + 3) a term.
+/// The norm of A h below which the series are used; there each term is smaller than the one before by a factor of 2 (k + 3).
 const SMALL: f64 = 0.5;
 
-/// Terms: 0.5^13/(16!/3!) is 3e-17 of the first.
+/// The number of terms: 0.5^13/(16!/3!) is 3e-17 of the first.
 const TERMS: u32 = 13;
 
 /// A square matrix, column by column.
@@ -32,7 +32,7 @@ impl<const N: usize> Matrix<N> {
         product
     }
 
-    /// self other
+    /// The product self other.
     pub(super) fn product(&self, other: &Self) -> Self {
         let mut product = Self::zero();
         for (column, of_other) in product.0.iter_mut().zip(other.0.iter()) {
@@ -41,7 +41,7 @@ impl<const N: usize> Matrix<N> {
         product
     }
 
-    /// factor self + diagonal I
+    /// The sum factor self + diagonal I.
     pub(super) fn scaled(&self, factor: f64, diagonal: f64) -> Self {
         let mut scaled = self.clone();
         for (j, column) in scaled.0.iter_mut().enumerate() {
@@ -51,7 +51,7 @@ impl<const N: usize> Matrix<N> {
         scaled
     }
 
-    /// factor (self + share other)
+    /// The sum factor (self + share other).
     pub(super) fn combined(&self, factor: f64, other: &Self, share: f64) -> Self {
         let mut sum = self.clone();
         for (column, of_other) in sum.0.iter_mut().zip(other.0.iter()) {
@@ -78,11 +78,11 @@ pub(super) struct Functions<const N: usize> {
 /// The functions of A span/2^k for k from 0 to `levels`.
 pub(super) fn functions<const N: usize>(a: &Matrix<N>, span: f64, levels: usize) -> Vec<Functions<N>> {
     let norm = a.norm() * span;
-    // A norm that is no number ends as one level of numbers that are none, and the caller stops.
+    // A norm that is not finite gives one level of values that are not finite, and the caller stops.
     let doublings = if norm.is_finite() { (norm / SMALL).log2().ceil().max(0.0) as usize } else { 0 };
     let deepest = doublings.max(levels);
     let z = a.scaled(span * 0.5_f64.powi(deepest as i32), 0.0);
-    // phi_3 = 1/3! + z/4! + z^2/5! ..., nested: each term over the one before is z/(k + 3).
+    // The series phi_3 = 1/3! + z/4! + z^2/5! ..., nested: each term is the one before times z/(k + 3).
     let mut three = Matrix::zero().scaled(1.0, 1.0);
     for k in (1..=TERMS).rev() {
         three = z.product(&three).scaled(1.0 / f64::from(k + 3), 1.0);
@@ -95,7 +95,7 @@ pub(super) fn functions<const N: usize>(a: &Matrix<N>, span: f64, levels: usize)
     let mut list = Vec::with_capacity(levels + 1);
     for level in (0..=deepest).rev() {
         if level > 0 {
-            // phi_1(2z) = (e^z + 1) phi_1/2, phi_2(2z) = (phi_1^2 + 2 phi_2)/4, phi_3(2z) = (phi_1 phi_2 + phi_2 + 2 phi_3)/8
+            // The doubling: phi_1(2z) = (e^z + 1) phi_1/2, phi_2(2z) = (phi_1^2 + 2 phi_2)/4, phi_3(2z) = (phi_1 phi_2 + phi_2 + 2 phi_3)/8.
             let next = Functions {
                 one: zero.scaled(0.5, 0.5).product(&now.one),
                 two: now.one.product(&now.one).combined(0.25, &now.two, 2.0),
@@ -117,7 +117,7 @@ pub(super) fn functions<const N: usize>(a: &Matrix<N>, span: f64, levels: usize)
 mod tests {
     use super::*;
 
-    /// phi_1 to phi_3 of a number, from their definition: no digits are lost for numbers of the size of 1 and more.
+    /// phi_1 to phi_3 of a number, from their definition. For numbers of magnitude 1 and more it loses no digits.
     fn plain(z: f64) -> [f64; 3] {
         let one = (z.exp() - 1.0) / z;
         let two = (one - 1.0) / z;
@@ -135,7 +135,7 @@ mod tests {
             let (slow, fast) = (plain(-2.0 * h), plain(-800.0 * h));
             for (k, matrix) in [&found.one, &found.two, &found.three].into_iter().enumerate() {
                 let corner = 3.0 * (slow[k] - fast[k]) / 798.0;
-                // Eleven doublings of numbers near 1, and the digits that the definition itself loses at -0.25.
+                // The tolerance covers eleven doublings of numbers near 1, and the digits that the definition loses at -0.25.
                 for (found, expected) in
                     [(matrix.0[0][0], slow[k]), (matrix.0[1][1], fast[k]), (matrix.0[1][0], corner), (matrix.0[0][1], 0.0)]
                 {

@@ -1,16 +1,16 @@
-//! Equations of docs/book/src/reference/plants.md, section 2, and how fast each plant moves.
+//! Equations of docs/book/src/reference/plants.md, section 2, and the rates of each plant.
 //!
 //! In: parameters. Out: rates and outputs at a state.
 
 use rsm_sim::plant_file::{Parameters, VelocityFrom};
 
-/// How fast a plant moves at a state, in 1/s.
+/// The rates of a plant at a state, in 1/s.
 pub(super) struct Rates {
-    /// The fastest of what is seen.
+    /// The fastest visible rate.
     pub fastest: f64,
-    /// The fastest of what a linear part leaves.
+    /// The fastest rate of the part that a linear model does not contain.
     pub nonlinear: f64,
-    /// What varies from state to state: when it has moved, a linear part is stale.
+    /// A quantity that varies with the state: when it has changed, a linear part is out of date.
     pub varying: f64,
 }
 
@@ -25,10 +25,10 @@ pub(super) trait Plant {
     /// Rates and outputs.
     fn evaluate(&self, inputs: &[f64; 3], x: &[f64], dx: &mut [f64], outputs: &mut [f64; 3]);
 
-    /// How fast it moves at a state.
+    /// The rates at a state.
     fn rates(&self, x: &[f64]) -> Rates;
 
-    /// The command of a controller that is part of the plant, from its position (this row and the two before).
+    /// The command of a controller that is part of the plant, from its position (this row and the previous two).
     fn command(&self, reference: f64, _x: &[f64], _positions: [f64; 3], _period: f64) -> f64 {
         reference
     }
@@ -184,19 +184,19 @@ impl Plant for Driveline {
     }
 
     fn rates(&self, x: &[f64]) -> Rates {
-        // A damper's own mode decays at once and is not seen.
+        // The mode of a damper itself decays at once and is not visible.
         let joint =
             |(stiffness, damping): (f64, f64), mobility: f64| (stiffness * mobility).sqrt().max(damping * mobility / 4.0);
         let clutch = 1.0 / self.engine_inertia + self.gear_ratio * self.gear_ratio / self.shaft_inertia;
         let shaft = 1.0 / (self.final_ratio * self.final_ratio * self.shaft_inertia) + 1.0 / self.wheel_inertia;
         let fastest = joint(self.clutch, clutch).max(joint(self.driveshaft, shaft)).max(1.0 / self.torque_lag);
-        // The torque map closes a loop through lag and engine.
+        // The torque map closes a loop through the lag and the engine.
         let slope = (self.torque[1] + 2.0 * self.torque[2] * x[ENGINE_SPEED]).abs();
         Rates { fastest, nonlinear: (slope / (self.torque_lag * self.engine_inertia)).sqrt(), varying: 0.0 }
     }
 }
 
-/// A driven linear axis, alone or under its controller.
+/// A driven linear axis, alone or with its controller.
 pub(super) struct ServoAxis {
     mass: f64,
     force_gain: f64,

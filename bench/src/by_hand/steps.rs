@@ -1,23 +1,25 @@
-//! Steps between two rows: the classical Runge-Kutta method (M. W. Kutta, 1901), or an exponential one (S. M. Cox, P. C. Matthews, "Exponential time differencing for stiff systems", 2002).
+//! Steps between two rows: the classical Runge-Kutta method (M. W. Kutta, 1901), or an exponential method (S. M. Cox, P. C. Matthews, "Exponential
+//! time differencing for stiff systems", 2002).
 //!
-//! In: a plant, held inputs, a state with its rates. Out: the state a row later. A whole number of equal steps, from the rates that the plant names.
+//! In: a plant, constant inputs, a state with its rates. Out: the state one row later. The row is divided into equal steps, whose number follows from
+//! the plant's rates.
 
 use super::phi::{self, Matrix};
 use super::plants::{Plant, Rates};
 
-/// A step is at most this over the fastest rate: the error of fourth order in one time constant is then 0.25^4/120.
+/// The step length is at most this divided by the fastest rate: the error of fourth order in one time constant is then 0.25^4/120.
 const STEP_RATE: f64 = 0.25;
 
-/// A step of the exponential method costs two to three of the classical one.
+/// A step of the exponential method costs as much as two or three of the classical one.
 const PAYS: f64 = 3.0;
 
-/// States at most, of the plants here.
+/// The largest number of states of these plants.
 const MOST: usize = 8;
 
-/// Differences for the Jacobian matrix, relative to a state.
+/// The difference for the Jacobian, relative to a state.
 const DIFFERENCE: f64 = 1e-8;
 
-/// The linear part is taken again when the rates that vary have moved by this share.
+/// The linear part is computed again when the varying rates have changed by this share.
 const STALE: f64 = 0.1;
 
 /// The matrices of a step: h phi_1(A h), 2 h (phi_2 - 2 phi_3)(A h), h (4 phi_3 - phi_2)(A h).
@@ -27,7 +29,7 @@ struct Step {
     last: Matrix<MOST>,
 }
 
-/// A linear part, with the matrices of a span and of its halves, quarters and so on.
+/// A linear part, with the matrices of a span, its half, quarter and so on.
 struct Part {
     span: f64,
     varying: f64,
@@ -51,7 +53,7 @@ impl Work {
     }
 }
 
-/// Over a span with held inputs.
+/// Integrates over a span with constant inputs.
 pub(super) fn hold<P: Plant>(plant: &P, inputs: [f64; 3], work: &mut Work, span: f64) {
     let rates = plant.rates(&work.x);
     let steps = |rate: f64| (span * rate / STEP_RATE).ceil().max(1.0);
@@ -105,7 +107,7 @@ fn part<P: Plant>(plant: &P, inputs: &[f64; 3], work: &mut Work, rates: &Rates, 
     Part { span, varying: rates.varying, a, steps: steps.collect() }
 }
 
-/// 2^`level` steps.
+/// Takes 2^`level` steps.
 fn exponential<P: Plant>(plant: &P, inputs: [f64; 3], work: &mut Work, rates: &Rates, span: f64, level: usize) {
     let is_fresh =
         |it: &Part| it.span == span && (rates.varying - it.varying).abs() <= STALE * it.varying && it.steps.len() >= level + 2;
@@ -124,7 +126,8 @@ fn exponential<P: Plant>(plant: &P, inputs: [f64; 3], work: &mut Work, rates: &R
         }
         let mut f = [0.0; MOST];
         f[..n].copy_from_slice(here);
-        // With D(y) = f(y) - f(x) - A (y - x): a = x + (h/2) phi_1(A h/2) f(x), b = a + (h/2) phi_1(A h/2) D(a), c = x + h phi_1(A h) f(x) + h phi_1(A h/2) D(b).
+        // With D(y) = f(y) - f(x) - A (y - x): a = x + (h/2) phi_1(A h/2) f(x), b = a + (h/2) phi_1(A h/2) D(a), c = x + h phi_1(A h) f(x) + h
+        // phi_1(A h/2) D(b).
         let mut difference = |moved: &[f64; MOST]| {
             for i in 0..n {
                 trial[i] = x[i] + moved[i];

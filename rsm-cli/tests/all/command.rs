@@ -54,7 +54,7 @@ fn fit_folder(change: impl Fn(String) -> String) -> tempfile::TempDir {
 fn eval_prints_a_value_or_its_bits_a_line_a_point() {
     let here = folder();
     let model = published("pmac.toml");
-    // The centre of the surface: its constant term, 38.19.
+    // The value at the centre of the surface is its constant term, 38.19.
     let point = ["eval", &model, "--surface", "current_advance", "--at", "torque=10.8,speed=400"];
     let output = rsm(&point, here.path());
     assert_eq!((text(&output.stdout).as_str(), output.status.code()), ("38.19\n", Some(0)));
@@ -63,12 +63,12 @@ fn eval_prints_a_value_or_its_bits_a_line_a_point() {
     let output = rsm(&[&point[..], &["--bits", "--precision", "f32"]].concat(), here.path());
     assert_eq!(text(&output.stdout), format!("{:08x}\n", 38.19f32.to_bits()));
 
-    // A table, in other units and another order of columns: 0.4 krad/s would be wrong by 1000 without conversion.
+    // A table with other units and another order of columns: without conversion, 0.4 krad/s would be wrong by a factor of 1000.
     std::fs::write(here.path().join("points.csv"), "speed[rpm],torque[N*m]\n0,21.6\n3819.718634205488,10.8\n").unwrap();
     let output = rsm(&["eval", &model, "--surface", "current_advance", "--data", "points.csv"], here.path());
     let printed = text(&output.stdout);
     let mut lines = printed.lines();
-    // The points in the order and in the units of the model, the result beside them.
+    // The points in the order and in the units of the model, with the result in the last column.
     assert_eq!(lines.next(), Some("torque[N*m],speed[rad/s],current_advance[deg]"));
     let rows: Vec<Vec<f64>> = lines.map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
     assert!(rows.len() == 2 && rows[0][..2] == [21.6, 0.0] && rows.iter().all(|row| row.len() == 3), "{rows:?}");
@@ -128,13 +128,13 @@ fn emit_writes_surfaces_without_clamps_and_what_an_input_gives_once() {
 #[test]
 fn eval_prints_gradients_with_the_bits_that_emitted_code_has() {
     let here = folder();
-    // y = 5 + 30 x + 2 x z with x = (speed - 15)/15 and z = (load - 1)/1.
+    // The surface is y = 5 + 30 x + 2 x z with x = (speed - 15)/15 and z = (load - 1)/1.
     let model = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[inputs.load]\nunit = \"t\"\nrange = [0.0, 2.0]\n\
                  [surfaces.drag]\nunit = \"N\"\ninputs = [\"speed\", \"load\"]\n\
                  terms = [{ powers = [0, 0], coefficient = 5.0 }, { powers = [1, 0], coefficient = 30.0 }, { powers = [1, 1], coefficient = 2.0 }]\n";
     std::fs::write(here.path().join("car.toml"), model).unwrap();
     let point = ["eval", "car.toml", "--gradient", "--at", "speed=30,load=1.5"];
-    // (30 + 2 z)/15 and 2 x/1
+    // The derivatives are (30 + 2 z)/15 and 2 x/1.
     let (by_speed, by_load) = (31.0 / 15.0, 2.0);
     let printed = text(&rsm(&point, here.path()).stdout);
     let values: Vec<f64> = printed.trim().split(',').map(|cell| cell.parse().unwrap()).collect();
@@ -143,7 +143,7 @@ fn eval_prints_gradients_with_the_bits_that_emitted_code_has() {
     assert_eq!(bits, format!("{:016x},{:016x}\n", values[0].to_bits(), values[1].to_bits()));
     let of_f32 = text(&rsm(&[&point[..], &["--bits", "--precision", "f32"]].concat(), here.path()).stdout);
     assert!(of_f32.len() == 18 && of_f32.ends_with(&format!(",{:08x}\n", 2f32.to_bits())), "{of_f32}");
-    // Beyond the range of the speed the derivative by it is 0.
+    // Outside the range of the speed, the derivative with respect to speed is 0.
     let outside = text(&rsm(&["eval", "car.toml", "--gradient", "--at", "speed=31,load=1.5"], here.path()).stdout);
     assert_eq!(outside, "0.0,2.0\n");
 
@@ -167,7 +167,7 @@ fn eval_prints_gradients_with_the_bits_that_emitted_code_has() {
         assert_eq!(rsm(&[&emit[..], &["--gradient"]].concat(), here.path()).status.code(), Some(0));
         let with = std::fs::read_to_string(here.path().join(file)).unwrap();
         assert!(!without.contains("gradient") && with.contains(wanted), "{with}");
-        // The certificate: from 28/15 to 32/15, within some units in the last place.
+        // The certified range: from 28/15 to 32/15, within some units in the last place.
         assert!(with.contains("- derivative by `speed`: 1.866 to 2.134, within "), "{with}");
         assert!(with.contains("- `speed` in `m/s`: 0.0 to 30.0; outside the derivative by it is 0"), "{with}");
     }
@@ -194,10 +194,10 @@ fn check_prints_the_certificate_of_the_contract() {
     for key in ["depth", "error", "operations"] {
         assert_eq!(keys(&surface[key]), ["f32", "f64"]);
     }
-    // (32) as printed: least at high speed and low gear, -0.7559 by hand: 0.4079 - 0.804 - 0.3809 + 0.0519 - 0.0429 + 0.0121.
+    // (32) as printed: smallest at high speed and low gear, -0.7559 by hand: 0.4079 - 0.804 - 0.3809 + 0.0519 - 0.0429 + 0.0121.
     let low = surface["range"][0].as_f64().unwrap();
     assert!(low <= -0.7559 && low > -0.7559 - 1e-9, "{low}");
-    // The greatest is at the corner of low speed and high gear: 0.4079 + 0.804 + 0.3809 + 0.0519 - 0.0429 + 0.0121 = 1.6139.
+    // The largest value is at the corner of low speed and high gear: 0.4079 + 0.804 + 0.3809 + 0.0519 - 0.0429 + 0.0121 = 1.6139.
     let high = surface["range"][1].as_f64().unwrap();
     assert!((1.6139..1.6139 + 1e-9).contains(&high), "{high}");
 }
@@ -208,7 +208,7 @@ fn check_fails_where_a_precision_cannot_hold_the_model() {
     let model = "format = 1\nmodel = \"m\"\n[inputs.a]\nunit = \"1\"\nrange = [1e6, 1000000.01]\n[surfaces.s]\nunit = \"1\"\ninputs = [\"a\"]\n\
                  terms = [{ powers = [1], coefficient = 1.0 }]\n";
     std::fs::write(here.path().join("m.toml"), model).unwrap();
-    // By name it is a failure; unasked it is left out with a word.
+    // If it is requested by name, this is a failure; otherwise it is omitted with a message.
     let output = rsm(&["check", "m.toml", "--precision", "f32", "--json"], here.path());
     assert_eq!((output.status.code(), &json(&output)["ok"]), (Some(1), &Value::Bool(false)));
     let output = rsm(&["check", "m.toml", "--json"], here.path());
@@ -300,7 +300,7 @@ fn fit_writes_a_model_that_every_other_command_reads() {
     assert_eq!(keys(&response["terms"][0]), ["coefficient", "p", "powers", "standard_error", "t"]);
     assert_eq!(keys(&response["validation"]), ["confidence_c", "max_abs_error", "mean_abs_error", "rmse", "rows"]);
     assert_eq!(response["rows"], 64);
-    // The sensor's noise is 0.12 A: the mean of its magnitude is 0.8 of that, and a surface that errs by more than twice as much misses something.
+    // The sensor's noise is 0.12 A. The mean of its magnitude is 0.8 of that, so a surface whose error is more than twice as large lacks something.
     assert!(response["validation"]["mean_abs_error"].as_f64().unwrap() < 0.2);
     for command in [&["check", "model.toml"][..], &["emit", "model.toml", "--lang", "c", "--out", "out"]] {
         assert_eq!(rsm(command, here.path()).status.code(), Some(0));
@@ -337,7 +337,7 @@ fn the_same_fit_gives_the_same_bytes() {
     assert!(read("one.toml") == read("two.toml") && !read("one.toml").is_empty());
 }
 
-/// Both cases, whole: what does not depend on the clock must be met, and the page must stand on its own.
+/// Both cases completely: results that do not depend on the clock must be reached, and the page must need no other files.
 #[test]
 fn the_demo_reaches_the_figures_of_the_paper() {
     let here = folder();
@@ -349,7 +349,7 @@ fn the_demo_reaches_the_figures_of_the_paper() {
     assert_eq!(found["paper"]["ticks"], 200.0);
     let paper = found["paper"].as_object().unwrap();
     assert!(paper.len() >= 21 && paper.values().all(Value::is_number), "{paper:?}");
-    // The paper's own forms, of second order, leave more than ours do here.
+    // The paper's own forms, of second order, have larger errors here than ours.
     for (ours, second) in [
         ("angle_error_mean_deg", "angle_error_mean_deg_second_order"),
         ("damping_residual_percent", "damping_residual_percent_second_order"),
@@ -361,7 +361,7 @@ fn the_demo_reaches_the_figures_of_the_paper() {
     for figure in ["Figure 2", "Figure 5", "Figure 6", "Figure 7"] {
         assert!(page.contains(figure), "{figure}");
     }
-    // Self-contained: links lead to files beside it, and nothing is fetched.
+    // Self-contained: links lead to files beside the page, and nothing is loaded.
     assert!(page.contains("<svg") && !page.contains("src=") && !page.contains("href=\"http"));
 }
 
@@ -375,7 +375,7 @@ fn simulate_writes_a_record_that_it_reads_again() {
         let output = rsm(&["simulate", &model, "--record", &record, "--out", "one.csv", "--json"], here.path());
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
         assert_eq!(keys(&json(&output)), ["effects", "out", "outputs", "period", "plant", "rows"]);
-        // The written record has the same inputs and the same start: it simulates to itself, byte for byte.
+        // The written record has the same inputs and the same start: its simulation gives the same file, byte for byte.
         let output = rsm(&["simulate", &model, "--record", "one.csv", "--out", "two.csv"], here.path());
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
         let read = |name: &str| std::fs::read_to_string(here.path().join(name)).unwrap();

@@ -1,4 +1,4 @@
-//! The command on models with a compensator: a sequence through it, its certificate, its files, and a refusal that names the point.
+//! The command for models with a compensator: a sequence through it, its certificate, its files, and a refusal that names the point.
 
 use std::path::Path;
 
@@ -34,7 +34,7 @@ fn write(folder: &Path, name: &str, text: &str) {
 fn eval_runs_a_compensator_over_a_sequence() {
     let here = folder();
     write(here.path(), "car.toml", MODEL);
-    // Columns in any order; the signal in any unit, or in none.
+    // Columns in any order; the signal in any unit, or without a unit.
     write(here.path(), "sequence.csv", "gear[1],input\n1,0\n1,1\n2,1\n2,1\n");
     let arguments = ["eval", "car.toml", "--compensator", "tip_in", "--data", "sequence.csv"];
     let output = rsm(&arguments, here.path());
@@ -43,7 +43,7 @@ fn eval_runs_a_compensator_over_a_sequence() {
     assert_eq!(printed.lines().next(), Some("input,gear[1],tip_in"));
     assert_eq!(printed.lines().nth(3).map(|line| line.starts_with("1.0,2.0,")), Some(true), "{printed}");
     let lines: Vec<f64> = printed.lines().skip(1).map(|line| line.rsplit(',').next().unwrap().parse().unwrap()).collect();
-    // g = 0.01: the first step of the demand gives u = 2 g/(1 + g (g + 1.4)) = 0.0197220, y = 1 + (0.1 - 0.7) u.
+    // With g = 0.01, the first step of the demand gives u = 2 g/(1 + g (g + 1.4)) = 0.0197220, y = 1 + (0.1 - 0.7) u.
     let u = 0.02 / (1.0 + 0.01 * 1.41);
     assert!(lines.len() == 4 && lines[0] == 0.0 && (lines[1] - (1.0 - 0.6 * u)).abs() < 1e-15, "{lines:?}");
     // Then s1 = u, s2 = g u; the damping is 0.125 in gear 2.
@@ -83,7 +83,7 @@ fn check_certifies_a_compensator() {
     let certified = &found["compensators"]["tip_in"];
     assert_eq!(keys(certified), ["natural_frequency", "pole_damping", "stable", "zero_damping"]);
     assert_eq!((&certified["stable"], &certified["natural_frequency"]), (&json!(true), &json!([20.0, 20.0])));
-    // 0.15 -+ 0.05
+    // The range of 0.15 -+ 0.05.
     let [low, high] = [0, 1].map(|k| certified["zero_damping"][k].as_f64().unwrap());
     assert!(low <= 0.1 && low > 0.1 - 1e-12 && (0.2..0.2 + 1e-12).contains(&high), "{low} {high}");
     let words = text(&rsm(&["check", "car.toml"], here.path()).stdout);
@@ -145,7 +145,7 @@ fn a_damping_that_goes_negative_is_a_problem_with_its_point() {
         assert!(said.starts_with(&format!("throttle.toml:40:16: compensator `tip_in`: `zero_damping`: {what}")), "{said}");
     }
     assert!(!here.path().join("out").exists());
-    // The surface by itself can still be looked at.
+    // The surface alone can still be evaluated.
     let output = rsm(&["eval", "throttle.toml", "--at", "speed=70,gear=1"], here.path());
     assert_eq!(output.status.code(), Some(0));
 }

@@ -1,4 +1,4 @@
-//! `rsm design` as programs outside the project call it, on the shipped specifications.
+//! `rsm design` as programs outside the project call it, with the shipped specifications.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ fn the_shipped_plans_have_the_points_of_the_experiments() {
             ["blocks", "design", "factors", "fraction", "left_out", "out", "plan", "points", "runs", "seed"]
         );
         assert_eq!((&found["points"], &found["runs"]), (&points.into(), &points.into()), "{name}");
-        // A header and a line a run.
+        // A header, and one line for each run.
         let csv = std::fs::read_to_string(here.path().join("plan.csv")).unwrap();
         assert_eq!(csv.lines().count(), points + 1);
     }
@@ -41,7 +41,7 @@ fn what_where_takes_from_a_design_is_told() {
         std::fs::write(here.path().join("plan.toml"), text).unwrap();
     };
     let design = |words: &[&str]| rsm(&[&["design", "plan.toml", "--out", "plan.csv"], words].concat(), here.path());
-    // The corner (1, 1) falls away: 7 of 8 points. Worked by hand in `plan/kept.rs`.
+    // The corner (1, 1) is omitted: 7 of 8 points. Calculated by hand in `plan/kept.rs`.
     written("design = \"central-composite\"\nalpha = \"rotatable\"\nwhere = [{ sum = { a = 1, b = 1 }, at_most = 1.5 }]");
     let found = json(&design(&["--json"]));
     let told = &found["left_out"];
@@ -51,11 +51,11 @@ fn what_where_takes_from_a_design_is_told() {
     let output = design(&[]);
     let words = text(&output.stderr);
     assert!(words.contains("warning: `where` keeps only 7 of the 8 points of the central-composite design"), "{words}");
-    // A `where` that takes nothing says nothing.
+    // A `where` that removes no point is not reported.
     written("design = \"central-composite\"\nalpha = \"rotatable\"\nwhere = [{ sum = { a = 1, b = 1 }, at_most = 3 }]");
     assert!(json(&design(&["--json"]))["left_out"].is_null());
     assert!(!text(&design(&[]).stderr).contains("warning"));
-    // Too few for what the design is made for: b at one value.
+    // Too few points for this design: b has only one value.
     written(
         "design = \"central-composite\"\nalpha = \"rotatable\"\nwhere = [{ sum = { a = 1, b = 10 }, at_most = 2 }, { sum = { b = -10 }, at_most = 1 }]",
     );
@@ -93,7 +93,7 @@ fn an_optimal_design_has_the_wanted_runs_and_adds_to_those_that_were_made() {
         let csv = std::fs::read_to_string(here.path().join("plan.csv")).unwrap();
         csv.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect()
     };
-    // Half-space, blocks, a point that must be run: 40 runs.
+    // A half-space, blocks, and a mandatory point: 40 runs.
     written(
         "runs = 40\norder = 3\nblock_sizes = [24, 16]\nmandatory = [{ a = 3.5, b = 1.25 }]\nwhere = [{ sum = { a = 1, b = 1 }, at_most = 11 }]",
     );
@@ -107,17 +107,17 @@ fn an_optimal_design_has_the_wanted_runs_and_adds_to_those_that_were_made() {
     assert!(found.iter().all(|row| row[2] + row[3] <= 11.0));
     assert_eq!(found.iter().filter(|row| row[1] == 2.0).count(), 16);
     assert!(found.iter().any(|row| row[2..] == [3.5, 1.25]));
-    // First order, three corners done: the fourth corner is the best run to add, and its number follows.
+    // First order with three corners done: the fourth corner is the best additional run, and it gets the next number.
     written("runs = 1\norder = 1");
     std::fs::write(here.path().join("done.csv"), "run[1],a[1],b[1],y[V]\n1,0,0,3\n2,10,0,4\n3,0,4,5\n").unwrap();
     let output = design(&["--augment", "done.csv"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     assert_eq!(rows(), [[4.0, 10.0, 4.0]]);
-    // Without them it cannot be: said why.
+    // Without them it is not possible, and the message gives the reason.
     let output = design(&[]);
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("1 runs cannot estimate the 3 terms of the model: at least 3 runs are needed"));
-    // The terms of a fit specification; candidates of a table.
+    // The terms of a fit specification, and candidates from a table.
     std::fs::write(here.path().join("points.csv"), "a,b\n0,0\n10,0\n0,4\n10,4\n5,2\n").unwrap();
     std::fs::write(
         here.path().join("fit.toml"),
@@ -144,7 +144,7 @@ fn a_fraction_tells_its_aliases_and_screening_and_sobol_have_their_runs() {
             .unwrap();
     };
     let design = |words: &[&str]| rsm(&[&["design", "plan.toml", "--out", "plan.csv"], words].concat(), here.path());
-    // The half fraction with d = abc: resolution 4, each pair of factors with the other pair.
+    // The half fraction with d = abc: resolution 4, each pair of factors is aliased with the other pair.
     written("design = \"fractional-factorial\"\ngenerators = { d = \"a*b*c\" }", &["a", "b", "c", "d"]);
     let found = json(&design(&["--json"]));
     assert_eq!((&found["runs"], &found["fraction"]["resolution"]), (&8.into(), &4.into()));

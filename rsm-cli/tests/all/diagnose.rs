@@ -1,4 +1,4 @@
-//! `rsm diagnose` as a command: what it refuses, and the keys of what it says.
+//! `rsm diagnose` as a command: refused input, and the keys of the results.
 
 use super::command::{folder, json, keys, rsm, text};
 
@@ -19,7 +19,7 @@ fn a_diagnosis_without_a_record_or_of_a_surface_is_refused() {
     assert!(text(&surface.stderr).contains("is a plant file, whose records are given with --record"));
 }
 
-/// A plant that only a text describes: the cause says where it stands, and the folder that was written runs by itself.
+/// A plant that exists only as a text: the cause names its place, and the written folder can be used without other files.
 #[test]
 fn a_plant_of_equations_is_diagnosed_and_its_extended_file_runs() {
     let here = folder();
@@ -54,7 +54,7 @@ fn a_plant_of_equations_is_diagnosed_and_its_extended_file_runs() {
     assert!(!here.path().join("refitted").exists());
 }
 
-/// What a diagnosis wrote is diagnosed again: nothing is left to find, and a claim that later records contradict is said.
+/// The result of a diagnosis is diagnosed again: nothing remains to be found, and a claim that later records contradict is reported.
 #[test]
 fn an_extended_plant_is_monitored() {
     let here = folder();
@@ -88,19 +88,19 @@ fn an_extended_plant_is_monitored() {
     assert!(words.contains("The plant file's coulomb-friction agrees with the records"), "{words}");
     let page = std::fs::read_to_string(here.path().join("again/report.html")).unwrap();
     assert!(page.contains("Effects of the plant file") && page.contains("coulomb-friction agrees with the records"), "{page}");
-    // The bearing has worn since.
+    // Since then the bearing has worn.
     let (worn, words) = diagnosed("found/extended.toml", "worn.csv", "worn-2.csv", "worn");
     assert_eq!(worn["verdict"], "explained", "{words}");
     let cause = &worn["causes"][0];
     assert_eq!(cause["kind"], "coulomb-friction");
-    // Either the whole friction in place of the claim, or what came to it.
+    // Either the whole friction instead of the claim, or only the additional friction.
     let torque = cause["parameters"]["torque"]["value"].as_f64().unwrap();
     assert!((torque - 0.5).abs() < 0.05 || (torque - 0.2).abs() < 0.05, "{torque}");
     let run = rsm(&["simulate", "worn/extended.toml", "--record", "worn.csv", "--out", "simulated.csv"], here.path());
     assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
 }
 
-/// A record without current: the plant that a diagnosis of it writes is simulated along it.
+/// A record without current: the plant that a diagnosis of it writes is simulated along the record.
 #[test]
 fn an_extended_plant_runs_on_the_record_that_it_came_from() {
     let here = folder();
@@ -120,7 +120,7 @@ fn an_extended_plant_runs_on_the_record_that_it_came_from() {
 #[test]
 fn a_diagnosis_writes_its_json_the_extended_plant_and_a_report() {
     let here = folder();
-    // What the shipped plant does along its shipped record, with noise: nothing is wrong with it.
+    // The simulation of the shipped plant along its shipped record, with noise: there is no fault.
     std::fs::write(here.path().join("noisy.csv"), noisy(here.path(), &shipped("pmac.toml"), 1)).unwrap();
     let output = rsm(&["diagnose", &shipped("pmac.toml"), "--record", "noisy.csv", "--json", "--out", "found"], here.path());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -134,7 +134,8 @@ fn a_diagnosis_writes_its_json_the_extended_plant_and_a_report() {
     assert_eq!(serde_json::from_str::<serde_json::Value>(&written).unwrap(), value);
     let page = std::fs::read_to_string(here.path().join("found/report.html")).unwrap();
     assert!(page.contains("These records show no error of the simulation"), "{page}");
-    // The worst output's figure stands in the verdict; without unseen records the page says so; there is nothing to say of causes, and no place of an error.
+    // The verdict contains the value of the worst output. Without unseen records the page reports this. There are no causes and no locations of
+    // errors.
     let ratio = |key: &str| value["extended"]["validate"][key]["noise_ratio"].as_f64().unwrap();
     let worst = ["i_d", "i_q", "speed"].map(ratio).into_iter().fold(0.0, f64::max);
     assert!(
@@ -148,14 +149,14 @@ fn a_diagnosis_writes_its_json_the_extended_plant_and_a_report() {
     assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));
 }
 
-/// The shipped motor's record as a plant file simulates it, with noise from a linear congruence.
+/// The shipped motor's record as simulated from a plant file, with noise from a linear congruential generator.
 fn noisy(here: &std::path::Path, plant: &str, seed: u64) -> String {
     let simulated = rsm(&["simulate", plant, "--record", &shipped("pmac.csv"), "--out", "clean.csv"], here);
     assert_eq!(simulated.status.code(), Some(0), "{}", text(&simulated.stderr));
     let clean = std::fs::read_to_string(here.join("clean.csv")).unwrap();
     let mut state = seed;
     let mut noise = || {
-        // Twelve uniform numbers less six have variance one. Constants: D. E. Knuth's MMIX.
+        // The sum of twelve uniform numbers minus six has a variance of one. Constants: D. E. Knuth's MMIX.
         (0..12)
             .map(|_| {
                 state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -227,7 +228,7 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
         "On 1 validation record (on the records that chose it) {:.1} % of the error above the noise is removed",
         100.0 * value["gain"].as_f64().unwrap()
     ));
-    // What the causes were chosen by is called so; the test record has figures of its own, beside the others.
+    // The records that chose the causes are named as such; the test record has separate figures beside the others.
     assert_eq!(value["judged_on"], "on the records that chose it");
     assert!(
         value["test"]["judged_on"].as_str().unwrap().contains("which nothing has seen before: their starts are estimated on")
@@ -238,7 +239,7 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
         assert_eq!(keys(&value[plant]["test"]), keys(&value[plant]["validate"]));
     }
     at(&format!("On 1 test record, not used before, {:.1} % is removed", 100.0 * value["test"]["gain"].as_f64().unwrap()));
-    // Every sentence of the evidence stands in both, and the cause is what lowers the error of the speed.
+    // Both contain every sentence of the evidence, and the cause reduces the error of the speed.
     let evidence = &value["causes"][0]["evidence"];
     let sentences: Vec<&str> = evidence["for"].as_array().unwrap().iter().map(|it| it.as_str().unwrap()).collect();
     assert!(
@@ -248,7 +249,7 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
     for sentence in sentences.iter().chain([&evidence["check"].as_str().unwrap()]) {
         at(&sentence.replace('&', "&amp;").replace('"', "&quot;"));
     }
-    // The torque in the table of parameters has the digits that its interval supports: two of its half width.
+    // The torque in the table of parameters has the digits that its interval supports: two digits of the half width.
     let torque = |key: &str| value["causes"][0]["parameters"]["torque"][key].as_f64().unwrap();
     let digits = 1 - (0.5 * (torque("high") - torque("low"))).log10().floor() as i32;
     assert!((3..7).contains(&digits), "{digits}");
@@ -257,7 +258,7 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
         digits as usize,
         torque("value")
     ));
-    // Shares of whole outputs are shares of one whole, and regions carry units.
+    // The shares of outputs add up to one, and regions have units.
     let places = value["where"].as_array().unwrap();
     let whole: f64 = places.iter().filter(|it| it["of"] == "output").map(|it| it["share_of_error"].as_f64().unwrap()).sum();
     assert!((whole - 1.0).abs() < 1e-9, "{places:?}");
@@ -265,14 +266,14 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
     for it in places {
         at(&format!("<td>{}</td><td>{}</td>", it["output"].as_str().unwrap(), it["region"].as_str().unwrap()));
     }
-    // Curves: whole, worst stretch, left over time, by frequency, of three outputs.
+    // Curves: the whole record, the worst section, the remaining error over time and by frequency, for three outputs.
     assert!(page.matches("<svg").count() >= 12);
-    // Nothing is fetched: no source is named, and the page forbids itself to load any.
+    // Nothing is loaded: no source is named, and the page's own policy forbids it.
     assert!(!page.contains("src=") && !page.contains("<link") && !page.contains("url(") && page.contains("default-src 'none'"));
-    // The summary stands before all else, and a switch takes the cause out.
+    // The summary comes first, and a switch removes the cause.
     assert!(at("<h1>") < at("class=\"numbers\"") && at("class=\"numbers\"") < at(">coulomb-friction</button>"));
     assert!(at(">coulomb-friction</button>") < at("<h2>"));
-    // Standard error is short.
+    // The text on standard error is short.
     let words = text(&output.stderr);
     assert!(words.lines().count() < 12 && words.contains("Check: Drive slowly both ways"), "{words}");
 }
@@ -280,7 +281,7 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
 #[test]
 fn a_refit_without_a_designed_experiment_is_refused_before_any_work() {
     let here = folder();
-    // The records do not exist: nobody has looked for them when the refusal comes.
+    // The records do not exist; the refusal comes before they are opened.
     let axis =
         rsm(&["diagnose", &shipped("servo-axis.toml"), "--record", "none.csv", "--refit", "--out", "found"], here.path());
     assert_eq!((axis.status.code(), axis.stdout.len()), (Some(2), 0));
@@ -293,14 +294,14 @@ fn a_refit_without_a_designed_experiment_is_refused_before_any_work() {
     let other = rsm(&["diagnose", &motor, "--record", "none.csv", "--refit", "--truth", &car, "--out", "found"], here.path());
     assert_eq!(other.status.code(), Some(2));
     assert!(text(&other.stderr).contains("--truth: found the plant \"driveline\", expected \"pmac\""));
-    // Evaluators need a place.
+    // Evaluators need an output folder.
     let nowhere = rsm(&["diagnose", &motor, "--record", "none.csv", "--refit"], here.path());
     assert_eq!(nowhere.status.code(), Some(2));
     assert!(text(&nowhere.stderr).contains("--out"));
     assert!(!here.path().join("found").exists());
 }
 
-/// Each shipped record holds the inputs of its plant, and outputs that nobody measured: nothing to compare with.
+/// Each shipped record contains the inputs of its plant, but no measured outputs: there is nothing to compare with.
 #[test]
 fn shipped_records_say_that_they_hold_inputs_only() {
     let here = folder();

@@ -1,4 +1,4 @@
-//! `rsm diagnose MODEL.toml --data` as a command: what it refuses, its keys, and that its files go on into the other commands.
+//! `rsm diagnose MODEL.toml --data` as a command: refused input, its keys, and the use of its files in other commands.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ terms = [
 ]
 "#;
 
-/// Numbers in -1..1 without a pattern, and noise of variance one from twelve of them. Constants: D. E. Knuth's MMIX.
+/// Pseudo-random numbers in -1..1, and noise of variance one from twelve of them. Constants: D. E. Knuth's MMIX.
 struct Draws(u64);
 
 impl Draws {
@@ -41,8 +41,8 @@ impl Draws {
     }
 }
 
-/// 60 runs of a pump whose flow also hangs on the temperature of the oil, -4 l/min from the middle of its range to the end, and which lacks the product of its inputs, 5 l/min. The speed is written in rpm. Run 41 is off by
-/// 20 l/min, and run 8 is above the range of the speed.
+/// 60 runs of a pump whose flow also depends on the oil temperature, by -4 l/min from the middle of its range to the end, and whose model lacks the
+/// product of its inputs, 5 l/min. The speed is in rpm. Run 41 has an error of 20 l/min, and run 8 is above the range of the speed.
 pub(crate) fn runs(file: &Path, hidden: bool) {
     let mut draws = Draws(7);
     let mut table = String::from("run,speed[rpm],valve[%],oil_temperature[degC],rig,flow[l/min]\n");
@@ -78,7 +78,8 @@ fn what_a_pump_lacks_is_named_and_its_extension_goes_through_the_compiler() {
     let term = of("missing-term");
     assert_eq!(term["term"], "speed*valve");
     let within = |number: &serde_json::Value, truth: f64, error: f64| (number["value"].as_f64().unwrap() - truth).abs() < error;
-    // Standard error of a coefficient of 58 runs: 0.5 sd of noise over sqrt(58/9) = 0.2; four of them. Of the slope 0.5/sqrt(58/3)/20 = 0.006.
+    // The standard error of a coefficient of 58 runs: 0.5 sd of noise over sqrt(58/9) = 0.2; the limit is four of them. For the
+    // slope: 0.5/sqrt(58/3)/20 = 0.006.
     assert!(within(&term["parameters"]["coefficient"], 5.0, 0.8), "{term}");
     let input = of("missing-input");
     assert_eq!(input["input"], "oil_temperature");
@@ -105,7 +106,7 @@ fn what_a_pump_lacks_is_named_and_its_extension_goes_through_the_compiler() {
     let output = rsm(&["eval", "found/extended.toml", "--at", "speed=300,valve=0.75,oil_temperature=40"], here.path());
     let flow: f64 = text(&output.stdout).trim().parse().unwrap();
     assert!((flow - 72.25).abs() < 0.7, "{flow}");
-    // Twice the same.
+    // The same command gives the same output twice.
     let again = rsm(&["diagnose", "pump.toml", "--data", "new.csv", "--json"], here.path());
     assert_eq!(text(&again.stdout), text(&output_of(here.path())));
 }

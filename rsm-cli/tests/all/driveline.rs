@@ -1,5 +1,6 @@
-//! The shipped tip-in runs and the model that is fitted from them: what is checked in is what is made. `RSM_BLESS=1` makes all of it anew,
-//! in a minute: the plan is driven, the compensator tuned in rounds, the surfaces fitted. Then `rsm experiment driveline` as a command.
+//! The shipped tip-in runs and the model fitted from them: the files in the repository are equal to the generated ones. `RSM_BLESS=1` generates all
+//! of them again, in a minute: the plan is driven, the compensator is tuned in rounds, the surfaces are fitted. Then `rsm experiment driveline` as a
+//! command.
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +19,7 @@ use serde_json::json as value;
 
 use crate::command::{folder, json, published, rsm, text};
 
-/// The seed of the shipped runs: any would do.
+/// The seed of the shipped runs. Any number is possible.
 const SEED: u64 = 29;
 
 const HEADER: &str = "# Damping of driveline shuffle for a car of 1560 kg with 3 degrees of lash: surfaces of 25 tip-in runs on the simulated track, and the\n\
@@ -37,11 +38,11 @@ fn nominal() -> PlantFile {
     PlantFile::read(&Source::new("driveline.toml", std::fs::read_to_string(path).unwrap())).unwrap()
 }
 
-/// The model that the shipped specification and data give, as a file.
+/// The model from the shipped specification and data, as a file.
 fn made() -> String {
     let outcome =
         fit(&Specification::read(&shipped("fit.toml")).unwrap(), &mut |_| {}).unwrap_or_else(|faults| panic!("{faults}"));
-    // 1.1 times the rate of the lag of 0.1 s.
+    // The rate is 1.1 times that of the lag of 0.1 s.
     let model = rounds::with_compensator(&outcome.model, 11.0);
     format!("{HEADER}{}", model_file::write(&model))
 }
@@ -82,7 +83,7 @@ fn the_shipped_model_is_what_the_shipped_runs_give() {
     assert!(std::fs::read_to_string(shipped("load.toml")).unwrap() == load(), "load.toml {stale}");
     let plan = TrackPlan::experiment(SEED);
     assert!(std::fs::read_to_string(shipped("plan.csv")).unwrap() == plan.csv(), "plan.csv {stale}");
-    // Two of the 25 runs, driven again: noise and numbers are those of the run alone.
+    // Two of the 25 runs, driven again: the noise and the numbers depend only on the run.
     let some = TrackPlan { runs: plan.runs[..2].to_vec() };
     let measured: Vec<_> = experiment(&lash, &some, SEED, None, 2).unwrap().into_iter().map(|(it, _)| it).collect();
     let data = std::fs::read_to_string(shipped("tip-in.csv")).unwrap();
@@ -116,7 +117,7 @@ fn an_experiment_gives_a_row_a_run_and_records_that_simulate_reads() {
     let with = run(&["--compensator", &model], "with.csv");
     let named = run(&["--compensator", &format!("{model}:tip_in")], "named.csv");
     assert_eq!(with["damping_ratio_mean"], named["damping_ratio_mean"]);
-    // 0.38 and 0.15 without it (second and first gear), 0.6 and more with it.
+    // The damping ratio is 0.38 and 0.15 without it (second and first gear), 0.6 and more with it.
     let [before, after] = [&bare, &with].map(|it| it["damping_ratio_mean"].as_f64().unwrap());
     assert!(before < 0.35 && after > 0.5, "{before} {after}");
 }
@@ -161,14 +162,14 @@ fn bad_plans_and_compensators_are_refused_with_their_lines() {
     }
 }
 
-/// A command that must be done.
+/// A command that must succeed.
 fn done(arguments: &[&str], folder: &Path) -> std::process::Output {
     let output = rsm(arguments, folder);
     assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
     output
 }
 
-/// The mean absolute residual of a response on unseen rows over the mean of a column of them, in percent.
+/// The mean absolute residual of a response on unseen rows, divided by the mean of one of their columns, in percent.
 fn percent(fit: &serde_json::Value, response: &str, unseen: &Path, column: &str) -> f64 {
     let data = std::fs::read_to_string(unseen).unwrap();
     let cells = |line: &str| line.split(',').map(str::to_string).collect::<Vec<_>>();
@@ -179,7 +180,7 @@ fn percent(fit: &serde_json::Value, response: &str, unseen: &Path, column: &str)
     100.0 * validation["mean_abs_error"].as_f64().unwrap() / (values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// A model passes `rsm check`, and what is emitted of it compiles, its support tests included.
+/// A model passes `rsm check`, and the emitted files compile, including the support tests.
 fn checked_and_compiled(model: &str, folder: &Path) {
     assert_eq!(json(&done(&["check", &format!("{model}.toml"), "--json"], folder))["ok"], value!(true));
     done(&["emit", &format!("{model}.toml"), "--lang", "c", "--out", "c"], folder);
@@ -200,7 +201,7 @@ fn the_shipped_runs_predict_a_car_with_another_gearbox() {
     for name in ["tip-in.csv", "tip-in-unseen.csv"] {
         std::fs::copy(shipped(name), path(name)).unwrap();
     }
-    // The second car and its runs, as a user makes them. It is driven and never fitted.
+    // The second car and its runs, as a user would create them. It is driven, but never fitted.
     let other = with_ratios(&with_lash(&nominal(), LASH).unwrap(), OTHER_RATIOS);
     std::fs::write(path("other.toml"), other.write()).unwrap();
     std::fs::write(path("plan.csv"), TrackPlan::unseen(SEED + 1).csv()).unwrap();
@@ -217,18 +218,19 @@ fn the_shipped_runs_predict_a_car_with_another_gearbox() {
     let own = residuals(Against::Ratio, "tip-in-unseen.csv", "driveline_ratio.toml");
     let predicted = residuals(Against::Ratio, "other.csv", "driveline_ratio.toml");
     let guessed = residuals(Against::Gear, "other.csv", "driveline_gear.toml");
-    // With 3 degrees of lash 2.4 % of the damping and 0.4 % of the frequency are left, on both cars: what the lash makes of the last run (fifth gear, 4500 rpm)
-    // alone is a fifth of it. The numbers are those of one seed; half as much again is for another library's last bits.
+    // With 3 degrees of lash, errors of 2.4 % of the damping and 0.4 % of the frequency remain on both cars. The effect of the lash on the last run
+    // alone (fifth gear, 4500 rpm) is a fifth of that. The numbers are for one seed; the limits are half as much again, for the last bits of another
+    // library.
     for [damping, frequency] in [own, predicted] {
         assert!(damping < 3.6 && frequency < 0.7, "{own:?} {predicted:?}");
     }
-    // The gear number is off by 8 % in the frequency, as the ratios of the other car are.
+    // A model over the gear number has an error of 8 % in the frequency, the same as the difference of the other car's ratios.
     assert!(guessed[1] > 5.0 * predicted[1] && guessed[0] > 1.5 * predicted[0], "{guessed:?} {predicted:?}");
     checked_and_compiled("driveline_ratio", here.path());
     let model = Checked::read(&Source::read(&path("driveline_ratio.toml")).unwrap()).unwrap();
     let support = rsm_core::lower::support(&model, 0, rsm_core::number::Precision::F64).unwrap();
     let mut support = rsm_core::run::Interpreter::<f64>::new(&support);
-    // A ratio of 1.5 at 17.7 m/s is 3000 rpm; a ratio of 3.4 at 40 m/s would be 15,000, and one of 1 at 5 m/s 560.
+    // A ratio of 1.5 at 17.7 m/s is 3000 rpm; a ratio of 3.4 at 40 m/s would be 15,000 rpm, and one of 1 at 5 m/s 560 rpm.
     let inside = [[17.7, 1.5], [40.0, 3.4], [5.0, 1.0]].map(|point| support.eval(&point));
     assert_eq!(inside, [1.0, 0.0, 0.0]);
 }
@@ -250,11 +252,11 @@ fn the_load_is_a_third_factor_from_plan_to_c() {
     let unseen = here.path().join("tip-in-load-unseen.csv");
     let damping = percent(&fit, "damping_ratio", &unseen, "shuffle_damping[");
     let frequency = percent(&fit, "shuffle_frequency", &unseen, "shuffle_frequency[");
-    // 1.5 % and 0.5 %: the noise of single runs; half as much again is for another library's last bits.
+    // 1.5 % and 0.5 %: the noise of single runs; the limits are half as much again, for the last bits of another library.
     assert!(damping < 2.3 && frequency < 0.8, "{damping} {frequency}");
     let support = &fit["responses"]["damping_ratio"]["support"];
     assert_eq!(support["unseen_rows_outside"], value!(0));
-    // Loads fill their range; speed and ratio lie in their wedge, so less than all of the box is supported.
+    // Loads fill their range; speed and ratio are in a wedge, so less than the whole box is supported.
     assert!(support["share_of_box"].as_f64().unwrap() < 0.9, "{support}");
     checked_and_compiled("driveline_load", here.path());
 }

@@ -1,6 +1,6 @@
-//! Lock-step on HELICS between processes: the bits of one process for any split and order, and an end when somebody is gone.
+//! Lock-step with HELICS between processes: for any split and order the bits are those of one process, and the run ends if a process is missing.
 //!
-//! Needs libhelics. Without it the tests say so and pass.
+//! The tests need libhelics. Without it they print a message and pass.
 
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::Path;
@@ -20,7 +20,7 @@ fn scenario(core: &str, seconds: f64, processes: &str) -> String {
     )
 }
 
-/// Every split of a loop with its recorder, some in another order; both loops together.
+/// Every split of a loop with its recorder, some in another order; and both loops together.
 const SPLITS: [(&str, &str); 6] = [
     ("tcp_ss", "a.roles = ['motor']\nb.roles = ['controller']\nc.roles = ['recorder']"),
     ("tcp_ss", "c.roles = ['recorder']\nb.roles = ['throttle']\na.roles = ['driveline']\nc.loop = 'throttle'"),
@@ -35,7 +35,7 @@ fn records_have_the_bits_of_one_process_for_every_split_order_and_core() {
     let Some(helics) = helics("splits") else { return };
     for (core, processes) in SPLITS {
         let here = folder();
-        // 0.6 s: a bad sample is among them, and the first change of the pedal's gear.
+        // 0.6 s: these include a bad sample and the first change of gear in the pedal's record.
         std::fs::write(here.path().join("s.toml"), scenario(core, 0.6, processes)).unwrap();
         let helics = helics.display().to_string();
         let output = rsm(&["cosim", "s.toml", "--out", "r", "--check", "--json", "--helics", &helics], here.path());
@@ -43,7 +43,7 @@ fn records_have_the_bits_of_one_process_for_every_split_order_and_core() {
         let told = json(&output);
         assert_eq!(told["equal_to_one_process"], true);
         assert!(told["processes"].as_object().unwrap().values().all(|it| it["status"] == 0), "{told}");
-        // What the command compared, seen from here: the file, and the library's own run.
+        // The command has compared the same; here the file is compared with a run of the library.
         let side = if processes.contains("loop") { Loop::Throttle } else { Loop::Motor };
         let exchanged = &loops::alone(side, Run { ticks: 600, load_inertia: 0.0 })[1];
         let recorded = std::fs::read_to_string(here.path().join(format!("r/recorder-{}.csv", side.name()))).unwrap();
@@ -107,7 +107,7 @@ fn commands_are_printed_for_each_host() {
     assert_eq!(unknown.status.code(), Some(2));
 }
 
-/// Processes by hand, in a folder; they are ended with the test.
+/// Processes started by the test, in a folder; they are ended with the test.
 struct Federation {
     folder: tempfile::TempDir,
     children: Vec<(&'static str, Child)>,
@@ -123,7 +123,7 @@ impl Drop for Federation {
 }
 
 impl Federation {
-    /// A run of a day, so that it ends for no other reason.
+    /// The run would take a day, so it ends for no other reason.
     fn start(core: &str, helics: &Path, roles: &[&'static str]) -> Self {
         let folder = folder();
         let broker = format!("127.0.0.1:{}", port());
@@ -142,14 +142,14 @@ impl Federation {
         Federation { folder, children }
     }
 
-    /// Waits until the broker says that all have joined, and some milliseconds of the run more.
+    /// Waits until the broker reports that all have joined, and then some milliseconds of the run.
     fn goes_on(&mut self) {
         let (_, broker) = self.children.iter_mut().find(|(role, _)| *role == "broker").unwrap();
         let mut words = BufReader::new(broker.stderr.take().unwrap());
         let mut line = String::new();
         words.read_line(&mut line).unwrap();
         assert!(line.contains("all have joined: 3"), "{line}");
-        // What it says later has a reader, too.
+        // The later output of the broker is read too, so that its pipe does not fill.
         std::thread::spawn(move || std::io::copy(&mut words, &mut std::io::sink()));
         std::thread::sleep(Duration::from_millis(500));
     }
@@ -161,7 +161,7 @@ impl Federation {
         child.wait().unwrap();
     }
 
-    /// Status and words of everybody that is left, who must end within so long.
+    /// Exit status and output of all remaining processes, which must end within this time.
     fn ends_within(&mut self, limit: Duration) -> Vec<(&'static str, Option<i32>, String)> {
         let since = Instant::now();
         let mut ended = Vec::new();
@@ -185,7 +185,7 @@ impl Federation {
         ended
     }
 
-    /// Each record is the beginning of that of one process, whole to the last row.
+    /// Each record is the beginning of the record of one process, and its last row is complete.
     fn records_are_whole(&self, roles: &[&str]) {
         for role in roles {
             let name = if *role == "recorder" { "recorder-motor" } else { role };
@@ -199,7 +199,7 @@ impl Federation {
     }
 }
 
-/// What the project promises: 5 s.
+/// The time that the project promises: 5 s.
 const ALL_END: Duration = Duration::from_secs(5);
 
 #[test]

@@ -1,4 +1,4 @@
-//! The guides of the book do what they say: every block of every page is run, compiled, or named here with the reason why not.
+//! The guides of the book are correct: every block of every page is run, compiled, or named here with the reason why it is not.
 
 use std::process::Command;
 
@@ -7,13 +7,13 @@ use crate::shell::{Block, blocks, of_the_project, read, run};
 const DATA: &str = "torque[N*m],speed[rpm],angle[deg]\n0,6500,14.1\n0,7500,34.8\n5,6500,19.2\n5,7500,31.9\n10,6500,27.4\n10,7500,36.5\n\
                     5,7000,25.8\n0,7000,24.7\n10,7000,32.2\n";
 
-/// The languages of the blocks of each page, in order. Who adds a block adds its test, here or where the comment says.
+/// The languages of the blocks of each page, in order. A new block needs a test, here or where the comment says.
 const PAGES: [(&str, &[&str]); 13] = [
     // Its commands test the project itself: `the_commands_for_a_new_effect_exist`.
     ("add-effect.md", &["sh"]),
     ("constrain.md", &["toml"]),
     ("cortex-m.md", &["sh"]),
-    // The Rust of `design.md`, `fit.md` and `embed-rust.md` is compiled as documentation tests of the crates `rsm` and `rsm-macros`.
+    // The Rust code of `design.md`, `fit.md` and `embed-rust.md` is compiled as documentation tests of the crates `rsm` and `rsm-macros`.
     ("design.md", &["toml", "sh", "toml", "sh", "rust"]),
     ("diagnose-plant.md", &["toml", "sh"]),
     ("diagnose-surface.md", &["sh"]),
@@ -24,7 +24,8 @@ const PAGES: [(&str, &[&str]); 13] = [
     ("fit.md", &["toml", "sh", "rust", "rust"]),
     ("import.md", &["sh"]),
     ("own-plant.md", &["modelica", "toml", "sh", "sh", "toml", "toml", "sh", "sh", "c", "sh"]),
-    // `the_guide_to_sweeps_does_what_it_says`, but for the last block: it installs packages and starts hosts. What its last line does is in `sweep.rs`.
+    // The test is `the_guide_to_sweeps_does_what_it_says`, except for the last block, which installs packages and starts hosts. The command of its
+    // last line is tested in `sweep.rs`.
     ("sweep.md", &["toml", "sh", "toml", "toml", "sh", "toml", "sh", "sh", "sh", "sh"]),
 ];
 
@@ -32,12 +33,12 @@ fn page(name: &str) -> Vec<Block> {
     blocks(&read(&format!("docs/book/src/guides/{name}")))
 }
 
-/// The text of a block, by its place on the page.
+/// The text of a block, by its index on the page.
 fn block(name: &str, place: usize) -> String {
     page(name).swap_remove(place).text
 }
 
-/// A folder with the model `motor.toml` of the guide to fits, and what the fit printed.
+/// A folder with the model `motor.toml` of the guide to fits, and the output of the fit.
 fn fitted() -> (tempfile::TempDir, String) {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("dyno.csv"), DATA).unwrap();
@@ -66,7 +67,7 @@ fn the_guides_to_fits_constraints_and_designs_do_what_they_say() {
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     assert!(text.contains("reached (99 % wanted)") && text.contains("error estimate"), "{text}");
     assert!(folder.path().join("report/report.html").is_file());
-    // The response of the guide to constraints, in a specification.
+    // The response of the guide to constraints, within a specification.
     let inputs = "format = 1\nmodel = \"constrained\"\ndata = [\"dyno.csv\"]\n[inputs.torque]\n[inputs.speed]\n\n";
     write("constrained.toml", &format!("{inputs}{}", block("constrain.md", 0)));
     let text = run("rsm fit constrained.toml --out constrained-model.toml", folder.path());
@@ -79,7 +80,7 @@ fn the_guides_to_fits_constraints_and_designs_do_what_they_say() {
     assert!(text.contains("40 runs"), "{text}");
 }
 
-/// A C program whose `main` runs some statements of a guide after a few of its own.
+/// A C program whose `main` runs some statements of a guide, between statements of the test.
 fn program(shown: &str, before: &str, after: &str) -> String {
     let (includes, statements): (Vec<&str>, Vec<&str>) = shown.lines().partition(|line| line.starts_with("#include"));
     let (includes, statements) = (includes.join("\n"), statements.join("\n"));
@@ -95,7 +96,7 @@ fn the_guide_to_c_calls_what_was_emitted() {
     run(&block("embed-c.md", 0), folder.path());
     let before = "double torque = 7.0, speed = 740.0;\nfloat torque_f32 = 7.0F;\n(void)torque_f32;";
     let after = "printf(\"%.17g %.17g %d\\n\", angle, (double)angle_f32, motor_self_test());";
-    // The arguments of the f32 function are of the same name in the guide: C converts them.
+    // The arguments of the f32 function have the same names in the guide: C converts them.
     write("main.c", &program(&block("embed-c.md", 1), before, after));
     let compile = format!("{STRICT} -DRSM_SELF_TEST -Isrc main.c src/motor.c -o main\n./main");
     let printed = run(&compile, folder.path());
@@ -114,7 +115,7 @@ fn the_guide_to_c_calls_what_was_emitted() {
         &program(&format!("#include \"driveline.h\"\n{}", block("embed-c.md", 2)), before, "printf(\"%g\\n\", throttle);"),
     );
     let compile = format!("{STRICT} -I'{0}' filter.c '{0}/driveline.c' -o filter\n./filter", generated.display());
-    // A filter at rest at 0 has moved by less than its input after one sample time.
+    // After one sample time, a filter that was at rest at 0 has changed by less than its input.
     let throttle: f64 = run(&compile, folder.path()).trim().parse().unwrap();
     assert!(throttle.is_finite() && throttle.abs() < 0.25, "{throttle}");
 }
@@ -152,7 +153,7 @@ fn the_guide_to_the_diagnosis_of_a_surface_runs() {
 #[test]
 fn the_guide_to_the_diagnosis_of_a_plant_runs() {
     let folder = tempfile::tempdir().unwrap();
-    // The guide's two tables, in the plant file of the motor in place of its own.
+    // The guide's two tables replace the tables in the motor's plant file.
     let shipped = read("rsm-sim/plants/pmac.toml");
     let mut plant = String::new();
     let mut own = false;
@@ -163,7 +164,7 @@ fn the_guide_to_the_diagnosis_of_a_plant_runs() {
     }
     std::fs::write(folder.path().join("plant.toml"), format!("{plant}\n{}", block("diagnose-plant.md", 0))).unwrap();
     std::fs::copy(of_the_project("rsm-sim/plants/pmac.csv"), folder.path().join("inputs.csv")).unwrap();
-    // Records without noise of the plant itself: nothing is wrong.
+    // Records without noise from the plant itself: there is no fault.
     let records: String = ["train", "choose", "untouched"]
         .map(|name| format!("rsm simulate plant.toml --record inputs.csv --out {name}.csv\n"))
         .concat();
@@ -187,7 +188,7 @@ fn mat(columns: &[(&str, &[f64])]) -> Vec<u8> {
     file.resize(124, b' ');
     file.extend_from_slice(&[0x00, 0x01, b'I', b'M']);
     for (name, values) in columns {
-        // mxDOUBLE_CLASS; miUINT32, miINT32, miINT8, miDOUBLE; miMATRIX around them.
+        // The types mxDOUBLE_CLASS; miUINT32, miINT32, miINT8, miDOUBLE, inside miMATRIX.
         let rows = i32::try_from(values.len()).unwrap();
         let numbers: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
         let inside = [
@@ -235,7 +236,7 @@ fn the_guide_to_plants_of_equations_runs() {
     }
     let text = run(&block("own-plant.md", 2), folder.path());
     assert!(text.contains("0.34") && text.contains("located in time"), "{text}");
-    // Both inertias against each other: sqrt(120 (1/0.02 + 1/0.34)) = 79.7 rad/s.
+    // The two inertias oscillate against each other: sqrt(120 (1/0.02 + 1/0.34)) = 79.7 rad/s.
     assert!(text.contains("79.7") && text.contains("damping ratio"), "{text}");
     let linear = std::fs::read_to_string(folder.path().join("linear.csv")).unwrap();
     assert!(
@@ -258,9 +259,9 @@ fn the_guide_to_plants_of_equations_runs() {
     run(&block("own-plant.md", 7), folder.path());
     std::fs::write(folder.path().join("rig.c"), block("own-plant.md", 8)).unwrap();
     let printed = run(&block("own-plant.md", 9), folder.path());
-    // At rest the controller's torque is the load with both brakes: 0.8 (10 - speed) = 1.5 + 0.8 + 0.3 speed/sqrt(speed^2 + 4).
+    // At rest the controller's torque is equal to the load with both brakes: 0.8 (10 - speed) = 1.5 + 0.8 + 0.3 speed/sqrt(speed^2 + 4).
     assert_eq!(printed, "6.765 rad/s\n");
-    // With -O0 and fused operations it is the same program.
+    // The program gives the same results with -O0 and with fused operations.
     let bits = "cc -std=gnu99 -O0 -DRSM_SELF_TEST -c winch.c -o winch.o\nprintf 'int winch_self_test(void); int main(void) { return winch_self_test(); }' > self.c\n\
                 cc self.c winch.o -o self\n./self";
     run(bits, folder.path());
@@ -270,7 +271,7 @@ fn the_guide_to_plants_of_equations_runs() {
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
     let said = refused(&["emit", "winch.toml", "--step", "0.1", "--lang", "c", "--effects", "effects", "--out", "long"]);
-    // The oscillation of the shaft, 79.7 rad/s as above, with the load's damping of the drum below its creep.
+    // The oscillation of the shaft, 79.7 rad/s as above, with the damping of the drum by its load below the creep speed.
     assert!(
         said.contains("0.1 s is too long for the fastest rate at the start, 79.") && said.contains("holds it up to"),
         "{said}"
@@ -362,7 +363,7 @@ fn the_guide_to_sweeps_does_what_it_says() {
     assert!(text.contains("200 with a result from before, 0 run") && text.contains("200 merged"), "{text}");
     let table = |folder: &str| std::fs::read(here.join(folder).join("table.csv")).unwrap();
     assert!(table("shared") == table("merged"));
-    // The bits of the run in one.
+    // The bits are those of a run without shards.
     run("rsm sweep sweep.toml --out results", here);
     assert!(table("shared") == table("results"));
 }
@@ -371,7 +372,7 @@ fn the_guide_to_sweeps_does_what_it_says() {
 fn the_guide_to_streams_does_what_it_says() {
     let folder = tempfile::tempdir().unwrap();
     run(&block("federation.md", 3), folder.path());
-    // Tests beside this one may keep the machine busy for longer than the buffer lasts: status 1 is an answer too.
+    // Tests in parallel may keep the machine busy for longer than the buffer lasts, so status 1 is also accepted.
     let told = run(&block("federation.md", 4).replace("--out records\nwait", "--out records || true\nwait"), folder.path());
     assert!(told.contains("motor: 3000 ticks, 3000 sent") && told.contains("controller: 3000 ticks, 3000 sent"), "{told}");
 }

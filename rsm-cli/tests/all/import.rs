@@ -1,4 +1,4 @@
-//! `rsm import`: the record that it writes is one that the other commands read.
+//! `rsm import`: the other commands can read the record that it writes.
 
 use std::path::Path;
 
@@ -9,7 +9,8 @@ fn shipped(name: &str) -> String {
     path.canonicalize().unwrap().display().to_string()
 }
 
-/// The shipped motor's record as a German logger would write it: Latin-1, milliseconds, turns a minute, decimal commas, no load. `late` is the jitter in ms.
+/// The shipped motor's record as a German logger would write it: Latin-1, milliseconds, revolutions per minute, decimal commas, no load. `late` is
+/// the jitter in ms.
 fn logged(folder: &Path, late: f64) {
     let record = std::fs::read_to_string(shipped("pmac.csv")).unwrap();
     let mut rows = record.lines().filter(|line| !line.starts_with('#'));
@@ -52,7 +53,7 @@ fn an_imported_record_is_simulated() {
         assert_eq!(made[1..], truth[1..4], "at {} s", truth[0]);
         assert!((made[0] - truth[0]).abs() < 1e-9);
     }
-    // Jitter is resampled, and said; the record reads itself without a word of it.
+    // A record with jitter is resampled, and this is reported. The new record is read without a message.
     logged(here.path(), 0.02);
     let output = rsm(&[&import[..], &["--force"]].concat(), here.path());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -73,7 +74,7 @@ fn a_record_that_the_plant_cannot_read_is_not_written() {
     let said = text(&output.stderr);
     assert!(said.contains("`load_torque`") && said.contains("--constant"), "{said}");
     assert!(!here.path().join("record.csv").exists());
-    // An unloaded motor: the user says that there is no load.
+    // A motor without load: the user states that there is no load.
     let with = [
         &["import", "log.csv", "--plant", &plant, "--out", "record.csv", "--constant", "load_torque=0[N*m]"][..],
         &COLUMNS[..4],

@@ -1,5 +1,5 @@
-//! The library of HELICS for a test, and its turn: one federation at a time, because their processes and their time-outs share the machine.
-//! Included by path in the other tests of the command.
+//! The library of HELICS for one test at a time: the processes and time-outs of federations share the machine, so only one may run. The other tests
+//! of the command include this file by its path.
 
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::skipped::skipped;
 
-/// Where the library is. No other test has one while this is kept.
+/// The place of the library. While this value exists, no other test can have one.
 pub(crate) struct Helics {
     place: PathBuf,
     _turn: MutexGuard<'static, ()>,
@@ -21,7 +21,7 @@ impl Deref for Helics {
     }
 }
 
-/// The library, by the variable RSM_HELICS, or where `cargo xtask test` puts it; or a loud skip.
+/// The library, from the variable RSM_HELICS or from the place where `cargo xtask test` puts it; otherwise the test is skipped with a message.
 pub(crate) fn helics(test: &str) -> Option<Helics> {
     static TURN: Mutex<()> = Mutex::new(());
     let fetched = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/xtask/helics");
@@ -30,6 +30,6 @@ pub(crate) fn helics(test: &str) -> Option<Helics> {
         skipped(&format!("no libhelics (pip install --target target/xtask/helics helics==3.6.1): {test}"));
         return None;
     };
-    // A test that failed has left nothing behind that the next one sees.
+    // A failed test leaves nothing that affects the next one.
     Some(Helics { place, _turn: TURN.lock().unwrap_or_else(PoisonError::into_inner) })
 }

@@ -1,4 +1,4 @@
-//! `rsm check --limits` as a command: proved 0, broken at a point 1, wrong files and options 2.
+//! `rsm check --limits` as a command: status 0 if proved, 1 if violated at a point, 2 for wrong files and options.
 
 use std::path::Path;
 
@@ -10,7 +10,8 @@ fn plants(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants").join(name).display().to_string()
 }
 
-/// The shipped surfaces, and those of a loop that weakens too little: the slope of the weakening current over the speed is 12 A in place of 19 A.
+/// The shipped surfaces, and surfaces of a loop with too little field weakening: the slope of the weakening current over the speed is 12 A instead of
+/// 19 A.
 fn inputs() -> tempfile::TempDir {
     let here = folder();
     let shipped = std::fs::read_to_string(published("motor.toml")).unwrap();
@@ -65,7 +66,7 @@ fn a_surface_that_weakens_too_little_is_broken_at_a_point() {
     assert_eq!((&json["ok"], &json["limits"]["verdict"]), (&Value::from(false), &Value::from("broken")));
     let at = &json["problems"][0]["at"];
     let [speed, bus, i_d, i_q] = ["speed", "bus_voltage", "i_d", "i_q"].map(|name| at[name].as_f64().unwrap());
-    // (17), (18) with the parameters of the shipped plant: the voltage of this point is beyond V/sqrt 3.
+    // Equations (17), (18) with the parameters of the shipped plant: the voltage of this point is above V/sqrt 3.
     let (r, l, lambda, w_e) = (0.08, 0.9e-3, 0.06, 4.0 * speed);
     let voltage = (r * i_d - w_e * l * i_q).hypot(r * i_q + w_e * (l * i_d + lambda));
     assert!(voltage > bus / 3f64.sqrt(), "{voltage} V at {at}");
@@ -95,7 +96,7 @@ fn what_it_cannot_be_asked_is_refused() {
         assert!(words.contains(expected), "{arguments:?}: {words}");
         assert!(output.stdout.is_empty(), "{arguments:?}");
     }
-    // Without the work there is no answer, and it says so.
+    // With too little work there is no result, and a message reports this.
     let output = rsm(&["check", "motor.toml", "--limits", "--plant", pmac, "--work", "500"], here.path());
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stdout).contains("not decided after"), "{}", text(&output.stdout));

@@ -1,8 +1,8 @@
-//! Makes the data that the tests of the command fit, and proves that what is checked in is what is made. `RSM_BLESS=1` writes it.
+//! Generates the data that the tests of the command fit, and checks that the files in the repository are equal to them. `RSM_BLESS=1` writes them.
 //!
-//! An ideal surface permanent-magnet motor (17), (18) in steady state at its voltage limit (20), with the parameters of the trial in which the
-//! ladder of coordinates was measured: 0.08 ohm, 0.9 mH, 0.06 Wb, 4 pole pairs, 270 V. A dynamometer sets torque and speed in random order; the
-//! currents are read with noise.
+//! An ideal surface permanent-magnet motor (17), (18) in steady state at its voltage limit (20), with the parameters of the trial in which the ladder
+//! of coordinates was measured: 0.08 ohm, 0.9 mH, 0.06 Wb, 4 pole pairs, 270 V. A dynamometer sets torque and speed in random order; the currents are
+//! measured with noise.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -16,8 +16,8 @@ const BUS_VOLTAGE: f64 = 270.0;
 /// 1 sigma of a current sensor of 0.2 % of 60 A.
 const NOISE_A: f64 = 0.12;
 
-/// The d-axis current nearest to zero at which the voltage vector has its largest length:
-/// (r i_d - w_e L i_q)^2 + (r i_q + w_e (L i_d + lambda))^2 = (bus/sqrt 3)^2, or 0 where no weakening is needed.
+/// The d-axis current nearest to zero at which the voltage vector has its largest permitted length: (r i_d - w_e L i_q)^2 + (r i_q + w_e (L i_d +
+/// lambda))^2 = (bus/sqrt 3)^2, or 0 if no field weakening is needed.
 fn weakening_current(torque: f64, speed: f64) -> (f64, f64) {
     let w_e = POLE_PAIRS * speed;
     let i_q = torque / (1.5 * POLE_PAIRS * FLUX_LINKAGE);
@@ -29,7 +29,7 @@ fn weakening_current(torque: f64, speed: f64) -> (f64, f64) {
     (i_d, i_q)
 }
 
-/// SplitMix64 (Steele, Lea, Flood 2014): enough for noise and order, the same on every machine.
+/// SplitMix64 (Steele, Lea, Flood 2014): sufficient for noise and order, and the same on every machine.
 struct Random(u64);
 
 impl Random {
@@ -45,7 +45,7 @@ impl Random {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Sum of twelve uniform numbers less six: variance 1, and bounded, as a sensor is.
+    /// The sum of twelve uniform numbers minus six: variance 1, and bounded, like the noise of a sensor.
     fn noise(&mut self) -> f64 {
         (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
     }
@@ -78,7 +78,7 @@ fn files() -> [(&'static str, String); 2] {
     let (torques, speeds) = (8, 8);
     let grid = (0..torques * speeds).map(|k| {
         let (row, column) = (f64::from(k / speeds), f64::from(k % speeds));
-        // From 1 N m: at no torque and no current the angle of the vector is noise.
+        // From 1 N m: without torque and current, the angle of the vector is only noise.
         (1.0 + 13.0 * row / f64::from(torques - 1), rpm(660.5 + 139.0 * column / f64::from(speeds - 1)))
     });
     let data = csv("A made-up dynamometer run: grid of torque and speed in random order", grid.collect(), &mut random);
@@ -105,8 +105,8 @@ fn the_runs_are_what_is_made_here() {
 
 #[test]
 fn the_motor_stands_at_its_voltage_limit() {
-    // Hand-worked: 660 rad/s without torque. w_e = 2640, emf 158.4 V, limit 155.885 V, reactance 2.376 ohm:
-    // i_d = -(158.4 - 155.9)/2.376 = -1.06 A, the resistive drop aside.
+    // Calculated by hand: 660 rad/s without torque. w_e = 2640, emf 158.4 V, limit 155.885 V, reactance 2.376 ohm: i_d = -(158.4 - 155.9)/2.376
+    // = -1.06 A, without the resistive voltage drop.
     let (i_d, i_q) = weakening_current(0.0, 660.0);
     assert!((i_d + 1.06).abs() < 0.01 && i_q == 0.0, "{i_d}");
 }

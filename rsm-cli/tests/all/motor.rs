@@ -1,4 +1,4 @@
-//! The motor's chain as commands: plan, bench, fit; what is shipped is what they make. `RSM_BLESS=1` writes it.
+//! The motor's chain as commands: plan, bench, fit. The shipped files are equal to their output. `RSM_BLESS=1` writes them.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -27,7 +27,7 @@ fn scratch() -> tempfile::TempDir {
 
 const PLANT: &str = "../../../rsm-sim/plants/pmac.toml";
 
-/// Tables agree in every cell to the last of the six digits that are written: another library's sine may differ in its last bit.
+/// Tables agree in every cell to the last of the six written digits: the sine of another library may differ in its last bit.
 fn same_table(found: &str, expected: &str) -> bool {
     let cells = |text: &str| -> Vec<String> { text.lines().flat_map(|line| line.split(',')).map(str::to_string).collect() };
     let (found, expected) = (cells(found), cells(expected));
@@ -103,7 +103,7 @@ fn what_the_bench_cannot_set_is_refused_with_its_line() {
     );
     let found = refused("run[1],depth[%],advance[deg]\n1,10,0\n", "../../../rsm-sim/plants/driveline.toml");
     assert!(found.contains("driveline.toml") && found.contains("found \"driveline\", expected \"pmac\""), "{found}");
-    // Units are converted: half a turn in rad is beyond the last advance all the same.
+    // Units are converted: half a revolution in rad is also beyond the last advance.
     let found = refused("run[1],depth[1],advance[rad]\n1,0.5,3.1416\n", PLANT);
     assert!(found.contains("`advance`: found 180.0004"), "{found}");
 }

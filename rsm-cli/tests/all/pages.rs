@@ -1,4 +1,4 @@
-//! The pages in a browser: headless Chromium opens each, uses every control, and no script may fail. Needs the Debian package chromium.
+//! The pages in a browser: headless Chromium opens each page and uses every control, and no script may fail. Needs the Debian package chromium.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -11,10 +11,10 @@ use serde_json::Value;
 
 use crate::skipped::skipped;
 
-/// Scripts that a copy of a page is given.
+/// The scripts that are added to a copy of a page.
 const CLICK: &str = include_str!("../pages/click.js");
 
-/// Virtual milliseconds for a page: a page that waits for nothing takes a few seconds of real time.
+/// Virtual milliseconds for a page. A page that does not wait takes a few seconds of real time.
 const BUDGET: &str = "--virtual-time-budget=120000";
 
 /// Chromium on the search path. In CI it must be there.
@@ -35,15 +35,15 @@ fn chromium() -> Option<PathBuf> {
 
 fn rsm(arguments: &[&str], folder: &Path) {
     let output = Command::new(env!("CARGO_BIN_EXE_rsm")).args(arguments).current_dir(folder).output().unwrap();
-    // A fit that missed its confidence has a page, too.
+    // A fit that did not reach its confidence also has a page.
     assert!(matches!(output.status.code(), Some(0 | 1)), "rsm {arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// What the clicks saw on a page, in a window of so many pixels.
+/// The results of the clicks on a page, in a window with this size in pixels.
 fn clicked(browser: &Path, page: &Path, size: &str) -> Value {
     let text = std::fs::read_to_string(page).unwrap();
     let copy = page.with_file_name(format!("clicked-{size}.html"));
-    // Before the page's own scripts, so that none of their faults is missed.
+    // Before the page's own scripts, so that all of their errors are recorded.
     let made = text.replacen("<style>", &format!("<script>\n{CLICK}</script>\n<style>"), 1);
     assert_ne!(made, text);
     std::fs::write(&copy, made).unwrap();
@@ -80,7 +80,7 @@ inputs = NAMES
 select = { method = "ladder", max_order = 2, confidence = 90.0 }
 "#;
 
-/// Fits made-up data of so many inputs and opens its page.
+/// Fits artificial data with this number of inputs and opens its page.
 fn fit(folder: &Path, inputs: usize) -> PathBuf {
     let names = &["torque", "speed", "heat"][..inputs];
     let units = ["N*m", "rad/s", "K"];
@@ -89,7 +89,7 @@ fn fit(folder: &Path, inputs: usize) -> PathBuf {
     csv += &format!("{},angle[deg]\n", heads.join(","));
     for row in 0_u32..36 {
         let values: Vec<f64> = (0..inputs as u32).map(|k| f64::from(row / 3_u32.pow(k) % 3) * 5.0).collect();
-        // No pattern that a polynomial of the second order would follow.
+        // A pattern that a polynomial of second order cannot follow.
         let scatter = f64::from(row * 7919 % 101) / 101.0 - 0.5;
         let angle = 20.0 + values.iter().enumerate().map(|(k, x)| (3.5 - k as f64) * x + 0.05 * x * x).sum::<f64>() + scatter;
         let cells: Vec<String> = values.iter().chain([&angle]).map(|value| format!("{value:.3}")).collect();
@@ -137,7 +137,7 @@ fn a_cause_is_switched_off_by_a_click_and_no_name_from_data_is_a_script() {
     let Some(browser) = chromium() else { return };
     let here = tempfile::tempdir().unwrap();
     fit(here.path(), 2);
-    // The rig's column has a name that would end a script and begin another.
+    // The name of the rig's column would end a script and begin another one.
     let evil = "rig</script><script>console.error('escaped')</script><b>";
     let mut csv = format!("torque[N*m],speed[rad/s],\"{evil}\",angle[deg]\n");
     for row in 0_u32..40 {
@@ -157,7 +157,7 @@ fn a_cause_is_switched_off_by_a_click_and_no_name_from_data_is_a_script() {
     assert!(count(&told, "switched") >= 4 && count(&told, "figures") >= 6, "{told}");
 }
 
-/// A record of an axis with several faults, of which its plant file knows none.
+/// A record of an axis with several faults that are not in its plant file.
 fn faulty_axis(folder: &Path) {
     let plants = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants");
     let plant = std::fs::read_to_string(plants.join("servo-axis.toml")).unwrap();
@@ -202,7 +202,7 @@ fn every_combination_of_causes_shows_what_the_library_says_of_it() {
         let error = plant.errors.iter().find(|it| it.output == output).unwrap().noise_ratio;
         let words = state["told"].as_str().unwrap();
         let shown = words.strip_prefix("error ").and_then(|it| it.strip_suffix(" times the noise")).unwrap();
-        // Two digits are told at least: half of the last one is 5 % of 1.0, and 0.005 of small numbers.
+        // At least two digits are printed: half of the last one is 5 % of 1.0, and 0.005 for small numbers.
         let off = (shown.parse::<f64>().unwrap() - error).abs();
         assert!(off <= 0.051 * error || off <= 0.0051, "{set}: {words}, {error}");
         let curves: Vec<(&str, Vec<f64>)> = state["shown"].as_array().unwrap().iter().map(curve).collect();
@@ -215,7 +215,7 @@ fn every_combination_of_causes_shows_what_the_library_says_of_it() {
             _ => format!("with {}", combinations.names(set).join(", ")),
         };
         assert!(curves.iter().any(|(name, values)| *name == expected && is_it(values)), "{set}: {:?}", state["shown"]);
-        // Beside it what was measured; the plant of the file stands beside the calibrated one.
+        // The plot also contains the measured curve, and the plant of the file beside the calibrated one.
         assert_eq!(curves.len(), if set == 0 { 3 } else { 2 }, "{set}");
     }
 }
@@ -224,7 +224,7 @@ fn curve(value: &Value) -> (&str, Vec<f64>) {
     (value["name"].as_str().unwrap(), value["y"].as_array().unwrap().iter().map(|it| it.as_f64().unwrap()).collect())
 }
 
-/// Whether a number of a plot is this one: seven digits are shown.
+/// Whether a number of a plot is this value: seven digits are printed.
 fn is_shown(shown: f64, value: f64) -> bool {
     (shown - value).abs() <= 5.1e-7 * value.abs()
 }

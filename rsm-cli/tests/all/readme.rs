@@ -18,7 +18,7 @@ fn the_example_of_the_readme_gives_the_header_that_it_promises() {
     let script = block("## From CSV to a C header");
     let folder = tempfile::tempdir().unwrap();
     let text = run(&script, folder.path());
-    // What stands behind the `#` of the last line.
+    // The text after the `#` of the last line.
     let promised = script.lines().rev().find_map(|line| line.split_once("# ")).unwrap().1.trim();
     assert!(text.contains(promised), "{promised} is not in\n{text}");
     assert!(folder.path().join("example/report/report.html").is_file());

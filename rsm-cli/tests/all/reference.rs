@@ -1,4 +1,4 @@
-//! The page of commands in the book has every subcommand and every option that `--help` prints, and no other.
+//! The page of commands in the book contains exactly the subcommands and options that `--help` prints.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -17,7 +17,7 @@ fn subcommands(help: &str) -> Vec<String> {
     lines.filter_map(|line| Some(line.split_whitespace().next()?.to_string())).collect()
 }
 
-/// The long options: at the beginning of a line, or behind a short one.
+/// The long options: at the beginning of a line, or after a short one.
 fn options(help: &str) -> BTreeSet<String> {
     let option = |line: &str| {
         let line = line.trim_start();

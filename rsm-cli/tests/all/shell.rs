@@ -1,4 +1,4 @@
-//! Runs what a document shows: blocks of a page, commands in a shell.
+//! Runs the examples of a document: blocks of a page, commands in a shell.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -43,7 +43,8 @@ pub fn blocks(page: &str) -> Vec<Block> {
     blocks
 }
 
-/// Runs commands in one shell that stops at the first failure; `rsm` and `cargo rsm` are the command under test. What they print, errors included.
+/// Runs commands in one shell that stops at the first failure; `rsm` and `cargo rsm` are the command under test. Returns their output, including
+/// errors.
 pub fn run(script: &str, folder: &Path) -> String {
     let program = Path::new(env!("CARGO_BIN_EXE_rsm"));
     let path = std::env::var_os("PATH").unwrap_or_default();

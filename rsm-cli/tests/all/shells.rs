@@ -1,4 +1,4 @@
-//! Completions and pages of the manual: every subcommand is in them, and the programs that read them do.
+//! Completions and manual pages: they contain every subcommand, and the programs that read them accept them.
 
 use std::process::{Command, Output};
 

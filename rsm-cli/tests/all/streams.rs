@@ -1,4 +1,4 @@
-//! Whoever reads the command's streams may go early, and nothing that was read is written over.
+//! A reader of the command's streams may close them early, and an input file is never overwritten.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -16,7 +16,7 @@ fn shipped(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants").join(name).canonicalize().unwrap().display().to_string()
 }
 
-/// A folder with something to read for every subcommand.
+/// A folder with input files for every subcommand.
 fn inputs() -> tempfile::TempDir {
     let here = folder();
     let write = |name: &str, text: &[u8]| std::fs::write(here.path().join(name), text).unwrap();
@@ -31,7 +31,7 @@ fn inputs() -> tempfile::TempDir {
     here
 }
 
-/// What every subcommand that ends in a second does, and its status.
+/// Calls of every subcommand that ends within a second, with their status.
 const RUNS: &[(&[&str], i32)] = &[
     (&["check", "motor.toml"], 0),
     (&["check", "motor.toml", "--json", "--explain"], 0),
@@ -53,7 +53,7 @@ fn a_reader_that_goes_early_changes_neither_status_nor_files() {
     for (arguments, status) in RUNS {
         assert_eq!(rsm(arguments, whole.path()).status.code(), Some(*status), "{arguments:?}");
         for streams in ["both", "out", "err"] {
-            // A pipe whose reading end is closed before the command starts: its first byte meets a broken pipe.
+            // A pipe whose reading end is closed before the command starts: the first byte gives a broken-pipe error.
             let gone = || {
                 let (reader, writer) = std::io::pipe().unwrap();
                 drop(reader);
@@ -82,7 +82,7 @@ const WRITERS: &[(&[&str], &[&str])] = &[
     (&["experiment", "pmac", "--plan", "bench.csv", "--plant", "plant.toml", "--out"], &["bench.csv", "plant.toml"]),
 ];
 
-/// Every subcommand with one output, onto somebody's notes, then with `--force`, then onto its own output.
+/// Every subcommand with one output: over an existing file of another origin, then with `--force`, then over its own output.
 #[test]
 fn somebody_elses_file_is_replaced_by_force_alone() {
     for (arguments, _) in WRITERS {
@@ -100,7 +100,7 @@ fn somebody_elses_file_is_replaced_by_force_alone() {
         }
         assert_ne!(std::fs::read_to_string(&out).unwrap(), notes);
     }
-    // Folders of outputs, twice.
+    // Folders of outputs, written twice.
     for arguments in [
         &["emit", "motor.toml", "--lang", "c", "--out", "made"][..],
         &["emit", "motor.toml", "--lang", "rust", "--out", "made"],
@@ -133,7 +133,7 @@ fn what_a_killed_run_left_is_removed_by_the_next() {
     assert!(!old.exists() && young.exists() && other.exists());
 }
 
-/// A model from a pipe is the model from its file.
+/// A model from a pipe gives the same result as the model from its file.
 #[test]
 fn a_model_comes_from_standard_input_too() {
     let here = inputs();
@@ -197,7 +197,7 @@ fn nothing_that_was_read_is_written_over() {
         let here = folder();
         let made = here.path().join("made");
         std::fs::create_dir(&made).unwrap();
-        // The model, or its data, under the name of an output.
+        // The model, or its data, with the name of an output.
         let (model, data) =
             if name == "extended.toml" { ("made/extended.toml", "data.csv") } else { ("m.toml", "made/diagnosis.json") };
         std::fs::write(here.path().join(model), crate::diagnose_surface::MODEL).unwrap();
@@ -210,7 +210,7 @@ fn nothing_that_was_read_is_written_over() {
         assert!(std::fs::read(made.join(name)).unwrap() == before, "{name}");
         assert_eq!(std::fs::read_dir(&made).unwrap().count(), 1, "{name}: something else was written");
     }
-    // A folder of outputs into which a file that was read falls.
+    // A folder of outputs in which one file would overwrite an input.
     let here = inputs();
     std::fs::create_dir(here.path().join("emitted")).unwrap();
     std::fs::rename(here.path().join("motor.toml"), here.path().join("emitted/motor.c")).unwrap();
@@ -231,11 +231,11 @@ fn links_stay_and_pipes_are_written_through() {
     }
     let plan = std::fs::read(here.path().join("store/plan.csv")).unwrap();
     assert!(plan.starts_with(b"run[1],a[1]\n"));
-    // A device stays one.
+    // A device is not replaced by a file.
     let output = rsm(&["design", "design.toml", "--out", "/dev/stdout"], here.path());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     assert!(output.stdout.starts_with(&plan), "{}", text(&output.stdout));
-    // A pipe with a name, and a reader behind it.
+    // A named pipe with a reader.
     let pipe = here.path().join("pipe");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     let reader = {

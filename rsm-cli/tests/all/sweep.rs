@@ -1,4 +1,4 @@
-//! `rsm sweep`: kills, shards, merges, a Dask cluster: the bits of one undisturbed run, and no task run twice.
+//! `rsm sweep`: after kills, with shards, merges and a Dask cluster the bits are those of one undisturbed run, and no task runs twice.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,10 +9,10 @@ use crate::command::{folder, json, keys, rsm, text};
 use crate::shell::of_the_project;
 use crate::skipped::skipped;
 
-/// So long something may take on a busy machine until it counts as hanging.
+/// The time after which an operation on a busy machine is considered to hang.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A folder with a motor whose parameters are drawn by their tolerances, `runs` times.
+/// A folder with a motor whose parameters are random within their tolerances, `runs` times.
 fn motor(runs: usize) -> tempfile::TempDir {
     let here = folder();
     for name in ["pmac.toml", "pmac.csv"] {
@@ -38,20 +38,20 @@ fn read(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// How often each task was started in a folder.
+/// The number of starts of each task in a folder.
 fn starts(out: &Path) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
     read(&out.join("starts.log")).lines().for_each(|hash| *counts.entry(hash.to_string()).or_insert(0) += 1);
     counts
 }
 
-/// The tasks that have a file of a result.
+/// The tasks that have a result file.
 fn results(out: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(out.join("tasks")).into_iter().flatten().flatten();
     entries.filter_map(|it| it.file_name().into_string().ok()?.strip_suffix(".json").map(String::from)).collect()
 }
 
-/// Waits for something.
+/// Waits for a condition.
 fn until(what: &str, mut is_so: impl FnMut() -> bool) {
     let began = Instant::now();
     while !is_so() {
@@ -65,7 +65,7 @@ struct Guarded(Child);
 
 impl Drop for Guarded {
     fn drop(&mut self) {
-        // SIGKILL.
+        // Sends SIGKILL.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -86,7 +86,7 @@ fn threads_shards_and_kills_leave_the_bits_alone_and_no_task_is_repeated() {
     ok(&["sweep", "sweep.toml", "--out", "two", "--threads", "2"], here);
     assert!(is_equal("two"));
 
-    // Three shards in folders of their own, merged.
+    // Three shards in separate folders, merged.
     for k in 1..=3 {
         let (out, part) = (format!("part-{k}"), format!("{k}/3"));
         let told = ok(&["sweep", "sweep.toml", "--out", &out, "--shard", &part], here);
@@ -98,7 +98,7 @@ fn threads_shards_and_kills_leave_the_bits_alone_and_no_task_is_repeated() {
     ok(&["sweep", "sweep.toml", "--out", "merged", "--merge", "part-1", "part-2", "part-3"], here);
     assert!(is_equal("merged") && read(&here.join("merged/starts.log")).is_empty());
 
-    // Killed twice in the middle.
+    // Killed twice during the run.
     let out = here.join("killed");
     for share in [5, 2] {
         let mut command = Command::new(env!("CARGO_BIN_EXE_rsm"));
@@ -113,12 +113,12 @@ fn threads_shards_and_kills_leave_the_bits_alone_and_no_task_is_repeated() {
     let told = json(&output);
     assert_eq!((told["there"].as_u64(), told["run"].as_u64()), (Some(before.len() as u64), Some((runs - before.len()) as u64)));
     assert!(is_equal("killed"));
-    // What had a result at a kill was started once; what was under way, two threads at two kills, once more.
+    // Tasks with a result at a kill were started once; tasks in progress, two threads at two kills, were started once more.
     let starts = starts(&out);
     assert_eq!(starts.len(), runs);
     let again: usize = starts.values().map(|count| count - 1).sum();
     assert!(again <= 4, "{again} tasks were started again");
-    // A fourth time nothing runs.
+    // At the fourth start nothing runs.
     let told = ok(&["sweep", "sweep.toml", "--out", "killed"], here);
     assert!(told.contains("1500 with a result from before, 0 run"), "{told}");
 }
@@ -137,7 +137,7 @@ fn a_changed_input_makes_new_tasks_and_old_results_are_in_no_table() {
     assert_eq!(after.lines().count(), 21);
     let hashes = |table: &str| table.lines().skip(1).map(|it| it.rsplit_once(',').unwrap().1.to_string()).collect::<Vec<_>>();
     assert!(hashes(&after).iter().all(|it| !hashes(&before).contains(it)));
-    // Half a result is none: it is made again, the same.
+    // An incomplete result is ignored: it is computed again, and is the same.
     let broken = here.join("out/tasks").join(format!("{}.json", hashes(&after)[3]));
     let whole = read(&broken);
     std::fs::write(&broken, &whole[..whole.len() / 2]).unwrap();
@@ -177,7 +177,7 @@ fn the_json_has_the_summary_with_its_intervals() {
     let median = &first["quantiles"][3];
     let [low, value, high] = ["low", "value", "high"].map(|key| median[key].as_f64().unwrap());
     assert!(median["share"] == 0.5 && low < value && value < high, "{median}");
-    // 100 runs have no upper bound of the 99th percentile: 0.99^100 = 0.37.
+    // With 100 runs, the 99th percentile has no upper bound: 0.99^100 = 0.37.
     assert!(first["quantiles"][6]["high"].is_null());
 }
 
@@ -203,7 +203,7 @@ fn bad_words_and_bad_files_have_status_2() {
         ok(&["sweep", "sweep.toml", "--out", "p", "--parquet"], here);
         let bytes = std::fs::read(here.join("p/table.parquet")).unwrap();
         assert!(bytes.starts_with(b"PAR1") && bytes.ends_with(b"PAR1"));
-        // It is ours, and may be replaced; somebody else's may not.
+        // This file was written by the command, and may be replaced; a file of another origin may not.
         ok(&["sweep", "sweep.toml", "--out", "p", "--parquet"], here);
         std::fs::write(here.join("p/table.parquet"), b"PAR1 of somebody PAR1").unwrap();
         assert!(refused(&["sweep.toml", "--out", "p", "--parquet"]).contains("no such output of rsm"));
@@ -257,7 +257,7 @@ fn many_diagnoses_are_tasks_and_their_json_is_that_of_diagnose() {
     assert_eq!(task["diagnosis"], json(&alone));
 }
 
-/// Python with Dask, where `cargo xtask test` puts it; or a loud skip.
+/// Python with Dask, from the place where `cargo xtask test` puts it; otherwise the test is skipped with a message.
 fn dask(test: &str) -> Option<String> {
     let fetched = of_the_project("target/xtask/dask");
     let paths = [fetched, of_the_project("rsm-sweep/python")].map(|it| it.canonicalize().unwrap_or(it));
@@ -270,7 +270,7 @@ fn dask(test: &str) -> Option<String> {
     None
 }
 
-/// A scheduler with its workers, on loopback.
+/// A scheduler with its workers, on the loopback interface.
 struct Cluster {
     address: String,
     workers: Vec<Guarded>,
@@ -293,7 +293,7 @@ fn cluster(path: &str, here: &Path, workers: usize) -> Cluster {
     };
     until("the scheduler", || address().is_some());
     let address = address().unwrap();
-    // Without a nanny: a worker that is killed stays away.
+    // Without a nanny process: a killed worker is not restarted.
     let words = [address.as_str(), "--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", "."];
     let workers = (0..workers).map(|_| start("distributed.cli.dask_worker", &words)).collect();
     Cluster { address: address.trim_start_matches("tcp://").to_string(), workers, _scheduler: scheduler }
@@ -334,7 +334,7 @@ fn a_dask_cluster_gives_the_same_bits_and_survives_a_worker() {
     for name in ["table.csv", "summary.json"] {
         assert_eq!(read(&out.join(name)), read(&here.join("one").join(name)), "{name}");
     }
-    // Also the results themselves, byte by byte.
+    // The results themselves are also compared, byte by byte.
     for hash in results(&out) {
         let file = format!("tasks/{hash}.json");
         assert_eq!(read(&out.join(&file)), read(&here.join("one").join(&file)));

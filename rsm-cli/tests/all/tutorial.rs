@@ -1,7 +1,7 @@
-//! The tutorial of the book (`docs/book/src/first-hour.md`), executed block by block, and the pictures that it and the README show.
+//! The tutorial of the book (`docs/book/src/first-hour.md`), executed block by block, and the pictures in the tutorial and in the README.
 //!
-//! In: the page. Its blocks ```sh are run in one shell; a block ```text behind one is what that block prints, each line of it, in this order; `...` is what
-//! is left out. `RSM_BLESS=1` writes the pictures anew from the reports that the tutorial makes.
+//! In: the page. Its blocks ```sh are run in one shell. A block ```text after one contains the lines that this block prints, in this order; `...`
+//! stands for omitted lines. `RSM_BLESS=1` writes the pictures again from the reports of the tutorial.
 
 use std::path::{Path, PathBuf};
 
@@ -48,7 +48,7 @@ fn steps(page: &str) -> Vec<Step> {
     steps
 }
 
-/// The first line that does not stand in a text, in this order.
+/// The first line that a text does not contain, in this order.
 fn missing<'a>(prints: &'a [String], text: &str) -> Option<&'a str> {
     let mut rest = text;
     for line in prints {
@@ -67,7 +67,7 @@ fn every_block_of_the_first_hour_prints_what_the_page_says() {
     let page = std::fs::read_to_string(book("first-hour.md")).unwrap();
     let steps = steps(&page);
     assert!(steps.len() > 12 && steps.iter().filter(|step| !step.prints.is_empty()).count() > 8);
-    // A clone, as far as the tutorial needs one.
+    // The part of a clone that the tutorial needs.
     let clone = tempfile::tempdir().unwrap();
     let plants = clone.path().join("rsm-sim/plants");
     std::fs::create_dir_all(&plants).unwrap();
@@ -102,7 +102,7 @@ fn output_that_is_not_printed_in_this_order_is_missed() {
     assert_eq!(missing(&steps[0].prints, "b c a"), Some("b c"));
 }
 
-/// Keys of a diagnosis, and of its first cause, that the reference does not name.
+/// Keys of a diagnosis, and of its first cause, that are missing in the reference.
 fn keys_without_a_word(file: &Path) -> Vec<String> {
     let page = std::fs::read_to_string(book("reference/formats.md")).unwrap();
     let answer: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
@@ -116,7 +116,7 @@ fn keys_without_a_word(file: &Path) -> Vec<String> {
 fn plots(report: &Path) -> Vec<String> {
     let html = std::fs::read_to_string(report).unwrap();
     let part = |text: &str| text.split_once("</svg>").map(|(svg, _)| format!("<svg{svg}</svg>\n"));
-    // Attributes at their defaults make up a third of the text.
+    // Attributes with their default values make up a third of the text.
     html.split("<svg")
         .skip(1)
         .filter_map(part)
@@ -129,7 +129,7 @@ fn surface(report: &Path) -> String {
     plots(report).swap_remove(0)
 }
 
-/// Of the report of the diagnosis: its title, its first cause, and what is left of the position over time and by frequency.
+/// From the report of the diagnosis: its title, its first cause, and the remaining error of the position over time and by frequency.
 fn diagnosis(report: &Path) -> String {
     let html = std::fs::read_to_string(report).unwrap();
     let between = |from: &str, to: &str| {
@@ -160,7 +160,7 @@ fn diagnosis(report: &Path) -> String {
     svg + "</svg>\n"
 }
 
-/// Compares a picture with the one that is checked in.
+/// Compares a picture with the one in the repository.
 fn compare(name: &str, made: &str) {
     let path = book("pictures").join(name);
     if std::env::var_os("RSM_BLESS").is_some() {

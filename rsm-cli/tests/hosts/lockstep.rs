@@ -1,4 +1,4 @@
-//! Lock-step between two hosts has the bits of one process.
+//! Lock-step between two hosts gives the bits of one process.
 
 use std::process::{Child, Command, Stdio};
 
@@ -23,7 +23,7 @@ fn start(mut command: Command, words: &[&str], folder: &std::path::Path) -> Chil
     command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
-/// What a run told, in one line.
+/// Prints the figures of a run in one line.
 fn figures(core: &str, place: &str, told: &Value) {
     let motor = &told["roles"][0];
     let (trip, rate) = (&motor["round_trip_us"], motor["steps_per_second"].as_f64().unwrap());
@@ -56,7 +56,7 @@ fn two_hosts_in_lock_step_have_the_bits_of_one_process() {
         let common = ["--broker", &broker, "--core", core, "--helics", &helics];
         let run = ["--seconds", length.as_str(), "--out", "r"];
         let on = |host| hosts.command(host, RSM);
-        // The broker comes last but one.
+        // The broker is started second to last.
         let controller = start(on(1), &[&["controller"][..], &common, &run].concat(), folder.path());
         let recorder = start(on(1), &[&["recorder"][..], &common, &run].concat(), folder.path());
         let broker = start(on(0), &[&["broker", "--federates", "3"][..], &common].concat(), folder.path());

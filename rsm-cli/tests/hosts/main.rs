@@ -1,6 +1,7 @@
-//! Both ways between hosts, over the clock and over a wire: a program of its own, so that nothing else is at work meanwhile.
+//! Both kinds of coupling between hosts, with a clock and over a network link. This is a separate program, so that no other test runs at the same
+//! time.
 //!
-//! Short, unless RSM_FEDERATION_SECONDS says how long each run is: `cargo xtask federation` says 60. Figures are printed.
+//! The runs are short, unless RSM_FEDERATION_SECONDS gives the length of each: `cargo xtask federation` uses 60. The figures are printed.
 #![cfg(target_os = "linux")]
 
 #[path = "../all/libhelics.rs"]
@@ -16,13 +17,13 @@ mod streaming;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// One test at a time: two of them would be late by each other.
+/// One test at a time: two tests would delay each other.
 fn alone() -> MutexGuard<'static, ()> {
     static ONE: Mutex<()> = Mutex::new(());
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// How long a run is, in s.
+/// The length of a run in s.
 fn seconds() -> f64 {
     std::env::var("RSM_FEDERATION_SECONDS").map_or(2.0, |words| words.parse().expect("RSM_FEDERATION_SECONDS is a number"))
 }

@@ -1,6 +1,7 @@
-//! Two hosts on one machine: network namespaces, joined by a wire of 100 Mbit/s.
+//! Two hosts on one machine: network namespaces, connected by a link of 100 Mbit/s.
 //!
-//! In: nothing. Out: two names, under which commands run as on a host of their own, or a loud skip where this user may not make them.
+//! In: nothing. Out: two names. Commands run under each of them as on a separate host. If this user may not create namespaces, the test is skipped
+//! with a message.
 
 use std::process::{Command, Stdio};
 
@@ -14,7 +15,7 @@ pub(crate) struct Hosts {
 impl Drop for Hosts {
     fn drop(&mut self) {
         for name in &self.names {
-            // The wire goes with it.
+            // This also removes the link.
             let _ = Command::new("ip").args(["netns", "del", name]).stderr(Stdio::null()).status();
         }
     }

@@ -1,6 +1,7 @@
-//! A relay between the two sides of a stream, which loses, delays and doubles what goes through.
+//! A relay between the two sides of a stream, which loses, delays and duplicates datagrams.
 //!
-//! In: what becomes of each datagram. Out: the addresses to send to. `netem` is not on every machine; this is, and it draws from a seed.
+//! In: the fate of each datagram. Out: the addresses to send to. `netem` is not available on every machine; this relay is, and its random numbers
+//! come from a seed.
 
 use std::collections::BTreeMap;
 use std::net::{SocketAddr, UdpSocket};
@@ -9,14 +10,14 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// What becomes of a datagram: a delay for every copy that goes on; none is a loss.
+/// The fate of a datagram: a delay for every copy that is sent on; an empty list is a loss.
 pub(crate) type Fate = Box<dyn FnMut(&mut Draw, Duration) -> Vec<Duration> + Send>;
 
-/// Random numbers by a congruence of Knuth's (MMIX).
+/// Random numbers by a linear congruential generator of Knuth (MMIX).
 pub(crate) struct Draw(u64);
 
 impl Draw {
-    /// Evenly between 0 and 1.
+    /// Uniform between 0 and 1.
     pub(crate) fn share(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1u64 << 53) as f64
@@ -26,7 +27,7 @@ impl Draw {
 pub(crate) struct Relay {
     over: Arc<AtomicBool>,
     worker: Option<JoinHandle<()>>,
-    /// The longest time between two looks at the sockets, in us.
+    /// The longest time between two checks of the sockets, in us.
     stood_us: Arc<AtomicU64>,
 }
 
@@ -40,8 +41,9 @@ impl Drop for Relay {
 }
 
 impl Relay {
-    /// From each of two addresses of its own to one of the sides: what comes to `own[0]` goes to `sides[0]`. `before` runs first in the relay's thread: it may move the thread to another host. The fate is told
-    /// the time since the first datagram of 120 bytes or so, a sample: the hellos before it do not count.
+    /// Starts a relay with two addresses: a datagram that arrives at `own[0]` is sent to `sides[0]`, and accordingly for 1. `before` runs first in
+    /// the relay's thread, and may move the thread to another host. `fate` gets the time since the first sample, a datagram of about 120 bytes; the
+    /// hello datagrams before it do not count.
     pub(crate) fn start(
         own: [SocketAddr; 2],
         sides: [SocketAddr; 2],
@@ -70,7 +72,7 @@ impl Relay {
                 looked = Instant::now();
                 for (way, socket) in sockets.iter().enumerate() {
                     while let Ok((length, _)) = socket.recv_from(&mut bytes) {
-                        // A datagram with values is longer than a hello, which has 88 bytes.
+                        // A datagram with values is longer than a hello datagram, which has 88 bytes.
                         if length > 88 {
                             since.get_or_insert_with(Instant::now);
                         }
@@ -84,7 +86,7 @@ impl Relay {
                 }
                 while let Some(entry) = waiting.first_entry().filter(|entry| entry.key().0 <= Instant::now()) {
                     let (way, bytes) = entry.remove();
-                    // From the socket of the other way: only addresses of its own are seen on either side.
+                    // Sent from the socket of the other direction, so that each side sees only addresses of the relay.
                     let _ = sockets[1 - way].send_to(&bytes, sides[way]);
                 }
                 std::thread::sleep(Duration::from_micros(200));
@@ -94,7 +96,7 @@ impl Relay {
         Relay { over, worker: Some(worker), stood_us }
     }
 
-    /// The longest time for which the relay itself stood still, in us.
+    /// The longest time for which the relay itself was inactive, in us.
     pub(crate) fn stood_us(&self) -> f64 {
         self.stood_us.load(Ordering::Acquire) as f64
     }

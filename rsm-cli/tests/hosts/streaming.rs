@@ -1,4 +1,4 @@
-//! Streaming by the clock: what a buffer hides, what it does not, and what then happens.
+//! Streaming with a clock: the delays that a buffer compensates, those that it does not, and the reactions to these.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -15,11 +15,11 @@ use crate::{alone, seconds};
 
 const RSM: &str = env!("CARGO_BIN_EXE_rsm");
 
-/// The buffer, in ms: three times the longest time that a virtual machine was seen to sleep too long.
+/// The buffer, in ms: three times the longest observed oversleep of a virtual machine.
 const BUFFER_MS: f64 = 150.0;
 const HOLD_MS: f64 = 100.0;
 
-/// The sides of a loop with a relay between them.
+/// The two sides of a loop with a relay between them.
 struct Stream {
     folder: tempfile::TempDir,
     plant: Child,
@@ -35,13 +35,13 @@ fn side(mut command: Command, role: &str, listen: &SocketAddr, peer: &SocketAddr
 }
 
 impl Stream {
-    /// On the hosts, or both on this one.
+    /// On two hosts, or both sides on this one.
     fn start(hosts: Option<&Hosts>, roles: [&str; 2], seconds: f64, fate: Fate) -> Self {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("link.key"), "a secret of these tests alone\n").unwrap();
         let addresses = hosts.map_or(["127.0.0.1"; 2], |hosts| hosts.addresses);
         let at = |host: usize| SocketAddr::new(addresses[host].parse().unwrap(), port());
-        // The relay stands on the plant's host: everything crosses the wire once.
+        // The relay runs on the plant's host, so everything crosses the link once.
         let (plant, step, relay) = (at(0), at(1), [at(0), at(0)]);
         let before = hosts.map(|hosts| hosts.enter(0));
         let enter = move || {
@@ -57,7 +57,7 @@ impl Stream {
         Stream { folder, plant, step, plant_listens, relay: relay_thread }
     }
 
-    /// What both told, plant first, and their exit statuses.
+    /// The reports of both sides, the plant first, and their exit statuses.
     fn end(self) -> Ended {
         let read = |output: Output| {
             let told = serde_json::from_slice(&output.stdout);
@@ -80,8 +80,8 @@ fn count(told: &Value, name: &str) -> u64 {
 }
 
 impl Ended {
-    /// Whether this machine itself stood still for so long that the run shows nothing: both sides and the relay together for half of the buffer. The other half is for what they cannot see, the
-    /// threads that listen, and for the jitter of a case.
+    /// Whether this machine itself was inactive for so long that the run has no meaning: both sides and the relay together for half of the buffer.
+    /// The other half is for the listening threads, which they cannot observe, and for the jitter of a case.
     fn machine_stood_still(&self) -> bool {
         let sides = self.told.iter().map(|(told, _)| told["lateness_us"]["max"].as_f64().unwrap());
         sides.sum::<f64>() + self.stood_us > BUFFER_MS * 1e3 / 2.0
@@ -131,7 +131,7 @@ fn column<'a>(record: &'a [(String, Vec<f64>)], name: &str) -> &'a [f64] {
     &record.iter().find(|(it, _)| it == name).unwrap_or_else(|| panic!("no column {name}")).1
 }
 
-/// Runs a case on this host, and where there may be two, on two; again where the machine itself stood still.
+/// Runs a case on this host and, if two hosts are possible, on two. A run is repeated if the machine itself was inactive.
 fn each(what: &str, roles: [&str; 2], fate: impl Fn() -> Fate, judge: impl Fn(&Ended, u64)) {
     let _one = alone();
     let ticks = (seconds() * 1000.0).round() as u64;
@@ -148,12 +148,12 @@ fn each(what: &str, roles: [&str; 2], fate: impl Fn() -> Fate, judge: impl Fn(&E
     }
 }
 
-/// Everything arrived that was due, and both ended well.
+/// Everything that was due has arrived, and both sides ended normally.
 fn nothing_missing(ended: &Ended, ticks: u64) {
     for (told, status) in &ended.told {
         assert_eq!((count(told, "ticks"), count(told, "sent")), (ticks, ticks), "{told}");
         assert_eq!((count(told, "under_runs"), count(told, "lost"), count(told, "late")), (0, 0, 0), "{told}");
-        // All but those that are still in the buffer were played.
+        // All values except those that are still in the buffer were played.
         assert!(count(told, "fresh") as f64 > ticks as f64 - 2.0 * BUFFER_MS, "{told}");
         assert_eq!(*status, Some(0), "{told}");
     }
@@ -167,7 +167,7 @@ fn a_wire_that_works_gives_every_tick_its_values() {
         || Box::new(|_, _| vec![Duration::ZERO]),
         |ended, ticks| {
             nothing_missing(ended, ticks);
-            // What was played has the bits of what was sent, on both ways.
+            // The played values have the bits of the sent values, in both directions.
             let (plant, step) = (ended.record("motor"), ended.record("controller"));
             for (name, from, to) in [("torque_demand", &plant, &step), ("i_q_wanted", &step, &plant)] {
                 let (sent, played, numbers) = (column(from, name), column(to, name), column(to, "played_number"));
@@ -194,7 +194,7 @@ fn a_loss_of_1_per_cent_is_held_tick_by_tick() {
     each("1 % loss", ["motor", "controller"], fate, |ended, ticks| {
         for (told, status) in &ended.told {
             let lost = count(told, "lost") as f64;
-            // Of a binomial number with this mean: four standard deviations.
+            // For a binomial number with this mean: four standard deviations.
             let mean = 0.01 * ticks as f64;
             assert!((lost - mean).abs() < 4.0 * mean.sqrt() + 2.0, "{lost} lost of {ticks}");
             assert_eq!((count(told, "held"), count(told, "safe"), count(told, "late")), (count(told, "lost"), 0, 0), "{told}");
@@ -227,12 +227,12 @@ fn a_cut_of_500_ms_is_held_then_safe_then_over() {
         for (told, status) in &ended.told {
             let (held, safe) = (count(told, "held") as f64, count(told, "safe") as f64);
             assert_eq!(held, HOLD_MS, "{told}");
-            // The cut ends by the relay's clock, and a sender that catches up just then sends several at once.
+            // The cut ends by the relay's clock, and a sender that is behind its schedule at that time sends several datagrams at once.
             assert!((safe - 400.0).abs() <= 50.0, "{told}");
             assert_eq!((count(told, "late"), *status), (0, Some(1)), "{told}");
             assert!(told["peer_lost"].is_null(), "{told}");
         }
-        // In the safe state no torque is asked for, and afterwards it is again.
+        // In the safe state no torque is demanded; afterwards it is demanded again.
         let plant = ended.record("motor");
         let (wanted, how) = (column(&plant, "i_q_wanted"), column(&plant, "played_how"));
         let safe: Vec<usize> = (0..how.len()).filter(|row| how[*row] == 3.0).collect();
@@ -248,7 +248,7 @@ fn strangers_are_not_heard_and_a_killed_peer_ends_the_other_within_5_s() {
     let stream = Stream::start(None, ["motor", "controller"], 600.0, Box::new(|_, _| vec![Duration::ZERO]));
     let Stream { folder, plant, mut step, plant_listens, relay } = stream;
     std::thread::sleep(Duration::from_millis(1500));
-    // What a stranger sends is counted, and nothing else.
+    // Datagrams from an unknown sender are counted and otherwise ignored.
     let stranger = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     for length in [0, 1, 88, 120, 1400] {
         stranger.send_to(&vec![0x52; length], plant_listens).unwrap();

@@ -1,5 +1,5 @@
-//! The compensator: its tape against the bilinear transform of H in exact rationals, what holds at rest, what a bad sample does, the
-//! frequency response, and the certificate with the point that breaks it.
+//! The compensator: its tape compared with the bilinear transform of H in exact rationals, the behaviour at rest and with an invalid sample, the
+//! frequency response, and the certificate with the point that violates it.
 
 use rsm_core::certificate::compensator::{CompensatorCertificate, certify};
 use rsm_core::check::Checked;
@@ -49,7 +49,7 @@ zero_damping = { surface = "damping" }
 pole_damping = { sum = ["damping", "lack"] }
 "#;
 
-/// Poles with a natural frequency of their own: one tenth of the frequency surface and more, or a number.
+/// Poles with a separate natural frequency: one tenth of the frequency surface and more, or a number.
 const MOVED: &str = r#"
 [surfaces.slower]
 unit = "rad/s"
@@ -85,13 +85,13 @@ fn read(compensator: &str) -> Checked {
     Checked::read(&Source::new("car.toml", format!("{HEAD}{compensator}"))).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// Signals with steps, a ramp and numbers that are no binary fractions.
+/// Signals with steps, a ramp and numbers that are not binary fractions.
 fn signal(n: i64) -> Rational {
     integer((n * n) % 7 - 3) / integer(1 + n % 3)
 }
 
-/// The difference equation of H with s = (2/T)(q - 1)/(q + 1) and g = w T/2, straight from multiplying out:
-/// numerator (v/w)^2 ((q - 1)^2 + 2 z g (q - 1)(q + 1) + g^2 (q + 1)^2), denominator with p and v in place of z and w.
+/// The difference equation of H with s = (2/T)(q - 1)/(q + 1) and g = w T/2, directly by multiplication: the numerator is
+/// (v/w)^2 ((q - 1)^2 + 2 z g (q - 1)(q + 1) + g^2 (q + 1)^2), the denominator has p and v in place of z and w.
 fn difference_equation(w: &Rational, z: &Rational, v: &Rational, p: &Rational, sample_time: f64, steps: i64) -> Vec<Rational> {
     let polynomial = |damping: &Rational, frequency: &Rational| {
         let g = frequency * exact(sample_time) / integer(2);
@@ -119,7 +119,7 @@ fn without_rounding_a_step_is_the_bilinear_transform() {
             let tape = lower::compensator(&checked, 0, precision);
             println!("{tape}");
             println!("{} operations, {} deep", tape.operation_count(), tape.depth());
-            // 10 m/s in gear 2.
+            // The schedule is 10 m/s in gear 2.
             let is_scheduled = text == SCHEDULED || text == MOVED;
             let schedule: Vec<Rational> = if is_scheduled { vec![integer(10), integer(2)] } else { vec![] };
             let model = checked.model();
@@ -154,10 +154,10 @@ fn a_tape_lists_its_states_and_shares_a_surface_that_is_used_twice() {
     let listing = tape.to_string();
     assert_eq!(tape.inputs, ["input", "speed", "gear"]);
     assert!(listing.contains("= state s0") && listing.contains("s1   := r"), "{listing}");
-    // Both clamps of gear and of speed once: four comparisons and the one that holds the states.
+    // Each clamp of gear and of speed occurs once: four comparisons, and one that keeps the states if a sample is invalid.
     assert_eq!(listing.matches("= less").count(), 5, "{listing}");
-    // A fixed filter: x - s2, times g, plus s1, times 2/denominator (4); y (2), s1 (1), s2 (2);
-    // nothings: one of the argument added to y (2), two of the states added up (4); less, two selects (3).
+    // A fixed filter: x - s2, times g, plus s1, times 2/denominator (4); y (2), s1 (1), s2 (2); differences that are 0 for finite numbers: one of the
+    // argument, added to y (2), two of the sums of the states (4); one less, two selects (3).
     assert_eq!(lower::compensator(&read(FIXED), 0, Precision::F64).operation_count(), 18);
 }
 
@@ -167,7 +167,7 @@ fn at_rest_the_result_is_the_signal_and_moving_coefficients_move_nothing() {
         let tape = lower::compensator(&read(text), 0, T::PRECISION);
         for level in [1.0, -0.3, 1e-30, 12345.678, 1e30] {
             let mut filter = Interpreter::<T>::new(&tape);
-            // The state at rest, exactly: what a gain of exactly 1 at frequency 0 means.
+            // The state at rest, exactly: the gain at frequency 0 is exactly 1.
             filter.set_states(&[of(0.0), of(level)]);
             for k in 0..200u32 {
                 let (speed, gear) = (5.0 + f64::from(k % 41), 1.0 + f64::from(k / 7 % 5));
@@ -185,13 +185,13 @@ fn at_rest_the_result_is_the_signal_and_moving_coefficients_move_nothing() {
 
 #[test]
 fn a_step_of_the_signal_settles_at_the_signal() {
-    // The slowest poles of this box: w = 14, p = 0.5 (speed 5, gear 1: 0.1 + 0.4), so the envelope falls by exp(-7) a second: after 8 s
-    // 5e-25 of it is left, below half a unit in the last place.
+    // The slowest poles of this box: w = 14, p = 0.5 (speed 5, gear 1: 0.1 + 0.4), so the envelope decreases with exp(-7 t): after 8 s 5e-25 of it
+    // remains, below half a unit in the last place.
     let tape = lower::compensator(&read(SCHEDULED), 0, Precision::F64);
     let mut filter = Interpreter::<f64>::new(&tape);
     let last = (0..8000).map(|_| filter.step(&[0.75, 5.0, 1.0])).last().unwrap();
-    // It stops where g u no longer moves s2, |g u| <= 2^-54 (half a unit in the last place of 0.75): then y is off by (p - z) u at most, with
-    // g = 0.007, p - z = 0.4; and by the rounding of y.
+    // The filter stops when g u no longer changes s2: |g u| <= 2^-54 (half a unit in the last place of 0.75). Then the error of y is at most (p - z)
+    // u, with g = 0.007, p - z = 0.4, plus the rounding of y.
     let bound = 0.4 * 2f64.powi(-54) / 0.007 + f64::EPSILON;
     assert!((last - 0.75).abs() <= bound, "{last}");
 }
@@ -227,7 +227,7 @@ fn a_state_that_would_overflow_is_held() {
     assert!(filter.step(&[0.5, 20.0, 2.0]).is_finite());
 }
 
-/// H at s = j (2/T) tan(theta/2), which is where the bilinear transform puts exp(j theta).
+/// H at s = j (2/T) tan(theta/2), the point to which the bilinear transform maps exp(j theta).
 fn response(w: f64, z: f64, p: f64, sample_time: f64, theta: f64) -> (f64, f64) {
     let omega = 2.0 / sample_time * (theta / 2.0).tan();
     let part = |damping: f64| (w * w - omega * omega, 2.0 * damping * w * omega);
@@ -243,15 +243,15 @@ fn the_frequency_response_is_that_of_the_bilinear_transform() {
     for theta in [0.01, w * sample_time, 0.5, 2.0, 3.0] {
         let (real, imaginary) = response(w, z, p, sample_time, theta);
         let mut filter = Interpreter::<f64>::new(&tape);
-        // The transient falls by exp(-p w T) = 0.917 a step: after 1000 steps by 1e-37.
+        // The transient decreases by exp(-p w T) = 0.917 in each step: after 1000 steps by 1e-37.
         let settled = 1000;
         for n in 0..settled + 200 {
             let angle = theta * f64::from(n);
             let found = filter.step(&[angle.cos()]);
             let expected = real * angle.cos() - imaginary * angle.sin();
-            // Rounding: at most 12 roundings a step of numbers below 4 (half a unit, 2^-53 of each), and what a step leaves behind falls by
-            // 0.917 a step, so 1/(1 - 0.917) = 12 of them add up; and 4 more for `expected`, whose angle of up to 3600 rounds by 2e-13 (half
-            // a unit of 2^12 2^-52) twice.
+            // Rounding: at most 12 roundings per step of numbers below 4 (half a unit, 2^-53 of each). The error of a step decreases by 0.917 in each
+            // further step, so the errors of 1/(1 - 0.917) = 12 steps add up. Then 4 roundings for `expected`, whose angle of up to 3600 has two
+            // roundings of 2e-13 (half a unit, of 2^12 2^-52).
             let bound = 12.0 * 4.0 * 2f64.powi(-53) * 12.0 + 2.0 * 2.3e-13 + 4.0 * 2f64.powi(-53);
             assert!(n < settled || (found - expected).abs() <= 2.0 * bound, "theta {theta}, step {n}: {found} {expected}");
         }
@@ -266,16 +266,16 @@ fn certificate(text: &str) -> CompensatorCertificate {
 fn a_sound_compensator_is_certified() {
     let found = certificate(SCHEDULED);
     assert_eq!(found.violations, []);
-    // 30 -+ 4 -+ 12, by hand.
+    // The range of 30 -+ 4 -+ 12, by hand.
     assert!(found.natural_frequency.low <= 14.0 && found.natural_frequency.low > 14.0 - 1e-9);
     assert!(found.natural_frequency.high >= 46.0 && found.natural_frequency.high < 46.0 + 1e-9);
-    // The sum as one polynomial: 0.65 + 0.05 g - 0.1 g v is least at g = v = 1 (0.6) and at g = -1, v = -1 (0.5).
+    // The sum as one polynomial: 0.65 + 0.05 g - 0.1 g v has the values 0.6 at g = v = 1 and 0.5 at g = -1, v = -1.
     assert!(found.pole_damping.low <= 0.5 && found.pole_damping.low > 0.5 - 1e-9, "{:?}", found.pole_damping);
-    // Ranges of the summands alone would give 0.1 + 0.4 = 0.5 and 0.2 + 0.6 = 0.8; the sum reaches 0.7 + 0.1 = 0.8 at g = 1, v = -1.
+    // The ranges of the summands alone would give 0.1 + 0.4 = 0.5 and 0.2 + 0.6 = 0.8; the sum reaches 0.7 + 0.1 = 0.8 at g = 1, v = -1.
     assert!(found.pole_damping.high >= 0.8 && found.pole_damping.high < 0.8 + 1e-9);
     assert_eq!(found.pole_frequency, None);
     let own = certificate(MOVED).pole_frequency.expect("it has a pole frequency");
-    // 10 -+ 3
+    // The range of 10 -+ 3.
     assert!(own.low <= 7.0 && own.low > 7.0 - 1e-9 && own.high >= 13.0 && own.high < 13.0 + 1e-9, "{own:?}");
 }
 
@@ -301,7 +301,7 @@ fn the_published_surface_32_is_refused_with_the_corner_of_high_speed_and_low_gea
 #[test]
 fn what_breaks_a_condition_is_named_with_its_point() {
     let cases = [
-        // 46 rad/s at 45 m/s in gear 5; a quarter of the sample rate is pi/(2 0.05) = 31.4159.
+        // The frequency is 46 rad/s at 45 m/s in gear 5; a quarter of the sample rate is pi/(2 0.05) = 31.4159.
         (
             "sample_time = 0.05\nnatural_frequency = { surface = \"frequency\" }\nzero_damping = 0.1\npole_damping = 0.7\n",
             "natural_frequency",
@@ -312,19 +312,19 @@ fn what_breaks_a_condition_is_named_with_its_point() {
             "natural_frequency",
             "found 40, expected less than a quarter of the sample rate, 31.4159 rad/s",
         ),
-        // The poles' own frequency is asked the same: 13 rad/s in gear 1 (10 + 3).
+        // The same rule applies to the separate frequency of the poles: 13 rad/s in gear 1 (10 + 3).
         (
             "sample_time = 0.125\nnatural_frequency = 10.0\nzero_damping = 0.1\npole_damping = 0.7\npole_frequency = { surface = \"slower\" }\n",
             "pole_frequency",
             "found 13 at gear = 1, expected less than a quarter of the sample rate, 12.5664 rad/s",
         ),
-        // -4 g v + ... : 0.5 at most; the least of `falls` lies inside the box, at speed 25 (coded 0): -0.01.
+        // The smallest value of `falls` is inside the box, at speed 25 (coded 0): -0.01.
         (
             "sample_time = 0.001\nnatural_frequency = 20.0\nzero_damping = { surface = \"falls\" }\npole_damping = 0.7\n",
             "zero_damping",
             "found -0.01 at speed = 25, expected more than 0",
         ),
-        // Summed with itself, saturated: from -0.02.
+        // The sum of a surface with itself, saturated: from -0.02.
         (
             "sample_time = 0.001\nnatural_frequency = 20.0\nzero_damping = 0.1\npole_damping = { sum = [\"held\", \"falls\"] }\n",
             "pole_damping",
@@ -343,7 +343,8 @@ fn what_breaks_a_condition_is_named_with_its_point() {
 
 #[test]
 fn what_cannot_be_decided_is_said_to_be_uncertain() {
-    // Held at 0.05 where the other is 0.06, and 0.5 where it is -0.06: the sum is never below 0.11, but the ranges add up to [-0.01, 0.56].
+    // One surface is held at 0.05 where the other is 0.06, and is 0.5 where the other is -0.06. The sum is never below 0.11, but the ranges add up to
+    // [-0.01, 0.56].
     let text = "\n[surfaces.up]\nunit = \"1\"\ninputs = [\"speed\"]\noutput_range = [0.05, 1.0]\nterms = [{ powers = [1], coefficient = 0.5 }]\n\
                 \n[surfaces.down]\nunit = \"1\"\ninputs = [\"speed\"]\nterms = [{ powers = [1], coefficient = -0.06 }]\n\
                 \n[compensators.k]\nsample_time = 0.001\nnatural_frequency = 20.0\nzero_damping = 0.1\npole_damping = { sum = [\"up\", \"down\"] }\n";
@@ -365,7 +366,7 @@ fn a_fixed_number_that_f32_cannot_hold_is_refused_for_f32_alone() {
     assert!(said.contains("compensator `tip_in`: `pole_damping`: 1e38 is too large or too small for f32"), "{said}");
 }
 
-/// Digits of pi: below and above it.
+/// Numbers below and above pi, from its digits.
 fn around_pi() -> (Rational, Rational) {
     let ten_digits = integer(10i64.pow(10));
     let below = integer(3_141_592_653) * &ten_digits + integer(5_897_932_384);
@@ -373,7 +374,7 @@ fn around_pi() -> (Rational, Rational) {
     (&below / &scale, (&below + integer(1)) / &scale)
 }
 
-/// The keys of what a compensator of fixed numbers violates; `refused` where the file is.
+/// The keys of the violations of a compensator with fixed numbers; `refused` if the file is refused.
 fn keys_of_violations(numbers: [f64; 4], sample_time: f64) -> Vec<&'static str> {
     let [w, z, p, v] = numbers;
     let text = format!(
@@ -398,13 +399,13 @@ fn the_limits_of_stability_are_exact() {
             numbers[part] = value;
             numbers
         };
-        // More than 0, however small: the square of 1e100 is a number still.
+        // Any value above 0 is accepted: the square of 1e100 is still a finite number.
         assert_eq!(keys_of_violations(with(1e-100), 0.001), [""; 0]);
         for low in [0.0, -0.0, -1e-100, -1e-9, -1e-3, -1.0] {
-            // Fixed numbers are refused with the file already.
+            // Fixed numbers are refused when the file is checked.
             assert_eq!(keys_of_violations(with(low), 0.001), ["refused"], "{low}");
         }
-        // A frequency lies below a quarter of the sample rate, 2 pi/(4 T), and four numbers below it is near enough.
+        // A frequency must be below a quarter of the sample rate, 2 pi/(4 T). Four numbers below this limit is tested as the nearest.
         for sample_time in [0.001, 0.004, 0.1, 1.0 / 7.0] {
             let quarter = (&pi_below / exact(sample_time) / integer(2), &pi_above / exact(sample_time) / integer(2));
             let last_below = Precision::F64.round_down(&quarter.0);
@@ -422,7 +423,8 @@ fn the_limits_of_stability_are_exact() {
 
 #[test]
 fn a_surface_just_inside_the_limits_passes_and_one_just_outside_is_refused() {
-    // A number that goes from `end` at gear 1 to `other` at gear 5: the end decides. 1e-9 of its size is more than any enclosure adds.
+    // A frequency that goes from `end` at gear 1 to `other` at gear 5: the end determines the result. A relative distance of 1e-9 is more than the
+    // width of any enclosure.
     let quarter = 2.0 * std::f64::consts::PI / (4.0 * 0.01);
     let cases = [
         ("natural_frequency", quarter * (1.0 - 1e-9), 20.0, true),

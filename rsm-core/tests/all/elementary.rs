@@ -1,7 +1,7 @@
-//! Elementary functions on a tape against an arbitrary-precision library that shares nothing with them.
+//! Elementary functions on a tape, compared with an arbitrary-precision library that shares no code with them.
 //!
-//! Points are drawn by seed: over the whole range, over all magnitudes, and where an implementation fails first (near multiples of pi/2, near 1, at the
-//! borders of pieces, subnormal and huge). The error is counted in units in the last place of the true value.
+//! Points are drawn from a seed: over the whole range, over all magnitudes, and where an implementation fails first (near multiples of pi/2, near 1,
+//! at the borders of pieces, subnormal and huge). The error is in units in the last place of the true value.
 
 use astro_float::{BigFloat, Consts, RoundingMode, WORD_BIT_SIZE};
 use rsm_core::elementary::{self, Function};
@@ -9,7 +9,7 @@ use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_core::tape::{Tape, TapeBuilder};
 
-/// Bits of the reference. The hardest arguments of f64 need some 53 + 64 more than the result.
+/// Bits of the reference. The hardest arguments of f64 need about 53 + 64 bits more than the result.
 const BITS: usize = 192;
 
 const NEAREST: RoundingMode = RoundingMode::ToEven;
@@ -21,7 +21,7 @@ fn tape(function: Function) -> Tape {
     tape.finish(function.name(), ["x", "y"][..function.arity()].iter().map(|name| name.to_string()).collect(), result)
 }
 
-/// splitmix64 (Steele, Lea, Flood, 2014)
+/// The generator splitmix64 (Steele, Lea, Flood, 2014).
 struct Random(u64);
 
 impl Random {
@@ -35,11 +35,11 @@ impl Random {
 
     fn between(&mut self, low: f64, high: f64) -> f64 {
         let share = (self.bits() >> 11) as f64 * 2f64.powi(-53);
-        // Halves: the range of all numbers is wider than the largest one.
+        // Computed with halves, because the width of the range of all numbers exceeds the largest number.
         2.0 * (low / 2.0 * (1.0 - share) + high / 2.0 * share)
     }
 
-    /// Any number, by its bits.
+    /// Any number, from random bits.
     fn any(&mut self) -> f64 {
         loop {
             let value = f64::from_bits(self.bits());
@@ -56,7 +56,7 @@ impl Random {
     }
 }
 
-/// Where the rows of a function change from one piece to another, or lose digits.
+/// Points where the code of a function changes from one piece to another, or loses digits.
 fn borders(function: Function) -> Vec<f64> {
     use Function::*;
     match function {
@@ -83,7 +83,7 @@ fn argument(random: &mut Random, function: Function) -> f64 {
                 let border = borders[random.bits() as usize % borders.len()];
                 random.beside(border)
             }
-            // The nearest numbers to a multiple of pi/2, of log 2, to whole numbers.
+            // The numbers nearest to a multiple of pi/2, of log 2, or to an integer.
             3 => {
                 let step = match function {
                     Sin | Cos | Tan => std::f64::consts::FRAC_PI_2,
@@ -104,7 +104,7 @@ fn argument(random: &mut Random, function: Function) -> f64 {
     }
 }
 
-/// The library takes a subnormal number for another one: it comes as a normal number and is divided.
+/// The library reads a subnormal number as another number, so it gets a normal number, which is then divided.
 fn big(value: f64) -> BigFloat {
     if value.is_normal() || value == 0.0 {
         return BigFloat::from_f64(value, BITS);
@@ -113,7 +113,7 @@ fn big(value: f64) -> BigFloat {
     BigFloat::from_f64(value * scale, BITS).div(&BigFloat::from_f64(scale, BITS), BITS, NEAREST)
 }
 
-/// The true value, of a pair y, x for `Atan2`.
+/// The true value; for `Atan2` of a pair y, x.
 fn truth(function: Function, arguments: &[f64], consts: &mut Consts) -> BigFloat {
     let x = big(arguments[0]);
     match function {
@@ -152,7 +152,7 @@ fn magnitude(value: &BigFloat) -> Option<(f64, i32)> {
 
 /// |found - truth| in units in the last place of the truth.
 fn error(found: f64, truth: &BigFloat) -> f64 {
-    // One beyond the largest number counts as the next number of the format would.
+    // An infinite result counts as correct if the true value has the largest exponent of the format or a larger one.
     let Some((_, exponent)) = magnitude(truth) else { return if found == 0.0 { 0.0 } else { f64::INFINITY } };
     if found.is_infinite() && exponent >= 1024 {
         return 0.0;
@@ -258,7 +258,7 @@ fn what_needs_no_series_is_what_its_name_says() {
     assert_eq!(of(|tape, x, _| elementary::power(tape, x, -3), 2.0, 0.0), 0.125);
 }
 
-/// The largest error over random points, with its arguments.
+/// The largest error at random points, with its arguments.
 fn worst(function: Function, points: usize, seed: u64) -> (f64, Vec<f64>) {
     let tape = tape(function);
     let mut run = Interpreter::<f64>::new(&tape);
@@ -269,7 +269,7 @@ fn worst(function: Function, points: usize, seed: u64) -> (f64, Vec<f64>) {
         let mut arguments = vec![argument(&mut random, function)];
         if function == Function::Atan2 {
             let other = argument(&mut random, function);
-            // Of the same size in one case of two: angles in the middle of a quadrant.
+            // In one of two cases both arguments have the same magnitude: angles in the middle of a quadrant.
             let near = random.between(-2.0, 2.0) * arguments[0];
             arguments.push(if random.bits().is_multiple_of(2) && near.is_finite() && near != 0.0 { near } else { other });
             if arguments[1] == 0.0 {
@@ -287,14 +287,14 @@ fn worst(function: Function, points: usize, seed: u64) -> (f64, Vec<f64>) {
 
 #[test]
 fn no_function_errs_by_more_than_one_unit_in_the_last_place() {
-    // 10^5 points in all.
+    // In total 10^5 points.
     for function in Function::ALL {
         let (error, at) = worst(function, 6_700, 14);
         assert!(error <= 1.0, "{} errs by {error} units at {at:?}\n{}", function.name(), tape(function));
     }
 }
 
-/// `cargo test --release -p rsm-core --test all -- --ignored ten_million --nocapture`: 25 minutes on two busy cores.
+/// Run with `cargo test --release -p rsm-core --test all -- --ignored ten_million --nocapture`: 25 minutes on two busy cores.
 #[test]
 #[ignore = "10^7 points take 25 minutes: cargo test --release -p rsm-core --test all -- --ignored ten_million --nocapture"]
 fn no_function_errs_by_more_than_one_unit_at_ten_million_points() {

@@ -1,5 +1,5 @@
-//! What the printers print, byte for byte: the models of `generated/`, and cases with every option of the file.
-//! `RSM_BLESS=1` rewrites the cases (`cargo xtask bless` also `generated/`); the diff is reviewed like code.
+//! The output of the printers, byte for byte: the models of `generated/`, and cases with every option of the file. `RSM_BLESS=1` rewrites the cases
+//! (`cargo xtask bless` also `generated/`); the difference is reviewed like code.
 
 use std::path::{Path, PathBuf};
 
@@ -40,7 +40,7 @@ fn every_option_is_printed_as_it_was() {
     let models = models(&folder);
     assert!(models.len() >= 3, "only {} cases found", models.len());
     for path in models {
-        // Alone, a precision has helpers and refusals of its own: shown by the smallest case.
+        // A file with only one precision has its own helpers and refusals: the smallest case shows them.
         let all: &[(&str, &[Precision])] = if path.ends_with("small.toml") {
             &[("", &[]), ("-f64", &[Precision::F64]), ("-f32", &[Precision::F32]), ("-gradient", &[])]
         } else {

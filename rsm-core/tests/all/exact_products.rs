@@ -1,4 +1,4 @@
-//! Products that round nothing: those by 1 and -1 are not written, those by other powers of two are not charged.
+//! Products without rounding: products by 1 and -1 are not written, products by other powers of two add nothing to the error bound.
 
 use rsm_core::check::Checked;
 use rsm_core::lower;
@@ -30,7 +30,7 @@ fn is_unit(tape: &Tape, op: &Op) -> bool {
 
 #[test]
 fn products_by_one_are_not_written() {
-    // Each with the products, sums and differences, and changes of sign that are left.
+    // The number of remaining products, of sums and differences, and of changes of sign.
     for (terms, products, sums, signs) in [
         ("{ powers = [1, 0], coefficient = 1.0 }, { powers = [0, 1], coefficient = -1.0 }", 0, 1, 0),
         ("{ powers = [2, 0], coefficient = 1.0 }, { powers = [0, 2], coefficient = 1.0 }", 2, 1, 0),
@@ -52,7 +52,7 @@ fn products_by_one_are_not_written() {
     }
 }
 
-/// -x - y where x = -y: both ways of writing it must give +0.
+/// The sum -x - y with x = -y: both ways to write it must give +0.
 #[test]
 fn a_sum_of_opposites_keeps_its_zero() {
     let terms = "{ powers = [1, 0], coefficient = -1.0 }, { powers = [0, 1], coefficient = -1.0 }";
@@ -66,7 +66,7 @@ fn a_sum_of_opposites_keeps_its_zero() {
     }
 }
 
-/// x * factor or x / factor.
+/// The product x * factor or the quotient x / factor.
 fn scaled(factor: f64, divides: bool, precision: Precision) -> Tape {
     let mut tape = TapeBuilder::new(precision);
     let x = tape.push(Op::Input(Port(0)));
@@ -92,8 +92,8 @@ fn a_power_of_two_costs_nothing_while_results_are_normal() {
     }
 }
 
-/// Where the result is subnormal the last bit is lost: half the smallest number, and some number does lose that much. (2 - 2^-23) 2^-126 halved is
-/// rounded up to the smallest normal number, so a result that looks normal is no proof.
+/// If the result is subnormal, its last bit is lost: at most half the smallest number, and some number has this error. (2 - 2^-23) 2^-126 divided by
+/// two is rounded up to the smallest normal number, so a result that is normal does not show that nothing was lost.
 #[test]
 fn a_power_of_two_is_charged_where_results_are_subnormal() {
     let half = scaled(0.5, false, Precision::F32);
@@ -109,8 +109,8 @@ fn a_power_of_two_is_charged_where_results_are_subnormal() {
     }
     assert_eq!(of([2.0 * smallest_normal * (1.0 + 1e-6), 1.0]), 0.0);
     assert_eq!(of([-1.0, -2.0 * smallest_normal * (1.0 + 1e-6)]), 0.0);
-    // Upward nothing is lost, however small the number.
+    // A product by 2 loses nothing, for any small number.
     assert_eq!(rounding::error_bound(&scaled(2.0, false, Precision::F32), &[[0.0, 1e-44]]), 0.0);
-    // What overflows has no bound.
+    // An overflow has no bound.
     assert!(rounding::error_bound(&scaled(2.0, false, Precision::F32), &[[1.0, 2e38]]).is_infinite());
 }

@@ -1,5 +1,5 @@
-//! A family of models from a seed, with every option of the file: without rounding each tape is the exact reference; with rounding it stays
-//! within its bound and the true polynomial within its range. Both are met closely somewhere.
+//! A family of models from a seed, with every option of the file. Without rounding each tape equals the exact reference. With rounding it is within
+//! its bound, and the true polynomial is within its range. Both limits are nearly reached somewhere.
 
 use rsm_core::certificate;
 use rsm_core::check::Checked;
@@ -10,7 +10,7 @@ use rsm_core::number::{Precision, Rational, exact, integer};
 use rsm_core::run::Interpreter;
 use rsm_core::tape::{Op, Tape};
 
-/// Knuth's MMIX generator: nothing is asked of it but variety.
+/// Knuth's MMIX generator: sufficient for varied models.
 struct Random(u64);
 
 impl Random {
@@ -33,10 +33,10 @@ fn input(random: &mut Random, k: usize, coding: Coding) -> Input {
         2 => [-width, width],
         3 => [width, 3.0 * width],
         4 => [-2.0 * width, -0.5 * width],
-        // 16 numbers of f32, and a middle that is none.
+        // A range of 16 numbers in f32, with a middle that is not a number of f32.
         5 => [1e6 + 1.0, 1e6 + 2.0],
         6 => [-3e-12 * width, 1e-12],
-        // High powers of the scale leave the exponents of f32.
+        // High powers of the scale exceed the exponents of f32.
         7 => [-4e25, 7e25 * width],
         _ => [0.0, 250.0 * width],
     };
@@ -63,14 +63,14 @@ fn model(random: &mut Random, index: usize) -> Model {
         if random.below(3) == 0 && bottom < at && at < high {
             surface.knots.push(Knot { input: input.name.clone(), at });
         }
-        // From a tenth of the range to more than the whole, centres a little outside too.
+        // Widths from a tenth of the range to more than the whole, and centres also slightly outside.
         if random.below(3) == 0 && !surface.reciprocal.contains(&input.name) {
             let (at, width) = (low + (high - low) * random.between(-0.2, 1.2), (high - low) * random.between(0.1, 1.3));
             surface.sigmoids.push(Sigmoid { input: input.name.clone(), at, width });
         }
         let is_plain = !surface.reciprocal.contains(&input.name) && !surface.is_symmetric(&input.name);
         if random.below(3) == 0 && is_plain && input.outside == Outside::Clamp {
-            // The exact reference of order n has some 700 n digits.
+            // The exact reference of order n has about 700 n digits.
             let (period, order) = ((high - low) * random.between(1.0, 2.0), 1 + random.below(5) as u32);
             surface.waves.push(Wave { input: input.name.clone(), period, order });
         }
@@ -87,7 +87,7 @@ fn model(random: &mut Random, index: usize) -> Model {
                 powers[k] = powers[k].max(1);
             }
         }
-        // Coefficients that need no product, that are powers of two, and any.
+        // Coefficients that need no product, powers of two, and others.
         let coefficient =
             [1.0, -1.0, 2.0, -0.5, 0.0, random.between(-2.0, 2.0), random.between(-2.0, 2.0), 1e-7][random.below(8)];
         if surface.terms.iter().all(|term| term.powers != powers) {
@@ -115,7 +115,7 @@ fn each(mut visit: impl FnMut(&Checked, Precision, &mut Random)) {
     }
 }
 
-/// Numbers of the type: ends, middle, knots and random ones, of the range and a little around it.
+/// Numbers of the type: ends, middle, knots and random ones, in the range and slightly outside.
 fn points(checked: &Checked, precision: Precision, random: &mut Random, count: usize, around: f64) -> Vec<Vec<f64>> {
     let surface = &checked.model().surfaces[0];
     let mut one = |input: &Input| {
@@ -163,7 +163,7 @@ fn without_rounding_every_tape_is_the_reference() {
             assert_eq!(exact::ideal(&tape, &at).as_ref(), Some(&truth), "{} at {point:?}\n{tape}", surface.name);
             compared += 1;
         }
-        // Every operation that the result needs not is written nowhere, or is an argument.
+        // Every operation that the result does not need is absent or an argument.
         let mut live = vec![false; tape.ops.len()];
         live[tape.output().0 as usize] = true;
         for k in (0..live.len()).rev() {
@@ -254,7 +254,8 @@ fn a_support_is_one_where_every_half_space_holds() {
                 .iter()
                 .enumerate()
                 .fold(integer(0), |sum, (k, entry)| sum + exact(*entry) * factors[k].value(at[k].clone()));
-            // Rounding decides within a few units of the magnitudes that meet; a margin of 1e-3 is far beyond it, but for ranges of 16 numbers.
+            // Rounding affects the result only within a few units of the magnitudes of the terms. A margin of 1e-3 is far more than that, except for
+            // ranges of 16 numbers.
             let margin = (sum.clone() - exact(space.bound)) * integer(1000);
             if margin < integer(1) && margin > integer(-1) {
                 continue;
@@ -288,7 +289,7 @@ fn supported(range: [f64; 2], normal: f64, bound: f64, output_range: [f64; 2]) -
 
 #[test]
 fn a_support_keeps_its_meaning_where_its_weights_leave_the_exponents() {
-    // x/half times the normal against half of it: supported up to a half of the coded range.
+    // x/half times the normal, compared with half of the normal: supported up to a half of the coded range.
     for (half, normal) in [(1e-30, 1e20), (1e30, 1e-20), (1e-35, 1.0), (1.0, 1e30), (1e-30, 1e30), (3e37, 1e-30)] {
         let checked = supported([-half, half], normal, 0.5 * normal, [-1.0, 1.0]);
         for precision in Precision::ALL {
@@ -309,13 +310,13 @@ fn numbers_that_f32_cannot_hold_are_refused_or_rounded_towards_it() {
         let found = refused(&supported([-1.0, 1.0], normal, bound, [-1.0, 1.0])).expect("f32 cannot hold it");
         assert!(found.contains(beyond), "{found}");
     }
-    // Below everything that f32 has: never supported.
+    // The limit is below all numbers of f32, so no point is supported.
     let never = supported([-1.0, 1.0], 1.0, -1e300, [-1.0, 1.0]);
     assert_eq!(refused(&never), None);
     assert_eq!(run(&lower::support(&never, 0, Precision::F32).unwrap(), &[-1.0]), 0.0);
     let wide = supported([-1e300, 1.0], 1.0, 1.0, [-1.0, 1.0]);
     assert!(refused(&wide).expect("f32 has no -1e300").contains("the range is wider than f32 can hold"));
-    // A saturation that f32 cannot reach leaves every number as it is.
+    // A saturation that f32 cannot reach changes no number.
     let loose = supported([-1.0, 1.0], 1.0, 1.0, [-1e300, 1e300]);
     assert_eq!(refused(&loose), None);
     let tape = lower::surface(&loose, 0, Precision::F32);

@@ -1,4 +1,4 @@
-//! Gradients of surfaces: the exact derivatives of the true polynomial, within the certified distance, in every form of a surface.
+//! Gradients of surfaces: compared with the exact derivatives of the true polynomial, within the certified distance, for every form of a surface.
 
 use rsm_core::certificate::gradient::derivatives;
 use rsm_core::check::Checked;
@@ -80,8 +80,8 @@ fn checked() -> Checked {
     Checked::read(&Source::new("m.toml", MODEL)).unwrap()
 }
 
-/// The exact derivative of a rational function of low degree: the difference quotient's error is even in its step, so Richardson's scheme over steps
-/// h, h/2, ... in rationals takes away every power of h up to twice the number of steps, which is more than the degree of a polynomial.
+/// The exact derivative of a rational function of low degree. The error of the central difference quotient is even in its step. So Richardson's
+/// scheme in rationals, with steps h, h/2, ..., removes every power of h up to twice the number of steps, which exceeds the degree of a polynomial.
 fn derivative(function: impl Fn(&Rational) -> Rational, at: &Rational, step: &Rational) -> Rational {
     let mut table: Vec<Rational> = vec![];
     for k in 0..8u32 {
@@ -98,7 +98,7 @@ fn derivative(function: impl Fn(&Rational) -> Rational, at: &Rational, step: &Ra
 }
 
 fn shares() -> Vec<f64> {
-    // Away from the middle, where the knot of no surface lies; the last ones are next to the ends.
+    // Points away from the middle, where no surface has a knot; the last ones are near the ends.
     vec![0.06, 0.21, 0.49, 0.61, 0.83, 0.97]
 }
 
@@ -126,17 +126,17 @@ fn compare<T: Scalar + Into<f64>>(checked: &Checked, index: usize, of: impl Fn(f
                     moved[k] = x.clone();
                     polynomial(surface, &inputs, &moved).unwrap()
                 };
-                // A share of the range that keeps every point on one side of knots and of zero.
+                // A share of the range for which all points are on one side of knots and of zero.
                 let step = exact(input.range[1] - input.range[0]) / integer(1000);
                 let truth = derivative(along, &at[k], &step);
-                // 1/x is no polynomial: Richardson leaves some 10^-30.
+                // The function 1/x is not a polynomial: an error of about 10^-30 remains.
                 let slack =
                     if surface.reciprocal.is_empty() { integer(0) } else { Rational::new(1.into(), 10i64.pow(15).into()) };
                 let distance = |x: &Rational| if *x < truth { &truth - x } else { x - &truth };
                 let name = &surface.name;
                 assert!(distance(&ideal[k]) <= slack, "{name} by {}: the tape is not the derivative\n{tape}", input.name);
                 let (range, error) = (certified[k].range, certified[k].error);
-                // f32 does not have the knot 7.3: at the number beside it the side is another one, and no bound exists.
+                // The knot 7.3 is not a number of f32. At the neighbouring number the other side of the knot applies, so no bound exists.
                 let has_bound = !(name == "kinked" && input.name == "torque" && T::PRECISION == Precision::F32);
                 assert_eq!(error.is_finite(), has_bound, "{name} by {} in {:?}", input.name, T::PRECISION);
                 let bound = if has_bound { exact(error) } else { Rational::new(1.into(), 1000.into()) };
@@ -151,7 +151,7 @@ fn compare<T: Scalar + Into<f64>>(checked: &Checked, index: usize, of: impl Fn(f
 fn gradients_are_the_derivatives_of_the_polynomial_within_the_certified_distance() {
     let checked = checked();
     for (index, surface) in checked.model().surfaces.iter().enumerate() {
-        // Saturation is asked below.
+        // Saturation is tested below.
         if surface.output_range.is_none() {
             compare::<f64>(&checked, index, |x| x);
             compare::<f32>(&checked, index, |x| x as f32);
@@ -176,7 +176,7 @@ fn beyond_the_range_the_derivative_by_an_input_that_clamps_is_zero() {
     }
     assert_ne!(inside[0], 0.0);
     assert_eq!(gradient(&checked, "plain", &[-1.0, f64::NEG_INFINITY]), [0.0, 0.0]);
-    // An input that extrapolates: 0.9 i^2 - ... goes on.
+    // An input that extrapolates: the polynomial 0.9 i^2 - ... continues.
     let by_current = gradient(&checked, "natural", &[2.0, 10.0])[1];
     assert!((by_current - (0.6 * 2.0 * 10.0 - 2.1 * 100.0)).abs() < 1e-10, "{by_current}");
 }
@@ -184,7 +184,7 @@ fn beyond_the_range_the_derivative_by_an_input_that_clamps_is_zero() {
 #[test]
 fn where_the_result_saturates_all_derivatives_are_zero() {
     let checked = checked();
-    // 30 + 30 x with x = (torque - 10.8)/10.8: between 10 and 50 from torque 3.6 to 18.
+    // The surface is 30 + 30 x with x = (torque - 10.8)/10.8: between 10 and 50 from torque 3.6 to 18.
     let slope = 30.0 / 10.8;
     for (torque, wanted) in [(3.5, 0.0), (3.7, slope), (17.9, slope), (18.1, 0.0)] {
         let found = gradient(&checked, "saturated", &[torque])[0];

@@ -1,4 +1,4 @@
-//! The published surfaces through the whole compiler: tape against the exact reference, within the certified bound.
+//! The published surfaces through the whole compiler: the tape is compared with the exact reference, within the certified bound.
 
 use std::path::Path;
 
@@ -22,10 +22,10 @@ fn the_published_surface_26_has_its_hand_worked_values() {
     let tape = lower::surface(&checked, 0, Precision::F64);
     println!("{tape}");
     let mut run = Interpreter::<f64>::new(&tape);
-    // Centre: b0. Corner (1, -1): 38.19 + 25.46 + 7.28 - 11.04 + 6.23 + 5.85 = 71.97.
+    // At the centre: b0. At the corner (1, -1): 38.19 + 25.46 + 7.28 - 11.04 + 6.23 + 5.85 = 71.97.
     assert!((run.eval(&[10.8, 400.0]) - 38.19).abs() < 1e-13);
     assert!((run.eval(&[21.6, 0.0]) - 71.97).abs() < 1e-13);
-    // Outside: the corner again. NaN: NaN.
+    // Outside the range the result is that of the corner. The result of NaN is NaN.
     assert_eq!(run.eval(&[1e9, f64::NEG_INFINITY]), run.eval(&[21.6, 0.0]));
     assert!(run.eval(&[f64::NAN, 0.0]).is_nan() && run.eval(&[0.0, f64::NAN]).is_nan());
 }
@@ -62,7 +62,7 @@ fn certified_bounds_hold_and_are_not_vain() {
                 }
             }
             assert!(worst <= certified.error, "{worst:e} > {:e}", certified.error);
-            // Worst-case bounds of a dozen operations are known to lie within a small factor of what is met; 20 is generous.
+            // The worst-case bound of a dozen operations is usually within a small factor of the largest error found; 20 is a wide limit.
             assert!(certified.error < 20.0 * worst, "{:e} says nothing about {worst:e}", certified.error);
         }
     }
@@ -93,8 +93,8 @@ fn powers_are_shared_where_that_makes_the_chain_shorter() {
     for precision in Precision::ALL {
         let tape = lower::surface(&checked, 0, precision);
         println!("{tape}");
-        // x^2 and x^4 = (x^2)^2, each once. Four operations of clamps, then six of the polynomial, then four of the saturation; nested Horner
-        // throughout has 18.
+        // The powers x^2 and x^4 = (x^2)^2 are computed once each. Four operations of clamps, then six of the polynomial, then four of the
+        // saturation; nested Horner throughout has 18.
         assert_eq!((squares(&tape), tape.depth()), (2, 14), "{tape}");
     }
 }
@@ -105,7 +105,7 @@ fn an_infinity_that_extrapolates_stays_one() {
         let tape = lower::surface(&two_inputs(outside), 0, Precision::F64);
         (squares(&tape), Interpreter::<f64>::new(&tape).eval(&[f64::INFINITY, 0.5]))
     };
-    // -3 x and 25 x^2 are infinities of both signs: a sum of powers would be NaN.
+    // The terms -3 x and 25 x^2 are infinities with opposite signs: a sum of powers would be NaN.
     assert_eq!(at_infinity("extrapolate"), (0, f64::INFINITY));
     let (shared, clamped) = at_infinity("clamp");
     assert!(shared == 2 && clamped.is_finite(), "{shared} {clamped}");
@@ -120,7 +120,7 @@ fn second_order_in_two_inputs_is_nested_horner() {
 
 #[test]
 fn powers_that_leave_the_exponents_are_not_written() {
-    // x^4 is 1e48 at the end of the range, beyond f32; Horner's products are not: 1e-30 x is 1e-18, and the whole 1e18.
+    // At the end of the range x^4 is 1e48, which exceeds f32. The products of Horner do not: 1e-30 x is 1e-18, and the whole is 1e18.
     let text = |high: &str, fourth: &str| {
         let term = |powers: &str, coefficient: &str| format!("{{ powers = {powers}, coefficient = {coefficient} }}");
         let terms = [
@@ -150,7 +150,7 @@ fn powers_that_leave_the_exponents_are_not_written() {
     assert!(rsm_core::rounding::error_bound(&far, &[[1.0, 1e12], [-2.0, 2.0]]).is_finite());
 }
 
-/// A surface of x in [1, 2] and y in [1, 2] unless said otherwise; keys of the surface in lines of their own.
+/// A surface of x in [1, 2] and y in [1, 2], unless given otherwise; keys of the surface are in separate lines.
 fn small(x: &str, y: Option<&str>, keys: &str, terms: &[(&[u32], f64)]) -> Checked {
     let terms: Vec<String> =
         terms.iter().map(|(powers, coefficient)| format!("{{ powers = {powers:?}, coefficient = {coefficient:?} }}")).collect();
@@ -179,7 +179,8 @@ fn known_forms_cost_what_they_cost_by_hand() {
     let one = |x: &str, keys: &str, terms: &[(&[u32], f64)]| cost(&small(x, None, keys, terms));
     let (a, b, c) = (0.3, 0.5, 0.7);
 
-    // Sums of one natural variable, nothing but Horner: a coefficient of 1 or -1 is no product, a sign is no operation where a sum takes it.
+    // Polynomials of one natural variable, by Horner only: a coefficient of 1 or -1 needs no product, and a sign needs no operation if a sum can
+    // include it.
     assert_eq!(one(FREE, NATURAL, &[(&[1], 1.0)]), (0, 0));
     assert_eq!(one(FREE, NATURAL, &[(&[1], -1.0)]), (1, 1));
     assert_eq!(one(FREE, NATURAL, &[(&[1], b)]), (1, 1));
@@ -189,49 +190,49 @@ fn known_forms_cost_what_they_cost_by_hand() {
     assert_eq!(one(FREE, NATURAL, &[(&[2], -1.0)]), (2, 2));
     assert_eq!(one(FREE, NATURAL, &[(&[2], b)]), (2, 2));
     assert_eq!(one(FREE, NATURAL, &[(&[0], a), (&[1], b), (&[2], c)]), (4, 4));
-    // A coefficient of 0 is no term: a is left, and x - x lets NaN through.
+    // A term with coefficient 0 is omitted: a remains, and x - x propagates NaN.
     assert_eq!(one(FREE, NATURAL, &[(&[0], a), (&[1], 0.0)]), (2, 2));
-    // No term at all: 0, and x - x.
+    // Without any term: 0, and x - x.
     assert_eq!(one(FREE, NATURAL, &[(&[1], 0.0)]), (2, 2));
 
-    // (c x + (d y + e)) x + ((f y + g) y + h): five products and five sums; d y, + e, + c x, times x, the last sum.
+    // (c x + (d y + e)) x + ((f y + g) y + h): five products and five sums. The longest path: d y, + e, + c x, times x, the last sum.
     let full: [(&[u32], f64); 6] =
         [(&[2, 0], 0.3), (&[1, 1], 0.4), (&[1, 0], 0.5), (&[0, 2], 0.6), (&[0, 1], 0.7), (&[0, 0], 0.8)];
     let two = |x: &str, y: &str, keys: &str| cost(&small(x, Some(y), keys, &full));
     assert_eq!(two(FREE, FREE, NATURAL), (10, 5));
-    // A subtraction of the middle a variable, whose scales are in the coefficients.
+    // One subtraction of the middle for each variable; its scale is included in the coefficients.
     assert_eq!(two(FREE, FREE, ""), (12, 6));
-    // Less, select, less, select before it.
+    // Before it: less, select, less, select.
     assert_eq!(two(CLAMPED, CLAMPED, ""), (20, 10));
     // The middle is 0.
     assert_eq!(two(EVEN_SIDED, EVEN_SIDED, ""), (18, 9));
-    // A magnitude and one bound: three in place of four.
+    // A magnitude and one bound: three operations instead of four.
     assert_eq!(two(EVEN_SIDED, EVEN_SIDED, "symmetry = { x = \"even\", y = \"even\" }"), (16, 8));
 
-    // Odd: b |x| clamped is 4 deep, its opposite 5, the choice 6; x < 0 waits for nothing.
+    // Odd: b |x| clamped has depth 4, its negative 5, the selection 6; x < 0 depends on no other operation.
     assert_eq!(one(EVEN_SIDED, "symmetry = { x = \"odd\" }", &[(&[1], b)]), (7, 6));
-    // 1/x; (g - x)/x as -(x - g)/x.
+    // For 1/x; (g - x)/x is computed as -(x - g)/x.
     assert_eq!(one(FREE, "coding = \"none\"\nreciprocal = [\"x\"]", &[(&[1], b)]), (2, 2));
     assert_eq!(one(FREE, "reciprocal = [\"x\"]", &[(&[1], b)]), (4, 4));
-    // A hinge is x - k and a bound at 0; its x has no other use. Of a reciprocal the same division comes before the bound.
+    // A hinge is x - k and a bound at 0; x has no other use. For a reciprocal, the same division comes before the bound.
     let hinge = "knots = [{ input = \"x\", at = 1.5 }]";
     assert_eq!(one(FREE, hinge, &[(&[0, 1], c)]), (4, 4));
     assert_eq!(one(FREE, &format!("{hinge}\nreciprocal = [\"x\"]"), &[(&[0, 1], c)]), (6, 6));
-    // The middle of 17 numbers' width of f32 is none of them, 1000001 + 17/32: two subtractions. In f64 it is a number.
+    // The middle of a range of 17 numbers of f32, 1000001 + 17/32, is not a number of f32: two subtractions. In f64 it is a number.
     let narrow = small("range = [1000001.0, 1000002.0625]\noutside = \"extrapolate\"", None, "", &[(&[1], b)]);
     assert_eq!(lower::surface(&narrow, 0, Precision::F32).operation_count(), 3);
     assert_eq!(lower::surface(&narrow, 0, Precision::F64).operation_count(), 2);
-    // A saturation at both ends: four; at one end: two.
+    // A saturation at both ends needs four operations, at one end two.
     assert_eq!(one(FREE, "output_range = [0.0, 1.0]", &[(&[1], c)]), (6, 6));
-    // 0.7 x between 0.7 and 1.4.
+    // The surface 0.7 x is between 0.7 and 1.4.
     assert_eq!(one(CLAMPED, "coding = \"none\"\noutput_range = [1.0, 2.0]", &[(&[1], c)]), (7, 7));
     assert_eq!(one(CLAMPED, "coding = \"none\"\noutput_range = [0.0, 1.0]", &[(&[1], c)]), (7, 7));
     assert_eq!(one(CLAMPED, "coding = \"none\"\noutput_range = [0.0, 2.0]", &[(&[1], c)]), (5, 5));
 }
 
-/// By hand, in f32: 2^23 + 1/2 lies between the numbers 2^23 and 2^23 + 1, 2^23 + 3/2 between 2^23 + 1 and 2^23 + 2. Either is a tie, which goes to the even
-/// one, so a half is lost, downwards and upwards. Two units of roundoff of the coded variable are 2^-23 times half of the width of the range: a half where that
-/// is 2^22.
+/// Calculated by hand, in f32: 2^23 + 1/2 is between the numbers 2^23 and 2^23 + 1, and 2^23 + 3/2 is between 2^23 + 1 and 2^23 + 2. Both are ties
+/// and are rounded to the even number, so 1/2 is lost, downwards and upwards. Two units of roundoff of the coded variable are 2^-23 times half of the
+/// width of the range: 1/2 if half the width is 2^22.
 #[test]
 fn a_middle_is_mended_where_its_rounding_costs_more_than_two_units_of_roundoff() {
     for middle in [8_388_608.5, 8_388_609.5] {

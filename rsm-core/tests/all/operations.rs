@@ -1,4 +1,4 @@
-//! `Exponent` and `PowerOfTwo`: what they give, in rationals, in ranges and in bounds.
+//! The operations `Exponent` and `PowerOfTwo`: their results in rationals, in ranges and in bounds.
 
 use rsm_core::exact::ideal;
 use rsm_core::interval::Interval;

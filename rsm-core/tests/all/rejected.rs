@@ -1,5 +1,5 @@
-//! Every rule of the model file: a folder of rejected files, each beside the whole message that it must give.
-//! `RSM_BLESS=1` rewrites the messages; the diff is reviewed like code.
+//! Every rule of the model file: a folder of rejected files, each beside the whole message that it must give. `RSM_BLESS=1` rewrites the messages;
+//! the difference is reviewed like code.
 
 use std::path::Path;
 

@@ -1,6 +1,6 @@
-//! A bound of `output_range` that no argument reaches is not on the tape, and no bit shows it.
+//! A bound of `output_range` that no argument reaches is not on the tape, and no bit of a result changes.
 //!
-//! The side that judges clamps by hand what the same surface without `output_range` gives. It knows nothing of ranges and bounds of rounding.
+//! The reference clamps the results of the same surface without `output_range`. It does not use ranges or rounding bounds.
 
 use rsm_core::check::Checked;
 use rsm_core::lower;
@@ -8,7 +8,7 @@ use rsm_core::model::{Coding, Input, Model, Outside, Surface, Symmetry, Term};
 use rsm_core::number::Precision;
 use rsm_core::run::{Interpreter, Scalar};
 
-/// A linear congruential generator (Knuth, MMIX): deterministic, and nothing is asked of it but variety.
+/// A linear congruential generator (Knuth, MMIX): deterministic, and sufficient for varied models.
 struct Random(u64);
 
 impl Random {
@@ -130,7 +130,7 @@ fn plain<T: Number>(model: &Model, points: &[Vec<f64>]) -> Vec<T> {
     points.iter().map(|point| run.eval(&point.iter().map(|xi| T::nearest(*xi)).collect::<Vec<T>>())).collect()
 }
 
-/// How many bounds were left out, and how many written.
+/// The numbers of omitted and of written bounds.
 #[derive(Default, Debug)]
 struct Seen {
     left_out: usize,
@@ -152,7 +152,7 @@ fn compare<T: Number>(model: &Model, random: &mut Random, seen: &mut Seen) {
         next(next(narrow))
     };
     let spread = (greatest - least).max(least.abs().max(greatest.abs()) * 1e-3).max(1e-3);
-    // Far outside, at the extremes seen, two numbers inside of them, well inside.
+    // Bounds far outside the results, at their extremes, two numbers inside of the extremes, and well inside.
     for (below, above) in [
         (least - 0.1 * spread, greatest + 0.1 * spread),
         (least - 0.1 * spread, greatest - 0.3 * spread),
@@ -205,12 +205,12 @@ fn a_bound_that_is_left_out_changes_no_bit() {
         compare::<f64>(&model, &mut generator, &mut seen);
         compare::<f32>(&model, &mut generator, &mut seen);
     }
-    // It is left out where it should be, and all of this is seen often.
+    // Bounds are omitted where they should be, and each case occurs often.
     assert!(seen.left_out > 10 && seen.one_left_out > 8 && seen.written > 10, "{seen:?}");
 }
 
-/// 2 + x over [-1, 1] ends at 3: a bound of 3 needs no clamp, since the tape never passes it (its last sum is exact at the end of the range,
-/// and rounding keeps order), but the bound of the error cannot know that; one number below, the clamp acts.
+/// 2 + x over [-1, 1] ends at 3. A bound of 3 needs no clamp, because the tape never exceeds it: its last sum is exact at the end of the range, and
+/// rounding is monotone. The error bound cannot show this. If the bound is one number lower, the clamp has an effect.
 #[test]
 fn a_bound_that_is_reached_by_one_number_is_written() {
     let text = |high: f64| {
@@ -232,8 +232,8 @@ fn a_bound_that_is_reached_by_one_number_is_written() {
     assert!(!far.below && !far.above && greatest == 3.0, "{far:?}");
 }
 
-/// a - b x with a and b near 1000 and a result near 0: in f32 the tape passes the true range by many numbers. A bound right outside of the true
-/// range is written all the same.
+/// a - b x with a and b near 1000 and a result near 0: in f32 the tape exceeds the true range by many numbers. A bound just outside of the true range
+/// is written anyway.
 #[test]
 fn the_range_of_the_polynomial_is_not_that_of_its_tape() {
     let mut random = Random(3);
@@ -267,8 +267,8 @@ fn the_range_of_the_polynomial_is_not_that_of_its_tape() {
     assert!(passed > 20, "only {passed} values pass the true range: they prove nothing");
 }
 
-/// y = x is computed without an error, so what is known of it is an enclosure of the true polynomial: a bound right at its end leaves every value as it is, and
-/// is not written.
+/// y = x is computed without an error, so the known range is an enclosure of the true polynomial. A bound exactly at its end changes no value, and is
+/// not written.
 #[test]
 fn a_bound_at_the_end_of_what_is_known_is_not_written() {
     let input = Input { name: "x".to_string(), unit: "1".to_string(), range: [-1.0, 2.0], outside: Outside::Clamp };
@@ -294,7 +294,7 @@ fn a_bound_at_the_end_of_what_is_known_is_not_written() {
     assert_eq!(written(inside_low, inside_high), (true, true));
 }
 
-/// 0.1 and 0.9 lie between two numbers of f32: a value at the outer one is outside of the range, and is brought in to the inner one.
+/// Both bounds, 0.1 and 0.9, are between two numbers of f32: a value at the outer number is outside of the range, and is changed to the inner one.
 #[test]
 fn a_bound_between_two_numbers_is_the_inner_one() {
     let outer = [Precision::F32.round_down(&exact(0.1)), Precision::F32.round_up(&exact(0.9))];

@@ -1,5 +1,5 @@
-//! The black-box correction of a diagnosis, on an axis that is integrated here: a spring whose force goes with the square of the position, which no entry of
-//! the catalogue is, and noise that nothing explains.
+//! The black-box correction of a diagnosis, on an axis that is integrated here. It has a spring whose force is proportional to the square of the
+//! position, which is not in the catalogue, and noise that nothing explains.
 
 use crate::random::Random;
 use rsm_core::check::Checked;
@@ -16,14 +16,14 @@ use rsm_sim::record::Record;
 const PLANT: &str = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 80.0\nforce_gain = 35.0\nviscous_friction = 100.0\ncommand_limit = 10.0\n\
                      position_gain = 40.0\nvelocity_gain = 170.0\n";
 
-/// Rows of a record, 1 ms each.
+/// The number of rows of a record, 1 ms each.
 const ROWS: usize = 3000;
 
 /// Standard deviations of the noise of position and command.
 const NOISE: [f64; 2] = [2e-6, 0.01];
 
-/// Position and command of the axis of docs/book/src/reference/plants.md 2.3 with a force of -stiffness q abs(q): semi-implicit Euler in 20 steps a row. Two sines of other periods in
-/// each record, slow enough for the command to stay within its limit.
+/// Position and command of the axis of docs/book/src/reference/plants.md 2.3 with a force of -stiffness q abs(q): semi-implicit Euler with 20 steps
+/// per row. Each record has two sines with other periods, slow enough for the command to stay within its limit.
 fn axis(stiffness: f64, periods: [f64; 2]) -> [Vec<f64>; 3] {
     let (mut q, mut v) = (0.0_f64, 0.0_f64);
     let mut columns = [Vec::new(), Vec::new(), Vec::new()];
@@ -43,7 +43,7 @@ fn axis(stiffness: f64, periods: [f64; 2]) -> [Vec<f64>; 3] {
     columns
 }
 
-/// Whitened records of the axis with the spring and noise, and what the axis without it does along them.
+/// Whitened records of the axis with the spring and noise, and the simulation of the axis without the spring along them.
 fn records(stiffness: f64, all: &[[f64; 2]], seed: u64) -> (WhitenedResiduals, Vec<Vec<Vec<f64>>>) {
     let plant = PlantFile::read(&Source::new("axis.toml", PLANT)).unwrap();
     let mut random = Random::new(seed);
@@ -74,18 +74,18 @@ fn a_square_spring_is_corrected_on_unseen_records_and_the_file_checks() {
     let (unseen, simulated_unseen) = records(2000.0, &UNSEEN, 2);
     let found = correction::correction(PlantKind::ServoAxis, &whitened, &simulated, &unseen, &simulated_unseen);
     let CorrectionResult::Useful(found) = found else { panic!("{found:?}") };
-    // The spring's force is a function of the position, and in a stiff loop the command is what it asks for: nearly all goes. What stays are the transients of the
-    // loop and a third order through q abs(q).
+    // The spring's force is a function of the position, and in a stiff loop the command compensates it, so nearly all of the error is removed. The
+    // transients of the loop remain, and a third-order approximation of q abs(q).
     assert!(found.unseen && found.gain > 0.9 && found.low > 0.8 && found.low < found.gain, "{} {}", found.gain, found.low);
     let command = found.outputs.iter().find(|it| it.output == 1).unwrap();
-    // Terms that explain 99 % of what the best choice does are enough: a tenth of the error, and noise.
+    // The correction keeps terms until they explain 99 % of what the best selection explains: a tenth of the error remains, and noise.
     assert!(command.before > 8.0 * command.after, "{command:?}");
     assert!(command.terms.iter().any(|term| term.contains("position")), "{:?}", command.terms);
-    // The file that is offered is one that the compiler takes, and says what it is.
+    // The compiler accepts the offered file, and the file states what it is.
     let text = model_file::write(&found.model);
     assert!(text.contains("command_correction") && text.contains("black box"), "{text}");
     Checked::read(&Source::new("correction.toml", text)).unwrap();
-    // What a report draws is what was judged.
+    // The report draws the same signals as were validated.
     let prepared = &unseen.records[0];
     let added = correction::added(PlantKind::ServoAxis, &found, prepared, &simulated_unseen[0], 1).unwrap();
     let left: f64 = (0..ROWS).map(|row| (prepared.measured(1)[row] - simulated_unseen[0][1][row] - added[row]).powi(2)).sum();
@@ -113,7 +113,7 @@ fn noise_is_not_corrected() {
 
 #[test]
 fn what_hangs_on_nothing_that_is_simulated_is_refused() {
-    // A disturbance at 3.1 Hz, whatever the axis does; its phase is another one in each record, as the motion is.
+    // A disturbance at 3.1 Hz, independent of the axis. Its phase is different in each record, and so is the motion.
     let disturbed = |all: &[[f64; 2]], seed: u64| {
         let (mut whitened, simulated) = records(0.0, all, seed);
         for (k, prepared) in whitened.records.iter_mut().enumerate() {

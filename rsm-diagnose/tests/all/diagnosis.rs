@@ -1,4 +1,5 @@
-//! The diagnosis on records that are simulated here, with noise from a fixed seed: small versions of what tests/hidden-effects judges with other code.
+//! The diagnosis on records that are simulated here, with noise from a fixed seed: small versions of the cases that tests/hidden-effects validates
+//! with other code.
 
 use crate::random::Random;
 use rsm_diagnose::plant::search_history::{Limit, SearchHistory};
@@ -8,15 +9,16 @@ use rsm_sim::record::Record;
 
 use super::{effect, plant, record, run};
 
-/// Rows of a record: 1.5 s, several steps of voltage and two reversals. Long enough for the noise floor, short enough for a debug build.
+/// The number of rows of a record: 1.5 s, several steps of voltage and two reversals. This is sufficient for the noise floor and fast in a debug
+/// build.
 const ROWS: usize = 1500;
 
-/// A motor along a profile of speed, with its noise.
+/// A motor along a speed profile, with its noise.
 fn motor(true_plant: &PlantFile, seed: u64) -> Record {
     motor_between(true_plant, seed, -120.0, 120.0)
 }
 
-/// The same with speeds from one to another.
+/// The same with given lowest and highest speeds.
 fn motor_between(true_plant: &PlantFile, seed: u64, low: f64, high: f64) -> Record {
     let mut random = Random::new(seed);
     let mut text = "time[s],v_d[V],v_q[V],load_torque[N*m],i_d[A],i_q[A],speed[rad/s]\n".to_string();
@@ -41,7 +43,7 @@ fn motor_between(true_plant: &PlantFile, seed: u64, low: f64, high: f64) -> Reco
     record
 }
 
-/// The nominal motor's resistance is off by one standard deviation of its tolerance; the motor has an effect.
+/// The nominal motor's resistance has an error of one standard deviation of its tolerance; the true motor has an effect.
 fn diagnosed(effects: &str, threads: usize) -> Diagnosis {
     let text = std::fs::read_to_string(super::path("plants/pmac.toml")).unwrap();
     let text = text.replace("phase_resistance = 0.08", "phase_resistance = 0.084") + effects;
@@ -51,7 +53,8 @@ fn diagnosed(effects: &str, threads: usize) -> Diagnosis {
     diagnose(&plant("pmac", ""), &records[..2], &records[2..], &options).unwrap()
 }
 
-/// A cause that removes nearly all, beside a wave of the speed sensor that nothing of the catalogue explains: six tenths of a per cent of the noise's energy matter to nobody, and three per cent do.
+/// A cause that removes nearly all of the error, and a wave of the speed sensor that is not in the catalogue. A wave with 0.6 % of the noise's energy
+/// is negligible; one with 3 % is not.
 #[test]
 fn a_cause_explains_for_practical_purposes_where_next_to_nothing_else_is_left() {
     let rubbing = plant("pmac", "\n[[effects]]\nkind = \"coulomb-friction\"\nparameters = { torque = 0.4 }\n");
@@ -70,7 +73,7 @@ fn a_cause_explains_for_practical_purposes_where_next_to_nothing_else_is_left() 
         let options = Options { threads: 2, progress: &|_| {} };
         diagnose(&plant("pmac", ""), &records[..2], &records[2..], &options).unwrap()
     };
-    // Half the squared amplitude over the noise of the speed, 0.3, in one output of three.
+    // Half the squared amplitude divided by the squared noise of the speed, 0.3, in one of three outputs.
     let share = |amplitude: f64| (amplitude / 0.3).powi(2) / 6.0;
     let slight = found(0.07);
     let practical = slight.practical.unwrap_or_else(|| panic!("{:?} {:?}", slight.verdict, slight.predicted));
@@ -78,13 +81,14 @@ fn a_cause_explains_for_practical_purposes_where_next_to_nothing_else_is_left() 
     assert!(practical.removed > 0.999 && practical.left > 0.0 && practical.left < 0.01, "{practical:?}");
     let wave = slight.predicted.unwrap();
     assert!(wave.what.starts_with("a wave of order 7.5 over a turn"), "{wave:?}");
-    // A gain g scatters by 2 sqrt(g): a third of this one, of 3000 or of 1500 rows; two of them.
+    // A gain g has a standard deviation of 2 sqrt(g): a third of this one, for 3000 or 1500 rows; the limit is two of them.
     assert!((wave.excess / share(0.07) - 1.0).abs() < 0.9, "{wave:?}");
     let more = found(0.13);
     assert_eq!((more.verdict, more.practical), (Verdict::Unexplained, None), "{:?}", more.predicted);
 }
 
-/// Test records are not looked at before everything else stands: with another one, bit for bit the same answer but for its figures.
+/// Test records are used only after all other results are fixed. With another test record the answer has the same bits, except for the figures of the
+/// test.
 #[test]
 fn a_test_record_says_what_a_cause_gains_and_changes_nothing_else() {
     let nominal = plant("pmac", "");
@@ -97,11 +101,11 @@ fn a_test_record_says_what_a_cause_gains_and_changes_nothing_else() {
         (format!("{found:?}"), figures)
     };
     let (answer, like) = tested(motor(&rubbing, 5));
-    // Without friction the extension does harm, and the figures say so.
+    // Without friction the extension increases the error, and the figures show this.
     let (same, unlike) = tested(motor(&nominal, 6));
     assert!(answer == same, "a test record had a say in the answer");
     assert!(like.gain > 0.95 && like.gain_interval.0 <= like.gain && unlike.gain < 0.0, "{} {}", like.gain, unlike.gain);
-    // Noise is left: three quarters of 1500 rows know their r.m.s. to 2 %, the start moves it by as much again.
+    // Only noise remains: the r.m.s. of three quarters of 1500 rows is known to 2 %, and the start changes it by about the same.
     assert!(like.extended.iter().all(|it| (it.noise_ratio - 1.0).abs() < 0.1), "{:?}", like.extended);
 }
 
@@ -109,8 +113,8 @@ fn a_test_record_says_what_a_cause_gains_and_changes_nothing_else() {
 fn a_motor_within_its_tolerances_has_no_discrepancy() {
     let found = diagnosed("", 2);
     assert_eq!((found.verdict, found.causes.len()), (Verdict::NoDiscrepancy, 0));
-    // Calibration has moved the resistance, and noise is what is left: 3 % is four standard deviations of an r.m.s. over 1500 rows (1/sqrt(3000)) and half
-    // as much again for the floor's own estimate.
+    // Calibration has changed the resistance, and only noise remains: 3 % is four standard deviations of an r.m.s. over 1500 rows (1/sqrt(3000)), and
+    // half of that again for the estimate of the floor.
     assert!((found.plant.parameters.number("phase_resistance") - 0.084).abs() < 0.001);
     for error in &found.extended {
         assert!((error.noise_ratio - 1.0).abs() < 0.1, "{error:?}");
@@ -125,10 +129,10 @@ fn coulomb_friction_is_named_with_its_torque_and_the_same_bits_on_any_number_of_
     let kinds: Vec<&str> = found.causes.iter().map(|cause| cause.kind).collect();
     assert_eq!(kinds, ["coulomb-friction"]);
     let torque = &found.causes[0].parameters[0];
-    // The interval must hold the truth, give or take half of itself: it is a 95 % interval and this is one draw.
+    // The interval must contain the true value, with a margin of half its width, because it is a 95 % interval and this is one sample.
     let slack = 0.5 * (torque.high - torque.low);
     assert!(torque.low - slack < 0.1 && 0.1 < torque.high + slack && torque.high - torque.low < 0.02, "{torque:?}");
-    // The friction is all that was wrong, so nearly all of the error goes; what is left is the scatter of the floor.
+    // The friction is the only fault, so nearly all of the error is removed; the uncertainty of the floor remains.
     assert!(found.gain > 0.97, "{}", found.gain);
     assert!(found.plant.write().contains("kind = \"coulomb-friction\""));
 
@@ -155,7 +159,7 @@ fn two_levels_of_friction_are_told_from_friction_and_a_load_where_the_motor_reve
         kinds.sort_unstable();
         (found.verdict, kinds)
     };
-    // The same levels, but about rest, where a load acts and friction does not.
+    // The same levels, but around standstill, where a load acts and friction does not.
     let levels = effect("asymmetric-friction", "forward = 0.14, backward = 0.06");
     assert_eq!(kinds(&levels), (Verdict::Explained, vec!["asymmetric-friction"]));
     let both = effect("coulomb-friction", "torque = 0.1") + &effect("constant-load", "torque = 0.04");
@@ -171,7 +175,7 @@ fn a_search_that_goes_round_in_a_circle_is_stopped_and_says_so() {
     assert!(!path.visit(set(&["b", "a"])));
     assert_eq!(path.stopped(), Some(Limit::Cycle));
 
-    // Every count ends: far more is asked than any limit allows.
+    // Every count is limited: the test requests far more than any limit permits.
     let counts = [
         (SearchHistory::may_add as fn(&mut SearchHistory) -> bool, Limit::Additions),
         (SearchHistory::may_compete, Limit::Competitions),
@@ -192,7 +196,7 @@ fn a_search_that_goes_round_in_a_circle_is_stopped_and_says_so() {
 fn a_sensor_that_rounds_ends_and_is_named() {
     let nominal = plant("pmac", "");
     let mut records: Vec<Record> = (1..=3).map(|seed| motor(&nominal, seed)).collect();
-    // A sensor rounds what its noise has moved: five standard deviations of i_q a step, so that the readings show it.
+    // The sensor rounds the noisy value, in steps of five standard deviations of i_q, so that the readings show the steps.
     for value in records.iter_mut().filter_map(|record| record.measured[1].as_mut()).flatten() {
         *value = value.round();
     }
@@ -204,7 +208,7 @@ fn a_sensor_that_rounds_ends_and_is_named() {
     assert!((found.causes[0].parameters[0].value - 1.0).abs() < 1e-9, "{:?}", found.causes[0].parameters);
 }
 
-/// Three training records and two unseen ones, of which one has an effect of its own.
+/// Three training records and two unseen ones; one of them has an additional effect.
 #[test]
 fn a_record_of_another_configuration_is_said_to_be_one() {
     let nominal = plant("pmac", "");
@@ -224,7 +228,7 @@ fn a_record_of_another_configuration_is_said_to_be_one() {
     }
 }
 
-/// Voltage, speed and load are what most motors' loggers hold: dry friction shows in them.
+/// Most loggers of motors record voltage, speed and load: they are sufficient to find dry friction.
 #[test]
 fn friction_is_found_in_records_without_current() {
     let rubbing = plant("pmac", &effect("coulomb-friction", "torque = 0.15"));
@@ -246,7 +250,7 @@ fn friction_is_found_in_records_without_current() {
 fn records_that_hold_inputs_only_are_refused_and_a_frozen_channel_is_left_out() {
     let nominal = plant("pmac", "");
     let mut records: Vec<Record> = (1..=3).map(|seed| motor(&nominal, seed)).collect();
-    // The speed hangs in every record from its third row in ten on: most of the rows repeat.
+    // In every record the speed is stuck from 30 % of the rows on, so most of its rows repeat one value.
     for record in &mut records {
         let speed = record.measured[2].as_mut().unwrap();
         let value = speed[450];
@@ -264,7 +268,8 @@ fn records_that_hold_inputs_only_are_refused_and_a_frozen_channel_is_left_out() 
     assert!(refused.contains("found no measured output") && refused.contains("speed of"), "{refused}");
 }
 
-/// A drive that turns one way does not tell a dry friction from a load: whichever is named, the other is said to be the same, and neither is a bias of the speed beyond its readings.
+/// With a drive that turns in only one direction, dry friction and a load have the same effect: one of them is named and the other is listed as
+/// indistinguishable. A bias of the speed that is larger than its readings is not an explanation.
 #[test]
 fn friction_and_load_are_one_thing_where_a_motor_turns_one_way() {
     let rubbing = plant("pmac", &effect("coulomb-friction", "torque = 0.15"));
@@ -289,7 +294,7 @@ fn friction_and_load_are_one_thing_where_a_motor_turns_one_way() {
     assert!(cause.confidence < 0.6, "{}", cause.confidence);
 }
 
-/// An axis in closed loop that goes to and fro by a few centimetres; the record holds reference and position.
+/// An axis in closed loop that moves back and forth by a few centimetres; the record contains reference and position.
 fn axis_without_command(true_plant: &PlantFile, seed: u64) -> Record {
     let mut random = Random::new(seed);
     let mut text = "time[s],reference[m],position[m]\n".to_string();
@@ -304,7 +309,7 @@ fn axis_without_command(true_plant: &PlantFile, seed: u64) -> Record {
     record
 }
 
-/// The position alone holds a dry friction to half a per cent: how large forces are follows from the loop of the plant file.
+/// The position alone determines a dry friction to half a per cent: the magnitudes of forces follow from the loop of the plant file.
 #[test]
 fn friction_is_found_in_an_axis_that_records_its_position_alone() {
     let friction = "\n[[effects]]\nkind = \"coulomb-friction\"\nparameters = { force = 12 }\n";
@@ -317,7 +322,7 @@ fn friction_is_found_in_an_axis_that_records_its_position_alone() {
     assert!((found.causes[0].parameters[0].value / 12.0 - 1.0).abs() < 0.005, "{:?}", found.causes[0].parameters);
 }
 
-/// An axis in open loop under steps of its command; the logger begins after 395 rows, five after a step.
+/// An axis in open loop with steps of its command. The logger starts after 395 rows, five rows after a step.
 fn axis_from_its_middle(true_plant: &PlantFile, seed: u64) -> Record {
     let mut random = Random::new(seed);
     let mut text = "time[s],command[V],position[m]\n".to_string();
@@ -346,7 +351,8 @@ fn an_axis_that_moves_where_its_record_begins_needs_no_cause_for_that() {
             Verdict::Explained,
             vec!["coulomb-friction"],
         ),
-        // Positions from before the record are read in its first rows, and nothing says what they were. Of a linear axis a delayed command is the same.
+        // In its first rows, the record contains positions from before its beginning, which are unknown. For a linear axis a delayed command has the
+        // same effect.
         (
             "\n[[effects]]\nkind = \"sensor-delay\"\nparameters = { output = \"position\", delay = 0.025 }\n",
             Verdict::Explained,
@@ -358,7 +364,7 @@ fn an_axis_that_moves_where_its_record_begins_needs_no_cause_for_that() {
         let found = diagnose(&nominal, &records[..2], &records[2..], &options).unwrap();
         let kinds: Vec<&str> = found.entries().map(|it| it.kind).collect();
         assert_eq!((found.verdict, kinds), (verdict, causes));
-        // The extended plant says how fast the first record began.
+        // The extended plant contains the initial speed of the first record.
         let (_, speed) = found.plant.initial.iter().find(|(name, _)| *name == "speed").expect("it begins in motion");
         assert!(speed.abs() > 1e-3, "{speed}");
     }
@@ -366,7 +372,8 @@ fn an_axis_that_moves_where_its_record_begins_needs_no_cause_for_that() {
 
 #[test]
 fn a_wave_of_an_order_that_no_list_has_is_found_beside_a_friction() {
-    // 37 is prime, and no multiple of teeth or poles: the equations hand it over, and the free run judges it. At 40 rad/s it has four rows a wave.
+    // 37 is a prime number, and not a multiple of the numbers of teeth or poles. The equations propose it, and the free run validates it. At 40 rad/s
+    // it has four rows per wave.
     let effects =
         effect("coulomb-friction", "torque = 0.4") + &effect("cogging-torque", "amplitude = 0.3, cycles = 37, phase = 1.0");
     let true_plant = plant("pmac", &effects);
@@ -379,13 +386,13 @@ fn a_wave_of_an_order_that_no_list_has_is_found_beside_a_friction() {
     assert_eq!(cycles, Some(37.0));
 }
 
-/// A car whose pedal moves at drawn instants, from the middle of a longer record: its driveshaft swings there.
+/// A car whose pedal moves at random instants, from the middle of a longer record: its driveshaft oscillates there.
 fn car_from_its_middle(plant: &PlantFile, seed: u64) -> Record {
     let mut random = Random::new(seed);
     let mut text = "time[s],throttle[1],gear[1],engine_speed[rad/s],road_speed[m/s],acceleration[m/s^2]\n".to_string();
     let mut throttle = 0.05;
     for k in 0..1500 {
-        // The pedal goes down 0.15 s before the record is cut.
+        // The pedal is pressed 0.15 s before the beginning of the cut record.
         if k == 285 {
             throttle = 0.7;
         } else if random.uniform() < 0.01 {
@@ -410,7 +417,8 @@ fn a_car_that_swings_where_its_record_begins_needs_no_cause_for_that() {
     let found = diagnose(&nominal, &records[..2], &records[2..], &options).unwrap();
     let kinds: Vec<&str> = found.entries().map(|it| it.kind).collect();
     assert_eq!((found.verdict, kinds), (Verdict::NoDiscrepancy, vec![]));
-    // The extended plant says how the first record began: the torque lags behind the pedal, which has just gone down, and the twist behind the torque.
+    // The extended plant contains the start of the first record: the torque lags behind the pedal, which has just been pressed, and the twist lags
+    // behind the torque.
     let offset = |name: &str| found.plant.initial.iter().find(|(found, _)| *found == name).map(|(_, value)| *value);
     for name in ["torque_offset", "twist_offset"] {
         assert!(offset(name).is_some_and(|offset| offset < 0.0), "{name} {:?}", found.plant.initial);
@@ -424,7 +432,7 @@ fn claims_of_a_car_that_begins_in_motion_are_judged_from_its_starts() {
     let records: Vec<Record> = (1..=3).map(|seed| car_from_its_middle(&filed, seed)).collect();
     let found = diagnose(&filed, &records[..2], &records[2..], &options).unwrap();
     assert_eq!((found.verdict, found.entries().count()), (Verdict::NoDiscrepancy, 0));
-    // From steady starts the throttle seems to act 2.3 ms later: five of its standard deviations.
+    // With steady starts, the throttle would seem to act 2.3 ms later: five of its standard deviations.
     let [claim] = &found.claims[..] else { panic!("{:?}", found.claims) };
     assert!(claim.records[0].low <= 0.08 && 0.08 <= claim.records[0].high, "{claim:?}");
 }
@@ -444,7 +452,8 @@ fn a_car_goes_on_where_a_record_is_cut_from_the_offsets_of_its_start() {
     let gear = file.parameters.gear_ratios[1] * file.parameters.number("final_drive_ratio");
     let (wheel, engine) = (of("road_speed", cut) / file.parameters.number("wheel_radius"), of("engine_speed", cut));
     file.initial = vec![("road_speed", of("road_speed", cut)), ("twist_rate", engine / gear - wheel)];
-    // Without torque and twist it is another motion; a search over both finds the one that was cut, to what the clutch does that is not in equilibrium.
+    // Without torque and twist offsets the motion is different. A search over both finds the motion of the cut record, except for the deviation of
+    // the clutch from equilibrium.
     let mut missed = |offsets: [f64; 2]| {
         file.initial.truncate(2);
         file.initial.extend([("torque_offset", offsets[0]), ("twist_offset", offsets[1])]);
@@ -468,7 +477,7 @@ fn a_car_goes_on_where_a_record_is_cut_from_the_offsets_of_its_start() {
         }
     }
     assert!(steady > 2.0 && best < 0.02 * steady, "{steady} {best} {at:?}");
-    // The pedal asked for 65 % more torque 70 ms before; a lag of 0.1 s has half of it still to come.
+    // 70 ms before, the pedal increased the demand by 65 %; with a lag of 0.1 s, half of this increase is still missing.
     assert!(at[0] < -10.0, "{at:?}");
 }
 
@@ -486,7 +495,8 @@ fn a_drive_that_reads_differences_goes_on_where_a_record_is_cut() {
     let cut = 300;
     file.initial = vec![("position", position[cut]), ("speed", (position[cut + 1] - position[cut - 1]) / 0.002)];
     let rest = run(&file, &whole.piece(cut..600));
-    // The axis moves at 0.3 m/s, of which the drive makes 71 V; the positions before the cut are on a line, which leaves half an acceleration of 1.8 m/s^2 times two periods: 0.44 V at most.
+    // The axis moves at 0.3 m/s, and the drive adds 71 V for this speed. The positions before the cut are assumed to be on a line; the error is half
+    // an acceleration of 1.8 m/s^2 times two periods: 0.44 V at most.
     let missed = rest.of("command").unwrap().iter().zip(&command[cut..]).map(|(it, was)| (it - was).abs()).fold(0.0, f64::max);
     assert!(missed < 0.44, "{missed}");
 }

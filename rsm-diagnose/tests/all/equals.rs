@@ -1,5 +1,5 @@
-//! Explanations that records do not tell apart: the truth is the answer or one of its aliases, and nothing false is said with certainty. Families drawn from seeds: forces against a mass, a drive that turns one way, laws
-//! that hold simpler ones, resistances of a car.
+//! Explanations that the records cannot distinguish: the truth must be the answer or one of its aliases, and no false statement may be certain.
+//! Families from seeds: forces against a mass, a drive that turns in one direction, laws that include simpler ones, resistances of a car.
 
 use crate::random::Random;
 use rsm_diagnose::plant::{Diagnosis, Options, Verdict, diagnose};
@@ -8,7 +8,7 @@ use rsm_sim::record::Record;
 
 use super::{effect, plant, record, run};
 
-/// What is hidden, by the names of lists, and the diagnosis.
+/// The hidden causes, with the names of the lists, and the diagnosis.
 struct Case {
     what: String,
     truth: Vec<&'static str>,
@@ -20,7 +20,7 @@ fn label(kind: &str, subject: Option<&str>) -> String {
 }
 
 impl Case {
-    /// What is wrong with the answer; `None` where it is right.
+    /// The fault of the answer; `None` if it is correct.
     fn wrong(&self) -> Option<String> {
         let found = &self.found;
         let named: Vec<(String, &Vec<String>, f64)> = found
@@ -32,7 +32,7 @@ impl Case {
         if found.verdict != Verdict::Explained || named.len() > self.truth.len() {
             return Some(format!("not explained, or by too many: {told}"));
         }
-        // Each of the truth has a cause of its own that is it or lists it; its own name first.
+        // Each true cause must have its own entry that names it or lists it; entries with its own name are assigned first.
         let mut open: Vec<_> = named.iter().collect();
         let mut left = self.truth.clone();
         left.retain(|truth| match open.iter().position(|it| it.0 == *truth) {
@@ -72,7 +72,7 @@ fn measured(true_plant: &PlantFile, mut record: Record, sds: &[(&str, f64)], ran
     record
 }
 
-/// A servo axis of 100 kg in open loop, its friction known to 5 % and its mass to 1 %.
+/// A servo axis of 100 kg in open loop. Its friction is known to 5 % and its mass to 1 %.
 fn axis(mass: f64, viscous: f64, effects: &str) -> PlantFile {
     let text = format!(
         "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = {mass}\nforce_gain = 35\nviscous_friction = {viscous}\ncommand_limit = 10\n\
@@ -81,7 +81,7 @@ fn axis(mass: f64, viscous: f64, effects: &str) -> PlantFile {
     PlantFile::read(&rsm_core::source::Source::new("axis.toml", text)).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// Pulses of the command in both directions, or a slow swing: 3 s at 500 Hz.
+/// Pulses of the command in both directions, or a slow sine: 3 s at 500 Hz.
 fn moved(true_plant: &PlantFile, rich: bool, random: &mut Random) -> Record {
     let mut text = "time[s],command[V],position[m]\n".to_string();
     let (mut until, mut command, mut sign) = (0, 0.0, 1.0);
@@ -107,7 +107,7 @@ fn axis_case(seed: u64, rich: bool, mass: f64, effects: &str, truth: &[&'static 
     Case { what: format!("seed {seed}, rich {rich}, {mass} kg, {effects}"), truth: truth.to_vec(), found }
 }
 
-/// Friction beside a mass that is off: of forces and a mass an axis shows ratios.
+/// Friction together with an error of the mass: an axis shows only the ratios of forces and mass.
 fn friction_and_mass(seed: u64, rich: bool) -> Case {
     let mut random = Random::new(1000 + seed);
     let force = 10.0 + 15.0 * random.uniform();
@@ -134,7 +134,7 @@ fn friction_and_a_mass_that_is_off_are_two_causes_and_not_three() {
     all_right(&cases);
 }
 
-/// A Stribeck curve whose level at rest is its level in motion is dry friction, and so are two levels that are one.
+/// A Stribeck curve whose level at rest is equal to its level in motion is dry friction; so are two equal levels.
 fn nested(seed: u64, rich: bool) -> Case {
     let mut random = Random::new(2000 + seed);
     let force = 8.0 + 12.0 * random.uniform();
@@ -151,7 +151,7 @@ fn a_law_at_the_value_of_the_one_that_it_holds_is_that_one() {
     all_right(&[nested(1, false), nested(2, true)]);
 }
 
-/// A motor of which voltage, load and speed are recorded while it turns one way.
+/// A motor that turns in one direction, with recorded voltage, load and speed.
 fn one_way(seed: u64, which: usize) -> Case {
     let mut random = Random::new(3000 + seed);
     let size = 0.08 + 0.12 * random.uniform();
@@ -179,7 +179,7 @@ fn one_way(seed: u64, which: usize) -> Case {
             let sds = [("i_d", 0.2), ("i_q", 0.2), ("speed", 0.3)];
             let mut record = measured(&true_plant, record(&text, &true_plant), &sds, &mut random);
             (record.measured[0], record.measured[1]) = (None, None);
-            // It starts from rest, which a logger that waits for speed does not see.
+            // It starts from rest, before the logger starts.
             let rows = record.rows();
             record.piece(400..rows)
         })
@@ -193,7 +193,7 @@ fn a_bias_a_load_and_a_friction_are_one_thing_where_a_motor_turns_one_way() {
     all_right(&[one_way(1, 0), one_way(2, 1), one_way(3, 2)]);
 }
 
-/// A car in one gear over a range of speeds: which of its resistances is off?
+/// A car in one gear over a range of speeds, with an error in one of its resistances.
 fn resistance(seed: u64, which: usize) -> Case {
     let (effects, truth) = [
         (effect("headwind", "wind = 6.0"), "headwind"),
@@ -210,7 +210,7 @@ fn resistance(seed: u64, which: usize) -> Case {
         .map(|_| {
             let mut text = "time[s],throttle[1],gear[1],engine_speed[rad/s],road_speed[m/s],acceleration[m/s^2]\n".to_string();
             let (mut until, mut throttle) = (0, 0.0);
-            // A road at 20 to 25 m/s, where air and dampings are nearly one.
+            // A road at 20 to 25 m/s, where air resistance and damping are nearly the same.
             let start = 20.0 + 5.0 * random.uniform();
             for k in 0..1500 {
                 if k >= until {
@@ -232,7 +232,7 @@ fn collinear_resistances_of_a_car_do_not_crowd_out_the_one_that_is_off() {
     all_right(&[resistance(1, 0), resistance(2, 2)]);
 }
 
-/// The families over more seeds: a quarter of an hour of one core.
+/// The families with more seeds: a quarter of an hour on one core.
 #[test]
 #[ignore = "minutes, after changes of the search: cargo test -p rsm-diagnose --release --test all -- --ignored equals_over"]
 fn equals_over_many_seeds() {

@@ -1,4 +1,4 @@
-//! The diagnosis of plants that only a text describes: the examples, whose records a second implementation wrote.
+//! The diagnosis of plants that exist only as texts: the examples, with records from a second implementation.
 //!
 //! In: `examples/plants`. The records come from `tests/hidden-effects`, which shares no code with the project.
 
@@ -38,7 +38,7 @@ fn cause(name: &str) -> (String, String, f64) {
     let found = diagnosed(name, &plant(name));
     assert_eq!((found.verdict, found.causes.len()), (Verdict::Explained, 1), "{name}");
     let cause = &found.causes[0];
-    // On records that chose it: all but noise is gone.
+    // On the records that chose it, everything except noise is removed.
     assert!(found.gain > 0.99, "{name}: {}", found.gain);
     (cause.kind.to_string(), cause.subject.clone().unwrap_or_default(), cause.parameters[0].value)
 }
@@ -47,7 +47,7 @@ fn cause(name: &str) -> (String, String, f64) {
 fn a_dry_friction_behind_a_gear_is_named_with_its_place_and_its_level() {
     let (kind, at, torque) = cause("gear-motor");
     assert_eq!((kind.as_str(), at.as_str()), ("coulomb-friction", "shaft"));
-    // 0.35 N m are hidden; the records know it to a thousandth.
+    // The hidden torque is 0.35 N m; the records determine it to a thousandth.
     assert!((torque - 0.35).abs() < 0.005, "{torque}");
 }
 
@@ -83,7 +83,7 @@ fn the_extended_plant_is_a_file_that_reads_back_and_runs_as_the_diagnosis_ran_it
 fn a_plant_that_is_right_has_no_discrepancy() {
     let name = "road-vehicle";
     let truth = diagnosed(name, &plant(name)).plant;
-    // The same machine, whose wind is known: nothing is left to find.
+    // The same machine with a known wind: nothing remains to be found.
     let nominal = PlantFile { given: truth.effects.clone(), effects: Vec::new(), ..truth };
     let found = diagnosed(name, &nominal);
     assert_eq!(found.verdict, Verdict::NoDiscrepancy);
@@ -105,7 +105,7 @@ fn columns_under_each_others_headers_are_told_and_put_right() {
     let found = diagnose(&file, &[read("record.csv", true)], &[read("validation.csv", false)], &options).unwrap();
     let told: Vec<(&str, &str, &str)> =
         found.findings.iter().map(|it| (it.record.as_str(), it.channel.as_str(), it.what)).collect();
-    // The validation record was in order.
+    // The validation record has no fault.
     assert_eq!(told, [("record.csv", "level_1", SWAPPED), ("record.csv", "level_2", SWAPPED)]);
     assert_eq!((found.verdict, found.causes[0].kind), (Verdict::Explained, "leak"));
 }
@@ -127,7 +127,7 @@ fn a_number_that_the_file_calls_exact_is_no_hypothesis() {
     assert!(!errors(&file).contains(&"drag_area"));
 }
 
-/// Every effect that can stand on a plant is a hypothesis with a first guess: none is left out in silence.
+/// Every effect that is possible on a plant is a hypothesis with a first guess: none is omitted without a message.
 #[test]
 fn every_effect_of_every_place_has_a_first_guess() {
     for name in ["gear-motor", "coupled-tanks", "road-vehicle", "heated-block", "two-mass-drive", "quadrotor-pitch"] {

@@ -1,8 +1,8 @@
-//! The search knows no effect by name: what is special about one is declared in its own file.
+//! The search does not use names of effects: special properties of an effect are declared in its own file.
 
 use std::path::{Path, PathBuf};
 
-/// The sources of a folder, without those of tests.
+/// The source files of a folder, except those of tests.
 fn sources(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
@@ -16,7 +16,7 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Lines that hold the name of an effect as a string, outside of tests and comments.
+/// Lines that contain the name of an effect as a string, outside of tests and comments.
 fn named(text: &str) -> Vec<(usize, &str)> {
     let before_tests = text.lines().enumerate().take_while(|(_, line)| *line != "#[cfg(test)]");
     let code = before_tests.filter(|(_, line)| !line.trim_start().starts_with("//"));

@@ -1,4 +1,5 @@
-//! The next experiment: causes that leave the same trace are told apart by the record that is asked for; those that no record tells apart are said to be so.
+//! The next experiment: causes with the same effect on the records are distinguished by the proposed record; causes that no record can distinguish
+//! are reported as such.
 
 use crate::random::Random;
 use rsm_core::source::Source;
@@ -25,7 +26,7 @@ fn noise(kind: PlantKind) -> [f64; OUTPUTS] {
     by_output(own, 0.0)
 }
 
-/// What a plant does along a record, with noise.
+/// The outputs of a plant along a record, with noise.
 fn measured(true_plant: &PlantFile, mut along: Record, seed: u64) -> Record {
     let mut random = Random::new(seed);
     let outputs = run(true_plant, &along);
@@ -36,7 +37,7 @@ fn measured(true_plant: &PlantFile, mut along: Record, seed: u64) -> Record {
     along
 }
 
-/// A motor that only ever turns forward, a second long.
+/// A motor that turns only forward, for one second.
 fn forward(true_plant: &PlantFile, seed: u64) -> Record {
     let mut random = Random::new(seed);
     let mut text = "time[s],v_d[V],v_q[V],load_torque[N*m],i_d[A],i_q[A],speed[rad/s]\n".to_string();
@@ -65,7 +66,7 @@ fn friction_and_a_constant_load_are_told_apart_by_the_record_that_is_asked_for()
         let mut records: Vec<Record> = (1..=2).map(|seed| forward(&true_plant, seed)).collect();
         let unseen = [forward(&true_plant, 3)];
         let found = diagnosed(&records, &unseen);
-        // Forward, both hold the rotor back with the same torque.
+        // In forward rotation, both brake the rotor with the same torque.
         let cause = &found.causes[0];
         assert!([kind, rival].contains(&cause.kind), "{}", cause.kind);
         let other = if cause.kind == kind { rival } else { kind };
@@ -73,7 +74,7 @@ fn friction_and_a_constant_load_are_told_apart_by_the_record_that_is_asked_for()
         let Some(NextExperiment::Distinguishes { excitation, differences }) = &found.next else { panic!("{:?}", found.next) };
         assert!(differences.iter().any(|it| it.rival == other && it.enough && it.times_noise > 0.1), "{differences:?}");
 
-        // As a bench would: the file is read, the true plant runs along it, and everything is diagnosed again.
+        // As on a test bench: the file is read, the true plant runs along it, and all records are diagnosed again.
         let file = excitations::csv(&found.plant, excitation);
         records.push(measured(&true_plant, record(&file, &true_plant), 4));
         let again = diagnosed(&records, &unseen);
@@ -85,7 +86,7 @@ fn friction_and_a_constant_load_are_told_apart_by_the_record_that_is_asked_for()
     }
 }
 
-/// A plant fitted as it stands to what it does itself along a record.
+/// A plant fitted without changes to its own simulation along a record.
 fn fitted(file: &PlantFile, records: &[Record]) -> (WhitenedResiduals, Fit) {
     let floors = noise(file.kind).map(|sd| NoiseFloor::white(sd.max(1e-9)));
     let outputs = file.kind.outputs().len();
@@ -95,7 +96,7 @@ fn fitted(file: &PlantFile, records: &[Record]) -> (WhitenedResiduals, Fit) {
     (whitened, fit)
 }
 
-/// The plant of a file, its tolerances and starts unknown, the numbers of its effects as they are.
+/// The plant of a file with unknown tolerances and starts; the numbers of its effects are fixed.
 fn model(file: &PlantFile, records: &[Record]) -> Model {
     let nominal = PlantFile { effects: Vec::new(), ..file.clone() };
     let records: Vec<&Record> = records.iter().collect();
@@ -103,9 +104,9 @@ fn model(file: &PlantFile, records: &[Record]) -> Model {
     nominal.with_effects(&nominal, file.effects.clone())
 }
 
-/// A car in second gear with a dragging brake, and what could stand for it.
+/// A car in second gear with a dragging brake, and a rival explanation.
 fn car_against(rival: &str) -> Option<NextExperiment> {
-    // 100 N m on the wheel.
+    // The torque is 100 N m at the wheel.
     let true_plant = plant("driveline", &effect("brake-drag", "torque = 100.0"));
     let records = [measured(&true_plant, record(&car_record(), &true_plant), 1)];
     let (whitened, fit) = fitted(&true_plant, &records);
@@ -116,11 +117,11 @@ fn car_against(rival: &str) -> Option<NextExperiment> {
 
 #[test]
 fn no_record_tells_a_dragging_brake_from_a_slope_and_that_is_said() {
-    // sin(grade) = T/(r m g) = 100/(0.32 * 1560 * 9.80665) = 0.020427
+    // The grade follows from sin(grade) = T/(r m g) = 100/(0.32 * 1560 * 9.80665) = 0.020427.
     match car_against(&effect("road-grade", "grade = 0.020428")) {
         Some(NextExperiment::NotDistinguishable { differences, tried }) => {
             assert!(tried >= 12 && differences.len() == 1 && !differences[0].enough, "{tried} {differences:?}");
-            // While the wheel turns forward the two are one torque.
+            // While the wheel turns forward, both are the same torque.
             assert!(differences[0].times_noise < 0.01, "{differences:?}");
         }
         other => panic!("{other:?}"),
@@ -144,7 +145,7 @@ fn another_gear_tells_a_dragging_brake_from_friction_of_the_engine() {
 fn an_error_without_a_cause_is_looked_for_where_it_is() {
     let file = plant("pmac", "");
     let mut records = vec![forward(&file, 1)];
-    // Three times the noise on i_d below 60 rad/s, where the record seldom is, and nowhere else.
+    // Three times the noise on i_d below 60 rad/s, where the record has few rows, and nowhere else.
     let speed = records[0].measured[2].clone().unwrap();
     for (value, speed) in records[0].measured[0].as_mut().unwrap().iter_mut().zip(&speed) {
         *value += if *speed < 60.0 { 0.6 } else { 0.0 };
@@ -160,7 +161,8 @@ fn an_error_without_a_cause_is_looked_for_where_it_is() {
         speed.iter().filter(|value| **value < 60.0).count() as f64 / speed.len() as f64
     };
     assert!(slow(&records[0]) < 0.25 && slow(&excitation.record) > 0.9, "{}", excitation.name);
-    // The error is nine times the noise's energy on one of three outputs, beyond the noise 3 in the mean, and the present record has it in a quarter of its rows.
+    // The error is nine times the noise's energy on one of three outputs, so its mean excess is 3; in the present record it occurs in a quarter of
+    // the rows.
     assert!(expected > 2.0 && present < 1.0, "{expected} {present}");
     assert!(next(&whitened, &fit, &[], Verdict::Explained, &|_| {}).is_none());
 }
@@ -177,7 +179,7 @@ fn every_excitation_keeps_the_limits_and_reads_back() {
     }
     let cases = [
         (plant("pmac", ""), motor_record(), 12),
-        // Five gears less one that is twice in the list, six excitations; not every one can be made in every gear.
+        // Five gears, of which one is already in the list, with six excitations; not every excitation is possible in every gear.
         (plant("driveline", ""), car_record(), 15),
         (plant("servo-axis", ""), axis_record(), 5),
         (open_axis, pulses, 6),
@@ -196,16 +198,16 @@ fn every_excitation_keeps_the_limits_and_reads_back() {
             assert_eq!((read.rows(), read.drive), (excitation.record.rows(), records[0].drive), "{name}");
             let outputs = run(&file, &read);
             for (k, signal) in file.kind.outputs().iter().enumerate() {
-                // The command of an open axis is an input.
+                // The command of an axis in open loop is an input.
                 let Some(values) = outputs.of(signal.name) else { continue };
-                // The same simulation, from times of a file: its decimals read back to the same bits, and the period is their mean, so the last digits of
-                // states that have grown for thousands of sub-steps may differ.
+                // The same simulation, with times from a file. Its decimals are read back to the same bits, and the period is the mean of the steps,
+                // so the last digits of states after thousands of sub-steps may differ.
                 let predicted = excitation.record.measured[k].as_ref().unwrap();
                 let most = predicted.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
                 let off = values.iter().zip(predicted).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
                 assert!(off <= 1e-6 * most, "{name}: {off} of {most}");
             }
-            // A twentieth of the range is allowed beyond what was seen.
+            // Values may exceed the observed range by a twentieth of it.
             let within = |k: usize, low: f64, high: f64| {
                 let slack = 0.05 * (high - low);
                 outputs
@@ -218,7 +220,7 @@ fn every_excitation_keeps_the_limits_and_reads_back() {
             match file.kind {
                 PlantKind::Pmac => {
                     let longest = |a: &[f64], b: &[f64]| a.iter().zip(b).fold(0.0_f64, |most, (a, b)| most.max(a.hypot(*b)));
-                    // (20) with the 270 V and 60 A of the shipped motor.
+                    // Equation (20) with the 270 V and 60 A of the shipped motor.
                     assert!(longest(&read.inputs[0], &read.inputs[1]) <= 270.0 / 3.0_f64.sqrt(), "{name}");
                     assert!(longest(outputs.of("i_d").unwrap(), outputs.of("i_q").unwrap()) <= 60.0, "{name}");
                     let top = limits.seen[2][0].abs().max(limits.seen[2][1].abs());

@@ -1,8 +1,8 @@
-//! Random numbers of the tests: the records that they make stay the same when the diagnosis draws other ones.
+//! Random numbers of the tests. The records from them do not change if the diagnosis uses other random numbers.
 
 use std::f64::consts::TAU;
 
-/// The same for the same seed on every machine (G. Marsaglia's xorshift64*, 2003).
+/// The same numbers for the same seed on every machine (G. Marsaglia's xorshift64*, 2003).
 #[derive(Debug, Clone)]
 pub struct Random(u64);
 

@@ -1,6 +1,7 @@
-//! Rest is no fault: records in which a motor stands, an axis sticks or a car waits are in order, and what is broken in the same records is found. Families drawn from seeds.
+//! Standstill is not a fault: records in which a motor stands, an axis sticks or a car waits are accepted, and real faults in the same records are
+//! found. Families from seeds.
 //!
-//! The machines are simulated here, with a friction that holds them still, by code that shares nothing with the plants.
+//! The machines are simulated here, with a static friction, by code that shares nothing with the plants.
 
 use crate::random::Random;
 use rsm_diagnose::plant::checks::{self, Finding};
@@ -12,16 +13,16 @@ use rsm_sim::record::Record;
 
 use super::{plant, record};
 
-/// Sub-steps of a row: of the fastest rate of these machines, 90 per second, a row of 1 ms holds a tenth.
+/// Sub-steps of a row: at the fastest rate of these machines, 90 per second, a row of 1 ms is a tenth of the time constant.
 const SUBSTEPS: usize = 10;
 
 const ROWS: usize = 900;
 
-/// When a machine is driven: 1 in the middle of a motion, 0 at rest, in between on the way.
+/// The drive level: 1 in the middle of a motion, 0 at rest, in between during transitions.
 struct Drive(Vec<f64>);
 
 impl Drive {
-    /// Rest before, amid or after a motion, or all of them, over so many of the rows.
+    /// Rest before, during or after a motion, or all of them, for a random share of the rows.
     fn drawn(random: &mut Random) -> (String, Drive) {
         let share = 0.1 + 0.5 * random.uniform();
         let place = (4.0 * random.uniform()) as usize;
@@ -32,7 +33,7 @@ impl Drive {
         for (k, rest) in rests.iter().enumerate() {
             rows.extend(std::iter::repeat_n(0.0, count(share * rest)));
             if k < 2 {
-                // Up and down over a fifth of the motion, and a swing in the middle.
+                // Up and down over a fifth of the motion, and an oscillation in the middle.
                 let edge = motion as f64 / 5.0;
                 let shape = |row: usize| {
                     let level = (row as f64 / edge).min((motion - row) as f64 / edge).min(1.0);
@@ -46,18 +47,18 @@ impl Drive {
     }
 }
 
-/// A body with dry friction that holds it: speed after a time, under a force that it feels beside friction.
+/// A body with dry friction: its speed after a time, with a force other than friction.
 fn pushed(speed: f64, force: f64, (dry, holds): (f64, f64), mass: f64, time: f64) -> f64 {
     if speed == 0.0 && force.abs() <= holds {
         return 0.0;
     }
     let direction = if speed == 0.0 { force.signum() } else { speed.signum() };
     let next = speed + time * (force - dry * direction) / mass;
-    // It stops where it would turn round.
+    // It stops instead of reversing.
     if speed * next < 0.0 { 0.0 } else { next }
 }
 
-/// Reads a signal: with noise, in steps, with a dead band around 0.
+/// Reads a signal with noise, with quantisation, with a dead band around 0.
 fn read(values: &[f64], noise: f64, step: f64, dead: f64, random: &mut Random) -> Vec<f64> {
     let largest = values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
     let one = |value: &f64| {
@@ -68,7 +69,7 @@ fn read(values: &[f64], noise: f64, step: f64, dead: f64, random: &mut Random) -
     values.iter().map(one).collect()
 }
 
-/// Channels of a record beside its inputs: names as a header has them, readings, which of them have noise in motion.
+/// The channels of a record besides its inputs: names as in a header, readings, and whether they have noise in motion.
 struct Recorded {
     what: String,
     file: PlantFile,
@@ -96,7 +97,7 @@ impl Recorded {
     }
 }
 
-/// A motor that stands still while its drive is off, or holds it with no voltage.
+/// A motor that stands still while its drive is off, or is held with zero voltage.
 fn motor(seed: u64) -> Recorded {
     let mut random = Random::new(seed);
     let (mut what, drive) = Drive::drawn(&mut random);
@@ -108,7 +109,7 @@ fn motor(seed: u64) -> Recorded {
     let holds = 0.2 + 0.5 * random.uniform();
     let mut signals = [Vec::new(), Vec::new(), Vec::new()];
     let voltage: Vec<f64> = drive.0.iter().map(|level| 25.0 * level).collect();
-    // Where the motor has stood without a voltage for 50 ms, four times the time constant of its winding, some drives open their bridge.
+    // After 50 ms at standstill without voltage, four times the time constant of the winding, some drives open their bridge.
     let opens = random.uniform() < 0.5;
     let mut stands = 0;
     let mut open = Vec::new();
@@ -129,7 +130,7 @@ fn motor(seed: u64) -> Recorded {
             speed = pushed(speed, 1.5 * poles * flux * i_q - 0.001 * speed, (0.8 * holds, holds), inertia, time);
         }
     }
-    // Counts of an encoder, a dead band, an analogue signal.
+    // Counts of an encoder, a dead band, or an analogue signal.
     let sensor = (3.0 * random.uniform()) as usize;
     let noise = 0.001 + 0.003 * random.uniform();
     let (speed_noise, step, dead) = [(0.0, 0.005, 0.0), (noise, 0.0, 5.0 * noise), (noise, 0.0, 0.0)][sensor];
@@ -137,7 +138,7 @@ fn motor(seed: u64) -> Recorded {
     let speed = read(&signals[2], speed_noise, step, dead, &mut random);
     let mut current = |values: &[f64]| {
         let mut readings = read(values, 0.004, 0.0, 0.0, &mut random);
-        // A bridge that is open: the drive logs exactly 0.
+        // With an open bridge the drive logs exactly 0.
         readings.iter_mut().zip(&open).filter(|it| *it.1).for_each(|(reading, _)| *reading = 0.0);
         readings
     };
@@ -160,7 +161,7 @@ fn nominal_axis() -> PlantFile {
     PlantFile::read(&rsm_core::source::Source::new("axis.toml", text)).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// An axis that sticks until its drive breaks it away, with a command that swings below that at rest; `dry` and `holds` in N.
+/// An axis that sticks until its drive overcomes the friction. At rest its command oscillates below that level. `dry` and `holds` in N.
 fn axis(seed: u64, (dry, holds): (f64, f64), period: f64) -> Recorded {
     let mut random = Random::new(1000 + seed);
     let (mut what, drive) = Drive::drawn(&mut random);
@@ -172,7 +173,7 @@ fn axis(seed: u64, (dry, holds): (f64, f64), period: f64) -> Recorded {
         if row % 130 == 0 {
             sign = -sign;
         }
-        // In motion to and fro, at rest half of what would move it.
+        // Back and forth in motion; at rest, half of the force that would move it.
         let volts = if *level > 0.0 { 3.0 * sign * level } else { 0.5 * holds / 35.0 * (0.05 * row as f64).sin() };
         command.push(volts);
         positions.push(position);
@@ -182,7 +183,7 @@ fn axis(seed: u64, (dry, holds): (f64, f64), period: f64) -> Recorded {
             position += time * speed;
         }
     }
-    // An encoder, one with noise of a third of its step, an analogue sensor.
+    // An encoder, an encoder with noise of a third of its step, or an analogue sensor.
     let sensor = (3.0 * random.uniform()) as usize;
     what = format!("axis {seed}, {what}, sensor {sensor}");
     let (noise, step) = [(0.0, 1e-5), (3e-6, 1e-5), (1e-4, 0.0)][sensor];
@@ -197,15 +198,15 @@ fn axis(seed: u64, (dry, holds): (f64, f64), period: f64) -> Recorded {
     }
 }
 
-/// A car that stands, starts and stops in one gear. Its speed follows its driver; engine and acceleration follow its speed.
+/// A car that stands, starts and stops in one gear. Its speed follows the driver; engine speed and acceleration follow from its speed.
 fn car(seed: u64) -> Recorded {
     let mut random = Random::new(2000 + seed);
     let (mut what, drive) = Drive::drawn(&mut random);
     let speed: Vec<f64> = drive.0.iter().map(|level| 12.0 * level).collect();
     let acceleration: Vec<f64> = (0..ROWS).map(|row| 50.0 * (speed[(row + 1).min(ROWS - 1)] - speed[row])).collect();
-    // Idle below it, with the clutch open.
+    // Idle speed below it, with an open clutch.
     let engine: Vec<f64> = speed.iter().map(|speed| (2.2 * 3.7 / 0.32 * speed).max(85.0)).collect();
-    // Teeth that are too slow to count, steps of a bus, an analogue signal.
+    // Teeth that pass too slowly to be counted, steps of a bus, or an analogue signal.
     let sensor = (3.0 * random.uniform()) as usize;
     let (noise, step, dead) = [(0.002, 0.0, 0.03), (0.0, 0.002, 0.0), (0.002, 0.0, 0.0)][sensor];
     let road = read(&speed, noise, step, dead, &mut random);
@@ -256,7 +257,7 @@ fn what_is_broken_in_a_record_with_rest_is_found() {
             if noisy.is_empty() {
                 continue;
             }
-            // A run of rows in the middle of a motion.
+            // A sequence of rows in the middle of a motion.
             let Some(at) = whole.moving.windows(60).find(|rows| rows[59] - rows[0] == 59).map(|rows| rows[0]) else { continue };
             for &k in &noisy {
                 let mut frozen = make(seed);
@@ -268,7 +269,7 @@ fn what_is_broken_in_a_record_with_rest_is_found() {
                 let (low, high) = values.iter().fold((0.0_f64, 0.0_f64), |(low, high), v| (low.min(*v), high.max(*v)));
                 let limit = if high >= -low { 0.7 * high } else { 0.7 * low };
                 values.iter_mut().filter(|it| it.abs() > limit.abs() && **it * limit > 0.0).for_each(|it| *it = limit);
-                // Only a limit at which it stays is one that shows.
+                // A limit is visible only if the signal stays at it.
                 let stays = values.chunk_by(|a, b| a == b).any(|run| run[0] == limit && run.len() >= 8);
                 for (what, broken, is_there) in [("stuck", frozen, true), ("clipped", clipped, stays)] {
                     asked += usize::from(is_there);
@@ -296,7 +297,7 @@ fn what_is_broken_in_a_record_with_rest_is_found() {
 
 #[test]
 fn an_axis_that_sticks_at_rest_has_friction_and_its_rest_is_not_cut_away() {
-    // The friction that holds is a third above that in motion.
+    // The static friction is a third above the friction in motion.
     let records: Vec<Record> = [4, 5].map(|seed| axis(seed, (16.0, 21.0), 4e-3).record()).to_vec();
     let options = Options { threads: 2, progress: &|_| {} };
     let found = diagnose(&nominal_axis(), &records[..1], &records[1..], &options).unwrap();
@@ -308,12 +309,12 @@ fn an_axis_that_sticks_at_rest_has_friction_and_its_rest_is_not_cut_away() {
 
 #[test]
 fn a_long_rest_is_no_block_and_costs_no_more_than_a_motion() {
-    // 100,000 rows of which 60,000 rest: all pairs of these would be 2e9, all their lengths 4e13.
+    // 100,000 rows, of which 60,000 are at rest: all pairs of these would be 2e9, and all their lengths 4e13.
     let mut random = Random::new(10);
     let mut speed: Vec<f64> = (0..100_000).map(|_| random.normal()).collect();
     speed[20_000..80_000].fill(0.0);
     assert_eq!(repeated_blocks::find(&[&speed]), vec![]);
-    // A block that was written again in the motion behind it. Rows of the rest are alike, so that it takes 36 rows to be no chance.
+    // A block that was copied into the motion after it. Rows at rest are similar, so 36 equal rows are needed to exclude chance.
     speed.copy_within(90_000..90_060, 95_000);
     assert_eq!(repeated_blocks::find(&[&speed]), vec![(95_000, 95_060)]);
 }

@@ -1,4 +1,5 @@
-//! Surfaces against measured data that show what they lack. What is hidden by us is tried by `tests/hidden-effects` (`hidden-effects surfaces`).
+//! Surfaces, compared with measured data that show their missing terms. Cases with known hidden causes are in `tests/hidden-effects` (`hidden-effects
+//! surfaces`).
 
 use rsm_core::check::Checked;
 use rsm_core::source::Source;
@@ -23,8 +24,9 @@ fn cause<'a>(found: &'a Diagnosis, label: &str) -> &'a Cause {
     all.iter().find(|cause| cause.label == label).unwrap_or_else(|| panic!("no {label} among {:?}", labels(found)))
 }
 
-/// Myers, Montgomery, Anderson-Cook, table 7.6: the first-order surface of the first seven runs, against all fourteen. The published second-order analysis has a block difference of -4.4575 and squares of -1.3057
-/// and -0.9338 in units of 5 of the inputs (`chemreact_block_SO` of R's rsm).
+/// Myers, Montgomery, Anderson-Cook, table 7.6: the first-order surface of the first seven runs, compared with all fourteen. The published
+/// second-order analysis has a block difference of -4.4575 and squares of -1.3057 and -0.9338 in units of 5 of the inputs (`chemreact_block_SO` of
+/// R's rsm).
 #[test]
 fn a_reactor_shows_its_second_block_and_its_curvature() {
     let Some(folder) = shared("r-rsm") else { return };
@@ -53,7 +55,7 @@ residual_sd = 1.159
     assert_eq!(found.verdict, Verdict::Explained, "{:?}", labels(&found));
     let block = cause(&found, "block-offset:Block");
     let difference = block.parameters[1].value - block.parameters[0].value;
-    // The published interval: standard error 0.0872, times t of 8 degrees of freedom.
+    // The published interval: standard error 0.0872, times t for 8 degrees of freedom.
     assert!((difference + 4.4575).abs() < 2.306 * 0.0872, "{difference}");
     for (label, published) in [("missing-term:Time^2", -1.3057), ("missing-term:Temp^2", -0.9338)] {
         let square = cause(&found, label).parameters[0].value / (1.6 * 1.6);
@@ -61,14 +63,16 @@ residual_sd = 1.159
         assert!((square - published).abs() < 2.306 * 0.0846, "{label}: {square}");
     }
     assert_eq!(found.responses[0].causes.len(), 3, "{:?}", labels(&found));
-    // In five parts of 14 runs, each with the choice of causes on 11: one part that misses a square leaves a seventh. Measured 0.85.
+    // Five parts of 14 runs, each with a selection of causes on 11: one part that does not find a square leaves a seventh of the error.
+    // Measured 0.85.
     assert!(found.gain > 0.7, "{}", found.gain);
-    // The extension is a model file that the compiler takes, blocks are not in it, squares are.
+    // The compiler accepts the extended model file. It contains squares, but no blocks.
     let extended = Checked::from_model(&found.extended).unwrap();
     assert!(extended.model().surfaces[0].terms.iter().any(|term| term.powers == [2, 0]));
 }
 
-/// Box, Hunter, Hunter, table 12.5, paper helicopters: a first-order surface lacks the second order, whose ten terms stand out together and hardly any alone.
+/// Box, Hunter, Hunter, table 12.5, paper helicopters: a first-order surface lacks the second order. Its ten terms are significant together, and
+/// hardly any of them alone.
 #[test]
 fn paper_helicopters_show_that_the_second_order_is_missing() {
     let Some(folder) = shared("r-rsm") else { return };
@@ -92,12 +96,13 @@ terms = [
     let all: Vec<&str> = labels(&found);
     let told: Vec<&String> = found.responses[0].causes.iter().map(|cause| &cause.sentence).collect();
     assert!(all.iter().any(|label| label.starts_with("missing-term")), "{told:?}");
-    // The rows are in standard order, block after block, so that the run order moves with factors and blocks.
+    // The rows are in standard order, block after block, so the run order correlates with factors and blocks.
     let allowed = ["missing-term", "block-offset", "drift"];
     assert!(all.iter().all(|label| allowed.iter().any(|kind| label.starts_with(kind))), "{told:?}");
 }
 
-/// NIST's load cell (Pontius): a line leaves the square; with the certified square nothing is wrong. Its responses of both rounds are in the order of loads, so that the order of runs and the load are one.
+/// NIST's load cell (Pontius): a line lacks the square; with the certified square nothing is missing. The responses of both rounds are in the order
+/// of the loads, so the run order and the load cannot be distinguished.
 #[test]
 fn a_load_cell_shows_its_square() {
     let folder = nist();
@@ -107,7 +112,7 @@ fn a_load_cell_shows_its_square() {
             "format = 1\nmodel = \"cell\"\n[inputs.x]\nunit = \"1\"\nrange = [0.0, 3000000.0]\n[surfaces.y]\nunit = \"1\"\ninputs = [\"x\"]\ncoding = \"none\"\nterms = [{terms}]\n"
         )
     };
-    // Certified: B0 = 0.673565789473684e-3, B1 = 0.732059160401003e-6, B2 = -0.316081871345029e-14.
+    // The certified values: B0 = 0.673565789473684e-3, B1 = 0.732059160401003e-6, B2 = -0.316081871345029e-14.
     let line = "{ powers = [0], coefficient = 6.73565789473684e-4 }, { powers = [1], coefficient = 7.32059160401003e-7 }";
     let found = diagnosed(&model(line), &[Source::new("Pontius.csv", text.clone())]);
     let square = cause(&found, "missing-term:x^2");
@@ -145,7 +150,7 @@ fn bench(a: f64, b: f64) -> f64 {
     40.0 + 6.0 * x + 4.0 * z + 3.0 * x * x - 2.0 * x * z
 }
 
-/// Numbers that are nearly normal: twelve uniform ones less six, by splitmix64.
+/// Nearly normal numbers: the sum of twelve uniform numbers minus six, by splitmix64.
 fn noise(state: &mut u64) -> f64 {
     let mut uniform = || {
         *state = state.wrapping_add(0x9e3779b97f4a7c15);
@@ -157,12 +162,12 @@ fn noise(state: &mut u64) -> f64 {
     (0..12).map(|_| uniform()).sum::<f64>() - 6.0
 }
 
-/// A grid of five by five that reaches a little beyond the range or not, three times over; `read` makes a row of it.
+/// A grid of five by five, three times; `read` computes a row from a grid point, and may exceed the range slightly.
 fn grid(read: &dyn Fn(f64, f64) -> (f64, f64, f64)) -> Source {
     let mut csv = "a[bar],b[A],y[V]\n".to_string();
     let mut state = 7;
     for k in 0..75 {
-        // 7 and 25 have no common factor: the order of runs does not follow the grid.
+        // The numbers 7 and 25 have no common factor, so the run order does not follow the grid.
         let cell = (7 * k) % 25;
         let (a, b, y) = read(f64::from(cell % 5) * 2.5, f64::from(cell / 5) * 2.5 - 5.0);
         csv += &format!("{a:?},{b:?},{:?}\n", y + 0.3 * noise(&mut state));
@@ -170,7 +175,8 @@ fn grid(read: &dyn Fn(f64, f64) -> (f64, f64, f64)) -> Source {
     Source::new("new.csv", csv)
 }
 
-/// The sensor of a reads 1.06 times the truth: the upper edge of the grid reads 10.6 bar, beyond the range. Those fifteen rows tell most about it.
+/// The sensor of a reads 1.06 times the true value: the upper edge of the grid is read as 10.6 bar, outside the range. Those fifteen rows contain
+/// most information about it.
 #[test]
 fn rows_that_a_faulty_sensor_reads_beyond_the_range_take_part() {
     let found = diagnosed(BENCH, &[grid(&|a, b| (1.06 * a, b, bench(a, b)))]);
@@ -181,7 +187,8 @@ fn rows_that_a_faulty_sensor_reads_beyond_the_range_take_part() {
     assert!(gain.low < 1.06 && 1.06 < gain.high && gain.high - gain.low < 0.04, "{gain:?}");
 }
 
-/// The same readings of a sensor that is right: the runs were made beyond the range, where the response saturates. The file says nothing about that, and nothing is said against the file.
+/// The same readings from a correct sensor: the runs were made outside the range, where the response saturates. The file makes no statement about
+/// this region, and the diagnosis finds nothing wrong with the file.
 #[test]
 fn rows_beyond_the_range_say_nothing_where_no_sensor_explains_them() {
     let found = diagnosed(
@@ -192,7 +199,8 @@ fn rows_beyond_the_range_say_nothing_where_no_sensor_explains_them() {
     assert_eq!((found.responses[0].rows, found.responses[0].outside.len()), (60, 15));
 }
 
-/// A bias of twice the noise, but for the last three runs, which happen to be low: a step before them fits better, by choice of its place alone.
+/// A bias of twice the noise, except for the last three runs, which are low by chance. A step before them fits better, only because its place was
+/// chosen.
 #[test]
 fn a_change_three_runs_before_the_end_is_a_bias() {
     let source = grid(&|a, b| (a, b, bench(a, b) + 0.6));
@@ -205,7 +213,7 @@ fn a_change_three_runs_before_the_end_is_a_bias() {
     assert!(labels(&found).contains(&"sensor-bias:y"), "{:?}", labels(&found));
 }
 
-/// The grid with a further column, whose text is `cell` of its value, and a response that it moves by 2 V over its range.
+/// The grid with an additional column, whose text is `cell` of its value, and a response that changes by 2 V over the range of this column.
 fn warm(header: &str, values: &dyn Fn(usize) -> f64, cell: &dyn Fn(f64) -> String) -> Source {
     let plain = grid(&|a, b| (a, b, bench(a, b)));
     let mut csv = String::new();
@@ -222,7 +230,7 @@ fn warm(header: &str, values: &dyn Fn(usize) -> f64, cell: &dyn Fn(f64) -> Strin
     Source::new("rows.csv", csv)
 }
 
-/// What varies in the new data may stand still, lack or be text in the files that judge: the diagnosis stands in every case.
+/// A column that varies in the new data may be constant, missing or text in the validation files: the diagnosis is completed in every case.
 #[test]
 fn columns_that_judging_files_have_otherwise_lose_no_diagnosis() {
     let checked = Checked::read(&Source::new("bench.toml", BENCH)).unwrap();
@@ -237,7 +245,7 @@ fn columns_that_judging_files_have_otherwise_lose_no_diagnosis() {
         let response = &found.responses[0];
         let on_files = response.holdout_source.contains("files for validation");
         let notes = response.notes.iter().filter(|note| note.contains("rows.csv cannot")).count();
-        // One note for the files that judge, one for those that test.
+        // One note for the validation files, one for the test files.
         assert_eq!(notes, if on_files { 0 } else { 2 }, "{:?}", response.notes);
         (on_files, response.extended.noise_ratio, response.tested.as_ref().map_or(f64::NAN, |it| it.extended.noise_ratio))
     };
@@ -255,24 +263,24 @@ fn columns_that_judging_files_have_otherwise_lose_no_diagnosis() {
         let (on_files, ratio, on_test) = judged(source);
         assert!(!on_files && ratio < 1.5 && on_test.is_nan(), "{ratio} {on_test}");
     }
-    // The other way round: what stands still in the new data says nothing there, and the reader hears why.
+    // The opposite case: a column that is constant in the new data has no information there, and the reader is told the reason.
     let quiet = NewData::read(checked.model(), &[warm(",temperature[degC]", &still, &number)], None).unwrap();
     assert_eq!(quiet.ignored, [("temperature".to_string(), "it has one value only".to_string())]);
     let judging = NewData::read_like(checked.model(), &[warm(",temperature[degC]", &varies, &number)], &quiet).unwrap();
     let found = diagnose(&checked, &quiet, Some(&judging), &mut |_| {}).unwrap();
     assert_eq!(labels(&found), ["sensor-bias:y"]);
-    // One of two files of new data lacks it.
+    // One of two files of new data does not have it.
     let both = [warm(",temperature[degC]", &varies, &number), warm("", &varies, &number)];
     let both = NewData::read(checked.model(), &both, None).unwrap();
     assert_eq!(both.ignored[0], ("temperature".to_string(), "rows.csv does not have it".to_string()));
 }
 
-/// Levels that the new data have are levels in a file that has one of them.
+/// Levels of the new data are also levels in a file that contains only one of them.
 #[test]
 fn an_offset_of_a_level_is_judged_on_a_file_of_that_level_alone() {
     let checked = Checked::read(&Source::new("bench.toml", BENCH)).unwrap();
     let rig = |value: f64| if value > 30.0 { "b".to_string() } else { "a".to_string() };
-    // Rig b, at 50 degC as `warm` counts it, reads 2 V too much.
+    // Rig b, at 50 degC as computed in `warm`, reads 2 V too much.
     let data = warm(",rig", &|row| if row % 3 == 0 { 50.0 } else { 30.0 }, &rig);
     let data = NewData::read(checked.model(), &[data], None).unwrap();
     let only_b = NewData::read_like(checked.model(), &[warm(",rig", &|_| 50.0, &rig)], &data).unwrap();
@@ -287,7 +295,7 @@ fn an_offset_of_a_level_is_judged_on_a_file_of_that_level_alone() {
     );
 }
 
-/// Test rows are not looked at before everything else stands.
+/// Test rows are used only after all other results are fixed.
 #[test]
 fn test_rows_change_their_figures_and_nothing_else() {
     let checked = Checked::read(&Source::new("bench.toml", BENCH)).unwrap();
@@ -302,7 +310,8 @@ fn test_rows_change_their_figures_and_nothing_else() {
     assert!(answer == same && like > 0.9 && unlike < 0.0, "{like} {unlike}");
 }
 
-/// Readings, or a model, of which no squares are numbers: a message, where the tails of a distribution were asked for nothing (a panic).
+/// Readings, or a model, whose squares exceed the range of f64 give a message. Without it, the tail of a distribution would be computed for NaN,
+/// which is a panic.
 #[test]
 fn magnitudes_without_squares_are_refused() {
     let model = |coefficient: &str| {
@@ -325,8 +334,8 @@ fn magnitudes_without_squares_are_refused() {
     assert_eq!(diagnosed(&model("1.5"), &[rows("1.7")]).responses.len(), 1);
 }
 
-/// Runs that pass through an input in order make of whatever the surface lacks errors that follow each other. Those are noise only where nothing predicts them: a wave over the input does here, and in a
-/// drift of the sensor that has nothing to do with it nothing does.
+/// Runs that pass through an input in order turn any missing term into errors that are correlated with their neighbours. Such errors are noise only
+/// if nothing predicts them. Here a wave over the input predicts them; a sensor drift that is unrelated to the input is predicted by nothing.
 #[test]
 fn errors_that_follow_each_other_are_structure_where_a_wave_over_an_input_predicts_them() {
     let swept = |wave: f64, drift: f64| {

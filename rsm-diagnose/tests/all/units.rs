@@ -1,4 +1,5 @@
-//! Columns in another unit: every column of every plant with every factor, on plants that are off within their tolerances and have noise; and records in which nothing is.
+//! Columns in another unit: every column of every plant with every factor, for plants with errors within their tolerances and noise; and records
+//! without such a column.
 
 use crate::random::Random;
 use rsm_diagnose::plant::other_units::alternative_units;
@@ -9,7 +10,7 @@ use rsm_sim::record::{Drive, Record, inputs};
 
 use super::{axis_record, car_record, effect, motor_record, plant, record, run};
 
-/// The nominal plant, and a record of a true one that is drawn within its tolerances.
+/// The nominal plant, and a record of a true plant with random errors within its tolerances.
 fn case(name: &str, more: &str, seed: u64) -> (PlantFile, Record) {
     let mut random = Random::new(seed);
     let nominal = plant(name, "");
@@ -28,7 +29,7 @@ fn case(name: &str, more: &str, seed: u64) -> (PlantFile, Record) {
     for (k, signal) in nominal.kind.outputs().iter().enumerate() {
         let Some(values) = outputs.of(signal.name) else { continue };
         let largest = values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
-        // Half a per cent of the largest reading.
+        // The noise is half a per cent of the largest reading.
         let noisy = values.iter().map(|value| value + 0.005 * largest * random.normal());
         record.measured[k] = Some(noisy.collect());
     }
@@ -55,7 +56,7 @@ fn found(plant: &PlantFile, record: Record) -> Vec<WrongUnit> {
     find(plant, &[record], 1).into_iter().map(|it| it.0).collect()
 }
 
-/// Whether one column is named with its factor, alone or among those that the records do not tell apart.
+/// Whether one column is named with its factor, alone or among those that the records cannot distinguish.
 fn is_named(found: &[WrongUnit], column: &str, factor: f64) -> bool {
     let [one] = found else { return false };
     let its = one.columns == [column] && (one.factor / factor - 1.0).abs() < 1e-6;
@@ -75,7 +76,7 @@ fn every_column_in_another_unit_is_named_as_that() {
                 for factor in [other.factor, 1.0 / other.factor] {
                     let found = found(&nominal, scaled(&record, &nominal, signal.name, factor));
                     cases += 1;
-                    // A quarter of a load of 0.5 to 1.5 N m moves the motor by little more than its noise: then nothing is said.
+                    // A quarter of a load of 0.5 to 1.5 N m changes the motor's signals by little more than the noise: then nothing may be reported.
                     let hardly_shown = signal.name == "load_torque" && factor.max(1.0 / factor) < 1.5;
                     let right = is_named(&found, signal.name, factor) || (hardly_shown && found.is_empty());
                     if !right {

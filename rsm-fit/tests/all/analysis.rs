@@ -1,7 +1,7 @@
-//! The analysis of linear models with blocks against the figures of R and its package rsm, on textbook cases of response surfaces.
+//! The analysis of linear models with blocks, compared with the results of R and its package rsm, for textbook cases of response surfaces.
 //!
-//! Tolerance: 1e-10 of the value, or of the largest of a list where values come near 0. R holds some 13 digits (the data's README: cross-checks agree to 6e-13).
-//! Paths there are rounded to three decimals, and their values are those at the rounded points.
+//! Tolerance: 1e-10 of the value, or of the largest value of a list if values are near 0. The results of R have about 13 digits (the data's README:
+//! cross-checks agree to 6e-13). The paths of R are rounded to three decimals, and their values are those at the rounded points.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ struct Case {
     name: &'static str,
     file: &'static str,
     rows: std::ops::Range<usize>,
-    /// Columns with centre and half range; 0 and 1 where they are coded already.
+    /// Columns with centre and half range; 0 and 1 if they are already coded.
     factors: &'static [(&'static str, f64, f64)],
     block: Option<&'static str>,
     response: &'static str,
@@ -103,7 +103,7 @@ fn column(folder: &Path, case: &Case, name: &str) -> Vec<String> {
 
 struct Made {
     analysis: Analysis,
-    /// The names there, of the constant and each column.
+    /// The names in R's results, of the constant and of each column.
     names: Vec<String>,
     powers: Vec<Vec<u32>>,
 }
@@ -192,7 +192,7 @@ fn blocks_variance_influence_and_criteria_agree() {
             };
             let theirs = &lines[name];
             assert_eq!(line.df as f64, theirs["df"].as_f64().unwrap(), "{name}");
-            // A sum of squares of 0.06 in a total of 100 has lost three digits there.
+            // A sum of squares of 0.06 in a total of 100 has lost three digits in R.
             let total: f64 = analysis.sequential.iter().map(|line| line.ss).sum();
             close(name, line.ss, &theirs["ss"], 1e-3 * total);
             match line.f {
@@ -220,11 +220,11 @@ fn stationary_points_axes_and_paths_agree() {
         let theirs = &expected["r_full_precision"][case.name];
         let Made { analysis, powers, .. } = made(&folder, case);
         let width = case.factors.len();
-        // Without the block: at its first level.
+        // Without the block, at its first level.
         let terms = powers.iter().zip(&analysis.coefficients).filter(|(powers, _)| !powers.is_empty());
         let surface = Quadratic::of_terms(width, terms.map(|(powers, it)| (&powers[..], it.value))).unwrap();
         let of_point = |point: &Value| (1..=width).map(|k| point[format!("x{k}")].as_f64().unwrap()).collect::<Vec<f64>>();
-        // There an eigenvalue below a tenth of the largest counts as 0; without that rule it is ours.
+        // R treats an eigenvalue below a tenth of the largest as 0. Without that rule its result is comparable with ours.
         let key = |name: &str| {
             if theirs.get(format!("{name}_threshold0")).is_some() { format!("{name}_threshold0") } else { name.to_string() }
         };
@@ -242,7 +242,8 @@ fn stationary_points_axes_and_paths_agree() {
                 assert!(axis.iter().zip(&theirs).all(|(a, b)| (sign * a - b).abs() < 1e-10), "{axis:?} {theirs:?}");
             }
         }
-        // Half a unit of the third decimal; the search for the distance ends there some 1e-4 from it. The value is that of the rounded point, rounded.
+        // Half a unit of the third decimal; R's search for the distance stops about 1e-4 from it. The value is that of the rounded point, and is
+        // itself rounded.
         let near = |found: &rsm_fit::analysis::PathPoint, theirs: &Value| {
             let at = of_point(theirs);
             assert!(found.at.iter().zip(&at).all(|(a, b)| (a - b).abs() <= 1e-3), "{found:?} {theirs}");
@@ -266,7 +267,7 @@ fn stationary_points_axes_and_paths_agree() {
                     found.at.iter().zip(of_point(point)).all(|(a, b)| (a - b).abs() <= 0.501e-3)
                 })
             };
-            // The sign of an axis is free.
+            // The sign of an axis is arbitrary.
             assert!(own(1.0) || own(-1.0), "{path:?}");
         }
     }

@@ -1,6 +1,6 @@
-//! Random feasible problems with constraints, from a seed: each ends with a proof, near the least residual sum of squares.
+//! Random feasible problems with constraints, from a seed. Each fit must end with a proof, near the smallest residual sum of squares.
 //!
-//! A constant keeps bounds that hold it, and is monotone and convex: with a constant term every problem here has a solution.
+//! A constant satisfies any bounds that contain it, and is monotone and convex. So with a constant term every problem here has a solution.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT};
@@ -34,7 +34,7 @@ fn problem(seed: u64) -> Problem {
     let inputs = 1 + (seed % 4) as usize;
     let order = 2 + (seed / 4 % 4) as usize;
     let kind = seed / 16 % 3;
-    // Rows for all terms and half as many again.
+    // The number of terms, and half as many rows again.
     let terms = (1..=inputs).fold(1, |count, k| count * (order + k) / k);
     let count = terms * 3 / 2 + 10;
     let slopes: Vec<f64> = (0..inputs).map(|_| random.normal()).collect();
@@ -77,8 +77,9 @@ fn solved(problem: &Problem) -> Outcome {
     fitted(&problem.specification, &Files::of("data.csv", &problem.data))
 }
 
-/// A lower bound of the least residual sum of squares: a quadratic program in plain monomials with the constraint at some points
-/// only. Points come in where the solution breaks it, so that the bound ends near the least sum; it is one in each round. Ends where it is as near to `found` as is asked.
+/// A lower bound of the smallest residual sum of squares: a quadratic program in plain monomials with the constraint at some points only. Points are
+/// added where the solution violates the constraint, so the bound approaches the smallest sum; it is a valid bound in each round. It stops when the
+/// bound is sufficiently close to `found`.
 fn relaxed(problem: &Problem, near: &[Vec<f64>], found: f64) -> f64 {
     let inputs = problem.rows[0].0.len();
     let powers: Vec<Vec<i32>> = (0..inputs).fold(vec![vec![]], |begun: Vec<Vec<i32>>, _| {
@@ -88,7 +89,7 @@ fn relaxed(problem: &Problem, near: &[Vec<f64>], found: f64) -> f64 {
         };
         begun.iter().flat_map(longer).collect()
     });
-    // The value of each monomial, derived `orders[k]` times with respect to input k.
+    // The value of each monomial, differentiated `orders[k]` times with respect to input k.
     let derived = |x: &[f64], orders: &[i32]| -> Vec<f64> {
         let one = |x: f64, power: i32, order: i32| {
             let factor: f64 = (0..order).map(|k| f64::from(power - k)).product();
@@ -98,7 +99,7 @@ fn relaxed(problem: &Problem, near: &[Vec<f64>], found: f64) -> f64 {
     };
     let unit =
         |axes: &[usize]| (0..inputs).map(|k| axes.iter().filter(|axis| **axis == k).count() as i32).collect::<Vec<i32>>();
-    // The rows n . b >= d that the constraint asks at a point; of a convex surface the one across its least curvature.
+    // The rows n . b >= d of the constraint at a point. For a convex surface: the row for the direction of smallest curvature.
     let asked = |x: &[f64], b: &DVector<f64>| -> Vec<(Vec<f64>, f64)> {
         match problem.asked {
             Asked::Bounds(low, high) => {
@@ -136,14 +137,15 @@ fn relaxed(problem: &Problem, near: &[Vec<f64>], found: f64) -> f64 {
     let mut rows: Vec<(Vec<f64>, f64)> = Vec::new();
     let mut known = near.to_vec();
     let sum = |b: &DVector<f64>| (&design * b - &response).norm_squared();
-    // Forty rounds are usual; convex in four inputs takes three times as many, for the error of the bound falls by a tenth a round.
+    // Usually about forty rounds are needed. A convex surface in four inputs needs three times as many, because the error of the bound falls by a
+    // tenth in each round.
     for _ in 0..200 {
         if found / sum(&b) - 1.0 < NEAR / 2.0 {
             break;
         }
         let mut points = known.clone();
         points.extend((0..4000).map(|_| {
-            // Half of the coordinates at an end: that is where much happens.
+            // Half of the coordinates are at an end of the range, because many constraints are active there.
             (0..inputs).map(|_| (4.0 * random.share() - 2.0).clamp(-1.0, 1.0)).collect::<Vec<f64>>()
         }));
         for point in &known {
@@ -166,7 +168,7 @@ fn relaxed(problem: &Problem, near: &[Vec<f64>], found: f64) -> f64 {
             break;
         }
         broken.sort_by(|one, other| other.0.total_cmp(&one.0));
-        // Not all at one place.
+        // The points must not all be close together.
         let mut apart: Vec<Vec<f64>> = Vec::new();
         for (_, x, row) in broken {
             let is_near = |other: &Vec<f64>| other.iter().zip(&x).all(|(a, b)| (a - b).abs() < 0.03);
@@ -181,10 +183,10 @@ fn relaxed(problem: &Problem, near: &[Vec<f64>], found: f64) -> f64 {
     sum(&b)
 }
 
-/// The share by which a sum of squares may lie above the least one.
+/// The share by which a sum of squares may exceed the smallest one.
 const NEAR: f64 = 1e-4;
 
-/// b with the least b'Sb/2 - r'b whose rows hold.
+/// The vector b with the smallest b'Sb/2 - r'b that satisfies the rows.
 fn program(square: &DMatrix<f64>, right: &DVector<f64>, rows: &[(Vec<f64>, f64)]) -> DVector<f64> {
     let width = right.len();
     let column = |k: usize, values: Vec<f64>| (k, values);
@@ -207,7 +209,7 @@ fn program(square: &DMatrix<f64>, right: &DVector<f64>, rows: &[(Vec<f64>, f64)]
     DVector::from(solver.solution.x.clone())
 }
 
-/// Fits the problem of a seed. What is wrong with it, if anything.
+/// Fits the problem of a seed. Returns the fault, if there is one.
 fn fault(seed: u64) -> Option<String> {
     let problem = problem(seed);
     let begin = std::time::Instant::now();
@@ -229,7 +231,7 @@ fn fault(seed: u64) -> Option<String> {
         "{}: {} rounds, shift {:.1e}, {seconds:.1} s, {excess:.1e} above the bound",
         problem.name, told.rounds, told.shift
     );
-    // Not below a lower bound, to the tolerance of the solver, 1e-8; not far above.
+    // The sum must not be below a lower bound, with the tolerance of the solver, 1e-8, and not far above it.
     (!(-1e-6..NEAR).contains(&excess)).then(|| format!("{}: {excess:e} above the least sum of squares", problem.name))
 }
 
@@ -240,7 +242,7 @@ fn expect_none(seeds: impl Iterator<Item = u64>) {
 
 #[test]
 fn feasible_bounds_and_slopes_end_with_a_proof_near_the_least_sum_of_squares() {
-    // Two that exchange of the worst place alone leaves unproven (10, 26), and some of one and two inputs.
+    // Two problems that exchange of the worst point alone leaves without a proof (10, 26), and some with one and two inputs.
     expect_none([4, 5, 10, 21, 26, 29].into_iter());
 }
 
@@ -249,10 +251,11 @@ fn feasible_convex_problems_of_three_and_four_inputs_end_with_a_proof() {
     expect_none([38, 39].into_iter());
 }
 
-/// What was found before there were proofs by sums of squares, a process a seed, 300 s at most on a machine that was busy: of seeds 91 to 269 all were proven near the least sum but 91, 95, 139, 143, 187, 191, 235 and 239 (convex, four inputs,
-/// order 4 and 5), which did not end, as 43; 90 took two minutes, 255 91 s, 266 63 s.
+/// Results before there were proofs by sums of squares, with one process for each seed and a limit of 300 s, on a busy machine. Of seeds 91 to 269,
+/// all were proven near the smallest sum except 91, 95, 139, 143, 187, 191, 235 and 239 (convex, four inputs, orders 4 and 5), which did not end; nor
+/// did 43. Seed 90 took two minutes, 255 91 s, 266 63 s.
 ///
-/// With them, on a machine that was busier, with a fifth of a core a process:
+/// Results with these proofs, on a busier machine, with a fifth of a core for each process:
 ///
 /// | seed | order | outcome |
 /// |---|---|---|

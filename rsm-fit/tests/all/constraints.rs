@@ -1,4 +1,4 @@
-//! Constraints on surfaces: cases worked by hand, and dense grids evaluated by the interpreter, which shares nothing with the fit.
+//! Constraints on surfaces: cases calculated by hand, and dense grids evaluated by the interpreter, which shares no code with the fit.
 
 use nalgebra::{DMatrix, DVector};
 use rsm_core::check::Checked;
@@ -11,7 +11,7 @@ use rsm_fit::statistics::ResponseStatistics;
 
 use crate::data::{Files, fitted};
 
-/// Fits y of x (range as in the data) or of x and z.
+/// Fits y as a function of x (range from the data) or of x and z.
 fn fit(header: &str, rows: &[Vec<f64>], rest: &str) -> Outcome {
     let files = Files::default();
     let line = |row: &Vec<f64>| row.iter().map(|value| format!("{value:e}")).collect::<Vec<_>>().join(",") + "\n";
@@ -48,12 +48,12 @@ fn evaluator(outcome: &Outcome) -> impl FnMut(&[f64]) -> (f64, bool) + use<> {
     }
 }
 
-/// n values from low to high.
+/// A grid of n values from low to high.
 fn grid(low: f64, high: f64, n: u32) -> Vec<f64> {
     (0..n).map(|k| low + (high - low) * f64::from(k) / f64::from(n - 1)).collect()
 }
 
-/// What an evaluator may miss by rounding: some 10^-15 of values near 1, and the slack of the proof, 10^-12 of the spread.
+/// The tolerance of an evaluator: rounding of about 10^-15 of values near 1, and the slack of the proof, 10^-12 of the spread.
 const ROUNDING: f64 = 1e-11;
 
 const LINE: &str = "select = { method = \"fixed\", order = 1 }";
@@ -66,20 +66,20 @@ fn a_falling_line_that_must_not_fall_becomes_the_mean() {
     let rest = format!("{LINE}\nconstraints = [{{ kind = \"monotone\", input = \"x\", direction = \"increasing\" }}]");
     let outcome = fit("x[A],y[V]", &rows, &rest);
     let found = coefficients(&outcome);
-    // Coded x sums to 0 over this grid, so the constant is the mean whatever the slope; the slope is the shift.
+    // The sum of coded x over this grid is 0, so the constant is the mean for any slope. The slope is the shift.
     assert!((found[0] - mean).abs() < 1e-15 * 10.0, "{found:?} {mean}");
     let spread = 10.0;
     assert!((found[1] / (SHIFT * spread) - 1.0).abs() < 1e-12, "{found:?}");
     let told = told(&outcome);
     assert!(told.active && told.constraints[0].distance >= 0.0 && !told.constraints[0].points.is_empty(), "{told:?}");
-    // The largest change is at an end: the slope of the free line over half the range.
+    // The largest change is at an end of the range: the slope of the unconstrained line times half the range.
     let free = fit("x[A],y[V]", &rows, LINE);
     let change = told.largest_change.as_ref().unwrap();
     assert!((change.value.abs() - coefficients(&free)[1].abs()).abs() < 1e-5, "{change:?}");
     assert!(change.at.0[0].1 == 0.0 || change.at.0[0].1 == 10.0, "{change:?}");
     assert_eq!(told.residual_sd_without, statistics(&free).residual_sd);
     assert!(statistics(&outcome).residual_sd > told.residual_sd_without);
-    // Figures that rest on free least squares are not given.
+    // Statistics that need unconstrained least squares are not given.
     assert!(statistics(&outcome).terms.iter().all(|term| term.standard_error.is_none() && term.p.is_none()));
 }
 
@@ -90,13 +90,13 @@ fn a_parabola_that_must_not_be_negative_touches_zero_where_it_was_least() {
     let rest = format!("{PARABOLA}\nconstraints = [{{ kind = \"bounds\", min = 0.0 }}]");
     let outcome = fit("x[A],y[V]", &rows, &rest);
     let found = coefficients(&outcome);
-    // The spread is 1, so a is the shift, and c smaller by shift * sum x^2/sum x^4.
+    // The spread is 1, so a is the shift, and c is smaller by shift * sum x^2/sum x^4.
     assert!((found[0] - SHIFT).abs() < 1e-13 && found[1].abs() < 1e-13, "{found:?}");
     assert!((found[2] - (1.875 - SHIFT * 2.5) / 2.125).abs() < 1e-13, "{found:?}");
     let report = &told(&outcome).constraints[0];
     assert_eq!(report.constraint, "bounds min 0");
     assert!(report.points.len() == 1 && report.points[0].0[0].1.abs() < 1e-3, "{report:?}");
-    // Proven, and no more than the shift away.
+    // The constraint is proven, and its distance is no more than the shift.
     assert!((0.0..=SHIFT).contains(&report.distance), "{report:?}");
 }
 
@@ -110,7 +110,7 @@ fn constraints_that_hold_anyway_leave_every_bit() {
     let bits = |outcome: &Outcome| coefficients(outcome).iter().map(|b| b.to_bits()).collect::<Vec<u64>>();
     assert_eq!(bits(&free), bits(&kept));
     assert!(!told(&kept).active && told(&kept).largest_change.is_none());
-    // The proven distances are the true ones, to the accuracy of the search: least 1, slope least at an end.
+    // The proven distances are the true ones, to the accuracy of the search: the smallest value is 1, and the slope is smallest at an end.
     assert!(told(&kept).constraints.iter().all(|report| report.distance > 0.0), "{:?}", told(&kept));
     assert_eq!(statistics(&free).terms, statistics(&kept).terms);
 }
@@ -118,7 +118,7 @@ fn constraints_that_hold_anyway_leave_every_bit() {
 #[test]
 fn contradictions_are_an_outcome_with_names() {
     let rows: Vec<Vec<f64>> = grid(-2.0, 2.0, 9).into_iter().map(|x| vec![x, x]).collect();
-    // Odd: at 0 the surface is 0, whatever its coefficients.
+    // An odd surface is 0 at 0, for any coefficients.
     let odd = "symmetry = { x = \"odd\" }\n";
     for (rest, expected) in [
         (format!("{odd}{LINE}\nconstraints = [{{ kind = \"bounds\", min = 1.0 }}]"), "bounds min 1"),
@@ -144,27 +144,27 @@ fn contradictions_are_an_outcome_with_names() {
 
 #[test]
 fn a_bound_holds_on_both_sides_of_an_odd_input() {
-    // y = x for -2 to 2; where y keeps above -1 at x < 0, it keeps below 1 at x > 0: the slope is a half, less the shift.
+    // y = x for -2 to 2. If y is above -1 at x < 0, it is below 1 at x > 0, because the surface is odd: the slope is 1/2 minus the shift.
     let rows: Vec<Vec<f64>> = grid(-2.0, 2.0, 9).into_iter().map(|x| vec![x, x]).collect();
     for bound in ["min = -1", "max = 1", "min = -1, max = 3"] {
         let rest = format!("symmetry = {{ x = \"odd\" }}\n{LINE}\nconstraints = [{{ kind = \"bounds\", {bound} }}]");
         let outcome = fit("x[A],y[V]", &rows, &rest);
         let mut value = evaluator(&outcome);
         let ends = [value(&[-2.0]).0, value(&[2.0]).0];
-        // Spread 4.
+        // The spread is 4.
         assert!((ends[1] - (1.0 - 4.0 * SHIFT)).abs() < ROUNDING && ends[0] == -ends[1], "{bound}: {ends:?}");
     }
 }
 
 #[test]
 fn a_kink_that_bends_the_wrong_way_is_straightened() {
-    // Lines on both sides of 2: their own curvature is 0, only the kink bends.
+    // Straight lines on both sides of 2: their own curvature is 0, only the kink has a curvature.
     let form = "knots = [{ input = \"x\", at = 2.0 }]\nselect = { method = \"fixed\" }\nterms = [[0, 0], [1, 0], [0, 1]]";
     for (kind, sign) in [("convex", 1.0), ("concave", -1.0)] {
         let rows: Vec<Vec<f64>> = grid(0.0, 6.0, 13).into_iter().map(|x| vec![x, -sign * (x - 2.0).abs()]).collect();
         let rest = format!("{form}\nconstraints = [{{ kind = \"{kind}\" }}]");
         let outcome = fit("x[A],y[V]", &rows, &rest);
-        // Spread 4; without the constraint the hinge of -|x - 2| is -2 per unit of x, -6 per half range.
+        // The spread is 4. Without the constraint, the hinge of -|x - 2| is -2 per unit of x, -6 per half range.
         let hinge = coefficients(&outcome)[2];
         assert!((sign * hinge - 4.0 * SHIFT).abs() < ROUNDING, "{kind}: {hinge}");
         let report = &told(&outcome).constraints[0];
@@ -172,7 +172,7 @@ fn a_kink_that_bends_the_wrong_way_is_straightened() {
     }
 }
 
-/// Noise without a generator: the fraction of a multiple of the golden ratio, in [-0.5, 0.5).
+/// Deterministic noise: the fractional part of a multiple of the golden ratio, in [-0.5, 0.5).
 fn noise(k: usize) -> f64 {
     (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5
 }
@@ -208,7 +208,7 @@ fn monotone_in_every_form_of_surface() {
             let values: Vec<f64> = grid(rows[0][0], rows[rows.len() - 1][0], 5001).iter().map(|x| value(&[*x]).0).collect();
             let worst = values.windows(2).map(|pair| sign * (pair[1] - pair[0])).fold(f64::INFINITY, f64::min);
             assert!(worst > -ROUNDING, "{rest}: {worst}");
-            // Not by giving up: the surface is still the better one of its direction.
+            // The constraint is active, so the residual standard deviation is larger than without it.
             let free = told(&outcome).residual_sd_without.unwrap();
             assert!(statistics(&outcome).residual_sd.unwrap() > free, "{rest}");
         }
@@ -226,8 +226,8 @@ fn corner() -> Vec<Vec<f64>> {
     rows
 }
 
-/// Least squares with a penalty on a dense grid, by Newton's method: what it finds is a lower bound of the constrained residual
-/// sum of squares, since a penalty and a grid both ask less.
+/// Least squares with a penalty on a dense grid, by Newton's method. Its result is a lower bound of the constrained residual sum of squares, because
+/// a penalty and a grid are both weaker than the constraint.
 fn penalised(rows: &[Vec<f64>], order: u32, least: f64) -> f64 {
     let powers: Vec<[i32; 2]> = (0..=order as i32).flat_map(|n| (0..=n).map(move |k| [n - k, k])).collect();
     let row = |x: f64, z: f64| {
@@ -254,7 +254,7 @@ fn penalised(rows: &[Vec<f64>], order: u32, least: f64) -> f64 {
             }
             let step = matrix.cholesky().unwrap().solve(&right) - &b;
             let now = value(&b);
-            // A full step may run into rows that were slack: halve it until it helps.
+            // A full step may violate rows that were not active, so the step is halved until it reduces the sum.
             let Some(share) = (0..30).map(|k| 0.5f64.powi(k)).find(|share| value(&(&b + *share * &step)) < now) else { break };
             b += share * step;
         }
@@ -273,12 +273,13 @@ fn bounds_in_two_inputs_cost_what_brute_force_finds() {
             .iter()
             .flat_map(|x| grid(-3.0, 3.0, 201).into_iter().map(|z| value(&[*x, z]).0).collect::<Vec<_>>())
             .fold(f64::INFINITY, f64::min);
-        // Kept everywhere, and met somewhere: the grid has the corner, and an inner touch falls between its points by 1/100.
+        // The constraint is satisfied everywhere, and active somewhere. The grid contains the corner; an active point inside is at most 1/100 from a
+        // grid point.
         assert!(least > 0.4 - ROUNDING && least < 0.4 + 1e-3, "{order}: {least}");
         let freedom = statistics(&outcome).rows - statistics(&outcome).terms.len();
         let found = statistics(&outcome).residual_sd.unwrap().powi(2) * freedom as f64;
         let bound = penalised(&corner(), order, 0.4);
-        // The grid of the brute force misses touches by 1/48 of a side: some 10^-4 of the value, its penalty 10^-6.
+        // An active point may be 1/48 of a side from the grid of the brute-force method: about 10^-4 of the value, 10^-6 in the penalty.
         assert!(found > bound * (1.0 - 1e-9) && found < bound * (1.0 + 1e-3), "{order}: {found} {bound}");
         assert!(statistics(&outcome).residual_sd.unwrap() > 1.01 * told(&outcome).residual_sd_without.unwrap());
     }
@@ -286,7 +287,7 @@ fn bounds_in_two_inputs_cost_what_brute_force_finds() {
 
 #[test]
 fn a_corner_that_the_support_leaves_out_is_not_constrained() {
-    // Without the corner of high x and low z, where it is negative.
+    // Without the corner of high x and low z, where the response is negative.
     let rows: Vec<Vec<f64>> = corner().into_iter().filter(|row| row[0] / 4.0 - row[1] / 3.0 < 1.1).collect();
     let rest = format!("{PARABOLA}\nconstraints = [{{ kind = \"bounds\", min = 0.75 }}]");
     let whole = fit("x[A],z[A],y[V]", &rows, &rest);
@@ -303,8 +304,8 @@ fn a_corner_that_the_support_leaves_out_is_not_constrained() {
             least_inside = if inside { least_inside.min(y) } else { least_inside };
         }
     }
-    // Kept where there are data, and not where there are none. The bound is met at the edge, to within a cell of the search and
-    // one of this grid.
+    // The constraint is satisfied where there are data, and violated where there are none. The bound is active at the edge, to within one cell of the
+    // search and one cell of this grid.
     assert!(least_inside > 0.75 - ROUNDING && least_inside < 0.76, "{least_inside}");
     assert!(least < 0.7, "{least}");
 }

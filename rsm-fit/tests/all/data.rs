@@ -7,12 +7,12 @@ use rsm_core::source::Source;
 use rsm_fit::fit::{Outcome, fit, fit_sources};
 use rsm_fit::spec::Specification;
 
-/// The specification of a text whose paths are relative to a folder.
+/// The specification of a text; its paths are relative to a folder.
 pub fn specification(text: &str, folder: &Path) -> Specification {
     Specification::from_source(Source::new("fit.toml", text), folder.to_path_buf()).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// The fit of a text whose data lie in a folder.
+/// The fit of a text whose data are in a folder.
 pub fn fitted_in(text: &str, folder: &Path) -> Outcome {
     fit(&specification(text, folder), &mut |_| {}).unwrap_or_else(|refused| panic!("{refused}"))
 }
@@ -35,7 +35,7 @@ impl Files {
         files
     }
 
-    /// Adds a file, in the place of one with the same name.
+    /// Adds a file, or replaces the file with the same name.
     pub fn file(&self, name: &str, text: &str) -> &Self {
         let mut sources = self.0.borrow_mut();
         sources.retain(|source| source.name() != name);
@@ -44,7 +44,7 @@ impl Files {
         self
     }
 
-    /// The file of a name.
+    /// The file with this name.
     pub fn get(&self, name: &str) -> Source {
         self.0.borrow().iter().find(|source| source.name() == name).expect("a file in memory").clone()
     }

@@ -1,4 +1,4 @@
-//! Where measured and certified data lie. Included by path in the tests of other crates too.
+//! The folders of measured and certified data. The tests of other crates include this file by its path.
 
 #[path = "../../../tests/src/skipped.rs"]
 mod skipped;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use skipped::skipped;
 
-/// The published data beside the repository, or `None` where they are not there: said loudly, and a failure in CI.
+/// The published data beside the repository, or `None` if they are missing. In that case a message is printed, and CI fails.
 pub fn shared(set: &str) -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(set);
     if folder.is_dir() {
@@ -18,7 +18,7 @@ pub fn shared(set: &str) -> Option<PathBuf> {
     None
 }
 
-/// NIST's Statistical Reference Datasets, which ship with the project.
+/// NIST's Statistical Reference Datasets, which are part of the project.
 pub fn nist() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-fit/tests/nist-strd")
 }

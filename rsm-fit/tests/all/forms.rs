@@ -1,4 +1,4 @@
-//! Smooth steps that the data choose: on a measured flux map, on friction, and where there is nothing to bend.
+//! Sigmoid terms that the data choose: for a measured flux map, for friction, and for data that do not need them.
 
 use crate::data::fitted_in;
 use crate::folders::shared;
@@ -9,7 +9,8 @@ use rsm_fit::random::Random;
 use rsm_fit::spec::Form;
 use rsm_fit::{Fit, Input, Response, Select};
 
-/// The median over fresh splits of the error on test rows, in percent of the sd of the response; operations of the largest evaluator; sigmoids of the last.
+/// The median over new splits of the error on test rows, in percent of the sd of the response; the number of operations of the largest evaluator; the
+/// number of sigmoids in the last fit.
 fn flux(folder: &std::path::Path, response: &str, symmetry: &str, rest: &str, seeds: u64) -> (f64, usize, usize) {
     let mut found = Vec::new();
     let (mut operations, mut sigmoids) = (0, 0);
@@ -51,12 +52,13 @@ symmetry = {{ i_q = "{symmetry}" }}
     (found[found.len() / 2], operations, sigmoids)
 }
 
-/// A Gaussian process (squared exponential, a length an input, noise, all by likelihood) leaves 0.36 and 0.13 % on such splits. The goal is 1.5 times that.
+/// A Gaussian process (squared exponential, one length per input, noise, all by likelihood) has errors of 0.36 and 0.13 % on such splits. The goal is
+/// an error of at most 1.5 times that.
 #[test]
 fn smooth_steps_bring_the_measured_flux_map_to_the_error_of_a_gaussian_process() {
     let Some(folder) = shared("pmsyrm-flux-map") else { return };
     for (response, symmetry, gaussian_process) in [("psi_d", "even", 0.36), ("psi_q", "odd", 0.13)] {
-        // No word of sigmoids: the default finds them.
+        // The specification does not mention sigmoids: the default must find them.
         let select = "select = { method = \"stepwise\", max_order = 5 }";
         let (steps, operations, sigmoids) = flux(&folder, response, symmetry, select, 5);
         let (powers, ..) = flux(&folder, response, symmetry, &format!("{select}\nforms = [\"polynomial\"]"), 5);
@@ -81,7 +83,7 @@ impl Draws {
     }
 }
 
-/// Error on 500 fresh rows without noise, in percent of the sd of the response there, of the fit to `rows` rows with noise; and the outcome.
+/// For a fit to `rows` rows with noise: its error on 500 new rows without noise, in percent of the sd of the response there; and the outcome.
 fn known<const N: usize>(
     truth: impl Fn(&[f64; N]) -> f64,
     ranges: [[f64; 2]; N],
@@ -117,7 +119,7 @@ fn friction([v]: &[f64; 1]) -> f64 {
     (20.0 + 9.0 * (-(v / 0.03) * (v / 0.03)).exp()) * (v / 0.004).tanh() + 180.0 * v
 }
 
-/// Torque in N*m over throttle (0 to 1) and speed in 1000 rpm: the air saturates with the throttle, earlier where the engine turns slowly.
+/// Torque in N*m over throttle (0 to 1) and speed in 1000 rpm. The air flow saturates with the throttle, earlier at low engine speed.
 fn engine([throttle, speed]: &[f64; 2]) -> f64 {
     let fill = 1.0 - (-throttle / (0.04 + 0.05 * speed)).exp();
     fill * (190.0 - 9.0 * (speed - 3.2) * (speed - 3.2)) - 12.0 - 2.2 * speed
@@ -137,7 +139,7 @@ fn dry_friction_and_a_throttle_are_found_to_bend() {
     }
 }
 
-/// Where a polynomial is the truth, nothing is added, and the same terms with the same bits are chosen as if nothing else had been tried.
+/// If the true function is a polynomial, nothing is added, and the same terms with the same bits are chosen as without the other forms.
 #[test]
 fn where_powers_are_the_truth_they_stay() {
     let truth = |[a, b]: &[f64; 2]| 3.0 + 2.0 * a - a * b + 0.5 * b * b * b;
@@ -149,7 +151,7 @@ fn where_powers_are_the_truth_they_stay() {
     }
 }
 
-/// The current of a small motor at constant voltage and speed, over 30 turns of the rotor. Turns of another record judge.
+/// The current of a small motor at constant voltage and speed, over 30 turns of the rotor. The fit is tested on turns of another record.
 #[test]
 fn the_ripple_of_a_motor_is_found_over_its_rotor_angle() {
     let Some(folder) = shared("bldc-cogging") else { return };
@@ -194,7 +196,7 @@ inputs = ["angle"]
     assert!(certificate.tapes.iter().all(|tape| tape.error.is_finite() && tape.operations < 200));
 }
 
-/// Noise over an angle has no waves.
+/// Noise over an angle contains no waves.
 #[test]
 fn no_wave_is_found_where_there_is_none() {
     for seed in 1..=5 {

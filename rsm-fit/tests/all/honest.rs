@@ -1,6 +1,6 @@
-//! Is the error that is told the error that is there? Random surfaces from a seed, whose truth is known and asked at fresh points.
+//! Compares the reported error with the true error, for random surfaces from a seed. The truth is known, and is evaluated at new points.
 //!
-//! Surfaces, noise and the true error are made in `truth.rs`. Tests about files and warnings write files; the others fit in memory.
+//! Surfaces, noise and the true error are computed in `truth.rs`. Tests about files and warnings write files; the others fit in memory.
 
 use rsm_fit::fit::{Outcome, Verdict};
 use rsm_fit::random::Random;
@@ -37,10 +37,10 @@ fn median(values: &mut [f64]) -> f64 {
     values[values.len() / 2]
 }
 
-/// Which rows a fit keeps apart.
+/// The rows that a fit keeps for validation.
 type Aside = fn(Fit) -> Fit;
 
-/// (told error / true error, the error on the rows that chose / true error) of random surfaces.
+/// (reported error / true error, error on the rows for the choice / true error) of random surfaces.
 fn told_over_true(
     seeds: std::ops::Range<u64>,
     aside: Aside,
@@ -54,14 +54,14 @@ fn told_over_true(
         let outcome = aside(fit).select(Select::ladder(order, 99.99)).fit().unwrap();
         let found = statistics(&outcome);
         let told = found.test.as_ref().map(|test| test.rmse).or(found.cross_validation.as_ref().map(|cross| cross.errors.rmse));
-        // 2000 rows: the truth is known to 1/sqrt(4000) = 1.6 %.
+        // With 2000 rows the true error is known to 1/sqrt(4000) = 1.6 %.
         let truth = truth.error_of(&outcome, 2000, &mut random);
         (told.unwrap() / truth, found.validation.as_ref().map(|validation| validation.rmse / truth))
     };
     seeds.map(of_one).collect()
 }
 
-/// 1 to 6 inputs, 30 to 500 rows, noise 0.1 to 3 of the signal, each evenly in its logarithm.
+/// 1 to 6 inputs, 30 to 500 rows, noise of 0.1 to 3 times the signal, each uniform in its logarithm.
 fn anything(most_rows: f64) -> impl FnMut(&mut Random) -> (usize, usize, u32, f64) {
     move |random| {
         let inputs = 1 + random.below(6) as usize;
@@ -71,31 +71,31 @@ fn anything(most_rows: f64) -> impl FnMut(&mut Random) -> (usize, usize, u32, f6
     }
 }
 
-/// The median of |told / true - 1|.
+/// The median of |reported error / true error - 1|.
 fn off(pairs: &[(f64, Option<f64>)]) -> f64 {
     median(&mut pairs.iter().map(|(told, _)| (told - 1.0).abs()).collect::<Vec<f64>>())
 }
 
-/// The median of told / true: 1 where the told error neither flatters nor frightens.
+/// The median of reported error / true error: 1 if the reported error is unbiased.
 fn ratio(pairs: &[(f64, Option<f64>)]) -> f64 {
     median(&mut pairs.iter().map(|(told, _)| *told).collect::<Vec<f64>>())
 }
 
 #[test]
 fn the_error_that_is_told_is_the_true_one() {
-    // A hundred surfaces and every kind of split: the ignored test below.
+    // A hundred surfaces and every kind of split are in the ignored test below.
     let pairs = told_over_true(0..24, |fit| fit, anything(500.0));
     assert!((ratio(&pairs) - 1.0).abs() < 0.1, "{} {pairs:?}", ratio(&pairs));
-    // Of a single surface less can be asked: the r.m.s. of n errors scatters by 1/sqrt(2 n), 13 % for 30 rows and 3 % for 500. A hundred surfaces in the test below: 0.05
-    // to 0.08 in the median. Of these 24 half are within a tenth.
+    // For a single surface the requirement must be weaker: the r.m.s. of n errors has a relative standard deviation of 1/sqrt(2 n), 13 % for 30 rows
+    // and 3 % for 500. The medians over a hundred surfaces in the test below are 0.05 to 0.08. Here, half of the 24 surfaces must be within a tenth.
     let near = pairs.iter().filter(|(told, _)| (told - 1.0).abs() < 0.1).count();
     assert!(2 * near >= pairs.len(), "{near} {pairs:?}");
 }
 
 #[test]
 fn the_rows_that_chose_flatter_and_the_others_do_not() {
-    // A ladder that picked terms by the judging rows told a third of the true error here. The error of 60 rows is itself known to 9 % (one over the
-    // root of twice 60), so it is the median of told / true that must be near 1, and not that of each distance.
+    // A ladder that chose terms with the validation rows reported a third of the true error here. The error on 60 rows is itself known only to 9 %
+    // (one over the root of twice 60). So the median of reported / true must be near 1, not the median of each distance.
     let pairs = told_over_true(0..15, |fit| fit.validate_share(0.3, 7), |_| (5, 60, 4, 1.0));
     let chose = median(&mut pairs.iter().map(|(_, validation)| validation.unwrap()).collect::<Vec<f64>>());
     let told = median(&mut pairs.iter().map(|(told, _)| *told).collect::<Vec<f64>>());
@@ -121,8 +121,8 @@ fn the_error_that_is_told_is_the_true_one_whatever_the_rows() {
 
 #[test]
 fn few_rows_are_told_an_error_of_their_surface_or_none() {
-    // A line with a noise of a hundredth of its slope. Without one of four rows, and without one of the others to choose by, there were two rows, which a
-    // ladder may fit by a constant alone: the error of that constant, a hundred times that of the line, was told as the line's.
+    // A line with noise of a hundredth of its slope. Without one row of four, and without another for the choice, two rows remained, and a ladder may
+    // fit a constant to them. The error of that constant, a hundred times that of the line, was reported as the error of the line.
     let (mut told, mut none) = (0, 0);
     for seed in 0..40 {
         let mut random = Random::new(seed);
@@ -132,14 +132,15 @@ fn few_rows_are_told_an_error_of_their_surface_or_none() {
         match &statistics(&outcome).cross_validation {
             Some(cross) => {
                 told += 1;
-                // Far out of three rows in a row an error of ten times the noise may be; that of a constant is fifty times it and more.
+                // Far from the rows of a fit, an error of ten times the noise is possible; the error of a constant is fifty times the noise and more.
                 assert!(cross.errors.rmse < 0.3, "seed {seed}, {rows} rows: {}", cross.errors.rmse);
             }
             None => {
                 none += 1;
                 let words = outcome.responses[0].verdict.to_string();
                 let is_honest = match rows {
-                    // Two rows are fitted and one judges: a constant is all that may be chosen, and it is said not to do.
+                    // Two rows are fitted and one is used for validation: only a constant can be chosen, and the report says that it is not
+                    // sufficient.
                     3 => words.starts_with("confidence 99 % not reached, best"),
                     4 | 5 => words.contains("no rows are left that were not used to choose the model"),
                     _ => false,
@@ -179,13 +180,13 @@ fn noise_is_never_reached_at_any_offset() {
             assert!(warned.contains(&"explains-little") || warned.contains(&"judged-by-choosers"), "seed {seed}: {warned:?}");
         }
         if offset == 350.0 && !outcome.reached() {
-            // About zero it is all there: (8/350)^2 is 0.05 %.
+            // About zero, all of the response is explained: (8/350)^2 is 0.05 %.
             let verdict = &outcome.responses[0].verdict;
             let is_about_zero = matches!(verdict, Verdict::ReachedAboutZero { .. } | Verdict::NotReached { .. });
             assert!(is_about_zero, "seed {seed}: {verdict}");
         }
     }
-    // The stated rate is 1 % of fits of noise alone with 8 rows and more: of 80, three would be a chance of 1 in 20.
+    // The stated rate is 1 % of fits of pure noise with 8 rows and more. Of 80 fits, three alarms would have a probability of 1 in 20.
     assert!(tried > 60 && alarms <= 2, "{alarms} of {tried}");
 }
 
@@ -214,7 +215,7 @@ fn a_plane_does_not_reach_clean_quadratic_data_at_any_offset() {
 
 #[test]
 fn a_good_surface_through_noisy_data_is_reached() {
-    // A fifth of the spread is noise: no surface explains 99.9 % about the mean, and the terms that are there explain the rest.
+    // A fifth of the spread is noise: no surface explains 99.9 % about the mean, and the true terms explain the rest.
     let mut reached = 0;
     for seed in 0..20 {
         let mut random = Random::new(seed);
@@ -225,7 +226,7 @@ fn a_good_surface_through_noisy_data_is_reached() {
     assert!(reached >= 19, "{reached} of 20");
 }
 
-/// A right model with normal noise, replicates and a run order; `spoil` may change a row's response by its number in the run order.
+/// A correct model with normal noise, replicates and a run order. `spoil` may change the response of a row, depending on its number in the run order.
 fn clean(seed: u64, spoil: impl Fn(usize, f64) -> f64) -> String {
     let mut random = Random::new(seed);
     let mut runs: Vec<usize> = (0..40).collect();
@@ -255,7 +256,8 @@ fn warnings_on_clean_data_are_as_rare_as_stated() {
             *count.entry(kind).or_insert(0) += 1;
         }
     }
-    // 1 % each, and 2 % of lack of fit, which has two tests: 3 and 6 of 300, standard deviations 1.7 and 2.4. Four of them above.
+    // The rate is 1 % each, and 2 % for lack of fit, which has two tests: 3 and 6 of 300, with standard deviations 1.7 and 2.4. The limit is four
+    // standard deviations above.
     let most = |kind: &str| if kind == "lack-of-fit" { 15 } else { 9 };
     assert!(count.iter().all(|(kind, n)| *n <= most(kind)), "{count:?}");
     assert!(count.keys().all(|kind| ["lack-of-fit", "outliers", "correlated-residuals"].contains(kind)), "{count:?}");
@@ -273,7 +275,7 @@ fn each_thing_wrong_is_warned_of_by_its_name() {
     };
     for seed in 0..5 {
         let data = clean(seed, |_, y| y);
-        // The product is missing: replicates scatter by 0.5, it is 1.
+        // The product is missing in the model: replicates have a standard deviation of 0.5, the product is 1.
         let words = of("lack-of-fit", &data, "", "select = { method = \"fixed\", order = 1 }");
         assert!(words.contains("repeated points") || words.contains("x0*x1"), "{words}");
         let words = of("outliers", &clean(seed, |run, y| if run == 17 { y + 5.0 } else { y }), "", RIGHT);
@@ -356,12 +358,12 @@ fn repetitions_of_a_point_are_never_on_two_sides() {
         let sizes: Vec<usize> = (0..10).map(|part| parts.iter().filter(|other| **other == part).count()).collect();
         assert!(sizes.iter().all(|size| (1..=9).contains(size)), "{sizes:?}");
     }
-    // Through the fit: with every point twice, the second reading a copy, leaving out rows one by one would find each again.
+    // With every point twice, and the second reading a copy, leaving out single rows would predict each row from its copy.
     let truth = Truth { inputs: 1, terms: Vec::new(), offset: 0.0, noise: 1.0 };
     let (points, response) = truth.rows(12, &mut random);
     let twice = ([&points[..], &points].concat(), [&response[..], &response].concat());
     let found = truth.fit(twice).select(Select::order(8)).fit().unwrap();
-    // Order 8 through 12 points of noise explains them, and nothing that is left out.
+    // Order 8 through 12 points of noise explains these points, but no row that was left out.
     assert!(statistics(&found).r2.unwrap() > 0.5);
     assert!(statistics(&found).cross_validation.as_ref().unwrap().r2.unwrap() < 0.0);
 }

@@ -1,4 +1,4 @@
-//! Fits of rows in memory: the same as of the same rows in files, to the bit; faults in words.
+//! Fits of rows in memory: the same bits as for the same rows in files; faults as text.
 
 use nalgebra::{DMatrix, DVector};
 use rsm_core::model::{Evidence, Model, Symmetry};
@@ -8,7 +8,7 @@ use rsm_fit::fit::fit;
 use rsm_fit::random::Random;
 use rsm_fit::{Constraint, Fit, Input, Outcome, Response, Select, Specification, Verdict};
 
-/// A hundred points, three responses, a weight and a group for each; the last twenty rows in a file of their own.
+/// A hundred points, three responses, a weight and a group for each; the last twenty rows are in a separate file.
 struct Rows {
     a: Vec<f64>,
     b: Vec<f64>,
@@ -117,7 +117,7 @@ fn from_memory(fitted: &Rows, test: &Rows) -> Outcome {
         .unwrap()
 }
 
-/// The model without what names its files.
+/// The model without the names of its files.
 fn without_files(mut model: Model) -> String {
     for surface in &mut model.surfaces {
         surface.evidence.retain(|(name, _)| !["data", "specification", "test", "weights"].contains(&name.as_str()));
@@ -141,7 +141,7 @@ fn rows_in_memory_give_the_bits_that_they_give_from_files() {
         panic!("no data: {evidence:?}")
     };
     assert_eq!(data.len(), 1);
-    // The written model is read back: what was fitted in memory is checked, lowered and emitted like any other.
+    // The written model is read back: a model that was fitted in memory is checked, lowered and emitted like any other.
     memory.checked().unwrap();
 }
 
@@ -181,12 +181,12 @@ fn groups_are_left_out_together() {
         let fit = if grouped { fit.groups(fitted.a.iter().map(|a| *a > 0.0)) } else { fit };
         fit.fit().unwrap().statistics("y").unwrap().cross_validation.clone().unwrap().parts
     };
-    // Two groups are two parts; rows of their own are more.
+    // Two groups give two parts; without groups there are more.
     assert_eq!(fit(true), 2);
     assert!(fit(false) > 2);
 }
 
-/// What is asked for, and what is said of it.
+/// A request, and the expected message.
 type Case = (&'static str, Fit, &'static str);
 
 #[test]
@@ -235,7 +235,7 @@ fn what_cannot_be_fitted_is_told_in_words() {
     ];
     for (name, fit, expected) in cases {
         match fit.fit() {
-            // An odd response needs no symmetric data: the range is made so.
+            // An odd response needs no symmetric data: the range is made symmetric.
             Ok(_) => assert_eq!(expected, "", "{name}: nothing was told"),
             Err(refused) => {
                 let told = refused.to_string();

@@ -1,4 +1,4 @@
-//! The ladder of figure 1 on data whose truth is known.
+//! The ladder of figure 1 on data with a known truth.
 
 use rsm_core::model::{Input, Outside, Surface};
 use rsm_fit::dd::Dd;
@@ -17,7 +17,7 @@ fn grids(f: impl Fn(f64, f64) -> f64) -> Files {
         for i in 0..=steps {
             for j in 0..=steps {
                 let [x1, x2] = [i, j].map(|k| (f64::from(k) * 2.0 / f64::from(steps) - 1.0) * shift);
-                // Natural values whose coding in f64 is as exact as decimals allow.
+                // Natural values whose coding in f64 is as exact as decimals permit.
                 text += &format!("{},{},{:e}\n", 5.0 + 5.0 * x1, 3.0 * x2, f(x1, x2));
             }
         }
@@ -42,14 +42,14 @@ fn powers(outcome: &Outcome) -> Vec<Vec<u32>> {
 
 #[test]
 fn it_finds_the_terms_that_are_there_and_no_other() {
-    // Six terms of order up to 4; the first-order term of z is not among them.
+    // Six terms of order up to 4. The first-order term of z is not one of them.
     let truth = |x: f64, z: f64| 2.0 + 3.0 * x - 1.5 * x * z + 0.75 * z * z + 0.5 * x * x * z - 0.25 * x * x * z * z;
     let files = grids(truth);
     let outcome = ladder(&files, "select = { method = \"ladder\", max_order = 5, confidence = 99.9999999 }", true);
     assert!(outcome.reached(), "{}", outcome.responses[0].verdict);
     assert_eq!(powers(&outcome), [[0, 0], [1, 0], [1, 1], [0, 2], [2, 1], [2, 2]]);
     for (term, expected) in outcome.model.surfaces[0].terms.iter().zip([2.0, 3.0, -1.5, 0.75, 0.5, -0.25]) {
-        // The natural values of the grid are decimals rounded to f64: 2^-53 each, times a few.
+        // The natural values of the grid are decimals rounded to f64: a few times 2^-53 each.
         assert!((term.coefficient - expected).abs() < 1e-14, "{term:?}");
     }
 }
@@ -61,8 +61,8 @@ fn it_stops_at_the_fewest_regressors_that_reach_the_confidence() {
     let of = |confidence: f64| {
         ladder(&files, &format!("select = {{ method = \"ladder\", max_order = 4, confidence = {confidence} }}"), true)
     };
-    // C is taken about zero (15), where a constant alone has 90 % and more of it; so the ladder climbs until C about the mean reaches it too:
-    // x leaves the variance of 0.4 z^2, a 200th of that of 3 x.
+    // C is computed about zero (15), and a constant alone has 90 % of it and more. So the ladder continues until C about the mean also reaches the
+    // goal: x leaves the variance of 0.4 z^2, a 200th of that of 3 x.
     assert_eq!(powers(&of(90.0)), [[0, 0], [1, 0]]);
     assert_eq!(powers(&of(99.0)), [[0, 0], [1, 0]]);
     assert_eq!(powers(&of(99.9)), [[0, 0], [1, 0], [0, 2]]);
@@ -108,10 +108,10 @@ fn rows_beyond_the_range_are_fitted_as_measured_and_counted() {
                 [responses.y]\ninputs = [\"x\"]\nselect = { method = \"fixed\", order = 2 }\n";
     let outcome = fitted(text, &files);
     let coefficients: Vec<f64> = outcome.model.surfaces[0].terms.iter().map(|term| term.coefficient).collect();
-    // y = 1 + 2 xi^2 = 1 + 8 x^2 with x = xi/2, although the points at -3 and 3 are beyond the range.
+    // y = 1 + 2 xi^2 = 1 + 8 x^2 with x = xi/2, although the points at -3 and 3 are outside the range.
     assert_eq!(coefficients, [1.0, 0.0, 8.0]);
     assert_eq!(outcome.responses[0].rows_outside, 2);
-    // The evaluator clamps 9 to 2, where the surface is 9.
+    // The evaluator clamps the input 9 to 2, where the surface is 9.
     assert_eq!(outcome.responses[0].statistics.as_ref().unwrap().validation.as_ref().unwrap().max_abs_error, 0.0);
 }
 
@@ -147,8 +147,7 @@ fn replicates_of_the_unseen_data_weigh_by_their_number() {
         );
         fitted(&text, &files)
     };
-    // The constant 40 alone: SS_lof = 9 0^2 + 1 4^2 = 16, SS_y = 9 40^2 + 44^2 = 16336, C = 99.90206.
-    // Without the n_i it would be 99.548.
+    // Only the constant 40: SS_lof = 9 0^2 + 1 4^2 = 16, SS_y = 9 40^2 + 44^2 = 16336, C = 99.90206. Without the n_i it would be 99.548.
     let outcome = of("select = { method = \"fixed\" }\nterms = [[0]]");
     let confidence = outcome.responses[0].statistics.as_ref().unwrap().validation.as_ref().unwrap().confidence_c.unwrap();
     assert!((confidence - (100.0 - 1600.0 / 16336.0)).abs() < 1e-12, "{confidence}");
@@ -157,8 +156,8 @@ fn replicates_of_the_unseen_data_weigh_by_their_number() {
 
 #[test]
 fn one_term_takes_the_place_of_two() {
-    // Of 10 + 4 x^2 z^2, the second rung reaches 99.7 with x^2 and z^2; x^2 z^2 alone, two rungs above, does better than both. The
-    // judge of C about zero alone, which a correction of a plant uses.
+    // For 10 + 4 x^2 z^2, the second rung reaches 99.7 with x^2 and z^2; x^2 z^2 alone, two rungs above, is better than both. This uses the criterion
+    // of C about zero alone, as a correction of a plant does.
     let surface = Surface { inputs: vec!["x".into(), "z".into()], ..Surface::default() };
     let input = |name: &str| Input { name: name.into(), unit: "1".into(), range: [-1.0, 1.0], outside: Outside::Clamp };
     let of = |max_order: u32| {
@@ -197,7 +196,7 @@ fn validation_sees_the_saturation_of_the_written_model() {
 
 #[test]
 fn the_judging_rows_do_not_pick_the_terms() {
-    // Judged on the upper quarter of the range alone, no single term beside 1, x, x^2 raises C, though all up to x^5 are there.
+    // Validated only on the upper quarter of the range, no single term added to 1, x, x^2 raises C, although the truth has all terms up to x^5.
     let truth = |x: f64| 10.0 - 5.0 * x - 5.0 * x * x - x.powi(3) - 3.0 * x.powi(4) + 2.0 * x.powi(5);
     let grid = |from: f64, steps: u32| -> String {
         let x = |k: u32| from + (1.0 - from) * f64::from(k) / f64::from(steps);

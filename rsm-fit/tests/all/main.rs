@@ -1,4 +1,4 @@
-//! Tests of the fitter through its public face. One binary: each further one would link everything again.
+//! Tests of the fitter through its public interface, in one binary: each additional one would link everything again.
 
 mod analysis;
 mod constraint_family;

@@ -1,9 +1,8 @@
-//! NIST's linear least-squares sets, raw columns as published, against certified results.
+//! NIST's linear least-squares sets, with raw columns as published, compared with certified results.
 //!
-//! Digits of agreement are -log10 of the relative error against the certified 15-digit decimal, at most 15; of a certified
-//! zero, -log10 of the value. The floors stand just below what is left of the exact answer once the decimals are read into f64
-//! (coefficients, from the data's README: Norris 14.1, Pontius 13.5, NoInt1 14.7, Filip 14.0, Longley 14.6, Wampler2 13.2,
-//! others exact): no solver can keep more.
+//! Digits of agreement are -log10 of the relative error with respect to the certified 15-digit decimal, at most 15; for a certified zero, -log10 of
+//! the value. The lower limits are just below the accuracy that remains in the exact answer after the decimals are read into f64 (coefficients, from
+//! the data's README: Norris 14.1, Pontius 13.5, NoInt1 14.7, Filip 14.0, Longley 14.6, Wampler2 13.2, others exact): no solver can be more accurate.
 
 use serde_json::Value;
 
@@ -33,7 +32,7 @@ fn digits(found: f64, certified: &str) -> f64 {
     if relative == 0.0 { 15.0 } else { (-relative.log10()).min(15.0) }
 }
 
-/// The digits of the worst coefficient, the worst standard error, the residual standard deviation and R^2.
+/// The digits of the worst coefficient, of the worst standard error, of the residual standard deviation and of R^2.
 fn agreement(set: &str, certified: &Value, folder: &std::path::Path) -> [f64; 4] {
     let inputs: Vec<&str> = certified["columns"].as_array().unwrap()[1..].iter().map(|name| name.as_str().unwrap()).collect();
     let width = inputs.len();

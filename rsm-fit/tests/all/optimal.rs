@@ -1,4 +1,4 @@
-//! Optimal designs against the best-known designs of published problems, through the public interface.
+//! Optimal designs, compared with the best-known designs of published problems, through the public interface.
 //!
 //! The criterion is computed here with nalgebra, not with the code of the search.
 
@@ -17,7 +17,7 @@ fn published(file: &str) -> Option<Value> {
     Some(serde_json::from_str(&text).unwrap())
 }
 
-/// An optimal design of so many factors, each of them set within `setting`: `range = [-1, 1]` or `levels = [-1, 1]`.
+/// An optimal design with this number of factors, each of them with `setting`: `range = [-1, 1]` or `levels = [-1, 1]`.
 fn specification(criterion: &str, factors: usize, order: u64, runs: usize, setting: &str, more: &str) -> DesignSpecification {
     let factors: String = (1..=factors).map(|k| format!("[factors.x{k}]\nunit = \"1\"\n{setting}\n")).collect();
     let text = format!(
@@ -26,7 +26,7 @@ fn specification(criterion: &str, factors: usize, order: u64, runs: usize, setti
     DesignSpecification::from_source(Source::new("design.toml", text)).unwrap()
 }
 
-/// Only these points may be run.
+/// Restricts the design to these points.
 fn among(specification: &mut DesignSpecification, points: &Points, restarts: usize) {
     let Design::Optimal(wanted) = &mut specification.design else { unreachable!("an optimal design was asked for") };
     (wanted.candidates, wanted.restarts) = (Some(points.clone()), Some(restarts));
@@ -56,14 +56,14 @@ fn information(terms: &[Vec<u32>], points: &Points) -> DMatrix<f64> {
     rows.fold(DMatrix::zeros(terms.len(), terms.len()), |sum, row| sum + &row * row.transpose())
 }
 
-/// |X'X|^(1/p)/N, with the terms of the settings as they are.
+/// The criterion |X'X|^(1/p)/N, with the terms of the settings without coding.
 fn d_value(terms: &[Vec<u32>], points: &Points) -> f64 {
     let factor = information(terms, points).cholesky().unwrap().unpack();
     let log: f64 = factor.diagonal().iter().map(|x| 2.0 * x.ln()).sum();
     (log / terms.len() as f64).exp() / points.len() as f64
 }
 
-/// The published problems with so many factors.
+/// The published problems with this number of factors.
 fn best_known(of_factors: u64, problems: usize) {
     let Some(json) = published("d_optimal_exact.json") else { return };
     let all = json["problems"].as_array().unwrap();
@@ -78,12 +78,12 @@ fn best_known(of_factors: u64, problems: usize) {
         assert_eq!(points.len() as u64, count);
         assert!(points.iter().flatten().all(|x| (-1.0..=1.0).contains(x)));
         let (found, best) = (d_value(&wanted.terms, &points), problem["best_found_D"].as_f64().unwrap());
-        // The published numbers have nine digits behind the point: half of the last, of 0.18 at least.
+        // The published numbers have nine decimals. The tolerance is half of the last one; the values are at least 0.18.
         assert!(found >= best - 5e-10, "{factors} factors, order {order}, {count} runs: {found} {best}");
     }
 }
 
-// Several tests, so that they run on several cores.
+// Separate tests, so that they run on several cores.
 #[test]
 fn designs_of_two_factors_reach_the_best_known_determinant() {
     best_known(2, 15);
@@ -118,23 +118,24 @@ fn points_of_an_engine_map_reach_the_published_design() {
     let grid = grid(&[levels("AFR"), levels("EGR"), levels("SA")]);
     assert_eq!(grid.len(), 192);
     let mut wanted = specification("D", 3, 2, 50, "range = [-1, 1]", "");
-    // Without `restarts` the limit of work gives 41 starts of five draws each, which end at 46.5237.
+    // Without `restarts`, the limit of work permits 41 starts of five draws each, which end at 46.5237.
     among(&mut wanted, &grid, 100);
-    // 46.5246 percent, printed with four digits behind the point.
+    // The published value is 46.5246 percent, printed with four decimals.
     let found = 100.0 * d_value(&wanted.terms, &runs(&wanted));
     assert!(found >= 46.5246 - 5e-5, "{found}");
 }
 
 #[test]
 fn points_below_a_plane_reach_the_published_design() {
-    // AlgDesign: 15 of the points of 21^3 with a + b + c <= 0, in units of a tenth of the half range; the best known has replicates.
+    // The problem of AlgDesign: 15 of the points of 21^3 with a + b + c <= 0, in units of a tenth of the half range. The best-known design has
+    // replicates.
     let steps: Vec<f64> = (-10..=10).map(f64::from).collect();
     let mut candidates = grid(&[steps.clone(), steps.clone(), steps]);
     candidates.retain(|x| x.iter().sum::<f64>() <= 0.0);
     assert_eq!(candidates.len(), 4796);
     let mut wanted = specification("D", 3, 2, 15, "range = [-10, 10]", "");
     among(&mut wanted, &candidates, 1);
-    // 300.669722212, reached from each of 2671 starts.
+    // The best value is 300.669722212, reached from each of 2671 starts.
     let found = d_value(&wanted.terms, &runs(&wanted));
     assert!(found >= 300.669722 - 5e-7, "{found}");
 }
@@ -151,8 +152,8 @@ fn a_half_space_is_at_least_as_good_as_its_grid_points() {
 
 #[test]
 fn the_mean_variance_over_a_grid_is_the_least_known() {
-    // AlgDesign: I over the 125 points of 5^3 on -2..2, 15 runs: 7.927083 with 100 repeats, 8.096772 published. Five starts end at the
-    // published one.
+    // The problem of AlgDesign: I over the 125 points of 5^3 on -2..2, 15 runs. 7.927083 with 100 repeats, 8.096772 published. Five starts end at the
+    // published value.
     let steps: Vec<f64> = (-2..=2).map(f64::from).collect();
     let grid = grid(&[steps.clone(), steps.clone(), steps]);
     let mut wanted = specification("I", 3, 2, 15, "range = [-2, 2]", "");
@@ -165,7 +166,7 @@ fn the_mean_variance_over_a_grid_is_the_least_known() {
 
 #[test]
 fn main_effects_of_two_levels_reach_the_orthogonal_design() {
-    // 2^11 main effects in 12 runs: the design of Plackett and Burman has D 1.
+    // The candidates are 2^11; main effects in 12 runs: the design of Plackett and Burman has D = 1.
     let wanted = specification("D", 11, 1, 12, "levels = [-1, 1]", "restarts = 5\n");
     let found = d_value(&wanted.terms, &runs(&wanted));
     assert!((found - 1.0).abs() < 1e-12, "{found}");
@@ -173,7 +174,7 @@ fn main_effects_of_two_levels_reach_the_orthogonal_design() {
 
 #[test]
 fn interactions_of_two_levels_reach_the_best_known_design() {
-    // 2^7, main effects and interactions of two, 34 runs: 0.9223281.
+    // The candidates are 2^7; main effects and two-factor interactions in 34 runs: 0.9223281.
     let mut wanted = specification("D", 7, 2, 34, "levels = [-1, 1]", "restarts = 5\n");
     wanted.terms.retain(|powers| powers.iter().all(|power| *power < 2));
     let found = d_value(&wanted.terms, &runs(&wanted));

@@ -1,7 +1,7 @@
-//! Plans: from specification to CSV and back, and what is refused.
+//! Plans: from specification to CSV and back, and refused files.
 //!
-//! `cases/rejected-plans/NAME.toml` is a design specification, `NAME.csv` a plan; `NAME.txt` is the whole message. `RSM_BLESS=1`
-//! rewrites the messages; the difference is reviewed like code.
+//! `cases/rejected-plans/NAME.toml` is a design specification, `NAME.csv` a plan; `NAME.txt` is the whole message. `RSM_BLESS=1` rewrites the
+//! messages; the difference is reviewed like code.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -35,7 +35,7 @@ fn a_full_factorial_runs_every_combination_once_in_an_order_that_the_seed_decide
     assert_eq!(made(DYNAMOMETER).csv(), plan.csv());
     let other = made(&DYNAMOMETER.replace("seed = 7", "seed = 8"));
     assert_ne!(other.csv(), plan.csv());
-    // The stream of ChaCha8 and the shuffle are fixed: these bytes hold on every machine and in every release.
+    // The stream of ChaCha8 and the shuffle are fixed: these bytes are the same on every machine and in every release.
     assert!(plan.csv().starts_with(FIRST_LINES), "{}", &plan.csv()[..80]);
 }
 
@@ -43,8 +43,8 @@ const FIRST_LINES: &str = "run[1],depth[%],advance[deg]\n1,60,10\n2,100,130\n3,3
 
 #[test]
 fn the_order_of_runs_is_not_the_order_of_a_factor() {
-    // Rank correlation of run and setting: 0 with a standard deviation of 1/sqrt(179) = 0.075 in a random order, 0.99 in standard
-    // order. 0.3 is 4 of them.
+    // The rank correlation of run and setting: 0 with a standard deviation of 1/sqrt(179) = 0.075 in a random order, 0.99 in standard order. The
+    // limit of 0.3 is 4 standard deviations.
     for factor in &made(DYNAMOMETER).factors {
         let n = factor.values.len() as f64;
         let mean = factor.values.iter().sum::<f64>() / n;
@@ -61,7 +61,7 @@ fn the_order_of_runs_is_not_the_order_of_a_factor() {
 fn blocks_are_united_and_shared_points_run_once() {
     let plan =
         made(&format!("{DYNAMOMETER}[[blocks]]\ndepth = [10, 70]\n[[blocks]]\ndepth = [70, 80]\nadvance = [0, 90, 170]\n"));
-    // 2 x 18, and 80 at 3 advances: 70 at those 3 stands in the first block already.
+    // 2 x 18, and 80 at 3 advances: 70 at these 3 advances is already in the first block.
     assert_eq!((plan.runs.len(), plan.points()), (39, 39));
 }
 
@@ -71,7 +71,7 @@ fn replicates_conditions_and_centre_points() {
         "replicates = 2\ncentre_points = 3\nwhere = [{{ sum = {{ depth = 1, advance = 1 }}, at_most = 140 }}]\n{DYNAMOMETER}"
     );
     let plan = made(&text);
-    // depth 10 to 100 leaves advances 0 to 130, 120, ... 40: 14 + 13 + ... + 5 = 95 points, twice.
+    // A depth of 10 to 100 leaves advances 0 to 130, 120, ... 40: 14 + 13 + ... + 5 = 95 points, twice.
     assert_eq!((plan.runs.len(), plan.points()), (2 * 95 + 3, 96));
     let centre = [55.0, 85.0];
     let at: Vec<usize> = (0..193).filter(|row| points(&plan)[*row] == centre).collect();
@@ -111,7 +111,7 @@ fn as_many_runs_as_asked_for_or_a_word_why_not() {
     let head = "format = 1\nplan = \"p\"\nruns = 40\n[factors.a]\nunit = \"1\"\nrange = [0, 1]\n[factors.b]\nunit = \"1\"\nrange = [0, 1]\n";
     for seed in 1..12 {
         for design in ["latin-hypercube", "random"] {
-            // The region shrinks from the whole box to a triangle of a two-hundred-and-fortieth.
+            // The region shrinks from the whole box to a triangle with a share of 1/240.
             let bound = 1.0 / f64::from(seed);
             let text = format!(
                 "seed = {seed}\ndesign = \"{design}\"\nwhere = [{{ sum = {{ a = 1, b = 1 }}, at_most = {bound} }}]\n{head}"
@@ -122,7 +122,7 @@ fn as_many_runs_as_asked_for_or_a_word_why_not() {
             assert_eq!(made(&text).csv(), plan.csv());
         }
     }
-    // A region as thin as a hair holds a point of a factorial and hardly one of a draw.
+    // A very thin region contains a point of a factorial design, and hardly any random point.
     for design in ["latin-hypercube", "random"] {
         let text = format!("seed = 1\ndesign = \"{design}\"\nwhere = [{{ sum = {{ a = 1 }}, at_most = 1e-4 }}]\n{head}");
         let specification = DesignSpecification::from_source(Source::new("plan.toml", text)).unwrap();
@@ -135,7 +135,7 @@ fn as_many_runs_as_asked_for_or_a_word_why_not() {
 
 #[test]
 fn points_that_fall_away_are_counted_or_the_plan_is_refused() {
-    // Half-spaces drawn through the box: a plan says how many of its design's points it lacks, or why it is none.
+    // The box is cut by random half-spaces. A plan reports how many points of its design are missing, or why it is not possible.
     fn factor(name: &str) -> String {
         format!("[factors.{name}]\nunit = \"1\"\nrange = [-1, 1]\n")
     }
@@ -169,7 +169,7 @@ fn points_that_fall_away_are_counted_or_the_plan_is_refused() {
                     less += 1;
                     assert_eq!((kept.of, kept.points), (all, plan.runs.len()), "{design}");
                     assert!(kept.points < all && kept.correlation[0] < 1e-14);
-                    // As many points as terms at least.
+                    // At least as many points as terms.
                     assert!(kept.points >= if design == "full-factorial" { 4 } else { 9 }, "{design}: {kept:?}");
                 }
             },
@@ -191,7 +191,7 @@ fn a_plan_is_read_back_as_it_was_written_and_in_other_units() {
     assert_eq!(read.csv(), plan.csv());
     let radians = read.settings("advance", "rad").unwrap();
     for (found, degrees) in radians.iter().zip(&read.factors[1].values) {
-        // One rounding there, at most three here.
+        // The expected value has one rounding, the result at most three.
         let expected = degrees.to_radians();
         assert!((found - expected).abs() <= 2.0 * f64::EPSILON * expected, "{found} {expected}");
     }
@@ -200,7 +200,7 @@ fn a_plan_is_read_back_as_it_was_written_and_in_other_units() {
     let fault = read.settings("depth", "m").unwrap_err();
     assert_eq!(fault.to_string(), "plan.csv:1: factor `depth`: `%` cannot be converted to `m`: they measure different things");
     assert_eq!(read.fault(2, "the gear is not 1 to 5").to_string(), "plan.csv:4: the gear is not 1 to 5");
-    // Rows may be taken out, and their numbers stay.
+    // Rows may be removed; the run numbers of the others do not change.
     let sparse = Plan::read(&Source::new("plan.csv", "run[1],gear[1]\n2,1\n7,1\n")).unwrap();
     assert_eq!(sparse.runs, [2, 7]);
 }

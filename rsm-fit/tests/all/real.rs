@@ -1,22 +1,21 @@
-//! A measured flux map, fitted and judged on rows held out, against figures measured with other tools.
+//! A measured flux map, fitted and validated on held-out rows, compared with results of other tools.
 //!
-//! The split: 30 % of the rows set aside at random, mirror pairs (i_q and -i_q) on one side, because one half of the map was
-//! made from the other. The largest error of one such split scatters by a tenth and more with the seed (it is one row), so the
-//! figure is the median over 15 seeds. The published figures, in percent of the response's span: 11.5 and 14.2 at second order,
-//! 7.8 and 7.7 at third, hold within a tenth.
+//! The split: 30 % of the rows are held out at random. Mirror pairs (i_q and -i_q) are kept on one side, because one half of the map was computed
+//! from the other. The largest error of one such split varies by a tenth and more with the seed (it is the error of one row), so the result is the
+//! median over 15 seeds. The published results, in percent of the response's span, are 11.5 and 14.2 at second order, and 7.8 and 7.7 at third order.
+//! They are reproduced within a tenth.
 //!
-//! The 44 mV*s for psi_q with symmetry at third order are met exactly (44.2) by sign(i_q) times the full third-order polynomial
-//! of i_d and |i_q|, 10 terms. Four of those do not contain i_q: that surface jumps by up to its own error at i_q = 0, and the
-//! model file refuses it. The two continuous bases beside it also come within a tenth: i_q times the full third-order
-//! polynomial (10 terms), and third order in each variable (12 terms).
+//! The 44 mV*s for psi_q with symmetry at third order are reproduced exactly (44.2) by sign(i_q) times the full third-order polynomial of i_d
+//! and |i_q|, 10 terms. Four of these terms do not contain i_q: that surface has a jump of up to its own error at i_q = 0, and the model file refuses
+//! it. Two similar continuous bases also come within a tenth: i_q times the full third-order polynomial (10 terms), and third order in each variable
+//! (12 terms).
 
 use crate::data::fitted_in;
 use crate::folders::shared;
 
 const SEEDS: std::ops::RangeInclusive<u64> = 1..=15;
 
-/// The median over the seeds of the largest held-out error of psi_d and psi_q in V*s. `psi_q` is the rest of that response's
-/// table.
+/// The median over the seeds of the largest held-out error of psi_d and psi_q in V*s. `psi_q` contains the other keys of that response's table.
 fn held_out(folder: &std::path::Path, psi_d: &str, psi_q: &str) -> [f64; 2] {
     let mut largest: [Vec<f64>; 2] = Default::default();
     for seed in SEEDS {
@@ -47,7 +46,7 @@ inputs = ["i_d", "i_q"]
         let outcome = fitted_in(&text, folder);
         for (response, largest) in outcome.responses.iter().zip(&mut largest) {
             let validation = response.statistics.as_ref().unwrap().validation.as_ref().unwrap();
-            // 0.3 of 567 rows is 170; the last group may be a pair.
+            // The share of 0.3 of 567 rows is 170; the last group may be a pair.
             assert!((170..=171).contains(&validation.rows));
             largest.push(validation.max_abs_error);
         }
@@ -66,7 +65,7 @@ fn within_a_tenth(what: &str, found: f64, published: f64) {
 #[test]
 fn plain_second_and_third_order_miss_the_flux_map_by_the_published_figures() {
     let Some(folder) = shared("pmsyrm-flux-map") else { return };
-    // max - min of the columns.
+    // The difference of maximum and minimum of the columns.
     let span = [0.913977451 - 0.0845760823, 2.0 * 1.31256653];
     for (order, published) in [(2, [11.5, 14.2]), (3, [7.8, 7.7])] {
         let method = format!("select = {{ method = \"fixed\", order = {order} }}");
@@ -120,6 +119,6 @@ select = { method = "ladder", max_order = 5, confidence = 99.8 }
     assert!(outcome.reached(), "{}", outcome.responses[0].verdict);
     assert!(surface.terms.iter().all(|term| term.powers[1] > 0), "an odd surface with a term that jumps at i_q = 0");
     assert_eq!(outcome.model.inputs[1].range, [-26.0, 26.0]);
-    // All 15 odd terms up to order 5 are there for the taking; the ladder takes fewer.
+    // All 15 odd terms up to order 5 are candidates; the ladder takes fewer.
     assert!(surface.terms.len() <= 8, "{} terms", surface.terms.len());
 }

@@ -1,4 +1,4 @@
-//! Recursive least squares against batch least squares.
+//! Recursive least squares, compared with batch least squares.
 
 use rsm_fit::dd::Dd;
 use rsm_fit::qr::{Compressed, Growing};
@@ -30,14 +30,14 @@ fn one_at_a_time(rows: &[(Vec<Dd>, f64)], forgetting: f64) -> Vec<f64> {
     state.coefficients().expect("the rows determine the coefficients")
 }
 
-/// Both work in double-double, so 12 digits are left even where f64 would have lost all: the bound asked of the function.
+/// Both compute in double-double, so 12 digits remain even if f64 would have lost all: this is the bound that the function must satisfy.
 fn agree_to_twelve_digits(found: &[f64], expected: &[f64]) {
     for (found, expected) in found.iter().zip(expected) {
         assert!((found / expected - 1.0).abs() < 1e-12, "found {found:e}, batch {expected:e}");
     }
 }
 
-/// A repeatable stream of numbers in -1..1: the top bits of a linear congruence (Knuth's MMIX constants).
+/// A reproducible sequence of numbers in -1..1: the top bits of a linear congruential generator (Knuth's MMIX constants).
 fn noise(state: &mut u64) -> f64 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*state >> 11) as f64 / f64::from(1 << 26) / f64::from(1 << 26) - 1.0

@@ -1,8 +1,7 @@
-//! Bad input is refused with the whole message that stands beside it.
+//! Invalid input is refused with exactly the message in the file beside it.
 //!
-//! `cases/rejected/NAME.toml` is a fit specification (with the data that it names beside it), `NAME.csv` without a `NAME.toml`
-//! is a data file read with the specification below. `NAME.txt` is the message. `RSM_BLESS=1` rewrites the messages; the
-//! difference is reviewed like code.
+//! `cases/rejected/NAME.toml` is a fit specification; the data that it names are beside it. `NAME.csv` without a `NAME.toml` is a data file, read
+//! with the specification below. `NAME.txt` is the message. `RSM_BLESS=1` rewrites the messages; the difference is reviewed like code.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +11,7 @@ use rsm_fit::spec::Specification;
 
 use crate::refused::{ACCEPTED, assert_beside, files};
 
-/// What the data files of the cases are read with: the unit of x stands here, that of y must stand in the header.
+/// The specification for the data files of the cases. It gives the unit of x; the header must give that of y.
 fn for_data(name: &str) -> String {
     format!(
         "format = 1\nmodel = \"m\"\ndata = [\"{name}.csv\"]\n[inputs.x]\nunit = \"rad/s\"\n[responses.y]\ninputs = [\"x\"]\n\
@@ -29,12 +28,12 @@ fn message(name: &str, text: String, folder: &Path) -> String {
             Ok(outcome) => format!("{ACCEPTED}: {:?}", outcome.responses),
         },
     };
-    // Data files are named with the folder in front: that is of this machine.
+    // Names of data files include the folder, which is different on each machine.
     let folder = format!("{}{}", folder.display(), std::path::MAIN_SEPARATOR);
     message.replace(&folder, "")
 }
 
-/// The names of the cases with an ending, without it.
+/// The names of the cases with an extension, without this extension.
 fn cases(folder: &Path, ending: &str) -> Vec<String> {
     files(folder, &[ending]).iter().map(|name| name.rsplit_once('.').unwrap().0.to_string()).collect()
 }
@@ -50,7 +49,7 @@ fn every_bad_file_gets_the_message_beside_it() {
     assert_beside(&folder, all.map(|(name, text)| (format!("{name}.txt"), message(name, text, &folder))));
 }
 
-/// No text may make a reader panic: every case, and a good specification, cut off or with a character lost at many places.
+/// No text may cause a panic in a reader: every case, and a valid specification, cut off or with a missing character at many positions.
 #[test]
 fn mutilated_files_are_refused_without_a_panic() {
     let folder: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cases/rejected");
@@ -59,7 +58,7 @@ fn mutilated_files_are_refused_without_a_panic() {
     let mut texts: Vec<Vec<u8>> = cases(&folder, "toml").into_iter().map(|name| read(name, "toml")).collect();
     texts.push(good.into_bytes());
     for text in texts {
-        // A step of 5 keeps the test below a few seconds; every place was tried once by hand.
+        // A step of 5 keeps the test below a few seconds. Every position was tested once by hand.
         for at in (0..text.len()).step_by(5) {
             let cut = text[..at].to_vec();
             let lost = [&text[..at], &text[at + 1..]].concat();

@@ -1,4 +1,4 @@
-//! Choice of terms by steps, by best subsets and by the LASSO: known surfaces, other ways to the same answer, and a study over random surfaces.
+//! Selection of terms by steps, by best subsets and by the LASSO: known surfaces, other ways to the same result, and a study over random surfaces.
 
 use std::time::Instant;
 
@@ -22,7 +22,7 @@ fn told(outcome: &Outcome) -> Option<f64> {
     statistics.cross_validation.as_ref().map(|cross| cross.errors.rmse)
 }
 
-/// A way of choosing among terms up to an order, with its name.
+/// A way to select terms up to an order, with its name.
 type Way = (&'static str, Box<dyn Fn(u32) -> Select>);
 
 fn median(values: &mut [f64]) -> f64 {
@@ -45,11 +45,11 @@ fn every_way_finds_the_terms_of_a_surface_without_noise() {
             let outcome = truth.fit(truth.rows(40, &mut random)).select(Select::search(search)).fit().unwrap();
             let mut expected = vec![vec![0, 0], vec![1, 0], vec![1, 1], vec![0, 2]];
             if heredity {
-                // x1 x2 and x2^2 ask for x2.
+                // The terms x1 x2 and x2^2 require x2.
                 expected.insert(2, vec![0, 1]);
             }
             assert_eq!(powers(&outcome), expected, "{by:?} {heredity}");
-            // Least squares in double-double on the chosen terms: what is left is the rounding of the rows.
+            // Least squares in double-double on the selected terms: only the rounding of the rows remains.
             assert!(told(&outcome).unwrap() < 1e-12, "{by:?} {:?}", told(&outcome));
             assert_eq!(outcome.responses[0].chosen_by, ChosenBy::LeftOut { parts: 10 });
         }
@@ -65,7 +65,7 @@ fn best_subsets_are_those_of_all_subsets_tried_one_by_one() {
     let outcome = truth.fit((points.clone(), response.clone())).select(Select::search(search)).fit().unwrap();
     let report = outcome.statistics("y").unwrap().selection.clone().unwrap();
     assert_eq!((report.proved, report.candidates), (Some(true), 10));
-    // Of all subsets of 9 terms beside the constant the least residual of each size, by normal equations of a library.
+    // For all subsets of 9 terms besides the constant: the smallest residual of each size, by normal equations of a library.
     let all = [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2], [3, 0], [2, 1], [1, 2], [0, 3]];
     let mut least = [f64::INFINITY; 11];
     for set in 0..512u32 {
@@ -80,16 +80,16 @@ fn best_subsets_are_those_of_all_subsets_tried_one_by_one() {
     }
     for size in &report.path {
         let (rows, k) = (25.0f64, size.terms as f64 + 1.0);
-        // AICc is known but for a constant, the unit of the response: the differences between sizes are compared.
+        // AICc is known except for a constant, which depends on the unit of the response, so differences between sizes are compared.
         let of = |size: usize, k: f64| rows * (least[size] / rows).ln() + 2.0 * k * rows / (rows - k - 1.0);
         let first = &report.path[0];
         let expected = of(size.terms, k) - of(first.terms, first.terms as f64 + 1.0);
-        // Two solutions in f64 of well-conditioned columns.
+        // Two solutions in f64 with well-conditioned columns.
         assert!((size.criterion - first.criterion - expected).abs() < 1e-8, "{size:?}");
     }
 }
 
-/// Least squares with a penalty by coordinates, one at a time until nothing moves: slow, and nothing like the path.
+/// Least squares with an L1 penalty by coordinate descent until no coefficient changes: slow, and independent of the path algorithm.
 fn lasso_by_coordinates(x: &[Vec<f64>], y: &[f64], penalty: f64) -> Vec<f64> {
     let rows = y.len() as f64;
     let mut b = vec![0.0; x.len()];
@@ -115,7 +115,7 @@ fn the_penalised_coefficients_are_a_minimum() {
         .collect();
     for seed in 0..20 {
         let mut random = Random::new(seed);
-        // Noise and few rows: coefficients are drawn towards 0.
+        // With noise and few rows, coefficients shrink towards 0.
         let truth = Truth::random(4, 2, 0.7, &mut random);
         let (points, response) = truth.rows(60, &mut random);
         let outcome = truth.fit((points.clone(), response.clone())).select(Select::lasso(2)).fit().unwrap();
@@ -141,14 +141,14 @@ fn the_penalised_coefficients_are_a_minimum() {
             let term = statistics.terms.iter().find(|term| term.powers.iter().zip(&powers).all(|(a, b)| *a as i32 == *b));
             term.map_or(0.0, |term| term.coefficient)
         };
-        // The penalty is the slope of the sum of squares at any term that is in.
+        // The penalty is the slope of the sum of squares at any selected term.
         let left: Vec<f64> =
             (0..60).map(|row| y[row] - all.iter().zip(&x).map(|(p, x)| found(*p) * x[row]).sum::<f64>()).collect();
         let slopes: Vec<f64> = x.iter().map(|x| x.iter().zip(&left).map(|(x, e)| x * e).sum::<f64>() / 60.0).collect();
         let penalty = slopes.iter().map(|slope| slope.abs()).fold(0.0, f64::max);
         let expected = lasso_by_coordinates(&x, &y, penalty);
         for (powers, expected) in all.iter().zip(&expected) {
-            // The descent stops some 1e-9 from the minimum.
+            // The descent stops about 1e-9 from the minimum.
             assert!((found(*powers) - expected).abs() < 1e-6, "seed {seed} {powers:?}: {} {expected}", found(*powers));
         }
     }
@@ -180,7 +180,7 @@ fn one_standard_error_takes_no_more_terms_and_the_criteria_say_who_chose() {
         let statistics = outcome.statistics("y").unwrap();
         assert!(statistics.rows_used.terms.ends_with(words), "{}", statistics.rows_used.terms);
         assert!(statistics.rows_used.error.contains("fit and choice of terms repeated"), "{}", statistics.rows_used.error);
-        // The reported PRESS is that of the rows; the path's has the same root at the chosen size.
+        // The reported PRESS is that of the rows; the path's value has the same root at the selected size.
         if criterion == Criterion::Press {
             let terms = statistics.terms.len();
             let size = statistics.selection.as_ref().unwrap().path.iter().find(|size| size.terms == terms).unwrap().criterion;
@@ -216,7 +216,7 @@ fn validation_rows_choose_or_are_unseen_as_the_criterion_says() {
 
 #[test]
 fn an_exact_copy_of_every_row_changes_no_error_that_is_told() {
-    // Copies on both sides of a part would make the told error that of the fitted rows.
+    // With copies on both sides of a split, the reported error would be that of the fitted rows.
     let mut random = Random::new(10);
     let truth = Truth { inputs: 2, terms: Vec::new(), offset: 0.0, noise: 1.0 };
     let (points, response) = truth.rows(30, &mut random);
@@ -230,7 +230,7 @@ fn an_exact_copy_of_every_row_changes_no_error_that_is_told() {
 
 #[test]
 fn the_error_that_a_search_tells_is_the_true_one() {
-    // Sixty surfaces and seven ways: the ignored study below, a median of 0.998 to 1.012.
+    // Sixty surfaces and seven ways are in the ignored study below: medians of 0.998 to 1.012.
     for by in [WAYS[2], WAYS[4]] {
         let of_one = |seed: u64| {
             let mut random = Random::new(seed);
@@ -242,7 +242,8 @@ fn the_error_that_a_search_tells_is_the_true_one() {
         };
         let mut ratios: Vec<f64> = (0..40).map(of_one).collect();
         let ratio = median(&mut ratios);
-        // Each is known to about 1/sqrt(2 n), 8 % in the middle of these n; the median of forty to a fifth of it, and a margin of three.
+        // Each ratio is known to about 1/sqrt(2 n), 8 % in the middle of these n. The median of forty is known to a fifth of that; the margin is a
+        // factor of three.
         assert!((ratio - 1.0).abs() < 0.05, "{by:?}: {ratio} {ratios:?}");
     }
 }
@@ -263,11 +264,11 @@ fn a_ladder_of_much_work_gives_the_surface_in_seconds() {
     assert!(outcome.reached(), "{}", outcome.responses[0].verdict);
     // The noise, to 1/sqrt(2000).
     assert!((told(&outcome).unwrap() / 0.01 - 1.0).abs() < 0.1, "{:?}", told(&outcome));
-    // 495 candidates and 1000 rows: minutes in double-double; a busy machine has the factor of ten.
+    // 495 candidates and 1000 rows take minutes in double-double. The limit leaves a factor of ten for a busy machine.
     assert!(seconds < 60.0, "{seconds}");
 }
 
-/// `told/true`, its distance from 1, the error of the surface (without noise), and the time, of a way of choosing over random surfaces.
+/// For each way of selection over random surfaces: `told/true`, its distance from 1, the error of the surface (without noise), and the time.
 #[test]
 #[ignore = "minutes: prints a table, no assertion; cargo test -p rsm-fit --release --test all -- --ignored --nocapture study"]
 fn study_of_methods_over_random_surfaces() {
@@ -308,7 +309,7 @@ fn study_of_methods_over_random_surfaces() {
         let data = truth.rows(rows, &mut random);
         let fresh: Vec<Vec<f64>> = (0..2000).map(|_| truth.point(&mut random)).collect();
         if let Some(folder) = &folder {
-            // For other programs: points with responses, then fresh points with the truth.
+            // For other programs: points with responses, then new points with the truth.
             let line = |point: &[f64], y: f64| point.iter().chain([&y]).map(|x| format!("{x:e}")).collect::<Vec<_>>().join(",");
             let text = |lines: Vec<String>| lines.join("\n") + "\n";
             let fitted = text(data.0.iter().zip(&data.1).map(|(point, y)| line(point, *y)).collect());
@@ -348,7 +349,7 @@ fn study_of_methods_over_random_surfaces() {
 #[test]
 #[ignore = "a minute: prints times, no assertion; cargo test -p rsm-fit --release --test all -- --ignored --nocapture large"]
 fn times_of_a_large_choice() {
-    // 495 candidates, 2,000 rows, a fifth of the spread is noise.
+    // 495 candidates, 2,000 rows; a fifth of the spread is noise.
     let mut random = Random::new(1);
     let truth = Truth::random(8, 2, 0.2, &mut random);
     let data = truth.rows(2000, &mut random);

@@ -1,11 +1,11 @@
-//! Errors of neighbouring rows that are alike: the warning, and intervals that hold the truth.
+//! Correlated errors of neighbouring rows: the warning, and intervals that contain the truth.
 
 use rsm_fit::random::Random;
 use rsm_fit::{Fit, Outcome};
 
 const ROWS: usize = 400;
 
-/// A recording: the input moves slowly too. y = 10 + 3 x + noise, noise AR(1) with a standard deviation of 1.
+/// A recording whose input changes slowly. y = 10 + 3 x + noise, noise AR(1) with a standard deviation of 1.
 fn recording(seed: u64, memory: f64) -> Outcome {
     let mut random = Random::new(seed);
     let mut next = |now: f64, memory: f64| memory * now + (1.0 - memory * memory).sqrt() * random.normal();
@@ -38,8 +38,9 @@ fn intervals_of_a_recording_hold_the_truth() {
         related += usize::from(low <= truth && truth <= high);
     }
     let share = |count: usize| count as f64 / recordings as f64;
-    // Of 95 %: the variance is (1 + 0.64)/(1 - 0.64) = 4.6 times the ordinary one, the error 2.1 times, which leaves 64 %; two standard deviations of
-    // 200 recordings are 7 %. Newey's and West's approach 95 % from below; the lower bound is measured (0.905), less two standard deviations.
+    // The nominal level is 95 %. The variance is (1 + 0.64)/(1 - 0.64) = 4.6 times the ordinary one, the error 2.1 times, which gives a level of 64
+    // %; two standard deviations of 200 recordings are 7 %. The intervals of Newey and West approach 95 % from below; the lower bound is the measured
+    // level (0.905) minus two standard deviations.
     assert!(share(ordinary) < 0.75, "ordinary: {}", share(ordinary));
     assert!((0.86..=0.99).contains(&share(related)), "related: {}", share(related));
 }
@@ -47,6 +48,6 @@ fn intervals_of_a_recording_hold_the_truth() {
 #[test]
 fn white_noise_has_no_second_standard_errors() {
     let alarms = (0..100).filter(|seed| recording(*seed, 0.0).responses[0].statistics.as_ref().unwrap().serial.is_some());
-    // 1 % of 100, and four standard deviations.
+    // 1 % of 100, plus four standard deviations.
     assert!(alarms.count() <= 5);
 }

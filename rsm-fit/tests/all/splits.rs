@@ -1,4 +1,4 @@
-//! A split keeps declared rows on one side, and is the same for one seed.
+//! A split keeps declared groups of rows on one side, and is the same for the same seed.
 
 use std::path::Path;
 
@@ -50,7 +50,7 @@ fn mirror_pairs_and_runs_stay_on_one_side() {
         };
         let unseen = of(&sides.validate);
         assert!(of(&sides.fit).iter().all(|point| !unseen.contains(point)), "seed {seed}: a mirror pair on both sides");
-        // 0.4 of 36 rows is 14.4; the last pair may take one more.
+        // The share of 0.4 of 36 rows is 14.4; the last pair may add one more.
         assert!((14..=15).contains(&unseen.len()) && sides.fit.len() + unseen.len() == 36);
     }
     let (records, sides) = sides(&files, "{ share = 0.2, seed = 3, keep_together = [\"run\"] }");
@@ -67,7 +67,7 @@ fn one_seed_is_one_split_and_another_is_another() {
     let of = |seed: u64| sides(&files, &format!("{{ share = 0.3, seed = {seed} }}")).1;
     assert_eq!(of(7), of(7));
     assert_ne!(of(7), of(8));
-    // Fixed for good: another split would give other coefficients for the same specification.
+    // Must never change: another split would give other coefficients for the same specification.
     assert_eq!(of(7).validate, KNOWN);
 }
 
@@ -92,7 +92,7 @@ fn the_evidence_names_data_specification_and_split() {
     let Evidence::List(files) = &evidence[1].1 else { panic!("{:?}", evidence[1]) };
     let Evidence::Table(file) = &files[0] else { panic!("{files:?}") };
     assert_eq!(file[0].1, Evidence::Text("map.csv".into()));
-    // sha256sum of the text above.
+    // The output of sha256sum for the text above.
     assert_eq!(file[2].1, Evidence::Text(SHA256.into()));
     assert!(!format!("{evidence:?}").contains(&folder.display().to_string()), "a path of this machine in the evidence");
 }

@@ -1,4 +1,4 @@
-//! The support of a surface through the emitted test's own tape: 1 at every row that was fitted, 0 in a corner that was never run.
+//! The support of a surface, through the tape of the emitted test: 1 at every fitted row, 0 in a corner without data.
 
 use rsm_core::check::Checked;
 use rsm_core::lower;
@@ -8,14 +8,15 @@ use rsm_fit::fit::Outcome;
 
 use crate::data::{Files, fitted};
 
-/// A car's gears and speeds: in a gear the engine turns between 1200 and 4800 rpm, so that first gear at 30 m/s was never run.
+/// Gears and speeds of a car: the engine runs between 1200 and 4800 rpm, so there are no data for first gear at 30 m/s.
 fn tip_in() -> (Files, Vec<[f64; 2]>) {
     let files = Files::default();
     let mut points = Vec::new();
     let mut text = "speed[m/s],gear[1],damping[1]\n".to_string();
     for gear in 1..=5u32 {
         for k in 0..5u32 {
-            // 6.5 m/s in first gear at 4800 rpm, and as much more in each; thirds, so that no coded value is a short decimal.
+            // The speed is 6.5 m/s in first gear at 4800 rpm, and increases by the same amount with each gear; in thirds, so that no coded value is a
+            // short decimal.
             let speed = 6.5 * f64::from(gear) * (1.0 + 3.0 * f64::from(k) / 4.0) / 4.0 / 0.9;
             text += &format!("{speed},{gear},{}\n", 0.1 + 0.05 * f64::from(gear) + 0.002 * speed);
             points.push([speed, f64::from(gear)]);
@@ -29,7 +30,7 @@ fn fit(files: &Files, rest: &str) -> Outcome {
     let text = format!(
         "format = 1\nmodel = \"car\"\ndata = [\"tip-in.csv\"]\n[inputs.speed]\n[inputs.gear]\n[responses.damping]\n\
          inputs = [\"speed\", \"gear\"]\n{rest}\n{}\n",
-        // With a hinge, products of it and of its own input make each other up.
+        // A hinge and products of its own input are linearly dependent, so the terms are given.
         if rest.contains("knots") { KNOT_TERMS } else { "select = { method = \"fixed\", order = 2 }" }
     );
     fitted(&text, files)
@@ -37,7 +38,7 @@ fn fit(files: &Files, rest: &str) -> Outcome {
 
 const KNOT_TERMS: &str = "select = { method = \"fixed\" }\nterms = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]";
 
-/// What the support test of the first surface says at points, in both precisions.
+/// The results of the support test of the first surface at points, in both precisions.
 fn says(outcome: &Outcome, points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let checked = Checked::from_model(&outcome.model).unwrap();
     let wide = lower::support(&checked, 0, Precision::F64).unwrap();
@@ -59,7 +60,7 @@ fn every_row_is_inside_and_high_speed_in_low_gear_is_not() {
     ] {
         let outcome = fit(&files, rest);
         assert!(says(&outcome, &points).iter().all(|found| *found == [1.0, 1.0]), "{rest}: {:?}", outcome.model.surfaces[0]);
-        // High speed in low gear, low speed in high gear, beyond the range of both: never run.
+        // High speed in low gear, low speed in high gear, outside the range of both: there are no data.
         let outside = [[30.0, 1.0], [2.0, 5.0], [25.0, 2.0], [60.0, 6.0], [-5.0, 0.0]];
         assert!(says(&outcome, &outside).iter().all(|found| *found == [0.0, 0.0]), "{rest}: {:?}", says(&outcome, &outside));
         let share = outcome.responses[0].statistics.as_ref().unwrap().support.as_ref().unwrap().share_of_box;
@@ -80,7 +81,7 @@ fn unseen_rows_outside_are_counted_and_told_in_the_evidence() {
     assert_eq!(support.half_spaces, outcome.model.surfaces[0].support.len());
     let written = rsm_core::model_file::write(&outcome.model);
     assert!(written.contains("unseen_rows_outside = 2"), "{written}");
-    // What is written is read back as it was.
+    // The written model is read back unchanged.
     let read = Checked::read(&rsm_core::source::Source::new("m.toml", written)).unwrap();
     assert_eq!(read.model().surfaces[0].support, outcome.model.surfaces[0].support);
 }

@@ -1,7 +1,6 @@
-//! Textbook cases of response-surface methodology against the figures of another package.
+//! Textbook cases of response-surface methodology, compared with the results of another package.
 //!
-//! Tolerance: 1e-10 of the value. Both sides hold some 13 digits (the data's README: cross-checks agree to 6e-13), and
-//! probabilities lose a few.
+//! Tolerance: 1e-10 of the value. Both sides have about 13 digits (the data's README: cross-checks agree to 6e-13), and probabilities lose a few.
 
 use std::path::Path;
 
@@ -12,7 +11,7 @@ use crate::folders::shared;
 
 struct Case {
     name: &'static str,
-    /// The part of the file that is fitted: rows below the header.
+    /// The fitted rows of the file, counted from the header.
     rows: std::ops::Range<usize>,
     file: &'static str,
     inputs: &'static [(&'static str, [f64; 2])],
@@ -37,7 +36,7 @@ const CASES: [Case; 2] = [
             (&[0, 2], "x2^2"),
         ],
     },
-    // Coded there as x1 = (Time - 85)/5, x2 = (Temp - 175)/5: the ranges below.
+    // That package codes x1 = (Time - 85)/5, x2 = (Temp - 175)/5: the ranges below.
     Case {
         name: "chemreact1_FO",
         rows: 0..7,
@@ -155,7 +154,7 @@ fn the_report_has_the_keys_of_the_contract_in_their_order() {
 #[test]
 fn figures_that_do_not_exist_are_null() {
     let files = Files::default();
-    // Two points and a line: no degree of freedom is left. Leverage 1 everywhere: PRESS does not exist.
+    // Two points and a line: no degrees of freedom remain. The leverage is 1 everywhere, so PRESS does not exist.
     files.file("d.csv", "x[A],y[1]\n0,1\n1,2\n");
     let text = "format = 1\nmodel = \"m\"\ndata = [\"d.csv\"]\n[inputs.x]\n[responses.y]\ninputs = [\"x\"]\n\
                 select = { method = \"fixed\", order = 1 }\n";

@@ -1,6 +1,6 @@
-//! Random surfaces from a seed whose truth is known, with noise; and the true error of a fit at fresh points.
+//! Random surfaces from a seed with a known truth and with noise; and the true error of a fit at new points.
 //!
-//! Shares nothing with the fit but the evaluator's tape and the random numbers.
+//! Shares only the evaluator's tape and the random numbers with the fit.
 
 use rsm_core::check::Checked;
 use rsm_core::lower;
@@ -22,7 +22,7 @@ impl Truth {
     pub fn random(inputs: usize, order: u32, noise: f64, random: &mut Random) -> Self {
         let mut terms = Vec::new();
         let mut powers = vec![0; inputs];
-        // Every power vector up to the order, by counting.
+        // Counts through all vectors of powers up to the order.
         loop {
             let total: i32 = powers.iter().sum();
             if total > 0 && total <= order as i32 && random.share() < 0.5 {
@@ -64,7 +64,7 @@ impl Truth {
         (0..rows).map(row).unzip()
     }
 
-    /// The fit of some rows to x0, x1, ... in [-1, 1], before anything is said about its terms.
+    /// The fit of some rows over x0, x1, ... in [-1, 1], without a choice of its terms.
     pub fn fit(&self, (points, response): (Vec<Vec<f64>>, Vec<f64>)) -> Fit {
         let column = |k: usize| points.iter().map(|point| point[k]).collect::<Vec<f64>>();
         let inputs: Vec<Input> = (0..self.inputs).map(|k| Input::new(format!("x{k}"), column(k)).range([-1.0, 1.0])).collect();
@@ -80,7 +80,7 @@ impl Truth {
         format!("{names}y[K]\n") + &points.iter().zip(&response).map(line).collect::<String>()
     }
 
-    /// Root of the mean square error on so many fresh rows, noise included.
+    /// Root of the mean square error on this number of new rows, noise included.
     pub fn error_of(&self, outcome: &Outcome, rows: usize, random: &mut Random) -> f64 {
         let checked = Checked::from_model(&outcome.model).unwrap();
         let tape = lower::surface(&checked, 0, Precision::F64);

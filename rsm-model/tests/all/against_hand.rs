@@ -1,8 +1,8 @@
-//! Models against solutions that somebody worked out by hand: formulas, or equations in explicit form that share no code with the compiler.
+//! Models, compared with solutions calculated by hand: formulas, or equations in explicit form that share no code with the compiler.
 
 use crate::simulator::{Simulator, names, system};
 
-/// Classical Runge-Kutta of explicit equations.
+/// The classical Runge-Kutta method for explicit equations.
 fn by_hand(mut x: Vec<f64>, end: f64, steps: usize, rates: impl Fn(f64, &[f64]) -> Vec<f64>) -> Vec<f64> {
     let h = end / steps as f64;
     for k in 0..steps {
@@ -19,7 +19,7 @@ fn by_hand(mut x: Vec<f64>, end: f64, steps: usize, rates: impl Fn(f64, &[f64]) 
     x
 }
 
-/// Both sides take the same steps, so that only roundings differ: 1e-16 a step, thousands of steps, enlarged by what the plant does with them.
+/// Both sides take the same steps, so only roundings differ: 1e-16 in each of thousands of steps, amplified by the plant.
 const SAME_STEPS: f64 = 1e-10;
 
 fn assert_close(found: &[f64], wanted: &[f64], tolerance: f64) {
@@ -38,7 +38,7 @@ fn the_axis_follows_its_exponential() {
     let (m, b, f): (f64, f64, f64) = (95.1, 203.5, 35.15 * 2.0);
     let speed = f / b * (1.0 - (-b / m).exp());
     let position = f / b * (1.0 - m / b * (1.0 - (-b / m).exp()));
-    // Runge-Kutta: (b h/m)^4/120 of each step, some 1e-13 in all.
+    // The error of Runge-Kutta: (b h/m)^4/120 in each step, about 1e-13 in total.
     assert_close(&axis.wanted(&inputs), &[position, speed], 1e-11);
 }
 
@@ -67,7 +67,7 @@ fn rigid_inertias_on_a_gear_are_one_inertia() {
     plant.run_to(1.0, 0.01, &inputs);
     let inertia = 0.1 + 2.0 / 49.0;
     let (w, phi) = (2.0 / inertia, 1.0 / inertia);
-    // Polynomials of the second degree: Runge-Kutta is exact, roundings remain.
+    // Polynomials of second degree: Runge-Kutta is exact, only rounding remains.
     let passed_on = 2.0 - 0.1 * 2.0 / inertia;
     assert_close(&plant.wanted(&inputs), &[w, w / 7.0, phi, phi / 7.0, passed_on], 1e-12);
 }
@@ -88,12 +88,12 @@ fn a_tank_runs_over_at_its_edge() {
     let inputs = |_: f64| vec![0.1];
     let mut plant = Simulator::new("tank", &["level", "overflow"], &inputs);
     plant.run_to(8.0, 0.01, &inputs);
-    // Below the edge: level = 5 + (0.2 - 5) exp(-t/25); above it the weir adds to the rate.
+    // Below the edge: level = 5 + (0.2 - 5) exp(-t/25). Above it the weir adds to the rate.
     let reached = 25.0 * (4.8_f64 / 4.0).ln();
     assert!(reached < 8.0);
     let (rate, rest) = ((0.02 + 3.0) / 0.5, (0.1 + 3.0) / (0.02 + 3.0));
     let level = rest + (1.0 - rest) * (-(8.0 - reached) * rate).exp();
-    // The event is located to rounding: what is left is the method, (6 h)^4 a step.
+    // The event is located to rounding. The remaining error is that of the method, (6 h)^4 in each step.
     assert_close(&plant.wanted(&inputs), &[level, 3.0 * (level - 1.0)], 1e-6);
 }
 
@@ -164,11 +164,11 @@ fn a_ball_bounces_at_the_instants_of_its_formula() {
     let (g, e) = (9.81_f64, 0.8);
     let first = (2.0 / g).sqrt();
     let after = e * g * first;
-    // The second touch comes after 2 v/g.
+    // The second touch occurs 2 v/g later.
     let second = first + 2.0 * after / g;
     assert!(second < 1.5 && 1.5 < second + 2.0 * e * after / g);
     let (t, v) = (1.5 - second, e * after);
-    // Parabolas: Runge-Kutta is exact. Each touch is located to 1e-14 s or so.
+    // Parabolas: Runge-Kutta is exact. Each touch is located to about 1e-14 s.
     assert_close(&ball.wanted(&inputs), &[v * t - g * t * t / 2.0, v - g * t, 2.0], 1e-9);
 }
 
@@ -185,7 +185,7 @@ fn a_controller_is_computed_at_instants_and_holds() {
         let held: f64 = if k == 30 { 0.005 } else { 0.01 };
         y = u + (y - u) * (-held / 0.1).exp();
     }
-    // The plant by its exponential; Runge-Kutta errs by 0.01^5/120 a step.
+    // The plant by its exponential function; Runge-Kutta has an error of 0.01^5/120 in each step.
     assert_close(&plant.wanted(&inputs), &[y, u, e, sum], 1e-10);
 }
 
@@ -193,7 +193,7 @@ fn a_controller_is_computed_at_instants_and_holds() {
 fn a_thermostat_remembers_which_way_it_came() {
     let inputs = |_: f64| vec![];
     let mut plant = Simulator::new("hysteresis", &["temperature", "on"], &inputs);
-    // Up to 360 K towards 393.15 K, down to 350 K towards 293.15 K, time constant 50 s.
+    // Up to 360 K towards 393.15 K, down to 350 K towards 293.15 K, with a time constant of 50 s.
     let up = 50.0 * ((393.15_f64 - 340.0) / (393.15 - 360.0)).ln();
     let down = 50.0 * ((360.0_f64 - 293.15) / (350.0 - 293.15)).ln();
     plant.run_to(up + 0.5 * down, 0.05, &inputs);
@@ -210,7 +210,7 @@ fn a_nonlinear_loop_is_solved_at_every_instant() {
     let inputs = |_: f64| vec![2.0];
     let mut plant = Simulator::new("diode", &["v", "i", "drop"], &inputs);
     plant.run_to(0.005, 1e-6, &inputs);
-    // By hand: the current by halving.
+    // By hand: the current by bisection.
     let current = |v: f64| {
         let (mut low, mut high) = (0.0_f64, 0.2);
         for _ in 0..200 {
@@ -222,7 +222,7 @@ fn a_nonlinear_loop_is_solved_at_every_instant() {
     };
     let x = by_hand(vec![0.0], 0.005, 5000, |_, x| vec![current(x[0]) / 1e-4]);
     let i = current(x[0]);
-    // Newton's steps leave a residual of the size of rounding, 1e-16 times 2 V, and so the current is off by 1e-17 A or so.
+    // Newton's steps leave a residual of the magnitude of rounding, 1e-16 times 2 V, so the error of the current is about 1e-17 A.
     assert!(plant.residual < 1e-12, "{}", plant.residual);
     assert_close(&plant.wanted(&inputs), &[x[0], i, 0.05 * (i / 1e-9).ln_1p()], 1e-9);
 }

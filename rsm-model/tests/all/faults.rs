@@ -1,4 +1,4 @@
-//! What a user is told of a system that cannot be solved.
+//! The messages for a system that cannot be solved.
 
 use rsm_core::source::Source;
 use rsm_model::flat::{Flat, Options};
@@ -64,7 +64,7 @@ fn a_start_that_is_demanded_twice_is_named() {
         "  Real x(start = 1, fixed = true);\n  Real y(start = 2, fixed = true);\n  Real v, w;",
         "  y = 3*x;\n  v = der(x);\n  w = der(y);\n  v + w = 1;",
     );
-    // The one of the two that found no room: y = 3 x.
+    // The start of `y` is used, so the start of `x` is redundant: y = 3 x.
     assert!(told.contains("`x` is one condition too many: the other conditions determine it as 0.666"), "{told}");
 }
 

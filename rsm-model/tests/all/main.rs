@@ -1,4 +1,4 @@
-//! The tests of the crate from outside, one binary.
+//! The tests of the crate's public interface, in one binary.
 
 mod against_hand;
 mod faults;

@@ -1,4 +1,5 @@
-//! A simple integrator for the tests: classical Runge-Kutta of a fixed step, events located by halving, programs evaluated in double precision.
+//! A simple integrator for the tests: the classical Runge-Kutta method with a fixed step, events located by bisection, programs evaluated in double
+//! precision.
 
 use rsm_core::source::Source;
 use rsm_model::expression::{Id, Symbol};
@@ -23,7 +24,7 @@ pub(crate) fn names(system: &System, symbols: &[Symbol]) -> Vec<String> {
     symbols.iter().map(|symbol| system.name(*symbol).to_string()).collect()
 }
 
-/// A system that runs.
+/// A running system.
 pub(crate) struct Simulator {
     system: System,
     continuous: Program,
@@ -39,7 +40,7 @@ pub(crate) struct Simulator {
     conditions: Vec<f64>,
     /// Instants of `sample`: the next one and the period.
     samples: Vec<(f64, f64)>,
-    /// The largest residual of a nonlinear block that was left behind.
+    /// The largest residual that remained in a nonlinear block.
     pub(crate) residual: f64,
     wanted: usize,
 }
@@ -51,7 +52,7 @@ fn no_surface(_: u32, _: &[f64], _: &[u8]) -> f64 {
 }
 
 impl Simulator {
-    /// At the start of the text; `wanted` are the names of what is looked at.
+    /// At the start of the text; `wanted` are the names of the observed variables.
     pub(crate) fn new(name: &str, wanted: &[&str], inputs: Inputs<'_>) -> Self {
         Self::of(system(name), wanted, inputs)
     }
@@ -75,7 +76,7 @@ impl Simulator {
         let count = system.flat().samples.len();
         let samples: Vec<Symbol> = (1..=count).map(|k| system.find(&format!("sample {k}")).unwrap()).collect();
         at_events.extend(&samples);
-        // Rates, new guesses, residuals, switches, what is wanted.
+        // Rates, new guesses, residuals, switches, observed variables.
         let mut results: Vec<Id> = system.rates();
         results.extend(system.iterated().iter().map(|it| it.value));
         results.extend(system.iterated().iter().map(|it| it.residual));
@@ -88,7 +89,7 @@ impl Simulator {
             results.push(system.value(symbol));
         }
         let continuous = system.program(&arguments, &results).unwrap_or_else(|symbol| panic!("{}", system.name(symbol)));
-        // Next memories, restarted states, conditions.
+        // New values of memories, restarted states, conditions.
         let mut results: Vec<Id> = system.memories().iter().map(|memory| memory.next).collect();
         for event in system.events() {
             results.extend(event.restarted.iter().map(|(_, value)| *value));
@@ -116,7 +117,7 @@ impl Simulator {
             wanted: wanted.len(),
             system,
         };
-        // Where a when gives a variable its value the memory is the variable; elsewhere its start.
+        // If a `when` assigns a variable, the memory is the variable; otherwise the memory is its start value.
         for (k, memory) in simulator.system.memories().to_vec().into_iter().enumerate() {
             let start = simulator.system.flat().variable(memory.variable).start;
             simulator.memories[k] = start.map_or(0.0, |start| {
@@ -184,7 +185,7 @@ impl Simulator {
         self.states.len()
     }
 
-    /// Takes the solution of nonlinear blocks as the next guess.
+    /// Uses the solution of nonlinear blocks as the next guess.
     fn settle(&mut self, inputs: Inputs<'_>) {
         for _ in 0..20 {
             let found = self.evaluate(self.time, &self.states, inputs);
@@ -206,7 +207,7 @@ impl Simulator {
         (0..self.held.len()).map(|k| f64::from(u8::from(found[first + 2 * k] < found[first + 2 * k + 1]))).collect()
     }
 
-    /// What is wanted, now.
+    /// The current values of the observed variables.
     pub(crate) fn wanted(&self, inputs: Inputs<'_>) -> Vec<f64> {
         let found = self.evaluate(self.time, &self.states, inputs);
         found[found.len() - self.wanted..].to_vec()
@@ -222,7 +223,7 @@ impl Simulator {
         (0..n).map(|i| self.states[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])).collect()
     }
 
-    /// Goes on to an instant in steps of at most `h`.
+    /// Advances to an instant in steps of at most `h`.
     pub(crate) fn run_to(&mut self, end: f64, h: f64, inputs: Inputs<'_>) {
         while self.time < end - 1e-12 {
             let next = self.samples.iter().fold(end, |next, (instant, _)| next.min(*instant));
@@ -270,7 +271,7 @@ impl Simulator {
         self.events.values(&values, &no_surface)
     }
 
-    /// The conditions of all branches, before any of them acts. No sample is due unless it is told.
+    /// The conditions of all branches, before any of them acts. No sample is due except those given.
     fn conditions_now(&self, inputs: Inputs<'_>, samples: &[f64]) -> Vec<f64> {
         let none = vec![0.0; self.samples.len()];
         let samples = if samples.is_empty() { &none[..] } else { samples };
@@ -285,7 +286,7 @@ impl Simulator {
         conditions
     }
 
-    /// What happens at an event, until nothing changes any more.
+    /// Executes the events of an instant until nothing changes.
     fn happen(&mut self, inputs: Inputs<'_>) {
         let mut samples: Vec<f64> =
             self.samples.iter().map(|(instant, _)| f64::from(u8::from((self.time - instant).abs() < 1e-10))).collect();

@@ -1,4 +1,4 @@
-//! A text of a thousand equations compiles while somebody waits.
+//! A text of a thousand equations compiles in a short time.
 
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -7,7 +7,7 @@ use rsm_core::source::Source;
 use rsm_model::flat::{Flat, Options};
 use rsm_model::system::System;
 
-/// A chain of masses on springs and dampers, in the form of a flattened text: ten equations a mass.
+/// A chain of masses with springs and dampers, in the form of a flattened text: ten equations for each mass.
 fn chain(masses: usize) -> String {
     let mut text = String::from("model Chain\n  input Real force(unit = \"N\");\n");
     for k in 0..masses {
@@ -35,7 +35,7 @@ fn chain(masses: usize) -> String {
     text
 }
 
-/// The goal is 0.5 s in a released build. Here the crate is optimised, what it stands on is not all, and the machine may be busy: four times that.
+/// The goal is 0.5 s in a released build. Here the crate is optimised, not all of its dependencies are, and the machine may be busy: four times that.
 #[test]
 fn a_thousand_equations_compile_in_time() {
     let source = Source::new("chain.mo", chain(100));

@@ -1,4 +1,4 @@
-//! Tapes compute what programs compute, their derivatives are those of differences, and the listing says what was understood.
+//! Tapes compute the same as programs, their derivatives agree with finite differences, and the listing shows what was understood.
 
 use rsm_core::run::Interpreter;
 use rsm_core::tangent::{Variable, tangent};
@@ -8,7 +8,7 @@ use crate::simulator::system;
 const MODELS: [&str; 12] =
     ["axis", "two-inertias", "quoted", "gear-train", "rlc", "tank", "thermal", "pitch", "cylinder", "ball", "sampled", "diode"];
 
-/// Numbers between 0.2 and 1.2 without a pattern: a linear congruence (D. E. Knuth's MMIX).
+/// Pseudo-random numbers between 0.2 and 1.2: a linear congruential generator (D. E. Knuth's MMIX).
 fn numbers(count: usize) -> Vec<f64> {
     let mut state = 1_u64;
     let mut next = || {
@@ -41,7 +41,7 @@ fn a_tape_computes_what_the_program_computes_and_its_tangent_the_slopes() {
         let mut found = vec![0.0; 2 * rates.len()];
         Interpreter::<f64>::new(&slopes).eval_all(&at, &mut found);
         for (k, wanted) in wanted.iter().enumerate() {
-            // The same operations; functions differ by a unit in the last place or two.
+            // The operations are the same; functions differ by one or two units in the last place.
             assert!((found[k] - wanted).abs() <= 1e-12 * wanted.abs().max(1e-6), "{name} {k}: {} {wanted}", found[k]);
         }
         let (mut above, mut below) = (at.clone(), at.clone());
@@ -51,7 +51,7 @@ fn a_tape_computes_what_the_program_computes_and_its_tangent_the_slopes() {
         for k in 0..rates.len() {
             let difference = (above[k] - below[k]) / 2e-5;
             let exact = found[rates.len() + k];
-            // Rounding of the values over the step, and the third derivative times its square.
+            // The rounding of the values divided by the step, and the third derivative times the square of the step.
             let scale = exact.abs().max(1e-4 * wanted[k].abs()).max(1.0);
             assert!((exact - difference).abs() <= 1e-5 * scale, "{name} {k}: {exact} {difference}");
         }
@@ -80,11 +80,11 @@ fn a_given_output_takes_the_place_of_its_start() {
     let mut system = system("two-inertias");
     let speed = system.find("speed").unwrap();
     let start = system.start(&[speed], &[]).unwrap();
-    // The output is another name of the speed of the load, whose own start is fixed: the given value counts.
+    // The output is another name for the speed of the load, whose own start is fixed: the given value is used.
     let load = start.values.iter().find(|(symbol, _)| system.name(*symbol) == "load.w").unwrap();
     assert_eq!(system.text(load.1), "speed");
     let twist = system.find("shaft.twist").unwrap();
-    // Both angles are fixed: whether they agree with the given twist is known when it is.
+    // Both angles are fixed. Whether they agree with the given twist can be checked when it is known.
     assert_eq!(system.start(&[twist], &[]).unwrap().redundant.len(), 1);
     let mut axis = crate::simulator::system("axis");
     let position = axis.find("position").unwrap();

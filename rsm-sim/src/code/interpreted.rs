@@ -5,13 +5,13 @@ use rsm_core::tape::{Op, Reg, Tape};
 
 use super::Slot;
 
-/// The operations that results need, in order, with their slots.
+/// The operations that the results need, in order, with their slots.
 #[derive(Debug)]
 pub(super) struct Interpreted {
     pub ops: Vec<Op>,
-    /// By argument: its slot.
+    /// For each argument: its slot.
     pub arguments: Vec<Slot>,
-    /// Registers of results and their slots.
+    /// Registers of the results, with their slots.
     pub results: Vec<(Reg, Slot)>,
 }
 
@@ -34,7 +34,7 @@ impl Interpreted {
         Interpreted { ops, arguments: arguments.to_vec(), results }
     }
 
-    /// Slots that an array needs at least.
+    /// The smallest permitted length of the array.
     pub(super) fn slots(&self) -> usize {
         let used = self.ops.iter().filter_map(|op| match op {
             Op::Input(port) => Some(self.arguments[port.0 as usize]),

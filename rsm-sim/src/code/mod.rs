@@ -1,11 +1,12 @@
-//! Tapes as code that runs on an array of slots, for one lane or for [`WIDE`] lanes at once.
+//! Tapes as code that works on an array of slots, for one lane or for [`WIDE`] lanes at once.
 //!
 //! ```text
-//! tape + where its arguments and results stand --Code::new--> machine code (x86-64 with AVX2) or the interpreter --run--> slots
+//! tape + slots of its arguments and results --Code::new--> machine code (x86-64 with AVX2) or the interpreter --run--> slots
 //! ```
 //!
-//! In: a tape without states. Out: [`Code`], which reads arguments from slots and writes results to slots. A slot holds one number a lane, side by
-//! side. Both ways of running give the same bits, and a lane's bits do not depend on its neighbours: every operation acts on each lane alone.
+//! In: a tape without states. Out: [`Code`], which reads arguments from slots and writes results to slots. A slot contains one number for each lane.
+//! Both ways of execution give the same bits. The bits of a lane do not depend on the other lanes, because every operation acts on each lane
+//! separately.
 
 mod interpreted;
 #[cfg(target_arch = "x86_64")]
@@ -19,17 +20,19 @@ use rsm_core::tape::{Op, Tape};
 
 use interpreted::Interpreted;
 
-/// Lanes in one slot of a wide array: what a register of AVX holds.
+/// The number of lanes in one slot of a wide array: the numbers in one AVX register.
 pub const WIDE: usize = 4;
 
-/// Loops over numbers that stand side by side. `run` and all that it calls have the attribute `inline(always)`: only what is inlined becomes vector instructions.
+/// Loops over numbers in adjacent memory. `run` and everything that it calls must have the attribute `inline(always)`: only inlined code becomes
+/// vector instructions.
 pub(crate) trait Work {
-    /// What it finds.
+    /// The result.
     type Found;
     fn run(self) -> Self::Found;
 }
 
-/// Runs loops with the registers of AVX2, where this machine has them. The bits are the same: each number has its own operations, in the same order, and none are fused.
+/// Runs loops with the registers of AVX2, if this machine has them. The bits are the same: each number has its own operations, in the same order, and
+/// no operations are fused.
 #[inline]
 pub(crate) fn vectorised<W: Work>(work: W) -> W::Found {
     #[cfg(target_arch = "x86_64")]
@@ -39,7 +42,7 @@ pub(crate) fn vectorised<W: Work>(work: W) -> W::Found {
     work.run()
 }
 
-/// Where a number stands in an array of slots.
+/// The index of a number in an array of slots.
 pub type Slot = u32;
 
 /// A tape with the places of its arguments and results.
@@ -48,24 +51,25 @@ pub struct Code {
     interpreted: Interpreted,
     #[cfg(target_arch = "x86_64")]
     native: Option<native::Native>,
-    /// Slots that an array needs at least.
+    /// The smallest permitted length of the array.
     slots: usize,
 }
 
-/// How a tape runs.
+/// The way a tape is executed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Way {
-    /// As machine code where this machine can, else by the interpreter.
+    /// As machine code if this machine supports it, else by the interpreter.
     Fastest,
-    /// By the interpreter: what machine code is compared with.
+    /// By the interpreter. Machine code is compared with it.
     Interpreted,
 }
 
 impl Code {
-    /// The code of a tape, for arrays of one lane or of [`WIDE`] lanes. Argument k stands in slot `arguments[k]`, result k goes to slot `results[k]`.
+    /// The code of a tape, for arrays of one lane or of [`WIDE`] lanes. Argument k is read from slot `arguments[k]`; result k is written to slot
+    /// `results[k]`.
     ///
     /// # Panics
-    /// When the tape keeps states or is not in f64, when a result would go where an argument stands, or when lanes are neither 1 nor [`WIDE`].
+    /// If the tape has states or is not in f64, if a result has the same slot as an argument, or if `lanes` is neither 1 nor [`WIDE`].
     #[must_use]
     pub fn new(tape: &Tape, arguments: &[Slot], results: &[Slot], lanes: usize, way: Way) -> Code {
         assert!(tape.states.is_empty(), "a tape with states is executed step by step");
@@ -87,7 +91,7 @@ impl Code {
         }
     }
 
-    /// Slots that an array needs at least.
+    /// The smallest permitted length of the array.
     #[must_use]
     pub fn slots(&self) -> usize {
         self.slots
@@ -106,10 +110,10 @@ impl Code {
         }
     }
 
-    /// Computes the results from the arguments. What lies between is kept in `spare`.
+    /// Computes the results from the arguments. Intermediate values are stored in `spare`.
     ///
     /// # Panics
-    /// When the array is too short, or has other lanes than the code was made for.
+    /// If the array is too short, or has a different number of lanes than the code.
     #[inline]
     pub fn run<const L: usize>(&self, slots: &mut [[f64; L]], spare: &mut Vec<[f64; L]>) {
         #[cfg(target_arch = "x86_64")]

@@ -1,9 +1,10 @@
 //! Machine code for x86-64 with AVX2.
 //!
-//! In: operations with their slots. Out: a function of the slots' address, in memory of its own. One operation of the tape becomes one instruction of IEEE 754 double
-//! precision (`Exponent` four, `PowerOfTwo` two), so the bits are those of the interpreter. Encodings: Intel 64 and IA-32 Architectures Software Developer's Manual, volume 2, sections 2.3 and 4.
-//! The function calls nothing, branches nowhere, and touches the slots and its own constants only.
-#![allow(unsafe_code)] // Machine code is called through a pointer: nothing safe does that.
+//! In: operations with their slots. Out: a function of the slots' address, in separate memory. Each operation of the tape becomes one instruction of
+//! IEEE 754 double precision (`Exponent` four, `PowerOfTwo` two), so the bits are those of the interpreter. Encodings: Intel 64 and IA-32
+//! Architectures Software Developer's Manual, volume 2, sections 2.3 and 4. The function has no call and no branch, and accesses only the slots, its
+//! constants and the memory for spilled values.
+#![allow(unsafe_code)] // Machine code is called through a pointer, which is not possible in safe code.
 
 use std::collections::HashMap;
 
@@ -14,18 +15,18 @@ use super::interpreted::Interpreted;
 use super::registers::{Memory, Move, Registers};
 use super::{Slot, WIDE, Work};
 
-/// 2^52: the last bit of a number from here to 2^53 is worth 1.
+/// 2^52: from here to 2^53 the last bit of a number has the value 1.
 const WHOLE: f64 = 4_503_599_627_370_496.0;
 /// The bias of exponents.
 const BIAS: f64 = 1023.0;
 
-/// What is called: the addresses of the slots, of the constants, and of the places for values that no register holds.
+/// The signature of the machine code: the addresses of the slots, of the constants, and of the places for spilled values.
 type Function = extern "sysv64" fn(*mut f64, *const f64, *mut f64);
 
 /// A function in executable memory.
 #[derive(Debug)]
 pub(super) struct Native {
-    /// Holds the code as long as it can be called.
+    /// Keeps the code in memory as long as it can be called.
     _memory: Mmap,
     function: Function,
     constants: Vec<f64>,
@@ -45,7 +46,7 @@ enum Operand {
     Memory(Memory),
 }
 
-/// The instructions, each by its opcode; packed forms have the prefix 66, scalar ones F2.
+/// The instructions, each with its opcode; packed forms have the prefix 66, scalar forms F2.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Instruction {
     Add = 0x58,
@@ -116,24 +117,24 @@ impl Assembler {
         self.vex(1, prefix, instruction as u8, to, a, b);
     }
 
-    /// Shifts each number's bits: to the left (`/6`) or to the right (`/2`).
+    /// Shifts the bits of each number to the left (`/6`) or to the right (`/2`).
     fn shift(&mut self, left: bool, to: u8, from: u8, by: u8) {
         self.vex(1, 1, 0x73, if left { 6 } else { 2 }, to, Operand::Register(from));
         self.code.push(by);
     }
 }
 
-/// One operation's work on the tape.
+/// Compiles the operations of a tape, one by one.
 struct Compiler<'a> {
     source: &'a Interpreted,
     assembler: Assembler,
     registers: Registers,
-    /// Slots that a register of the tape goes to.
+    /// Slots to which a register of the tape is written.
     results: HashMap<u32, Vec<Slot>>,
 }
 
 impl Native {
-    /// The code; `None` where the machine has no AVX2, or gives no executable memory.
+    /// The code; `None` if the machine has no AVX2, or gives no executable memory.
     pub(super) fn new(source: &Interpreted, lanes: usize) -> Option<Native> {
         if !std::arch::is_x86_feature_detected!("avx2") {
             return None;
@@ -162,10 +163,11 @@ impl Native {
         let mut memory = MmapMut::map_anon(assembler.code.len()).ok()?;
         memory.copy_from_slice(&assembler.code);
         let memory = memory.make_exec().ok()?;
-        // SAFETY: the memory holds a whole function of this signature and calling convention, and lives as long as the pointer: both are in one value.
+        // SAFETY: the memory contains a complete function with this signature and calling convention. It lives as long as the pointer, because both
+        // are in one value.
         let function = unsafe { std::mem::transmute::<*const u8, Function>(memory.as_ptr()) };
         let constants = assembler.constants.iter().flat_map(|bits| std::iter::repeat_n(f64::from_bits(*bits), lanes));
-        // Bitwise instructions read two numbers, of which the first counts.
+        // A bitwise instruction reads two numbers, and only the first is used. This padding keeps the second one inside the array.
         let constants = constants.chain([0.0]).collect();
         let (slots, spills) = (source.slots(), registers.spills());
         Some(Native { _memory: memory, function, constants, slots, spills, lanes })
@@ -177,12 +179,13 @@ impl Native {
         if spare.len() < self.spills {
             spare.resize(self.spills, [0.0; L]);
         }
-        // Why no bounds are checked inside: the code touches the slots below `self.slots` and the places below `self.spills`, each of `L` numbers, and its constants.
+        // The machine code needs no bounds checks: it accesses only slots below `self.slots` and places below `self.spills`, each with `L` numbers,
+        // and its constants.
         (self.function)(slots.as_mut_ptr().cast(), self.constants.as_ptr(), spare.as_mut_ptr().cast());
     }
 }
 
-/// Runs work as code with AVX2; only where the machine has it.
+/// Runs work as code with AVX2. The machine must have AVX2.
 #[inline]
 pub(super) fn with_avx2<W: Work>(work: W) -> W::Found {
     #[target_feature(enable = "avx2")]
@@ -210,7 +213,7 @@ impl Compiler<'_> {
             Op::Negate(a) => self.with_bits(k, a, Instruction::Xor, 1 << 63),
             Op::Absolute(a) => self.with_bits(k, a, Instruction::And, !(1 << 63)),
             Op::Exponent(a) => {
-                // The exponent as the low bits of a number from 2^52 on; what stands above them is taken away with the bias.
+                // Puts the exponent into the low bits of a number of at least 2^52. Then a subtraction removes the 2^52 and the bias.
                 let (to, from) = self.unary(k, a);
                 self.assembler.shift(true, to, from, 1);
                 self.assembler.shift(false, to, to, 53);
@@ -280,7 +283,7 @@ impl Compiler<'_> {
         self.finish(k, to);
     }
 
-    /// The register of a new value, that of its first operand, and its second operand.
+    /// The register of a new value, the register of its first operand, and its second operand.
     fn operands(&mut self, k: u32, a: Reg, b: Reg) -> (u8, u8, Operand) {
         let keep = [a.0, b.0];
         let first = self.registers.load(a.0, &keep);
@@ -296,7 +299,7 @@ impl Compiler<'_> {
     }
 
     fn binary(&mut self, k: u32, a: Reg, b: Reg, instruction: Instruction) {
-        // Which of two NaNs goes on may change with the order; no other bit does.
+        // The order may change which of two NaNs is the result, but no other bit.
         let commutes = matches!(instruction, Instruction::Add | Instruction::Multiply);
         let swaps = commutes && self.registers.register(a.0).is_none() && self.registers.register(b.0).is_some();
         let (a, b) = if swaps { (b, a) } else { (a, b) };
@@ -305,7 +308,7 @@ impl Compiler<'_> {
         self.finish(k, to);
     }
 
-    /// Stores a result, and forgets a value that nobody reads.
+    /// Stores a result, and releases a value that no later operation reads.
     fn finish(&mut self, k: u32, register: u8) {
         if let Some(slots) = self.results.get(&k) {
             for slot in slots.clone() {
@@ -318,7 +321,7 @@ impl Compiler<'_> {
         }
     }
 
-    /// A constant or an argument that is a result.
+    /// A result that is a constant or an argument.
     fn copied(&mut self, k: u32) {
         let Some(slots) = self.results.get(&k).cloned() else { return };
         let register = self.registers.load(k, &[k]);

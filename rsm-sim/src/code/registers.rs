@@ -1,14 +1,14 @@
-//! Which values of a straight line of operations stand in registers.
+//! The assignment of values to machine registers, for a sequence of operations without branches.
 //!
-//! In: for each value the operations that read it. Out: places, asked for one operation at a time. Where registers run out, the value that is read last goes to memory (L. A. Belady, "A study of
-//! replacement algorithms", 1966).
+//! In: for each value, the operations that read it. Out: places, requested one operation at a time. If no register is free, the value whose next use
+//! is latest is moved to memory (L. A. Belady, "A study of replacement algorithms", 1966).
 
 use super::Slot;
 
-/// Registers of the machine.
+/// The number of registers of the machine.
 const COUNT: usize = 16;
 
-/// A number in memory: among the slots, among the constants, or among values that no register holds.
+/// A number in memory: in a slot, a constant, or a spilled value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Memory {
     Slot(Slot),
@@ -16,7 +16,7 @@ pub(super) enum Memory {
     Spilled(u32),
 }
 
-/// What must be done before a value can be used.
+/// A move that must be executed before a value can be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Move {
     Store(u8, u32),
@@ -27,7 +27,7 @@ pub(super) enum Move {
 struct Value {
     register: Option<u8>,
     memory: Option<Memory>,
-    /// Operations that read it, the next one last.
+    /// Operations that read it, in reverse order: the next one is the last entry.
     readers: Vec<u32>,
 }
 
@@ -35,7 +35,7 @@ struct Value {
 pub(super) struct Registers {
     values: Vec<Value>,
     held: [Option<u32>; COUNT],
-    /// Places for what does not fit: how many there are, those that are free, those that the present operation still reads.
+    /// Places for spilled values: their number, the free ones, and those that the current operation still reads.
     spills: u32,
     spare: Vec<u32>,
     left: Vec<u32>,
@@ -43,7 +43,7 @@ pub(super) struct Registers {
 }
 
 impl Registers {
-    /// `readers`: by value, the operations that read it, in order.
+    /// `readers`: for each value, the operations that read it, in order.
     pub(super) fn new(readers: Vec<Vec<u32>>) -> Self {
         let values = readers.into_iter().map(|mut readers| {
             readers.reverse();
@@ -59,17 +59,17 @@ impl Registers {
         }
     }
 
-    /// Places that were needed for what does not fit.
+    /// The number of places for spilled values.
     pub(super) fn spills(&self) -> usize {
         self.spills as usize
     }
 
-    /// Before each operation.
+    /// Must be called before each operation.
     pub(super) fn begin(&mut self) {
         self.spare.append(&mut self.left);
     }
 
-    /// Says where a value stands in memory.
+    /// Sets the place of a value in memory.
     pub(super) fn stands(&mut self, value: u32, memory: Memory) {
         self.values[value as usize].memory = Some(memory);
     }
@@ -86,7 +86,7 @@ impl Registers {
         !self.values[value as usize].readers.is_empty()
     }
 
-    /// The value in a register, which is none of those that are kept.
+    /// Returns a register with the value. Loading it does not displace the values in `keep`.
     pub(super) fn load(&mut self, value: u32, keep: &[u32]) -> u8 {
         if let Some(register) = self.values[value as usize].register {
             return register;
@@ -98,7 +98,7 @@ impl Registers {
         register
     }
 
-    /// Says that an operation has read a value once.
+    /// Records that an operation has read a value.
     pub(super) fn read(&mut self, value: u32, operation: u32) {
         let found = &mut self.values[value as usize];
         while found.readers.last().is_some_and(|next| *next <= operation) {
@@ -123,14 +123,14 @@ impl Registers {
         register
     }
 
-    /// A register that holds nothing, for a moment.
+    /// Returns a free register, and spills a value if there is none.
     fn free(&mut self, keep: &[u32]) -> u8 {
         if let Some(free) = self.held.iter().position(Option::is_none) {
             return free as u8;
         }
         let next = |value: u32| self.values[value as usize].readers.last().copied().unwrap_or(u32::MAX);
         let is_kept = |value: &u32| keep.contains(value);
-        // Among those that are read equally late the first: the choice is the same in every run.
+        // If several values have the same next use, the first register is chosen, so the choice is the same in every run.
         let (register, value) = (0..COUNT)
             .filter_map(|register| self.held[register].map(|value| (register, value)))
             .filter(|(_, value)| !is_kept(value))

@@ -1,4 +1,4 @@
-//! Machine code against the interpreter, bit by bit.
+//! Compares machine code with the interpreter, bit by bit.
 
 use rsm_core::elementary::{self, Function};
 use rsm_core::number::{Precision, exact};
@@ -7,7 +7,7 @@ use rsm_core::tape::{Op, Reg, Tape, TapeBuilder};
 
 use super::{Code, WIDE, Way};
 
-/// Numbers without a pattern: a linear congruence (D. E. Knuth's MMIX).
+/// Pseudo-random numbers of a linear congruential generator (D. E. Knuth's MMIX).
 struct Numbers(u64);
 
 impl Numbers {
@@ -20,7 +20,7 @@ impl Numbers {
         (self.next() % count as u64) as usize
     }
 
-    /// Any number: all signs and sizes, zeros, infinities, NaN.
+    /// Any number: all signs and magnitudes, zeros, infinities, NaN.
     fn any(&mut self) -> f64 {
         match self.below(12) {
             0 => 0.0,
@@ -33,7 +33,7 @@ impl Numbers {
     }
 }
 
-/// A tape of every operation, of operands far and near: more values than the machine has registers.
+/// A tape with every operation, and with operands at near and far distances: more values than the machine has registers.
 fn tape(numbers: &mut Numbers, length: usize) -> Tape {
     let mut builder = TapeBuilder::sharing(Precision::F64);
     let mut values: Vec<Reg> = (0..6).map(|port| builder.input(port)).collect();

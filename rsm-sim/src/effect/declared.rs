@@ -1,33 +1,34 @@
-//! What an effect declares of itself, so that nobody who searches for effects needs to know its name.
+//! The properties that an effect declares. A search for effects uses them, so its code contains no effect by name.
 //!
-//! In: nothing. Out: the numbers of an effect with unit, bounds, plausible range and step; its role; the plainer effects that it holds. Never decides anything.
+//! In: nothing. Out: the numbers of an effect with unit, bounds, plausible range and step; its role; the simpler effects that are special cases of
+//! it. Decisions are made elsewhere.
 
 use crate::kind::PlantKind;
 use crate::schema::{self, Bound};
 
 use super::Arguments;
 
-/// The steepest public roads climb by 35 to 38 %; in rad.
+/// The slope of the steepest public roads, in rad: they climb by 35 to 38 %.
 pub const STEEPEST_ROAD: f64 = 0.36;
 
-/// A number that an effect takes.
+/// A number of an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Argument {
     /// Its name in the file.
     pub name: &'static str,
     /// Its unit.
     pub unit: Unit,
-    /// Which values it may have.
+    /// The permitted values.
     pub bound: Bound,
-    /// May be left out.
+    /// Whether it may be absent.
     pub optional: bool,
-    /// Only on this plant; `None` on all on which the effect can stand.
+    /// The only plant on which the number exists; `None` if it exists on all plants of the effect.
     pub on: Option<PlantKind>,
-    /// Which values a real machine may have.
+    /// The values that a real machine can have.
     pub plausible: Plausible,
-    /// The step at which a derivative with respect to it is taken.
+    /// The step of the finite difference for the derivative with respect to the number.
     pub step: Step,
-    /// Whether it is a level of friction: the special case of the effect has one of them.
+    /// Whether it is a level of friction. The special case of the effect has one such level.
     pub is_level: bool,
 }
 
@@ -38,60 +39,60 @@ impl Argument {
         Argument { name, unit, bound, optional: false, on: None, plausible: Plausible::Any, step: Step::Usual, is_level: false }
     }
 
-    /// The same, on one plant only.
+    /// The same number, on one plant only.
     #[must_use]
     pub const fn on(self, plant: PlantKind) -> Self {
         Argument { on: Some(plant), ..self }
     }
 
-    /// The same, but it may be left out.
+    /// The same number, but it may be absent.
     #[must_use]
     pub const fn optional(self) -> Self {
         Argument { optional: true, ..self }
     }
 
-    /// The same, with a plausible range.
+    /// The same number, with a plausible range.
     #[must_use]
     pub const fn plausible(self, plausible: Plausible) -> Self {
         Argument { plausible, ..self }
     }
 
-    /// The same, with another step.
+    /// The same number, with another step.
     #[must_use]
     pub const fn step(self, step: Step) -> Self {
         Argument { step, ..self }
     }
 
-    /// The same, a level of friction.
+    /// The same number, as a level of friction.
     #[must_use]
     pub const fn level(self) -> Self {
         Argument { is_level: true, ..self }
     }
 }
 
-/// The unit of a number; what depends on the plant is that of its first body, a rotor or a carriage.
+/// The unit of a number. If the unit depends on the plant, it is that of the plant's first body, a rotor or a carriage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
-    /// This one.
+    /// A fixed unit.
     Is(&'static str),
-    /// That of the named parameter or output.
+    /// The unit of the named parameter or output.
     OfSubject,
-    /// That of the named output, per second.
+    /// The unit of the named output, per second.
     OfSubjectPerSecond,
     /// Torque or force.
     Effort,
     /// Torque or force per speed.
     EffortPerSpeed,
-    /// Torque or force per way.
+    /// Torque per angle, or force per distance.
     Stiffness,
     /// Angular or linear speed.
     Speed,
-    /// Angle in a driveline, way elsewhere.
+    /// An angle in a driveline, a distance in other plants.
     Gap,
 }
 
 impl Unit {
-    /// The unit in words, on a plant, for a named parameter or output.
+    /// The unit as text, on a plant, for a named parameter or output.
     #[must_use]
     pub fn on(self, plant: PlantKind, subject: Option<&str>) -> String {
         let rotor = plant == PlantKind::Pmac;
@@ -114,75 +115,76 @@ impl Unit {
     }
 }
 
-/// Which values of a number a real machine may have, by the sizes that its records show.
+/// The plausible values of a number in a real machine, relative to the magnitudes in its records.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Plausible {
-    /// Any.
+    /// Any value.
     Any,
-    /// As far from 0 as this, either way.
+    /// At most this magnitude, with either sign.
     Within(f64),
-    /// As a parameter of the plant may be wrong.
+    /// Within the possible error of a plant parameter.
     Parameter,
-    /// A factor as a parameter may be wrong by.
+    /// A factor within the possible relative error of a parameter.
     Factor,
-    /// The same, or a factor between units.
+    /// A factor within the possible relative error of a parameter, or a conversion factor between units.
     FactorOrUnit,
-    /// Of the size of the drive's effort, either way.
+    /// At most the magnitude of the drive's effort, with either sign.
     Effort,
-    /// Of that size, not negative.
+    /// At most the magnitude of the drive's effort, not negative.
     EffortOneWay,
-    /// Of that size in the time of a record.
+    /// At most the magnitude of the drive's effort within the duration of a record.
     EffortPerRecord,
-    /// Of that size at the square of the usual speed.
+    /// At most the magnitude of the drive's effort at the square of the typical speed.
     EffortPerSpeedSquared,
-    /// Of the size of the named output's readings.
+    /// At most the magnitude of the named output's readings.
     Reading,
-    /// Of that size in the time of a record.
+    /// At most the magnitude of the readings within the duration of a record.
     ReadingPerRecord,
-    /// A share of the time of a record.
+    /// A share of the duration of a record.
     ShareOfRecord,
-    /// Of the size of the usual speed.
+    /// Of the magnitude of the typical speed.
     Speed,
-    /// Of the size of the first input.
+    /// Of the magnitude of the first input.
     Input,
-    /// So many times the largest first guess, either way.
+    /// At most this multiple of the largest first guess, with either sign.
     TimesTheGuess(f64),
 }
 
-/// The step at which a derivative with respect to a number is taken.
+/// The step of the finite difference for the derivative with respect to a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
-    /// As its bound and its size say.
+    /// A step determined by the bound and the magnitude of the number.
     Usual,
-    /// Its own size.
+    /// The magnitude of the number itself.
     OwnSize,
-    /// A per cent of it: near a value in proportion to which nothing is, a gain of 1 or a parameter.
+    /// One per cent of the number: for a number whose neutral value is not 0, such as a gain of 1 or a parameter.
     PerCent,
 }
 
-/// What sets an effect apart for a search.
+/// The special role of an effect in a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// Nothing.
+    /// No special role.
     Ordinary,
-    /// Readings are rounded: a simulation has no derivative along its step.
+    /// Readings are rounded. The simulation has no useful derivative with respect to the rounding step.
     Rounding,
-    /// A reading is a multiple of the truth.
+    /// A reading is a multiple of the true value.
     ReadingGain,
-    /// A reading follows the truth with a time constant.
+    /// A reading follows the true value with a time constant.
     ReadingLag,
-    /// Something comes late by whole rows and parts of them.
+    /// A signal is delayed, by rows and fractions of rows.
     Delay,
-    /// Waves of effort over the position: an order of a rotor where a number counts them, else of any length.
+    /// A periodic effort over the position. If a number is the order (periods per turn of a rotor), it is an integer; otherwise the period is
+    /// arbitrary.
     Waves,
 }
 
-/// An effect with its one number, as a part of a plainer form.
+/// An effect with one number, as a part of a simpler form.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
-    /// Which effect.
+    /// The effect.
     pub kind: &'static str,
-    /// The named parameter or output, if it takes one.
+    /// The named parameter or output, if the effect needs one.
     pub subject: Option<&'static str>,
     /// Its number.
     pub value: f64,
@@ -196,18 +198,18 @@ impl Part {
     }
 }
 
-/// Plainer forms of an effect with certain numbers.
+/// Simpler forms of an effect with certain numbers.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Forms {
-    /// Special cases that it holds, the simplest first.
+    /// Special cases of the effect, the simplest first.
     pub special: Vec<Vec<Part>>,
-    /// Other effects with as many numbers that do nearly the same.
+    /// Other effects with the same number of numbers and almost the same behaviour.
     pub alike: Option<Vec<Part>>,
-    /// What it is when it does not differ with the direction.
+    /// The form of the effect if it is independent of the direction.
     pub level: Option<Level>,
 }
 
-/// An effect that does not differ with the direction: its special case, and what else it then says of the plant's own parameters.
+/// An effect that is independent of the direction: its special case, and the errors of the plant's own parameters that it then implies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Level {
     /// The special case.
@@ -216,22 +218,22 @@ pub struct Level {
     pub errors: Vec<Part>,
 }
 
-/// What an effect declares beside its numbers.
+/// The properties that an effect declares in addition to its numbers.
 #[derive(Debug)]
 pub struct Declared {
     /// Its role.
     pub role: Role,
-    /// The effect that it holds as its special case: it then always fits as well, and that says nothing.
+    /// The effect that is a special case of this one. This effect then always fits at least as well, so a good fit is no evidence for it.
     pub generalises: Option<&'static str>,
-    /// Its plainer forms.
+    /// Its simpler forms.
     pub forms: fn(&Arguments) -> Forms,
 }
 
 impl Declared {
-    /// Of an effect that nothing sets apart.
+    /// The declaration of an effect without a special role.
     pub const NOTHING: Declared = Declared { role: Role::Ordinary, generalises: None, forms: |_| Forms::default() };
 
-    /// Of an effect with a role.
+    /// The declaration of an effect with a role.
     #[must_use]
     pub const fn role(role: Role) -> Self {
         Declared { role, ..Declared::NOTHING }

@@ -1,4 +1,4 @@
-//! Each effect against hand-worked cases: `cases.txt`.
+//! Each effect is compared with cases worked out by hand: `cases.txt`.
 
 use rsm_core::source::Source;
 
@@ -7,7 +7,7 @@ use crate::effects;
 use crate::kind::OUTPUTS;
 use crate::plant_file::PlantFile;
 
-/// What is given to a hook: numbers by name, a word where no number stands.
+/// The arguments of a hook: numbers by name, or words.
 struct Given<'t>(Vec<(&'t str, &'t str)>);
 
 impl<'t> Given<'t> {
@@ -112,7 +112,7 @@ fn number(text: &str) -> f64 {
     text.parse().unwrap_or_else(|_| panic!("`{text}` is no number"))
 }
 
-/// A number of an effect by the name that its description has.
+/// The numbers of an effect, with the names of its description.
 fn numbers(description: &Description, given: &Given<'_>) -> Vec<(&'static str, f64)> {
     let named = given.0.iter().filter(|(name, _)| *name != "of");
     let find = |name: &str| description.arguments.iter().find(|it| it.name == name).expect("a number of the effect").name;
@@ -123,7 +123,7 @@ fn flag(is: bool) -> f64 {
     if is { 1.0 } else { 0.0 }
 }
 
-/// What a hook gives: its value, then what it writes.
+/// The result of a hook: its value, then the values that it writes.
 fn found(effect: &dyn Effect, plant: PlantKind, hook: &str, given: &Given<'_>) -> Vec<f64> {
     let own = given.own();
     let mut rates = vec![0.0; effect.states()];
@@ -221,7 +221,7 @@ fn found(effect: &dyn Effect, plant: PlantKind, hook: &str, given: &Given<'_>) -
     value
 }
 
-/// Equal but for the last bits that a few roundings move; -0 is 0.
+/// Equal except for the last bits, which a few rounding errors change; -0 equals 0.
 fn close(found: f64, expected: f64) -> bool {
     (found - expected).abs() <= 1e-12 * expected.abs() || found.is_nan() && expected.is_nan()
 }
@@ -230,7 +230,7 @@ fn all_close(found: &[f64], expected: &[f64]) -> bool {
     found.len() == expected.len() && found.iter().zip(expected).all(|(found, expected)| close(*found, *expected))
 }
 
-/// `1 - n0=0 p2`: the numbers, NaN for those left out; the scaling number and its neutral value; the phase.
+/// Reads a text such as `1 - n0=0 p2`: the numbers, NaN for absent ones; the index of the scaling number and its neutral value; the phase.
 fn guess(text: &str) -> Guess {
     let mut guess = Guess::at(vec![]);
     for word in text.split_whitespace() {
@@ -291,16 +291,17 @@ fn an_effect_takes_the_numbers_of_its_plant_and_no_others() {
     let names = |kind: &str, plant| -> Vec<&str> {
         effects::of(kind).expect("a kind").arguments_on(plant).map(|argument| argument.name).collect()
     };
-    // The shaft of a car has its stiffness in the plant; the drive of an axis is rigid until the effect says what its play touches with.
+    // The stiffness of a car's shaft is a parameter of the plant. The drive of an axis is rigid, so the effect needs the stiffness and damping of the
+    // contact.
     assert_eq!(names("backlash", PlantKind::Driveline), ["gap"]);
     assert_eq!(names("backlash", PlantKind::ServoAxis), ["gap", "mass_ratio", "stiffness", "damping"]);
-    // A number that names no plant is taken on each.
+    // A number without a plant is valid on each plant.
     for (_, plant) in PlantKind::NAMES {
         assert_eq!(names("sensor-bias", plant), ["bias"]);
     }
 }
 
-/// An effect without a single hook.
+/// An effect without hooks.
 struct Nothing;
 
 impl Effect for Nothing {}
@@ -341,7 +342,7 @@ fn what_an_effect_has_no_hook_for_it_leaves_as_it_is() {
     assert!(!Nothing.reads_with_memory());
 }
 
-/// An effect with a rate alone.
+/// An effect that has only a rate.
 struct Fast;
 
 impl Effect for Fast {
@@ -357,11 +358,11 @@ fn an_effect_that_says_nothing_of_its_linear_part_leaves_all_of_its_rate() {
 
 #[test]
 fn the_rate_of_a_smooth_sign_is_its_slope_or_its_passing() {
-    // Level 12, inertia 6, width 0.5: 12/0.5/6 = 4 at rest, and at 0.25 the share 1 - tanh^2 0.5 of it.
+    // Level 12, inertia 6, width 0.5: the rate is 12/0.5/6 = 4 at rest, and 1 - tanh^2 0.5 times this value at a speed of 0.25.
     let rate = |given: &str| smooth_sign_rate(12.0, 0.5, &Given::of(given).scale());
     assert_eq!(rate(""), 4.0);
     assert!(close(rate("slowest=0.25"), 4.0 * (1.0 - 0.5f64.tanh().powi(2))));
-    // Passing at 18 per second, twice the width in a span of one: sqrt(4 * 18/0.5) = 12.
+    // The speed changes by 18 per second: the rate of passing is 18/0.5 = 36, and sqrt(4 * 36) = 12.
     assert!(close(rate("change=18"), 12.0));
 }
 
@@ -377,7 +378,7 @@ fn a_scale_of_bodies_alone_has_no_windings_and_no_vehicle_that_move() {
     assert_eq!(([speed, crank_speed, clutch_mobility], clutch), ([0.0, 0.0, 1.0], (1.0, 0.0, 0.0)));
 }
 
-/// What stands for the first three outputs.
+/// Values for the first three outputs, and the default for all others.
 fn of_outputs<T: Copy + Default>(first: [T; 3]) -> [T; OUTPUTS] {
     crate::kind::by_output(&first, T::default())
 }

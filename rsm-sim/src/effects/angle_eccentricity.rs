@@ -1,19 +1,19 @@
-//! The encoder disc runs out of centre.
+//! The encoder disc is eccentric.
 //!
 //! Formula      as angle-offset, with delta = e sin(theta)
 //! Source       geometry of a disc mounted beside its centre; docs/book/src/reference/plants.md, section 3
 //! Acts on      the frame of voltages and currents
 //! Looks like   torque ripple of first order
-//! Told apart   by its order: once a mechanical turn
+//! Told apart   by its order: once per mechanical turn
 //! Report says  "The encoder errs by {amplitude} once a turn."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "angle-eccentricity",
     plants: &[PlantKind::Pmac],

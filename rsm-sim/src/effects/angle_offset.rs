@@ -1,19 +1,19 @@
-//! The encoder is mounted at an angle.
+//! The encoder is mounted with an angular offset.
 //!
-//! Formula      x_d = cos(delta) rec_d - sin(delta) rec_q, x_q = sin(delta) rec_d + cos(delta) rec_q are the true quantities
+//! Formula      the true quantities are x_d = cos(delta) rec_d - sin(delta) rec_q, x_q = sin(delta) rec_d + cos(delta) rec_q
 //! Source       the rotation of (19); docs/book/src/reference/plants.md, section 3
 //! Acts on      the frame of voltages and currents
-//! Looks like   an error of the flux linkage where i_d is 0
+//! Looks like   an error of the flux linkage if i_d is 0
 //! Told apart   by currents on both axes
 //! Report says  "The recorded frame is turned by {angle}."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "angle-offset",
     plants: &[PlantKind::Pmac],

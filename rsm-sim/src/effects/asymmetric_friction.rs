@@ -1,13 +1,13 @@
-//! Friction that differs with the direction.
+//! Friction that depends on the direction.
 //!
-//! Formula      F+ tanh(v/v_s) forward, F- backward; where given, b+ v and b- v in place of the nominal b v
+//! Formula      F+ tanh(v/v_s) forward, F- tanh(v/v_s) backward; if given, b+ v and b- v replace the nominal b v
 //! Source       A. Janot, M. Gautier, M. Brunot, 2019 (the measured EMPS axis); docs/book/src/reference/plants.md, section 3
 //! Acts on      effort at the rotor; force on the carriage
 //! Looks like   coulomb friction with a constant load
 //! Told apart   by different speeds in both directions: an offset does not change with the viscous part
 //! Report says  "Friction is {forward} forward and {backward} backward."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::declared::{Forms, Level, Part};
 use crate::effect::{
@@ -17,7 +17,7 @@ use crate::effect::{
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "asymmetric-friction",
     plants: &[PlantKind::ServoAxis, PlantKind::Pmac],
@@ -36,7 +36,8 @@ pub const DESCRIPTION: Description = Description {
     declared: Declared { generalises: Some("coulomb-friction"), forms, ..Declared::NOTHING },
 };
 
-/// Levels F + c forward and F - c backward are a dry friction F and a constant load c; without a difference it is F alone, and its viscous parts are one, which the plant has.
+/// Levels F + c forward and F - c backward are equivalent to a dry friction F and a constant load c. Without a difference only F remains, and the two
+/// viscous parts are equal to one viscous parameter of the plant.
 fn forms(arguments: &Arguments) -> Forms {
     let mean = |a, b| Some(0.5 * (arguments.optional(a)? + arguments.optional(b)?));
     let (forward, backward) = (arguments.number("forward"), arguments.number("backward"));
@@ -45,7 +46,7 @@ fn forms(arguments: &Arguments) -> Forms {
     let viscous = mean("viscous_forward", "viscous_backward");
     let error = |value| Part { kind: "parameter-error", subject: Some("viscous_friction"), value };
     let is_bare = arguments.numbers.len() == 2;
-    // Without viscous numbers of its own it is that pair, and no case of it.
+    // Without viscous numbers the effect is equivalent to this pair, so the pair is not a special case.
     let special = if arguments.optional("viscous_forward").is_some() { vec![vec![dry], pair.clone()] } else { vec![vec![dry]] };
     Forms {
         special,
@@ -69,7 +70,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // A twentieth of what the drive can do, in either direction and in both; then with viscous parts of its own.
+    // A twentieth of the drive's effort, in either direction and in both; then with viscous parts.
     let level = 0.05 * survey.effort;
     let viscous = survey.parameters.number("viscous_friction");
     let none = f64::NAN;
@@ -84,7 +85,7 @@ impl Effect for AsymmetricFriction {
     fn effort(&self, motion: &Motion) -> f64 {
         // mutant `< to <=`: at rest both directions give 0.
         let direction = usize::from(motion.speed < 0.0);
-        // The plant takes the nominal part off: here it comes back.
+        // The plant's equations subtract the nominal viscous part; this line adds it again.
         let viscous = self.viscous[direction].map_or(0.0, |viscous| (motion.viscous_friction - viscous) * motion.speed);
         viscous - self.level[direction] * smooth_sign(motion.speed, self.width)
     }
@@ -92,7 +93,7 @@ impl Effect for AsymmetricFriction {
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         let sign = smooth_sign_rate(self.level[0].max(self.level[1]), self.width, scale);
         let viscous = self.viscous[0].unwrap_or(0.0).max(self.viscous[1].unwrap_or(0.0)) / scale.drive_inertia;
-        // The law has a kink at rest, where the order falls to two: a third of the step leaves a ninth.
+        // The law has a kink at rest, where the order of the method decreases to two: with a third of the step the error is a ninth.
         let kink = if scale.slowest == 0.0 { 3.0 } else { 1.0 };
         kink * (sign + viscous)
     }
@@ -109,7 +110,7 @@ mod tests {
     #[test]
     fn each_direction_has_its_own_level() {
         let friction = made(&[("forward", 20.0), ("backward", 30.0), ("viscous_backward", 240.0)]);
-        // Forward: the plant's own viscous part stays. Backward at -0.1 m/s: 30 N, and (200 - 240) * -0.1 = 4 N more.
+        // Forward: the plant's own viscous part remains. Backward at -0.1 m/s: 30 N, plus (200 - 240) * -0.1 = 4 N.
         for (speed, expected) in [(0.1, -20.0), (-0.1, 34.0)] {
             let found = friction.effort(&Motion { position: 0.0, speed, viscous_friction: 200.0 });
             assert!((found - expected).abs() < 1e-12, "{found} at {speed}");
@@ -126,7 +127,7 @@ mod tests {
         let bare = of(&levels);
         assert_eq!((bare.special, bare.alike), (vec![vec![dry]], Some(vec![dry, load])));
         assert_eq!(bare.level, Some(Level { of: dry, errors: vec![] }));
-        // With viscous parts of its own the pair is a special case, and their mean is an error of the plant's.
+        // With viscous parts the pair is a special case, and their mean is an error of the plant's viscous parameter.
         let whole = of(&[levels[0], levels[1], ("viscous_forward", 100.0), ("viscous_backward", 140.0)]);
         assert_eq!((whole.special, whole.alike), (vec![vec![dry], vec![dry, load]], None));
         let error = Part { kind: "parameter-error", subject: Some("viscous_friction"), value: 120.0 };

@@ -1,13 +1,14 @@
 //! Free play in a joint.
 //!
-//! Formula      twist phi becomes phi - clamp(phi, -gap/2, gap/2), the damper acts in contact only; on the axis a drive of (1 - rho) M and a carriage of rho M; sensors and friction stay on the drive
+//! Formula      twist phi becomes phi - clamp(phi, -gap/2, gap/2), the damper acts in contact only; on the axis the drive has the mass (1 - rho) M
+//!              and the carriage rho M; sensors and friction remain at the drive
 //! Source       M. Nordin, P.-O. Gutman, 2002 (survey of backlash models); docs/book/src/reference/plants.md, section 3
 //! Acts on      the driveshaft; the joint between drive and carriage
 //! Looks like   shaft compliance, coulomb friction at reversals
 //! Told apart   by a reversal of the load under small amplitudes
 //! Report says  "There is a free play of {gap} in the drive."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{
     Argument, Arguments, Carried, Declared, Description, Effect, FirstInstant, Guess, Joint, Motion, Scale, Split, Subject,
@@ -16,7 +17,7 @@ use crate::effect::{
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "backlash",
     plants: &[PlantKind::Driveline, PlantKind::ServoAxis],
@@ -37,11 +38,11 @@ pub const DESCRIPTION: Description = Description {
 
 struct Backlash {
     half_gap: f64,
-    /// On an axis.
+    /// The joint of an axis; `None` for a driveline.
     far: Option<Far>,
 }
 
-/// The body behind the joint of an axis, and what they touch with.
+/// The body behind the joint of an axis, and the stiffness and damping of the contact.
 struct Far {
     ratio: f64,
     stiffness: f64,
@@ -60,7 +61,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 impl Backlash {
-    /// Open (0), in contact forward (1) or backward (2).
+    /// The effort of the contact. The piece is 0 if the joint is open, 1 in forward contact, 2 in backward contact.
     fn contact(&self, twist: f64, rate: f64, stiffness: f64, damping: f64, held: Option<u32>) -> Carried {
         let piece = if twist > self.half_gap { 1 } else { 2 * u32::from(twist < -self.half_gap) };
         let effort = match held.unwrap_or(piece) {
@@ -73,8 +74,9 @@ impl Backlash {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // On the driveshaft one and four degrees. On the axis shares of the travel from a hundredth of a per cent, each 2.7 times the last:
-    // contacts at another moment part the ground, and from seven times off none finds its way. Behind contacts of three stiffnesses, an octave apart.
+    // On the driveshaft one and four degrees. On the axis shares of the travel from a hundredth of a per cent, with a ratio of 2.7: a gap with other
+    // contact instants has its own minimum, and from a guess that is wrong by a factor of seven no fit converges. The contacts have three
+    // stiffnesses, an octave of frequency apart.
     if survey.plant == PlantKind::Driveline {
         return vec![Guess::at(vec![0.0175]), Guess::at(vec![0.07])];
     }
@@ -102,7 +104,7 @@ impl Effect for Backlash {
         }
         let linear = twist.stiffness * twist.angle + twist.damping * twist.rate;
         let Carried { effort: contact, piece } = self.contact(twist.angle, twist.rate, twist.stiffness, twist.damping, held);
-        // What other effects added to the linear law stays.
+        // Contributions of other effects to the linear law remain.
         Carried { effort: effort - linear + contact, piece }
     }
 
@@ -110,7 +112,7 @@ impl Effect for Backlash {
         if self.far.is_some() { 2 } else { 0 }
     }
 
-    // Together with the drive, the joint at rest.
+    // The far body starts at the position and speed of the drive, so the joint is at rest.
     fn start(&self, start: &FirstInstant, own: &mut [f64]) {
         if self.far.is_some() {
             own.copy_from_slice(&[start.motion.position, start.motion.speed]);
@@ -138,13 +140,14 @@ impl Effect for Backlash {
         true
     }
 
-    // Between its pieces it is linear. A contact opens within half a swing of the shaft on its spring; a quarter of its rate is then three looks and more at it.
+    // Within each piece the law is linear. A contact opens within half a period of the shaft's oscillation; with a quarter of this frequency at least
+    // three steps fall into this time.
     fn nonlinear_rate(&self, scale: &Scale) -> f64 {
         if self.far.is_some() { self.fastest_rate(scale) } else { 0.25 * scale.vehicle.swing.1 }
     }
 
-    // The swing of the two bodies on the spring, and the damper against the lighter one; twice, because every contact strikes them to their full speed, where
-    // other motions of a spring are small: fourth order leaves a sixteenth.
+    // The natural frequency of the two bodies on the spring, and the rate of the damper against the lighter one. The rate is doubled, because every
+    // contact excites the oscillation with the full relative speed. With half the step, a fourth-order method has a sixteenth of the error.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         let Some(far) = &self.far else { return 0.0 };
         let mobility = 1.0 / scale.drive_inertia + 1.0 / (far.ratio * scale.inertia);
@@ -163,7 +166,7 @@ mod tests {
     #[test]
     fn inside_the_gap_nothing_is_carried() {
         let play = made(&[("gap", 0.05)]);
-        // Linear 1000 * 0.02 + 10 * 1 = 30 inside; at 0.035: 1000 * 0.01 + 10 = 20 outside.
+        // The linear law gives 1000 * 0.02 + 10 * 1 = 30 inside the gap; at 0.035 the contact gives 1000 * 0.01 + 10 = 20.
         for (angle, linear, expected) in [(0.02, 30.0, 0.0), (0.035, 45.0, 20.0), (-0.035, -25.0, 0.0)] {
             let twist = Twist { joint: Joint::Driveshaft, angle, rate: 1.0, stiffness: 1000.0, damping: 10.0 };
             assert!((play.joint(&twist, linear, None).effort - expected).abs() < 1e-12);

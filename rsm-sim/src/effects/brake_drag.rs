@@ -1,13 +1,13 @@
-//! A brake that does not let go.
+//! A brake that does not release.
 //!
 //! Formula      torque T tanh(w_w/w_s) against the rotation of the wheel, w_s = 1 rad/s as on every rotor
 //! Source       C. A. Coulomb, 1785; docs/book/src/reference/plants.md, section 3
 //! Acts on      effort at the wheel
-//! Looks like   road grade, an error of rolling_resistance_1: one and the same while the car rolls forward
+//! Looks like   road grade, an error of rolling_resistance_1: they are identical while the car rolls forward
 //! Told apart   by standstill or backward motion
 //! Report says  "A brake drags with {torque}."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{
     Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, ROTOR_SIGN_WIDTH, Scale, Subject, Survey,
@@ -16,7 +16,7 @@ use crate::effect::{
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "brake-drag",
     plants: &[PlantKind::Driveline],
@@ -39,7 +39,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // A twentieth of what the engine can do at the wheel.
+    // A twentieth of the engine's torque at the wheel.
     vec![Guess::scaled(vec![0.05 * survey.effort], 0.0)]
 }
 

@@ -1,19 +1,19 @@
-//! The clutch cannot carry more.
+//! The torque of the clutch is limited.
 //!
 //! Formula      abs(T_c) is limited to a capacity
 //! Source       C. A. Coulomb, 1785 (dry friction between discs); docs/book/src/reference/plants.md, section 3
-//! Acts on      the law of the clutch, after what other effects make of it
+//! Acts on      the law of the clutch, after all other effects
 //! Looks like   an error of the torque map at full load
 //! Told apart   by engine speed against road speed
 //! Report says  "The clutch slips above {capacity}."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Carried, Declared, Description, Effect, Guess, Joint, Scale, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "clutch-slip",
     plants: &[PlantKind::Driveline],
@@ -36,7 +36,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // Shares of what the engine can do.
+    // Shares of the engine's largest torque.
     let ratio = survey.parameters.gear_ratios[1] * survey.parameters.number("final_drive_ratio");
     [0.95, 0.8, 0.65, 0.5].iter().map(|share| Guess::at(vec![share * survey.effort / ratio])).collect()
 }
@@ -46,14 +46,14 @@ impl Effect for ClutchSlip {
         true
     }
 
-    // A torque above the capacity is seen where it lasts a sixth of a swing of the clutch on its spring. While the discs slide fast, the spring's torque passes from one
-    // limit to the other in 2 capacity/(stiffness rate): half of that is a step.
+    // A torque above the capacity is found if it lasts for a sixth of the clutch's oscillation period. While the discs slide fast, the spring's
+    // torque changes from one limit to the other in 2 capacity/(stiffness rate); a step is half of this time.
     fn nonlinear_rate(&self, scale: &Scale) -> f64 {
         let (stiffness, _, rate) = scale.vehicle.clutch;
         0.25 * scale.vehicle.swing.0.max(stiffness * rate / self.capacity)
     }
 
-    /// The springs carry (0), or the discs slip forward (1) or backward (2).
+    /// The piece is 0 if the discs stick, 1 if they slip forward, 2 if they slip backward.
     fn joint_limit(&self, joint: Joint, effort: f64, held: Option<u32>) -> Carried {
         if joint != Joint::Clutch {
             return Carried { effort, piece: 0 };
@@ -86,7 +86,7 @@ mod tests {
         assert_eq!(carried(Joint::Clutch, -250.0, None), (-200.0, 2));
         assert_eq!(carried(Joint::Clutch, 150.0, None), (150.0, 0));
         assert_eq!(carried(Joint::Driveshaft, 2500.0, None), (2500.0, 0));
-        // A law that is held goes on beyond its end, and says where it is.
+        // A held law is also used outside of its range; the returned piece is the one to which the state belongs.
         assert_eq!(carried(Joint::Clutch, 250.0, Some(0)), (250.0, 1));
         assert_eq!(carried(Joint::Clutch, 150.0, Some(1)), (200.0, 0));
     }

@@ -1,13 +1,13 @@
-//! The springs of the clutch disc stiffen.
+//! The stiffness of the clutch disc's springs increases with the twist.
 //!
-//! Formula      T_c gains k_3 phi^3
+//! Formula      k_3 phi^3 is added to T_c
 //! Source       G. Duffing, 1918; docs/book/src/reference/plants.md, section 3
 //! Acts on      the law of the clutch
 //! Looks like   an error of the clutch stiffness at one torque
 //! Told apart   by tip-ins of different size
 //! Report says  "The clutch stiffens with {cubic_stiffness}."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{
     Argument, Arguments, Carried, Declared, Description, Effect, Guess, Joint, Scale, Subject, Survey, Twist, Unit,
@@ -15,7 +15,7 @@ use crate::effect::{
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "clutch-stiffening",
     plants: &[PlantKind::Driveline],
@@ -38,7 +38,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // A tenth more torque at the twist of the usual torque of the engine.
+    // One tenth more torque at the twist of the engine's typical torque.
     let stiffness = survey.parameters.number("clutch_stiffness");
     let ratio = survey.parameters.gear_ratios[1] * survey.parameters.number("final_drive_ratio");
     let twist = survey.effort / ratio / stiffness;
@@ -53,7 +53,8 @@ impl Effect for ClutchStiffening {
         Carried { effort: effort + self.cubic * twist.angle * twist.angle * twist.angle, piece: 0 }
     }
 
-    // The swing on the slope of the cube, 3 k_3 phi^2, alone; half of it, because the damper has died the swing away before a step's error shows.
+    // The natural frequency with the slope of the cubic term, 3 k_3 phi^2, alone. Half of it is sufficient, because the damper stops the oscillation
+    // before the error of a step becomes visible.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         let twist = scale.vehicle.clutch.1;
         0.5 * (3.0 * self.cubic * twist * twist * scale.vehicle.clutch_mobility).sqrt()
@@ -71,7 +72,7 @@ mod tests {
     #[test]
     fn the_torque_gains_the_cube_of_the_twist() {
         let twist = Twist { joint: Joint::Clutch, angle: 0.5, rate: 0.0, stiffness: 1000.0, damping: 0.0 };
-        // 1000 * 0.5 + 80 * 0.125 = 510.
+        // The torque is 1000 * 0.5 + 80 * 0.125 = 510.
         assert_eq!(made(&[("cubic_stiffness", 80.0)]).joint(&twist, 500.0, None).effort, 510.0);
     }
 }

@@ -1,4 +1,4 @@
-//! Torque of the magnets on the teeth.
+//! Torque between the magnets and the teeth of the stator.
 //!
 //! Formula      A sin(N theta + phase) on the rotor; A sin(2 pi q/pitch + phase) on the axis
 //! Source       D. C. Hanselman, Brushless Permanent-Magnet Motor Design, 1994; docs/book/src/reference/plants.md, section 3
@@ -7,7 +7,7 @@
 //! Told apart   by motion without current
 //! Report says  "A cogging torque of amplitude {amplitude} acts on the motor."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{
     Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, Role, Scale, Subject, Survey, Unit,
@@ -15,7 +15,7 @@ use crate::effect::{
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "cogging-torque",
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
@@ -52,7 +52,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // A fiftieth of what the drive can do, at every order that teeth and poles of small motors make; on an axis the waves that are seen.
+    // A fiftieth of the drive's effort, at every order that is usual for the teeth and poles of small motors; on an axis the waves in the residuals.
     let at = |values: Vec<f64>| Guess { values, neutral: Some((0, 0.0)), phase: Some(2) };
     match survey.plant {
         PlantKind::ServoAxis => survey.waves.iter().map(|it| at(vec![it.amplitude, it.pitch, it.phase])).collect(),
@@ -68,7 +68,7 @@ impl Effect for CoggingTorque {
         self.amplitude * (self.wave_number * motion.position + self.phase).sin()
     }
 
-    // The swing in a valley of the torque, sqrt(A N/J).
+    // The natural frequency at a stable equilibrium of this torque, sqrt(A N/J).
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         (self.amplitude * self.wave_number / scale.drive_inertia).sqrt()
     }

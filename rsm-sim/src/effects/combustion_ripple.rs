@@ -1,19 +1,20 @@
-//! The engine pulls in strokes.
+//! The engine torque ripples with the strokes.
 //!
 //! Formula      T_e (1 + h sin(3 th_e))
-//! Source       J. B. Heywood, Internal Combustion Engine Fundamentals, 1988 (six cylinders, four strokes: three a turn); docs/book/src/reference/plants.md, section 3
+//! Source       J. B. Heywood, Internal Combustion Engine Fundamentals, 1988 (six cylinders, four strokes: three a turn);
+//!              docs/book/src/reference/plants.md, section 3
 //! Acts on      the torque of the engine
 //! Looks like   torque noise of third order
-//! Told apart   by its order: three times a turn
+//! Told apart   by its order: three times per turn
 //! Report says  "The engine torque ripples by {amplitude} three times a turn."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Scale, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "combustion-ripple",
     plants: &[PlantKind::Driveline],
@@ -36,13 +37,13 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(_survey: &Survey) -> Vec<Guess> {
-    // A tenth.
+    // One tenth.
     vec![Guess::scaled(vec![0.1], 0.0)]
 }
 
 impl Effect for CombustionRipple {
-    // Three ripples a turn of the crank, of which a quarter: the ripple drives and does not answer, so that a step is a quadrature, and Simpson's rule over a
-    // radian of it errs by 1/2880.
+    // A quarter of the ripple's frequency of three periods per crank turn. The ripple is an excitation without feedback, so a step is a quadrature;
+    // the error of Simpson's rule over one radian of the ripple is 1/2880.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         0.25 * 3.0 * scale.vehicle.crank_speed.abs()
     }

@@ -1,19 +1,19 @@
 //! A load that is not in the record: gravity, a spring balance.
 //!
-//! Formula      the load gains T (or F), positive against forward motion
+//! Formula      T (or F) is added to the load, positive against forward motion
 //! Source       statics; docs/book/src/reference/plants.md, section 3
-//! Acts on      the load: behind a joint, where an effect puts one
+//! Acts on      the load: behind a joint, if an effect adds one
 //! Looks like   coulomb friction in one direction, a bias of the input
 //! Told apart   by a record with both directions
 //! Report says  "A constant load of {torque}{force} is missing from the record."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "constant-load",
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
@@ -39,7 +39,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // A twentieth of what the drive can do.
+    // A twentieth of the drive's effort.
     vec![Guess::scaled(vec![0.05 * survey.effort], 0.0)]
 }
 

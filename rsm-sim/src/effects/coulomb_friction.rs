@@ -7,7 +7,7 @@
 //! Told apart   by a record with both directions and a slow reversal
 //! Report says  "A dry friction of {torque}{force} is missing from the model."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{
     Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, Scale, Subject, Survey, Unit, sign_width,
@@ -16,7 +16,7 @@ use crate::effect::{
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "coulomb-friction",
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
@@ -43,7 +43,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // A twentieth of what the drive can do.
+    // A twentieth of the drive's effort.
     vec![Guess::scaled(vec![0.05 * survey.effort], 0.0)]
 }
 
@@ -52,7 +52,7 @@ impl Effect for CoulombFriction {
         -self.level * smooth_sign(motion.speed, self.width)
     }
 
-    // Its steepest slope in the span, T_c/w_s at rest, over the inertia.
+    // Its steepest slope in the span (T_c/w_s at rest), divided by the inertia.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         smooth_sign_rate(self.level, self.width, scale)
     }
@@ -69,7 +69,7 @@ mod tests {
     #[test]
     fn it_opposes_motion_in_both_directions() {
         let friction = made(&[("torque", 0.35)]);
-        // tanh(1) = 0.76159; far from rest the whole torque.
+        // At w_s the factor is tanh(1) = 0.76159; far from rest it is 1.
         for (speed, expected) in [(1.0, -0.35 * 0.7615941559557649), (-100.0, 0.35), (0.0, 0.0)] {
             let found = friction.effort(&Motion { position: 0.0, speed, viscous_friction: 0.0 });
             assert!((found - expected).abs() < 1e-15, "{found} at {speed}");

@@ -1,4 +1,4 @@
-//! The air moves.
+//! Wind.
 //!
 //! Formula      drag acts on (road_speed + wind)^2
 //! Source       quadratic drag, I. Newton, 1687; docs/book/src/reference/plants.md, section 3
@@ -7,16 +7,16 @@
 //! Told apart   by different speeds
 //! Report says  "There is a headwind of {wind}."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// Beyond 12 Beaufort (33 m/s) nobody drives; in m/s.
+/// The largest wind speed, in m/s: above 12 Beaufort (33 m/s) no test drive takes place.
 const STORM: f64 = 40.0;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "headwind",
     plants: &[PlantKind::Driveline],
@@ -39,7 +39,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(_survey: &Survey) -> Vec<Guess> {
-    // A breeze.
+    // A breeze of 3 m/s.
     vec![Guess::scaled(vec![3.0], 0.0)]
 }
 

@@ -1,19 +1,19 @@
-//! The input acts later.
+//! The input is delayed.
 //!
-//! Formula      u(t - delay); before the record its first value
+//! Formula      u(t - delay); before the record the first value of the record is used
 //! Source       transport delay; docs/book/src/reference/plants.md, section 3
 //! Acts on      the first input: both voltages, throttle, command
 //! Looks like   a lag of an actuator; half a sample of delay looks like the zero-order hold
 //! Told apart   by steps of the input
 //! Report says  "The input acts {delay} later than recorded."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Role, Step, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "input-delay",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
@@ -38,7 +38,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // Half a period, and some periods: further away the phases of fast motion come round again.
+    // Half a sample period, and some periods. For longer delays a fit can be wrong by a full period of a fast oscillation.
     [0.5, 3.0, 10.0].iter().map(|periods| Guess::scaled(vec![periods * survey.period], 0.0)).collect()
 }
 
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn a_delay_of_a_period_and_a_half_moves_the_step() {
-        // 1 V from 1 s on, late by 1.5 s: 2 N on 1 kg from 2.5 s on; at 4 s q = 1.5^2 = 2.25 m.
+        // An input of 1 V from 1 s on, delayed by 1.5 s, gives 2 N on 1 kg from 2.5 s on; at 4 s q = 1.5^2 = 2.25 m.
         let text = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 1\nforce_gain = 2\nviscous_friction = 0\n\
                     command_limit = 10\n[[effects]]\nkind = \"input-delay\"\nparameters = { delay = 1.5 }\n";
         let plant = PlantFile::read(&Source::new("axis.toml", text)).unwrap();

@@ -1,19 +1,19 @@
-//! The input acts stronger or weaker.
+//! The input has a wrong gain.
 //!
 //! Formula      gain u
 //! Source       a wrong scale of an amplifier; docs/book/src/reference/plants.md, section 3
 //! Acts on      the first input: both voltages, throttle, command
 //! Looks like   an error of a gain of the plant
-//! Told apart   not at all where the plant has a gain of its own in the same place
+//! Told apart   not possible if the plant has its own gain in the same place
 //! Report says  "The input acts {gain} times as strong as recorded."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Step, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "input-gain",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],

@@ -1,13 +1,13 @@
-//! The switches take a voltage against the current.
+//! The switches reduce the voltage, against the direction of the current.
 //!
 //! Formula      the applied voltage is v - V_loss i/sqrt(i^2 + (0.5 A)^2), along the current vector
 //! Source       S.-G. Jeong, M.-H. Park, 1991 (dead time of inverters); docs/book/src/reference/plants.md, section 3
 //! Acts on      the voltage at the windings
 //! Looks like   an error of the resistance at one current
-//! Told apart   by small currents: the loss does not shrink with them
+//! Told apart   by small currents: the loss does not decrease with them
 //! Report says  "The inverter loses {voltage_loss} against the current."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{
     Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Scale, Subject, Survey, Unit, Windings,
@@ -15,7 +15,7 @@ use crate::effect::{
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "inverter-dead-time",
     plants: &[PlantKind::Pmac],
@@ -29,7 +29,7 @@ pub const DESCRIPTION: Description = Description {
     declared: Declared::NOTHING,
 };
 
-/// Width of the crossing of zero, in A.
+/// The width of the smooth zero crossing, in A.
 const WIDTH: f64 = 0.5;
 
 struct InverterDeadTime {
@@ -46,8 +46,9 @@ fn guesses(survey: &Survey) -> Vec<Guess> {
 }
 
 impl Effect for InverterDeadTime {
-    // The slope of the loss at the least current of the span, V_loss/0.5 A at none, over the inductance. A current that passes there faster than the slope
-    // turns it sees a kink, whose mark grows with slope and step: the geometric mean of slope and passing.
+    // The slope of the loss at the smallest current of the span (V_loss/0.5 A at zero current), divided by the inductance. If the current passes zero
+    // faster than this rate, the loss acts like a kink, and the error of a step grows with slope and step. Then the rate is the geometric mean of the
+    // slope's rate and the rate of passing.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         let Windings { inductance, current, change, .. } = scale.windings;
         let width = (current.0 * current.0 + WIDTH * WIDTH).sqrt();
@@ -71,7 +72,7 @@ mod tests {
 
     #[test]
     fn it_stands_against_the_current_vector() {
-        // Currents (0.3, 0.4) A with 0.5 A: sqrt(0.25 + 0.25) = 0.70711; 2 V along (0.42426, 0.56569).
+        // Currents (0.3, 0.4) A with the width 0.5 A: sqrt(0.25 + 0.25) = 0.70711; the loss is 2 V times (0.42426, 0.56569).
         let found = made(&[("voltage_loss", 2.0)]).voltage_loss([10.0, 10.0], [0.3, 0.4]);
         assert!((found[0] - 9.151471862576143).abs() < 1e-12 && (found[1] - 8.86862915010152).abs() < 1e-12, "{found:?}");
     }

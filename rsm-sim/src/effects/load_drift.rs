@@ -1,13 +1,13 @@
-//! A load that grows or falls as time goes by: a belt or a preload that warms, a drive whose zero wanders.
+//! A load that changes with time: a belt or a preload that warms up, a drive whose zero point drifts.
 //!
-//! Formula      the load gains rate t, t the time of the record, positive against forward motion
+//! Formula      rate t is added to the load, positive against forward motion; t is the time of the record
 //! Source       measured on the EMPS axis (A. Janot, M. Gautier, M. Brunot, 2019); docs/book/src/reference/plants.md, section 3
-//! Acts on      the load: behind a joint, where an effect puts one
-//! Looks like   a sensor that drifts, friction that changes as it warms
+//! Acts on      the load: behind a joint, if an effect adds one
+//! Looks like   a sensor that drifts, friction that changes with the temperature
 //! Told apart   by a record with both directions: friction changes its sign with the motion
 //! Report says  "A load that is not in the record grows by {torque_rate}{force_rate}."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{
     Argument, Arguments, Declared, Description, Effect, FirstInstant, Guess, Plausible, Subject, Survey, Unit,
@@ -15,7 +15,7 @@ use crate::effect::{
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "load-drift",
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
@@ -41,12 +41,12 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // A twentieth of what the drive can do, over the record.
+    // A change of a twentieth of the drive's effort over the record.
     vec![Guess::scaled(vec![0.05 * survey.effort / survey.duration], 0.0)]
 }
 
 impl Effect for LoadDrift {
-    // The time.
+    // One state: the time.
     fn states(&self) -> usize {
         1
     }

@@ -1,13 +1,13 @@
-//! The iron carries less flux for each ampere more.
+//! The flux per ampere decreases with the current.
 //!
 //! Formula      L becomes L/(1 + (i/i_sat)^2), i = sqrt(i_d^2 + i_q^2)
 //! Source       a one-parameter form after F. de Leon, A. Semlyen, 1992; docs/book/src/reference/plants.md, section 3
-//! Acts on      the inductance wherever it stands
+//! Acts on      the inductance in all equations
 //! Looks like   an error of the inductance at one current
 //! Told apart   by steps at small and large currents
 //! Report says  "The inductance halves at a current of {saturation_current}."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{
     Argument, Arguments, Currents, Declared, Description, Effect, Guess, Machine, Scale, Subject, Survey, Unit, Windings,
@@ -15,7 +15,7 @@ use crate::effect::{
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "magnetic-saturation",
     plants: &[PlantKind::Pmac],
@@ -38,7 +38,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // At the largest current, and well above it.
+    // The largest current of the records, and a value far above it.
     let current = survey.largest[0].hypot(survey.largest[1]);
     vec![Guess::at(vec![3.0 * current]), Guess::at(vec![current])]
 }
@@ -48,8 +48,9 @@ impl Effect for MagneticSaturation {
         machine.inductance /= 1.0 + (at.i_d * at.i_d + at.i_q * at.i_q) / (self.current * self.current);
     }
 
-    // Decay and swing on the smallest inductance of the span, and the slope of 1/L at the voltage that moves the current: with u = di/dt (1 + q)^-1 L,
-    // d/di of u (1 + q)/L is di/dt 2 i/(i_sat^2 + i^2), at most di/dt over i_sat.
+    // Decay rate and oscillation frequency at the smallest inductance of the span, and the slope of 1/L at the voltage that changes the current: with
+    // u = di/dt (1 + q)^-1 L and q = (i/i_sat)^2, the derivative of u (1 + q)/L with respect to i is di/dt 2 i/(i_sat^2 + i^2), at most di/dt divided
+    // by i_sat.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         let Windings { decay, swing, current: (least, most), change, .. } = scale.windings;
         let more = 1.0 + (most / self.current) * (most / self.current);
@@ -70,7 +71,7 @@ mod tests {
     #[test]
     fn half_is_left_at_the_saturation_current() {
         let mut machine = Machine { resistance: 0.08, inductance: 9e-4, flux_linkage: 0.06 };
-        // sqrt(30^2 + 40^2) = 50.
+        // The length of the current vector is sqrt(30^2 + 40^2) = 50.
         made(&[("saturation_current", 50.0)]).machine(
             &Currents { i_d: -30.0, i_q: 40.0, theta_e: 0.0 },
             &[],

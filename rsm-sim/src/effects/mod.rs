@@ -1,7 +1,7 @@
-//! The catalogue of effects (docs/book/src/reference/plants.md, section 3): one file each, and the list of them.
+//! The catalogue of effects (docs/book/src/reference/plants.md, section 3): one file for each effect, and a list of all.
 //!
-//! In: nothing. Out: descriptions, in the order of docs/book/src/reference/plants.md. A test compares the list with the files of this folder and with the table
-//! of docs/book/src/reference/plants.md. Never holds an effect that is built.
+//! In: nothing. Out: descriptions, in the order of docs/book/src/reference/plants.md. A test compares the list with the files of this folder and with
+//! the table of docs/book/src/reference/plants.md. It contains descriptions only, no effect with arguments.
 
 pub mod angle_eccentricity;
 pub mod angle_offset;
@@ -41,7 +41,7 @@ use crate::effect::declared::Part;
 use crate::effect::{Arguments, Description, Entry, Role};
 use crate::kind::PlantKind;
 
-/// Every effect.
+/// All effects.
 pub const ALL: &[&Description] = &[
     &parameter_error::DESCRIPTION,
     &coulomb_friction::DESCRIPTION,
@@ -78,20 +78,20 @@ pub const ALL: &[&Description] = &[
     &combustion_ripple::DESCRIPTION,
 ];
 
-/// The effect of a kind.
+/// The effect with this kind.
 #[must_use]
 pub fn of(kind: &str) -> Option<&'static Description> {
     ALL.iter().copied().find(|description| description.kind == kind)
 }
 
-/// The first effect with a role.
+/// The first effect with this role.
 #[must_use]
 pub fn with(role: Role) -> Option<&'static Description> {
     ALL.iter().copied().find(|description| description.declared.role == role)
 }
 
 impl Part {
-    /// Its entry in a plant file; `None` where there is no such effect.
+    /// Its entry in a plant file; `None` if there is no such effect.
     #[must_use]
     pub fn entry(&self, plant: PlantKind) -> Option<Entry> {
         let description = of(self.kind)?;

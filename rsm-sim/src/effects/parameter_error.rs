@@ -1,20 +1,20 @@
-//! A nominal parameter has another value.
+//! The true value of a parameter differs from its nominal value.
 //!
 //! Formula      p becomes value; `gear_ratios[3]` is the ratio of third gear
 //! Source       the definition of a wrong data sheet; docs/book/src/reference/plants.md, section 3
 //! Acts on      the parameters, before the simulation
-//! Looks like   whatever the parameter stands for; grade is `road-grade`
-//! Told apart   by a record that moves the plant where its other parameters matter
+//! Looks like   the physical effect of the parameter; an error of grade is the same as `road-grade`
+//! Told apart   by a record in which the other parameters of the plant have an influence
 //! Report says  "The parameter {parameter} is {value}, not what the plant file says."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Step, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::parameters::Parameters;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "parameter-error",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
@@ -38,7 +38,8 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // Five per cent: far above what finite differences need, small enough to be in proportion. A parameter at 0 moves by a hundredth of its unit.
+    // A change of five per cent: far more than finite differences need, and small enough for a linear response. A parameter of 0 is changed by a
+    // hundredth of its unit.
     let value = if survey.nominal == 0.0 { 0.01 } else { 1.05 * survey.nominal };
     vec![Guess::scaled(vec![value], survey.nominal)]
 }

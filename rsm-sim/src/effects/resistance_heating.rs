@@ -1,4 +1,4 @@
-//! The winding warms up and its resistance grows.
+//! The winding warms up and its resistance increases.
 //!
 //! Formula      r becomes r (1 + 0.00393 Th); tau dTh/dt = R_th 1.5 r (1 + 0.00393 Th) i^2 - Th, Th = 0 at the start
 //! Source       temperature coefficient of copper at 20 degC, IEC 60028; docs/book/src/reference/plants.md, section 3
@@ -7,7 +7,7 @@
 //! Told apart   by a record longer than the time constant
 //! Report says  "The winding heats up: {thermal_resistance} with a time constant of {thermal_time_constant}."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{
     Argument, Arguments, Currents, Declared, Description, Effect, Guess, Machine, Scale, Subject, Survey, Unit,
@@ -15,7 +15,7 @@ use crate::effect::{
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "resistance-heating",
     plants: &[PlantKind::Pmac],
@@ -32,7 +32,7 @@ pub const DESCRIPTION: Description = Description {
     declared: Declared::NOTHING,
 };
 
-/// Per kelvin.
+/// The temperature coefficient of copper, per kelvin.
 const COPPER: f64 = 0.00393;
 
 struct ResistanceHeating {
@@ -48,7 +48,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // Twenty kelvin at a third of the largest current, reached early, midway or never.
+    // Twenty kelvin at a third of the largest current, with a time constant of 3 %, 20 % and 100 % of the record's duration.
     let current = survey.largest[0].hypot(survey.largest[1]) / 3.0;
     let loss = 1.5 * survey.parameters.number("phase_resistance") * current * current;
     let shares = [0.03, 0.2, 1.0];
@@ -84,7 +84,7 @@ mod tests {
         let heating = made(&[("thermal_resistance", 2.0), ("thermal_time_constant", 100.0)]);
         let (mut machine, mut rates) = (Machine { resistance: 0.08, inductance: 9e-4, flux_linkage: 0.06 }, [0.0]);
         heating.machine(&Currents { i_d: 0.0, i_q: 10.0, theta_e: 0.0 }, &[100.0], &mut rates, &mut machine);
-        // 0.08 * 1.393 = 0.11144 ohm; 1.5 * 0.11144 * 100 = 16.716 W; (2 * 16.716 - 100)/100 = -0.66568 K/s.
+        // The resistance is 0.08 * 1.393 = 0.11144 ohm, the power 1.5 * 0.11144 * 100 = 16.716 W, the rate (2 * 16.716 - 100)/100 = -0.66568 K/s.
         assert!((machine.resistance - 0.11144).abs() < 1e-15);
         assert!((rates[0] + 0.66568).abs() < 1e-12);
     }

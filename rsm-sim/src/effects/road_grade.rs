@@ -1,13 +1,13 @@
-//! The grade is not what the plant file says.
+//! The grade of the road differs from the plant file.
 //!
-//! Formula      grade becomes grade
+//! Formula      the number `grade` replaces the parameter grade
 //! Source       statics of a slope; docs/book/src/reference/plants.md, section 3
 //! Acts on      the parameter grade, before the simulation
-//! Looks like   brake drag, an error of rolling resistance, in a record that always rolls forward; `parameter-error` of grade is the same cause
+//! Looks like   brake drag, an error of rolling resistance, if the car always rolls forward; `parameter-error` of grade is the same effect
 //! Told apart   by coasting in both directions of the road
 //! Report says  "The road has a grade of {grade}."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::declared::STEEPEST_ROAD;
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
@@ -15,7 +15,7 @@ use crate::kind::PlantKind;
 use crate::parameters::Parameters;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "road-grade",
     plants: &[PlantKind::Driveline],
@@ -43,7 +43,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // Two per cent more than the plant file says.
+    // Two per cent more than the value of the plant file.
     let nominal = survey.parameters.number("grade");
     vec![Guess::scaled(vec![nominal + 0.02], nominal)]
 }

@@ -1,19 +1,19 @@
-//! A sensor of wrong zero.
+//! A sensor with a wrong zero point.
 //!
-//! Formula      reading = truth + bias
+//! Formula      reading = true value + bias
 //! Source       calibration; docs/book/src/reference/plants.md, section 3
 //! Acts on      a named output
 //! Looks like   a wrong start of the record
-//! Told apart   by a known rest
+//! Told apart   by a known state at rest
 //! Report says  "The sensor of {output} reads {bias} too much."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "sensor-bias",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],

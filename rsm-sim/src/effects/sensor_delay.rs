@@ -1,19 +1,19 @@
-//! A sensor that is late.
+//! A sensor with a delay.
 //!
-//! Formula      y(t) = x(t - delay); before the record its first value
+//! Formula      y(t) = x(t - delay); before the record the first value is used
 //! Source       transport delay; docs/book/src/reference/plants.md, section 3
 //! Acts on      a named output
-//! Looks like   a lag of the sensor; where it is the only output, a delay of the input
-//! Told apart   by steps, which a lag rounds; by another output that is read on time
+//! Looks like   a lag of the sensor; a delay of the input, if there is no other output
+//! Told apart   by steps, which a lag makes smooth; by another output without delay
 //! Report says  "The sensor of {output} reads {delay} late."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Role, Step, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "sensor-delay",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
@@ -39,7 +39,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // Those of a delay of the input.
+    // The same guesses as for a delay of the input.
     [0.5, 3.0, 10.0].iter().map(|periods| Guess::scaled(vec![periods * survey.period], 0.0)).collect()
 }
 
@@ -62,7 +62,8 @@ mod tests {
 
     #[test]
     fn a_reading_that_is_late_by_a_period_and_a_half_is_that_of_the_middle_between_rows() {
-        // 1 V from 0 s on: 2 N on 1 kg, q = t^2 m, read late by 1.5 s: at 4 s 2.5^2 = 6.25 m, at 2 s 0.25 m, before 1.5 s the first value; by 2 s late: 4 m and 0.
+        // An input of 1 V from 0 s on gives 2 N on 1 kg, so q = t^2 m. With a delay of 1.5 s the reading is 2.5^2 = 6.25 m at 4 s, 0.25 m at 2 s, and
+        // the first value before 1.5 s. With a delay of 2 s it is 4 m at 4 s and 0 at 2 s.
         let read = |delay: f64| {
             let text = format!(
                 "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 1\nforce_gain = 2\nviscous_friction = 0\ncommand_limit = 10\n\

@@ -1,19 +1,19 @@
-//! A sensor whose zero wanders.
+//! A sensor whose zero point drifts.
 //!
-//! Formula      reading = truth + rate t, t the time of the record
+//! Formula      reading = true value + rate t; t is the time of the record
 //! Source       calibration; docs/book/src/reference/plants.md, section 3
 //! Acts on      a named output
 //! Looks like   a slow change of the plant
-//! Told apart   by a record that ends where it began
+//! Told apart   by a record that ends in the state in which it began
 //! Report says  "The sensor of {output} drifts by {rate}."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "sensor-drift",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
@@ -37,7 +37,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // A twentieth of the spread of the readings, over the record.
+    // A change of a twentieth of the spread of the readings over the record.
     vec![Guess::scaled(vec![0.05 * survey.spread[survey.output] / survey.duration], 0.0)]
 }
 

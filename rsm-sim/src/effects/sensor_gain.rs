@@ -1,19 +1,19 @@
-//! A sensor of wrong scale.
+//! A sensor with a wrong gain.
 //!
-//! Formula      reading = gain truth
+//! Formula      reading = gain times true value
 //! Source       calibration; docs/book/src/reference/plants.md, section 3
 //! Acts on      a named output
 //! Looks like   an error of a parameter that scales the same output
-//! Told apart   by outputs that measure the same thing
+//! Told apart   by other outputs that measure the same quantity
 //! Report says  "The sensor of {output} reads {gain} times the truth."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Role, Step, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "sensor-gain",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],

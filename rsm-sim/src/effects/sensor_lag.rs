@@ -1,19 +1,19 @@
-//! A slow sensor.
+//! A sensor with a first-order lag.
 //!
-//! Formula      T dy/dt = x - y, y is read; at rest at the start
+//! Formula      T dy/dt = x - y, the reading is y; in steady state at the start
 //! Source       first-order low-pass; docs/book/src/reference/plants.md, section 3
 //! Acts on      a named output
 //! Looks like   input delay
-//! Told apart   by another output that is read without lag
+//! Told apart   by another output without lag
 //! Report says  "The sensor of {output} lags with a time constant of {time_constant}."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Role, Scale, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "sensor-lag",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
@@ -37,7 +37,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // One, four and fifteen periods.
+    // Time constants of one, four and fifteen sample periods.
     [1.0, 4.0, 15.0].iter().map(|periods| Guess::at(vec![periods * survey.period])).collect()
 }
 
@@ -87,7 +87,7 @@ mod tests {
     fn it_follows_with_its_time_constant() {
         let sensor = made(&[("time_constant", 0.5)]);
         let mut rates = [0.0];
-        // 3 m read as 2 m: (3 - 2)/0.5 = 2 m/s.
+        // The true value is 3 m and the reading 2 m: (3 - 2)/0.5 = 2 m/s.
         assert_eq!(sensor.reads(0, 3.0, 0.0, &[2.0], &mut rates), 2.0);
         assert_eq!(rates, [2.0]);
         let mut own = [0.0];

@@ -1,19 +1,19 @@
-//! A sensor that rounds.
+//! A sensor that rounds its readings.
 //!
-//! Formula      reading = step round(truth/step)
+//! Formula      reading = step round(true value/step)
 //! Source       B. Widrow, 1956 (rounding as noise); docs/book/src/reference/plants.md, section 3
 //! Acts on      a named output
 //! Looks like   noise
 //! Told apart   by readings that are multiples of a step
 //! Report says  "The sensor of {output} rounds to multiples of {step}."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Role, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "sensor-quantisation",
     plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
@@ -37,7 +37,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // The step of the readings where they are multiples of one; else steps about the noise, which hides what is finer.
+    // The quantum of the readings, if they are integer multiples of one. Otherwise steps near the noise level, because noise hides smaller steps.
     let noise = survey.noise[survey.output];
     match survey.quantum[survey.output] {
         Some(step) => vec![Guess::at(vec![step])],
@@ -54,7 +54,7 @@ impl Effect for SensorQuantisation {
         if output == self.output { self.step * (value / self.step).round() } else { value }
     }
 
-    // The way back is the reading itself: what was rounded off is lost.
+    // The inverse hook `truth` has its default, the reading itself: the rounding error cannot be recovered.
 }
 
 #[cfg(test)]

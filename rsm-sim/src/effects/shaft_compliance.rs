@@ -1,13 +1,14 @@
-//! The shaft between drive and load is a spring.
+//! The shaft between drive and load is elastic.
 //!
-//! Formula      J splits: (1 - rho) J at the drive, rho J behind k (th_1 - th_2) + c (w_1 - w_2); the load acts on the second body, sensors and friction stay on the first
+//! Formula      J is split: (1 - rho) J at the drive, rho J behind k (th_1 - th_2) + c (w_1 - w_2); the load acts on the second body, sensors and
+//!              friction remain at the first
 //! Source       S. P. Timoshenko, Vibration Problems in Engineering, 1928 (two inertias on a shaft); docs/book/src/reference/plants.md, section 3
 //! Acts on      the joint between drive and load
 //! Looks like   backlash at large amplitudes, sensor lag
 //! Told apart   by an excitation near the resonance
 //! Report says  "The load hangs on a spring of {stiffness}, with {inertia_ratio} of the inertia behind it."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{
     Argument, Arguments, Carried, Declared, Description, Effect, FirstInstant, Guess, Motion, Scale, Split, Subject, Survey,
@@ -16,7 +17,7 @@ use crate::effect::{
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "shaft-compliance",
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
@@ -49,7 +50,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // Resonances from a hundredth of the sample rate to a fifth, lightly damped, with a third and with two thirds of the inertia behind the spring.
+    // Lightly damped resonances from a hundredth to a fifth of the sample rate, with one third and with two thirds of the inertia behind the spring.
     let inertia = survey.parameters.optional("inertia").unwrap_or_else(|| survey.parameters.number("mass"));
     let mut guesses = Vec::new();
     for share in [0.01, 0.025, 0.06, 0.2] {
@@ -67,7 +68,7 @@ impl Effect for ShaftCompliance {
         2
     }
 
-    // Together with the drive, the joint at rest.
+    // The far body starts at the position and speed of the drive, so the joint is at rest.
     fn start(&self, start: &FirstInstant, own: &mut [f64]) {
         own.copy_from_slice(&[start.motion.position, start.motion.speed]);
     }
@@ -91,7 +92,7 @@ impl Effect for ShaftCompliance {
         0.0
     }
 
-    // The swing of the two bodies on the spring, and the damper against the lighter one.
+    // The natural frequency of the two bodies on the spring, and the rate of the damper against the lighter one.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         let mobility = 1.0 / scale.drive_inertia + 1.0 / (self.ratio * scale.inertia);
         (self.stiffness * mobility).sqrt().max(self.damping * mobility)
@@ -110,7 +111,7 @@ mod tests {
     fn the_spring_pulls_the_far_body() {
         let shaft = made(&[("inertia_ratio", 0.25), ("stiffness", 40.0), ("damping", 2.0)]);
         let mut rates = [0.0; 2];
-        // Twist 0.25 rad, rate 1 rad/s: 10 + 2 = 12 N m; less 4 N m of load on 0.25 * 8 kg m^2: 4 rad/s^2.
+        // A twist of 0.25 rad and a rate of 1 rad/s give 10 + 2 = 12 N m; minus a load of 4 N m, on 0.25 * 8 kg m^2: 4 rad/s^2.
         let near = Motion { position: 0.5, speed: 3.0, viscous_friction: 0.0 };
         let body = Split { near, inertia: 8.0, load: 4.0, held: None };
         assert_eq!(shaft.passes(&body, &[0.25, 2.0], &mut rates).effort, 12.0);

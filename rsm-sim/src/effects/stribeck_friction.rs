@@ -1,4 +1,4 @@
-//! Friction that falls from its static to its Coulomb level.
+//! Friction that decreases with speed from its static level to its Coulomb level.
 //!
 //! Formula      (F_c + (F_s - F_c) exp(-(v/v_st)^2)) tanh(v/v_s)
 //! Source       R. Stribeck, 1902; B. Armstrong-Helouvry, P. Dupont, C. Canudas de Wit, 1994; docs/book/src/reference/plants.md, section 3
@@ -7,7 +7,7 @@
 //! Told apart   by slow motion around the Stribeck velocity
 //! Report says  "Friction of {coulomb} rises to {static} below a speed of {stribeck_velocity}."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::declared::{Forms, Part};
 use crate::effect::{
@@ -17,7 +17,7 @@ use crate::effect::{
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "stribeck-friction",
     plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
@@ -35,7 +35,7 @@ pub const DESCRIPTION: Description = Description {
     declared: Declared { generalises: Some("coulomb-friction"), forms, ..Declared::NOTHING },
 };
 
-/// At high speed it is a dry friction of its lower level.
+/// At high speed it is a dry friction with the Coulomb level.
 fn forms(arguments: &Arguments) -> Forms {
     Forms { special: vec![vec![Part::new("coulomb-friction", arguments.number("coulomb"))]], ..Forms::default() }
 }
@@ -57,7 +57,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // The rise within shares of the usual speed, half a decade apart: a fit of its logarithm closes that.
+    // Stribeck velocities as shares of the typical speed, half a decade apart. A fit of the logarithm converges over this distance.
     [0.3, 0.1, 0.03, 0.01]
         .iter()
         .map(|share| Guess::at(vec![0.03 * survey.effort, 0.06 * survey.effort, share * survey.speed]))
@@ -70,7 +70,7 @@ impl Effect for StribeckFriction {
         -(self.coulomb + self.rise * (-ratio * ratio).exp()) * smooth_sign(motion.speed, self.width)
     }
 
-    // The slope at rest, or the fall beyond it: the steepest of exp(-x^2) is 0.86 at x = 0.71.
+    // The slope at rest, or the slope of the decrease at higher speed: the steepest slope of exp(-x^2) is 0.86 at x = 0.71.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         let rest = smooth_sign_rate((self.coulomb + self.rise).max(self.coulomb), self.width, scale);
         let x = scale.slowest / self.velocity;
@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn it_falls_with_speed() {
         let friction = made(&[("coulomb", 1.0), ("static", 2.0), ("stribeck_velocity", 20.0)]);
-        // At 20 rad/s: 1 + exp(-1) = 1.36788; at 200 rad/s: 1.
+        // At 20 rad/s the friction is 1 + exp(-1) = 1.36788, at 200 rad/s it is 1.
         for (speed, expected) in [(20.0, -1.3678794411714423), (200.0, -1.0), (-200.0, 1.0)] {
             let found = friction.effort(&Motion { position: 0.0, speed, viscous_friction: 0.0 });
             assert!((found - expected).abs() < 1e-12, "{found} at {speed}");

@@ -1,19 +1,19 @@
 //! The throttle plate is not linear.
 //!
-//! Formula      throttle^n in place of throttle
+//! Formula      throttle^n replaces throttle
 //! Source       flow through a plate, approximated by a power; docs/book/src/reference/plants.md, section 3
 //! Acts on      the throttle
 //! Looks like   an error of the torque map at part load
-//! Told apart   by several throttle openings
+//! Told apart   by records with several throttle openings
 //! Report says  "The throttle acts with the power {exponent}."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "throttle-nonlinearity",
     plants: &[PlantKind::Driveline],
@@ -36,7 +36,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(_survey: &Survey) -> Vec<Guess> {
-    // A tenth either way from a straight line.
+    // An exponent that differs by a tenth from the linear case.
     vec![Guess::scaled(vec![1.1], 1.0)]
 }
 
@@ -45,7 +45,7 @@ impl Effect for ThrottleNonlinearity {
         false
     }
 
-    // A recorded throttle may be below zero by its noise: closed is closed.
+    // A recorded throttle can be negative because of noise; it is treated as closed.
     fn input(&self, value: f64) -> f64 {
         value.max(0.0).powf(self.exponent)
     }

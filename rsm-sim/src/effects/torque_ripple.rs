@@ -7,7 +7,7 @@
 //! Told apart   by different currents at one speed: it grows with the current
 //! Report says  "The flux linkage ripples by {amplitude} six times an electrical turn."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{
     Argument, Arguments, Currents, Declared, Description, Effect, Guess, Machine, Plausible, Scale, Subject, Survey, Unit,
@@ -15,7 +15,7 @@ use crate::effect::{
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "torque-ripple",
     plants: &[PlantKind::Pmac],
@@ -43,8 +43,8 @@ fn guesses(_survey: &Survey) -> Vec<Guess> {
 }
 
 impl Effect for TorqueRipple {
-    // Six ripples an electrical turn, of which a quarter: the ripple drives and does not answer, so that a step is a quadrature, and Simpson's rule over a
-    // radian of it errs by 1/2880.
+    // A quarter of the ripple's frequency of six periods per electrical turn. The ripple is an excitation without feedback, so a step is a
+    // quadrature; the error of Simpson's rule over one radian of the ripple is 1/2880.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         0.25 * 6.0 * scale.windings.turning
     }
@@ -65,7 +65,7 @@ mod tests {
     #[test]
     fn six_crests_an_electrical_turn() {
         let ripple = made(&[("amplitude", 0.1)]);
-        // cos(0) = 1, cos(pi) = -1 at a sixth of pi.
+        // The ripple is cos(0) = 1 at angle 0 and cos(pi) = -1 at a sixth of pi.
         for (theta_e, expected) in [(0.0, 0.066), (std::f64::consts::PI / 6.0, 0.054)] {
             let mut machine = Machine { resistance: 0.08, inductance: 9e-4, flux_linkage: 0.06 };
             ripple.machine(&Currents { i_d: 0.0, i_q: 0.0, theta_e }, &[], &mut [], &mut machine);

@@ -1,13 +1,13 @@
-//! The tyre pulls by slipping.
+//! The force of the tyre depends on its slip.
 //!
-//! Formula      m dV/dt = F - resistances, F = C (r w_w - V)/max(abs(V), 1 m/s); J_w alone on the wheel; road_speed = V
+//! Formula      m dV/dt = F - resistances, F = C (r w_w - V)/max(abs(V), 1 m/s); the inertia of the wheel is J_w; road_speed = V
 //! Source       H. B. Pacejka, Tyre and Vehicle Dynamics, 2002 (linear longitudinal slip); docs/book/src/reference/plants.md, section 3
 //! Acts on      the contact of wheel and road
 //! Looks like   driveshaft damping
 //! Told apart   by engine speed against road speed
 //! Report says  "The tyres slip: {slip_stiffness} for a slip of 1."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{
     Argument, Arguments, Contact, Declared, Description, Effect, FirstInstant, Guess, Scale, Subject, Survey, Unit,
@@ -15,7 +15,7 @@ use crate::effect::{
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "tyre-slip",
     plants: &[PlantKind::Driveline],
@@ -29,7 +29,7 @@ pub const DESCRIPTION: Description = Description {
     declared: Declared::NOTHING,
 };
 
-/// Below this speed the slip is taken over it, in m/s.
+/// The smallest denominator of the slip, in m/s.
 const SLOWEST: f64 = 1.0;
 
 struct TyreSlip {
@@ -41,7 +41,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // Twenty and five times the weight for a slip of 1: usual tyres lie between.
+    // Twenty times and five times the weight for a slip of 1: usual tyres are between these values.
     let weight = 9.80665 * survey.parameters.number("mass");
     vec![Guess::at(vec![20.0 * weight]), Guess::at(vec![5.0 * weight])]
 }
@@ -52,7 +52,7 @@ impl Effect for TyreSlip {
     }
 
     fn start(&self, start: &FirstInstant, own: &mut [f64]) {
-        // Without slip: road_speed = r w_w. The radius comes with the wheel's speed in the start of the plant.
+        // The start is without slip: road_speed = r w_w. The plant computes its wheel speed at the start from the same road speed.
         own[0] = start.road_speed;
     }
 
@@ -66,13 +66,13 @@ impl Effect for TyreSlip {
         Some(force)
     }
 
-    // Linear but for the speed under it, which changes slowly: a linear part is a tenth off at most before it is taken again, and the speed in the
-    // denominator moves as little within a span.
+    // The force is linear except for the speed in the denominator, which changes slowly. A linear part is wrong by at most a tenth before it is
+    // computed again, and the denominator changes by no more than that within a span.
     fn nonlinear_rate(&self, scale: &Scale) -> f64 {
         0.1 * self.fastest_rate(scale)
     }
 
-    // Fastest at rest, where the slip is taken over 1 m/s.
+    // The rate is largest at rest, where the denominator is 1 m/s.
     fn fastest_rate(&self, scale: &Scale) -> f64 {
         let (inertia, radius) = scale.vehicle.wheel;
         let gain = self.stiffness / scale.vehicle.speed.abs().max(SLOWEST);
@@ -93,7 +93,7 @@ mod tests {
         let tyre = made(&[("slip_stiffness", 20000.0)]);
         let contact = Contact { surface_speed: 20.2, resistance: 100.0, mass: 1000.0 };
         let mut rates = [0.0];
-        // 20000 * 0.2/20 = 200 N; (200 - 100)/1000 = 0.1 m/s^2.
+        // The force is 20000 * 0.2/20 = 200 N, the acceleration (200 - 100)/1000 = 0.1 m/s^2.
         let force = tyre.traction(&contact, &[20.0], &mut rates).unwrap();
         assert!((force - 200.0).abs() < 1e-9 && (rates[0] - 0.1).abs() < 1e-12);
     }

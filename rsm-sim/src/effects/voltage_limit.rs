@@ -1,19 +1,19 @@
-//! The bus sags.
+//! The voltage of the bus is too low.
 //!
 //! Formula      a voltage vector longer than V_max is scaled back to V_max; with i_d held at 0 the vector is v_q alone
 //! Source       the circle (20) of the paper; docs/book/src/reference/plants.md, section 3
-//! Acts on      the voltage that the bus allows
+//! Acts on      the voltage limit of the bus
 //! Looks like   a gain of the input at high voltage
-//! Told apart   by records below and above the limit
+//! Told apart   by records with voltages below and above the limit
 //! Report says  "The bus allows {limit} only."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "voltage-limit",
     plants: &[PlantKind::Pmac],
@@ -36,7 +36,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // Shares of the largest voltage: above it nothing would change.
+    // Shares of the largest voltage; a higher limit would have no effect.
     [0.95, 0.85, 0.7, 0.5].iter().map(|share| Guess::at(vec![share * survey.input])).collect()
 }
 

@@ -1,19 +1,19 @@
-//! Drag of the air in the gap and on the fan.
+//! Air drag in the air gap and on the fan.
 //!
 //! Formula      resisting torque c w abs(w)
 //! Source       quadratic drag, I. Newton, 1687; docs/book/src/reference/plants.md, section 3
 //! Acts on      effort at the rotor
 //! Looks like   viscous friction over a narrow range of speed
-//! Told apart   by a run-up to high speed: it grows with the square
+//! Told apart   by a run-up to high speed: it grows with the square of the speed
 //! Report says  "Windage of {coefficient} is missing from the model."
 //!
-//! In: its arguments. Out: what its hooks change. Never changes anything else.
+//! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, Subject, Survey, Unit};
 use crate::kind::PlantKind;
 use crate::schema::Bound;
 
-/// What a file and a report may know of it.
+/// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "windage",
     plants: &[PlantKind::Pmac],
@@ -38,7 +38,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 }
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
-    // A twentieth of what the drive can do, at the usual speed.
+    // A twentieth of the drive's effort, at the typical speed.
     vec![Guess::scaled(vec![0.05 * survey.effort / (survey.speed * survey.speed)], 0.0)]
 }
 
@@ -59,7 +59,7 @@ mod tests {
     #[test]
     fn it_grows_with_the_square_of_the_speed() {
         let windage = made(&[("coefficient", 2e-6)]);
-        // 2e-6 * 500^2 = 0.5 N m against the motion.
+        // The torque is 2e-6 * 500^2 = 0.5 N m against the motion.
         for (speed, expected) in [(500.0, -0.5), (-500.0, 0.5)] {
             assert_eq!(windage.effort(&Motion { position: 0.0, speed, viscous_friction: 0.0 }), expected);
         }

@@ -1,6 +1,7 @@
-//! The plants that come with the project, described in `schema` and `effects`: their equations, and what of a plant file of format 1 goes where.
+//! The built-in plants, described in `schema` and `effects`: their equations, and the assignment of a plant file of format 1 to these equations.
 //!
-//! In: a plant file of kind Pmac, Driveline or ServoAxis, a record. Out: the text that computes it, and the numbers that it takes. Equations are made at the numbers of the text, so what is compiled does not depend on who asked first.
+//! In: a plant file of kind Pmac, Driveline or ServoAxis, a record. Out: the name of its text, and the values of the parameters of the text. The
+//! equations are built with the parameter values of the text, so the compiled code does not depend on the order of the calls.
 
 use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
@@ -16,16 +17,16 @@ use crate::plant_file::PlantFile;
 use crate::record::{Drive, Record};
 use crate::schema;
 
-/// What an axis has only under its controller.
+/// Parameters that an axis has only with its controller.
 const OF_CONTROLLER: [&str; 2] = ["position_gain", "velocity_gain"];
 
-/// What of a start stands beside the states of the text: by how much a car differs from one that rolls steadily.
+/// Start values that are not states of the text: the differences of a car's start from steady rolling.
 const OFFSETS: [&str; 3] = ["torque_offset", "twist_offset", "twist_rate"];
 
-/// The texts, in the order of [`place`].
+/// The names of the texts, in the order of [`place`].
 const TEXTS: [&str; 4] = ["pmac", "driveline", "servo-axis#ServoAxis", "servo-axis#ServoAxisClosedLoop"];
 
-/// Which text it is for a record.
+/// The index of the text for a record.
 fn place(kind: PlantKind, record: &Record) -> usize {
     match (kind, record.drive) {
         (PlantKind::Pmac, _) => 0,
@@ -35,7 +36,7 @@ fn place(kind: PlantKind, record: &Record) -> usize {
     }
 }
 
-/// What of a record and a file shapes the equations, beside effects.
+/// Values of a record and a file that determine the structure of the equations, besides effects.
 pub(super) fn shapes(file: &PlantFile, record: &Record) -> Vec<Given> {
     let given = |name: &str, is: bool| vec![Given { name: name.to_string(), value: f64::from(u8::from(is)) }];
     match (file.kind, record.drive) {
@@ -47,7 +48,7 @@ pub(super) fn shapes(file: &PlantFile, record: &Record) -> Vec<Given> {
     }
 }
 
-/// The name of the text that computes a file along a record.
+/// The name of the text that simulates a file along a record.
 pub(super) fn text(file: &PlantFile, record: &Record) -> &'static str {
     TEXTS[place(file.kind, record)]
 }
@@ -64,16 +65,17 @@ pub(super) fn equations(file: &PlantFile, record: &Record, effects: &[Entry]) ->
     bare.with(&[], effects, &shapes(file, record))
 }
 
-/// The numbers of a plant along a record, by their names in the text.
+/// The parameters of a plant along a record, with their names in the text.
 pub(super) fn numbers(file: &PlantFile, parameters: &Parameters, record: &Record) -> Vec<(&'static str, f64)> {
     let is_closed = record.drive == Drive::Closed;
     let own = schema::parameters(file.kind).iter().map(|it| it.name);
-    // Without its gains a controller says 0.
+    // Without gains, the output of the controller is 0.
     let own = own.filter(|name| is_closed || !OF_CONTROLLER.contains(name));
     let mut list: Vec<(&'static str, f64)> = own.map(|name| (name, parameters.optional(name).unwrap_or(0.0))).collect();
     match file.kind {
         PlantKind::Driveline => {
-            // The text is in its first gear, whatever the gear of the record is: the ratio is a number, the gear would shape the equations.
+            // The text is always in first gear, and `gear_ratios[1]` gets the ratio of the record's gear. The ratio is a number; the gear would
+            // change the structure of the equations.
             list.push(("gear_ratios[1]", parameters.gear_ratios[record.gear - 1]));
             let given = |name: &str| file.initial.iter().find(|it| it.0 == name).map_or(0.0, |it| it.1);
             list.extend(OFFSETS.map(|name| (name, given(name))));
@@ -87,10 +89,10 @@ pub(super) fn numbers(file: &PlantFile, parameters: &Parameters, record: &Record
     list
 }
 
-/// What is known of the start beside first readings.
+/// The known start values, except first readings.
 pub(super) fn initial(file: &PlantFile, record: &Record) -> Vec<Given> {
     let counts = |name: &str| match file.kind {
-        // A car starts from its road speed alone.
+        // The start of a car is determined by its road speed only.
         PlantKind::Driveline => name == "road_speed",
         PlantKind::Pmac => record.drive != Drive::HoldsDirectCurrent || name != "i_d",
         _ => record.drive == Drive::Closed || name != "command",
@@ -103,7 +105,7 @@ pub(super) fn initial(file: &PlantFile, record: &Record) -> Vec<Given> {
     list
 }
 
-/// The inputs of a record: of a motor whose drive makes its direct voltage, that is 0.
+/// The inputs of a record. If the drive of a motor controls the direct current, the direct voltage is not recorded and is set to 0.
 pub(super) fn inputs(record: &Record) -> Cow<'_, [Vec<f64>]> {
     if record.rows() == 0 || record.inputs.iter().all(|it| !it.is_empty()) {
         return Cow::Borrowed(&record.inputs);
@@ -112,23 +114,25 @@ pub(super) fn inputs(record: &Record) -> Cow<'_, [Vec<f64>]> {
     Cow::Owned(record.inputs.iter().map(zeros).collect())
 }
 
-/// The instants of the rows: one period after another.
+/// The instants of the rows: the first instant plus multiples of the period.
 pub(super) fn instants(record: &Record) -> Cow<'_, [f64]> {
     let begin = record.first_time();
     Cow::Owned((0..record.rows()).map(|row| begin + row as f64 * record.period).collect())
 }
 
-/// How large the offsets of a car's start may be, as standard deviations, at their places of a start: torque as at full throttle in the middle of the map, the twist that carries it to the wheel, and the rate of a swing of that twist.
+/// The standard deviations of the offsets of a car's start, at their indices in the start values. Torque: that of full throttle at the speed of the
+/// largest torque of the map. Twist: the twist that transmits this torque to the wheel. Rate: that of an oscillation with this twist as its
+/// amplitude.
 #[must_use]
 pub fn offset_scales(parameters: &Parameters, gear: usize) -> StartValues {
     let of = |name: &str| parameters.number(name);
     let torque = |speed: f64| of("torque_0") + of("torque_1") * speed + of("torque_2") * speed * speed;
-    // The speed at which the map has its largest torque, where it has one.
+    // The speed at which the map has its largest torque, if it has a maximum.
     let best = if of("torque_2") < 0.0 { (-0.5 * of("torque_1") / of("torque_2")).max(0.0) } else { 0.0 };
     let torque = torque(best).abs();
     let ratio = parameters.gear_ratios[gear - 1] * of("final_drive_ratio");
     let twist = ratio * torque / of("driveshaft_stiffness");
-    // The engine swings against the wheel through the driveshaft.
+    // The engine oscillates against the wheel through the driveshaft.
     let swing = (of("driveshaft_stiffness") / (of("engine_inertia") * ratio * ratio)).sqrt();
     let mut scales = StartValues::default();
     let starts = PlantKind::Driveline.starts();

@@ -1,6 +1,6 @@
-//! Files of effects as descriptions: one for each place of a plant at which an effect can stand.
+//! Files of effects as descriptions: one for each place of a plant at which an effect is possible.
 //!
-//! In: the places of a plant, a catalogue. Out: [`Description`]s. Never holds the name of an effect.
+//! In: the places of a plant, a catalogue. Out: [`Description`]s. This file contains no name of an effect.
 
 use rsm_model::effects::{Catalogue, Effect as File, Number, Place, SiteKind, Start};
 
@@ -12,10 +12,11 @@ use crate::kind::PlantKind;
 use crate::parameters::Parameters;
 use crate::quantity::Bound;
 
-/// A number may be so many times as large as the largest first guess of it: guesses span what is usual.
+/// A number is plausible up to this multiple of its largest first guess. The guesses cover the usual range.
 const TIMES_THE_GUESS: f64 = 100.0;
 
-/// Resonances at which a search begins, as shares of the sample rate: from a slow swing to what the samples just show.
+/// Resonance frequencies at which a search starts, as shares of the sample rate: from a slow oscillation to the highest frequency that the samples
+/// can just show.
 const SHARES: [f64; 4] = [0.01, 0.025, 0.06, 0.2];
 
 /// All descriptions of a plant.
@@ -24,7 +25,7 @@ pub(super) fn all(plant: PlantKind, places: &[Place], catalogue: &Catalogue) -> 
     for place in places {
         for offer in &place.effects {
             let Some(file) = catalogue.find(&offer.kind) else { continue };
-            // Another value is a description for all parameters: no equation changes.
+            // A changed value of a parameter needs one description for all parameters, because no equation changes.
             if file.is_value() && list.iter().any(|it| it.kind == file.kind) {
                 continue;
             }
@@ -72,7 +73,8 @@ fn one(plant: PlantKind, place: &Place, file: &File, units: &[String]) -> Descri
     }
 }
 
-/// Another value of a parameter: five per cent off, far above what finite differences need and small enough to be in proportion. A parameter at 0 moves by a hundredth of its unit.
+/// A changed value of a parameter: larger by 5 %. This is far more than finite differences need, and small enough for a linear response. A parameter
+/// with the value 0 changes by 0.01 of its unit.
 fn another(nominal: f64) -> f64 {
     if nominal == 0.0 { 0.01 } else { 1.05 * nominal }
 }
@@ -97,7 +99,7 @@ fn argument(number: &Number, unit: &str, is_value: bool, is_optional: bool) -> A
     if is_optional { argument.optional() } else { argument }
 }
 
-/// The sentence of a file at a place: numbers that the effect does not take there go, the place stands in the words.
+/// The sentence of a file at a place. Numbers that the effect does not have at this place are removed, and the name of the place is inserted.
 fn sentence(file: &File, kind: SiteKind, is_value: bool, at: &str) -> String {
     let mut text = file.words.sentence.clone();
     for number in &file.numbers {
@@ -110,11 +112,11 @@ fn sentence(file: &File, kind: SiteKind, is_value: bool, at: &str) -> String {
     }
     let has_place = text.contains("{site}");
     let text = text.replace("{site}", at);
-    // Of two places the reader must know which.
+    // A sentence without the place gets it at its beginning, because the effect may be possible at several places.
     if has_place { text } else { format!("At {at}: {text}") }
 }
 
-/// Where a search may begin.
+/// Start points of a search.
 fn guesses(file: &File, kind: SiteKind, at: &str, survey: &Survey) -> Vec<Guess> {
     let mut sizes = sizes(at, survey);
     let mut starts: Vec<Start> = Vec::new();
@@ -122,7 +124,7 @@ fn guesses(file: &File, kind: SiteKind, at: &str, survey: &Survey) -> Vec<Guess>
         sizes.retain(|it| it.0 != "share");
         sizes.push(("share".to_string(), share));
         let named: Vec<(&str, f64)> = sizes.iter().map(|(name, value)| (name.as_str(), *value)).collect();
-        // A place without a size that a guess needs gives none.
+        // If the place has no size that a guess needs, there is no guess.
         for start in file.starts(kind, &named).unwrap_or_default() {
             if !starts.contains(&start) {
                 starts.push(start);
@@ -145,7 +147,7 @@ fn guesses(file: &File, kind: SiteKind, at: &str, survey: &Survey) -> Vec<Guess>
         .collect()
 }
 
-/// The sizes that guesses at a place may name.
+/// The sizes that guesses at a place can use.
 fn sizes(at: &str, survey: &Survey) -> Vec<(String, f64)> {
     let mut sizes: Vec<(String, f64)> =
         survey.scales.iter().find(|it: &&Scales| it.at == at).map_or_else(Vec::new, |it| it.sizes.clone());
@@ -170,7 +172,7 @@ fn sizes(at: &str, survey: &Survey) -> Vec<(String, f64)> {
     sizes
 }
 
-/// The value that a parameter has in place of that of the plant file.
+/// A value of a parameter that replaces the value of the plant file.
 struct AnotherValue {
     name: String,
     value: f64,
@@ -187,7 +189,7 @@ fn value(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(AnotherValue { name: arguments.subject.clone().unwrap_or_default(), value })
 }
 
-/// An effect that the equations hold.
+/// An effect that is part of the equations.
 struct InEquations;
 
 impl Effect for InEquations {}

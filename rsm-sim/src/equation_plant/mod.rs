@@ -1,4 +1,4 @@
-//! Plants of equations as plant files, records and a diagnosis see them: signals, parameters, effects with their places, runs.
+//! Plants of equations in the form that plant files, records and the diagnosis use: signals, parameters, effects with their places, runs.
 //!
 //! ```text
 //! plant.toml (format 2) + text --read--> PlantFile of kind Equations
@@ -6,7 +6,7 @@
 //!     PlantFile + Record --run--> outputs at every row
 //! ```
 //!
-//! In: a plant file of format 2. Out: the same types that the plants in code have. No name of a plant or of an effect stands here.
+//! In: a plant file of format 2. Out: the same types as for the built-in plants. This module contains no name of a plant or of an effect.
 
 mod built_in;
 mod describe;
@@ -37,7 +37,7 @@ pub use built_in::offset_scales;
 pub use run::{Run, Values, shown, together};
 pub use scales::scales;
 
-/// Plants that run side by side without a cost: as many as a register of the machine code holds.
+/// The number of plants that run side by side at no additional cost: the number of lanes in a vector register.
 pub const SIDE_BY_SIDE: usize = crate::code::WIDE;
 
 /// A plant of equations, without effects.
@@ -51,12 +51,12 @@ struct Plant {
 /// The equations of a kind.
 ///
 /// # Panics
-/// Never: this module alone makes such kinds.
+/// Never: only this module creates such kinds.
 fn plant_of(kind: &'static Described) -> &'static Plant {
     kind.equations.downcast_ref().expect("equations of a kind that was read here")
 }
 
-/// Text that lives as long as the kind that speaks of it.
+/// A text with the lifetime of the program, like the kind that uses it.
 fn kept(text: &str) -> &'static str {
     Box::leak(text.to_string().into_boxed_str())
 }
@@ -65,7 +65,7 @@ fn signal((name, unit): &(String, String)) -> Signal {
     Signal { name: kept(name), unit: kept(&spelled(unit)) }
 }
 
-/// Reads a plant file of format 2. `open` gives the text of a file that it names, relative to its folder.
+/// Reads a plant file of format 2. `open` returns the text of a file that it names, relative to the folder of the plant file.
 ///
 /// ```
 /// use rsm_core::source::{Faults, Source};
@@ -84,7 +84,7 @@ fn signal((name, unit): &(String, String)) -> Signal {
 /// ```
 ///
 /// # Errors
-/// Those of [`EquationFile::read`]; more outputs than a diagnosis takes.
+/// Those of [`EquationFile::read`]; more outputs than a diagnosis can compare.
 pub fn read(source: &Source, open: &dyn Fn(&str) -> Result<Source, Faults>) -> Result<PlantFile, Faults> {
     read_with(source, open, &Arc::new(Catalogue::shipped()))
 }
@@ -118,7 +118,7 @@ pub fn read_with(
     }
     let mut starts: Vec<Signal> = machine.first_readings()?.iter().map(|place| outputs[*place]).collect();
     let states = machine.states();
-    // A state behind the last place starts where the text says, always.
+    // There is a limit of `STARTS` start values. States beyond it always start at the value in the text.
     starts.extend(
         states.iter().filter(|it| !outputs.iter().any(|output| output.name == it.0)).map(signal).take(STARTS - starts.len()),
     );
@@ -172,7 +172,7 @@ pub fn read_with(
     Ok(plant_file)
 }
 
-/// Where variables start by the text alone, with inputs of 0; 0 where it does not say.
+/// The start values of variables from the text alone, with all inputs 0. A value is 0 if the text gives none.
 fn starts_of_text(machine: &mut Machine, file: &EquationFile, starts: &[Signal]) -> Vec<f64> {
     let inputs = vec![0.0; machine.inputs().len()];
     let Ok(point) = machine.start(file, 0.0, &inputs, &[]) else { return vec![0.0; starts.len()] };
@@ -182,14 +182,14 @@ fn starts_of_text(machine: &mut Machine, file: &EquationFile, starts: &[Signal])
     starts.iter().map(|it| all.iter().find(|(name, _)| name == it.name).map_or(0.0, |it| it.1)).collect()
 }
 
-/// How large each of the starts of a kind becomes along a record by a plant file; 0 where the plant cannot follow the record.
+/// The largest magnitude of each start variable of a kind along a record; 0 if the plant cannot follow the record.
 #[must_use]
 pub fn start_scales(file: &PlantFile, record: &Record) -> Vec<f64> {
     let PlantKind::Equations(kind) = file.kind else { return Vec::new() };
     run::largest(kind, file, record).unwrap_or_else(|_| vec![0.0; kind.starts.len()])
 }
 
-/// Parameters that a record decides.
+/// Parameters that a record determines.
 fn decisions(file: &EquationFile) -> Vec<Decision> {
     let one = |rule: &equations::extended::Rule| {
         let (column, without) = match &rule.by {
@@ -201,7 +201,8 @@ fn decisions(file: &EquationFile) -> Vec<Decision> {
     file.rules.parameters.iter().map(one).collect()
 }
 
-/// The numbers of a plant that may be set: those that neither change the shape of the equations nor are decided by a record.
+/// The parameters of a plant that may be set: those that do not change the structure of the equations and are not determined by a record or by the
+/// start.
 fn nominals(machine: &Machine, decisions: &[Decision]) -> Vec<Nominal> {
     let system = machine.system();
     let of_start = of_start_alone(machine);
@@ -222,7 +223,7 @@ fn nominals(machine: &Machine, decisions: &[Decision]) -> Vec<Nominal> {
     variables.filter(|it| it.basic != Basic::Boolean && is_own(&it.name)).map(one).collect()
 }
 
-/// Parameters that say where a plant starts and nothing else: no data sheet has them.
+/// Parameters that determine only the start of a plant. No data sheet contains them.
 fn of_start_alone(machine: &Machine) -> Vec<String> {
     let flat = machine.system().flat();
     let symbols = |list: &[rsm_model::flat::Equation]| -> Vec<Symbol> {
@@ -241,7 +242,8 @@ fn of_start_alone(machine: &Machine) -> Vec<String> {
     parameters.map(|it| machine.system().name(it).to_string()).collect()
 }
 
-/// The effects that can stand on a plant: of one in code those of its catalogue, of one of equations one for each place at which one can stand.
+/// The effects that are possible on a plant. For a built-in plant: the effects of its catalogue. For a plant of equations: one description for each
+/// effect and each place where it is possible.
 #[must_use]
 pub fn effects_on(kind: PlantKind) -> Vec<&'static Description> {
     match kind {
@@ -257,7 +259,7 @@ pub fn with(kind: PlantKind, role: Role, subject: &str) -> Option<&'static Descr
     effects_on(kind).into_iter().find(fits)
 }
 
-/// An effect of a plant file where it stands.
+/// An effect of a plant file with its place.
 fn placed(kind: &'static Described, entry: &equations::Entry, at: &str, source: &Source) -> Result<Entry, Faults> {
     let all = effects_on(PlantKind::Equations(kind));
     let is_it = |it: &&Description| it.kind == entry.kind && it.at.is_none_or(|place| place == at);
@@ -273,7 +275,8 @@ fn placed(kind: &'static Described, entry: &equations::Entry, at: &str, source: 
     Ok(Entry { description, arguments: Arguments { plant: PlantKind::Equations(kind), subject, numbers: numbers.collect() } })
 }
 
-/// Which of the places of [`PlantKind::starts`] say where a record starts: outputs that it holds, as far as they say something that the others do not.
+/// The indices in [`PlantKind::starts`] that determine the start of a record: the recorded outputs that give independent information about the start,
+/// and the variables whose start is that of the text.
 pub(crate) fn starting(kind: &'static Described, record: &Record) -> Vec<usize> {
     plant_of(kind).models.starting(kind, record)
 }

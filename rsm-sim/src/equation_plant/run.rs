@@ -1,7 +1,7 @@
-//! A plant along a record: those that come with the project, and those of plant files of format 2.
+//! Runs a plant along a record: the built-in plants, and those of plant files of format 2.
 //!
-//! In: a plant file, a record. Out: every output at every row. The same files give the same bits.
-//! Equations with the same effects at the same places are compiled once: another value of a number compiles nothing.
+//! In: a plant file, a record. Out: every output at every row. The same files give the same bits. Equations with the same effects at the same places
+//! are compiled once: a changed parameter value needs no compilation.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -20,33 +20,33 @@ use crate::plant_file::{Entry, PlantFile};
 use crate::quantity::Signal;
 use crate::record::{Drive, Record};
 
-/// Rows of a record at which sizes are looked at, evenly spread.
+/// The number of rows of a record at which sizes are evaluated, evenly spread.
 const ROWS: usize = 400;
 
-/// What is known of the models of a plant. It lives as long as its kind, and so do they.
+/// The compiled models of a plant. They have the lifetime of the kind.
 #[derive(Default)]
 pub(super) struct Models {
-    /// Which outputs say where a record starts, by which outputs it holds.
+    /// The start variables that a record determines, by the set of its outputs.
     starting: Mutex<HashMap<Vec<bool>, Vec<usize>>>,
-    /// By what a record decides and which effects stand where.
+    /// Models, by the values that a record determines, and by the effects and their places.
     built: Mutex<HashMap<String, &'static Model>>,
 }
 
-/// Equations with effects, compiled.
+/// Compiled equations with effects.
 struct Model {
     file: EquationFile,
     machine: Machine,
-    /// The places of the parameters that can be set, by name.
+    /// The indices of the parameters that can be set, by name.
     places: HashMap<String, usize>,
-    /// Programs of the start, by the names of what is given and of what is recorded.
+    /// Programs of the start, by the names of the given and of the recorded variables.
     starts: Mutex<HashMap<[Vec<String>; 2], Arc<Starts>>>,
-    /// Room and code for runs that go on side by side.
+    /// Memory and code for runs in parallel threads.
     slots: Mutex<Vec<Slot>>,
 }
 
-/// What one run needs for itself.
+/// The data of one run.
 struct Slot {
-    /// A copy that has the numbers of the run.
+    /// A copy with the parameters of the run.
     machine: Machine,
     lanes: Lanes<'static>,
 }
@@ -56,7 +56,7 @@ fn open<T>(it: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Models {
-    /// Places of [`Described::starts`] that count for a record.
+    /// The indices in [`Described::starts`] that apply to a record.
     pub(super) fn starting(&self, kind: &'static Described, record: &Record) -> Vec<usize> {
         let holds: Vec<bool> = record.measured.iter().map(Option::is_some).collect();
         open(&self.starting).entry(holds.clone()).or_insert_with(|| count(kind, &holds)).clone()
@@ -83,7 +83,7 @@ impl Models {
         if let Some(model) = open(&self.built).get(&name) {
             return Ok(model);
         }
-        // Compiled without the lock: two may do it at the same time, and the first counts.
+        // The lock is not held during compilation. If two threads compile the same model, the first result is used.
         let file = match file.kind {
             PlantKind::Equations(kind) => file_of(kind, file, record)?,
             _ => built_in::equations(file, record, &placed(file))?,
@@ -107,7 +107,7 @@ fn count(kind: &'static Described, holds: &[bool]) -> Vec<usize> {
     (0..kind.starts.len()).filter(|k| is_in(&kind.starts[*k])).collect()
 }
 
-/// The equations of a plant file without its effects, and where they stand at some rows of a record, evenly spread.
+/// The equations of a plant file without its effects, and the points of a run at some rows of a record, evenly spread.
 pub(super) fn without_effects(
     kind: &'static Described,
     file: &PlantFile,
@@ -122,7 +122,7 @@ pub(super) fn without_effects(
     Ok((whole, machine, points))
 }
 
-/// How large each of the starts of a kind becomes along a record.
+/// The largest magnitude of each start variable of a kind along a record.
 pub(super) fn largest(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<Vec<f64>, Faults> {
     let (_, machine, points) = without_effects(kind, file, record)?;
     let names: Vec<String> = machine.states().into_iter().chain(machine.outputs()).map(|it| it.0).collect();
@@ -137,18 +137,18 @@ pub(super) fn largest(kind: &'static Described, file: &PlantFile, record: &Recor
     Ok(kind.starts.iter().map(of).collect())
 }
 
-/// The effects that change equations: another value of a parameter does not.
+/// The effects that change equations. A changed parameter value does not.
 fn in_equations(file: &PlantFile) -> impl Iterator<Item = &Entry> {
     file.acting().filter(|it| it.description.subject != Subject::Parameter || it.description.at.is_some())
 }
 
-/// What a record decides of the parameters.
+/// Parameters that a record determines.
 fn decided(record: &Record) -> Vec<Given> {
     let given = |(name, value): &(&str, f64)| Given { name: (*name).to_string(), value: *value };
     record.settings.iter().map(given).chain(of_rows(record.period, record.first_time())).collect()
 }
 
-/// The equations of a plant file for a record, with its effects and numbers.
+/// The equations of a plant file for a record, with its effects and parameters.
 fn file_of(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<EquationFile, Faults> {
     let parameters = file.effective_parameters();
     let numbers: Vec<Given> = kind
@@ -159,15 +159,15 @@ fn file_of(kind: &'static Described, file: &PlantFile, record: &Record) -> Resul
     plant_of(kind).file.with(&numbers, &placed(file), &decided(record))
 }
 
-/// The effects that change equations, as these take them.
+/// The effects that change equations, in the form that the equations need.
 fn placed(file: &PlantFile) -> Vec<equations::Entry> {
     let one = |it: &Entry| equations::Entry::new(it.description.kind, it.arguments.subject.as_deref(), &it.arguments.numbers);
     in_equations(file).map(one).collect()
 }
 
-/// What is known of the models of a kind.
+/// The compiled models of a kind.
 fn models(kind: PlantKind) -> &'static Models {
-    /// Of the plants that come with the project.
+    /// Of the built-in plants.
     static OWN: [OnceLock<Models>; 3] = [const { OnceLock::new() }; 3];
     match kind {
         PlantKind::Equations(kind) => &plant_of(kind).models,
@@ -178,17 +178,18 @@ fn models(kind: PlantKind) -> &'static Models {
     }
 }
 
-/// The inputs of a record, one value a row each.
+/// The inputs of a record, with one value for each row.
 fn inputs(kind: PlantKind, record: &Record) -> Cow<'_, [Vec<f64>]> {
     if matches!(kind, PlantKind::Equations(_)) { Cow::Borrowed(&record.inputs) } else { built_in::inputs(record) }
 }
 
-/// The instants of a record's rows. Plants of format 1 go by its period, as their controllers do: a clock that jitters by less than a hundredth of it moves nothing, and a gap that is not yet cut out counts as one row.
+/// The instants of a record's rows. For plants of format 1 they are multiples of the period, as for their controllers: jitter of less than a
+/// hundredth of the period has no effect, and a gap that has not been cut out counts as one row.
 fn instants(kind: PlantKind, record: &Record) -> Cow<'_, [f64]> {
     if matches!(kind, PlantKind::Equations(_)) { Cow::Borrowed(&record.time) } else { built_in::instants(record) }
 }
 
-/// The first row of a record, which alone says where it starts.
+/// The first row of a record. Only this row determines the start.
 fn first_row(inputs: &[Vec<f64>], record: &Record) -> Signals {
     let first = |values: &Vec<f64>| values.iter().take(1).copied().collect::<Vec<f64>>();
     Signals {
@@ -220,18 +221,18 @@ fn start_of(machine: &Machine, initial: &[Given], signals: &Signals) -> Result<(
 }
 
 impl Model {
-    /// Room and code for a run.
+    /// Memory and code for a run.
     fn slot(&'static self) -> Slot {
         let free = open(&self.slots).pop();
         free.unwrap_or_else(|| Slot { machine: self.machine.clone(), lanes: Lanes::new(&self.machine) })
     }
 
-    /// The place of a parameter.
+    /// The index of a parameter.
     fn place(&self, name: &str) -> Result<usize, Faults> {
         self.places.get(name).copied().map_or_else(|| self.machine.place_of(name), Ok)
     }
 
-    /// Gives a machine the numbers of a plant file. Out: where it starts along a record.
+    /// Gives a machine the parameters of a plant file. Returns its start along a record.
     fn begin(&self, machine: &mut Machine, file: &PlantFile, record: &Record) -> Result<Point, Faults> {
         let parameters = file.effective_parameters();
         let (own, initial): (Vec<(&str, f64)>, Vec<Given>) = match file.kind {
@@ -274,17 +275,18 @@ impl Model {
 /// Every output at every row.
 pub type Values = Vec<Vec<f64>>;
 
-/// How a run goes that may take so many steps a row, on average over its record.
+/// The settings of a run with a limit on its steps per row, on average over its record.
 fn setting(record: &Record, tolerance: f64, steps_a_row: usize) -> Setting {
     let steps = u64::try_from(steps_a_row.saturating_mul(record.rows())).unwrap_or(u64::MAX);
     Setting { tolerance, steps, ..Setting::default() }
 }
 
-/// Plants of one kind with the same effects at the same places, and other numbers, along one record, side by side: each has the bits that it has alone. By plant: every output of the kind at every row; `None` where it cannot follow the record, or takes more steps a row than it
-/// may. Beside that, the steps of all.
+/// Runs plants of one kind side by side along one record. They must have the same effects at the same places; their numbers may differ. Each result
+/// has the same bits as in a run alone. Returns, for each plant, every output of the kind at every row, or `None` if the plant cannot follow the
+/// record or needs more than `steps_a_row`; and the total number of steps.
 ///
 /// # Panics
-/// Never: all that stand side by side have one model.
+/// Never: plants that run side by side have one model.
 #[must_use]
 pub fn together(files: &[PlantFile], record: &Record, steps_a_row: usize) -> (Vec<Option<Values>>, u64) {
     let mut done: Vec<Option<Values>> = vec![None; files.len()];
@@ -311,7 +313,7 @@ pub fn together(files: &[PlantFile], record: &Record, steps_a_row: usize) -> (Ve
     (done, taken)
 }
 
-/// The outputs that a run along a record with this drive has, in the order of the plant.
+/// The outputs of a run along a record with this drive, in the order of the plant.
 ///
 /// ```
 /// use rsm_sim::{kind::PlantKind, record::Drive, simulate::shown};
@@ -330,15 +332,15 @@ pub fn shown(kind: PlantKind, drive: Drive) -> &'static [Signal] {
     }
 }
 
-/// A plant, ready for a record.
+/// A plant that is prepared for a record.
 pub struct Run {
     kind: PlantKind,
     model: &'static Model,
     slot: Option<Slot>,
     start: Option<Point>,
-    /// The error of a step, as [`Setting`] has it.
+    /// The permitted error of a step, as in [`Setting`].
     pub(crate) tolerance: f64,
-    /// Steps a row that a run may take, on average over its record.
+    /// The largest number of steps per row, on average over the record.
     pub(crate) steps_a_row: usize,
 }
 
@@ -346,7 +348,7 @@ impl Run {
     /// The plant of a file for a record.
     ///
     /// # Errors
-    /// Effects that cannot stand together; a start that has no solution.
+    /// Effects that cannot be combined; a start without a solution.
     pub fn new(file: &PlantFile, record: &Record) -> Result<Run, Faults> {
         let model = models(file.kind).of(file, record)?;
         let mut slot = model.slot();
@@ -357,25 +359,25 @@ impl Run {
         Ok(run)
     }
 
-    /// The outputs that it gives for a record, in their order.
+    /// The outputs that it computes for a record, in order.
     #[must_use]
     pub fn outputs(&self, record: &Record) -> &'static [Signal] {
         shown(self.kind, record.drive)
     }
 
-    /// Steps of the last run, also of one that was given up.
+    /// The number of steps of the last run, also if it was stopped early.
     #[must_use]
     pub fn taken(&self) -> u64 {
         self.slot.iter().flat_map(|it| it.lanes.taken()).sum()
     }
 
-    /// The outputs of [`Run::outputs`] at every row. A controller says the first input row by row, if there is one.
+    /// Computes the outputs of [`Run::outputs`] at every row. A controller, if there is one, sets the first input row by row.
     ///
     /// # Errors
-    /// Why a row could not be reached.
+    /// The reason why a row could not be reached.
     ///
     /// # Panics
-    /// Never: a run has its room until it is dropped.
+    /// Never: a run has its slot until it is dropped.
     pub fn along(&mut self, record: &Record, controller: Option<&mut Controller<'_>>) -> Result<Values, Stopped> {
         let shown = self.outputs(record).len();
         let (slot, start) = self.slot.as_mut().zip(self.start.clone()).expect("room and a start until it is dropped");

@@ -1,6 +1,6 @@
-//! How large the quantities of a plant's sites are along records: the scales of first guesses.
+//! The magnitudes of the quantities at a plant's sites along records: the scales of first guesses.
 //!
-//! In: a plant file, records. Out: [`Scales`] for each place. Only sizes: nothing here decides between causes.
+//! In: a plant file, records. Out: [`Scales`] for each place. This file only computes magnitudes; it does not decide between causes.
 
 use rsm_core::source::Faults;
 use rsm_model::effects::SiteKind;
@@ -13,10 +13,11 @@ use crate::kind::PlantKind;
 use crate::plant_file::PlantFile;
 use crate::record::Record;
 
-/// Sizes at each place of a plant of equations along records: roles of sites, and the scales that files of effects name. Records that the plant cannot follow are left out.
+/// Magnitudes at each place of a plant of equations along records: the roles of sites, and the scales that files of effects name. Records that the
+/// plant cannot follow are omitted.
 ///
 /// # Errors
-/// Sites that the equations do not bear out.
+/// Sites that do not agree with the equations.
 pub fn scales(file: &PlantFile, records: &[&Record]) -> Result<Vec<Scales>, Faults> {
     let PlantKind::Equations(kind) = file.kind else { return Ok(Vec::new()) };
     let plant = plant_of(kind);
@@ -50,7 +51,7 @@ pub fn scales(file: &PlantFile, records: &[&Record]) -> Result<Vec<Scales>, Faul
     Ok(list)
 }
 
-/// The scales of a site by its kind: `term` is the largest term of its balance.
+/// Adds the scales of a site. `term` is the largest term of its balance.
 fn of_site(term: f64, sizes: &mut Vec<(String, f64)>) {
     let of = |name: &str| sizes.iter().find(|it| it.0 == name).map(|it| it.1);
     let first = |names: &[&str]| names.iter().find_map(|name| of(name));
@@ -72,10 +73,10 @@ fn of_site(term: f64, sizes: &mut Vec<(String, f64)>) {
     sizes.extend(more.into_iter().map(|(name, value)| (name.to_string(), value)));
 }
 
-/// Along a record: by place, the largest size of each role, then of the terms of the balance.
+/// Along a record: for each place, the largest magnitude of each role, then of the terms of the balance.
 fn along(file: &PlantFile, record: &Record) -> Result<Vec<Vec<f64>>, Faults> {
     let PlantKind::Equations(kind) = file.kind else { return Ok(Vec::new()) };
-    // Sites are those of the equations without effects, and so is what runs.
+    // Sites belong to the equations without effects, so these equations are run.
     let (whole, machine, points) = run::without_effects(kind, file, record)?;
     let places = whole.places_of_effects()?;
     let mut system = System::new(&places.flat)?;

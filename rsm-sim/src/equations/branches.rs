@@ -1,32 +1,32 @@
-//! The branches of `when`, and what is remembered of them from event to event.
+//! The branches of `when`, and their data that is kept from event to event.
 
 use super::machine::Machine;
 
-/// The state of events of each lane.
+/// The state of the events of each lane.
 pub(super) struct Events<const L: usize> {
-    /// Conditions of all branches, as they were last.
+    /// The last values of the conditions of all branches.
     pub conditions: Vec<[f64; L]>,
-    /// The first instant and the period of each `sample`, in s: those of all lanes.
+    /// The first instant and the period of each `sample`, in s. They are the same for all lanes.
     pub samples: Vec<(f64, f64)>,
-    /// Of each `sample` how many instants are past.
+    /// For each `sample`, the number of past instants.
     pub past: Vec<u64>,
     pub branches: Vec<Branch>,
     pub memories: usize,
-    /// Memories change only where a branch acts.
+    /// Whether memories change only if a branch acts.
     pub only_acts_change: bool,
     pub acts: Vec<[f64; L]>,
     pub due: Vec<f64>,
 }
 
-/// A branch of a `when`, and where its results stand behind the first result of the program.
+/// A branch of a `when`. The places of its results are counted from the first result of the program.
 pub(super) struct Branch {
-    /// States that it restarts, each with the place of its value.
+    /// States that it restarts, each with the place of its new value.
     pub restarted: Vec<(usize, usize)>,
-    /// Its conditions.
+    /// The places of its conditions.
     pub conditions: std::ops::Range<usize>,
-    /// The first of its conditions among all.
+    /// The index of its first condition among the conditions of all branches.
     pub first: usize,
-    /// It does not act together with these.
+    /// Branches that take precedence: if one of them acts, this one does not.
     pub unless: Vec<usize>,
 }
 

@@ -1,14 +1,16 @@
-//! Sensitivities, carried along by a walk.
+//! Sensitivities, computed along with a walk.
 //!
 //! ```text
-//! d x = S d q:  a step       S behind = derivative of the step along S         (tangents of the tape of the series)
-//!               an event     dT = -(dg)/(g' f before),  S += f before dT;  what happens is differentiated;  S -= f behind dT
+//! d x = S d q:  a step       S after = derivative of the step along S          (tangents of the tape of the series)
+//!               an event     dT = -(dg)/(g' f before),  S += f before dT;  the event is differentiated;  S -= f after dT
 //! ```
 //!
-//! In: a walk of one lane, how fast each parameter and each start moves in some directions. Out: how fast every output moves. A direction is a lane: four share one pass of machine code, and what does not depend on the direction
-//! is computed once for all. The walk is the one that it is alone: the sensitivity is the exact derivative of the computed solution, but for the lengths of its steps, which are held (H. G. Bock, "Numerical treatment of inverse
-//! problems in chemical reaction kinetics", 1981, calls it internal differentiation). An event moves in time with the parameters; its share is the second line above (M. A. Aizerman, F. R. Gantmacher, "Determination of stability by
-//! linear approximation of a periodic solution of a system of differential equations with discontinuous right-hand sides", 1958).
+//! In: a walk of one lane, and the derivatives of its parameters and of its start in some directions. Out: the derivatives of every output. Each
+//! direction is a lane: four directions are computed together by the same machine code, and values that do not depend on the direction are computed
+//! once for all. The walk itself is unchanged. The sensitivity is the exact derivative of the computed solution with the step lengths held constant
+//! (H. G. Bock, "Numerical treatment of inverse problems in chemical reaction kinetics", 1981, calls it internal differentiation). The instant of an
+//! event depends on the parameters; the second line above contains this contribution (M. A. Aizerman, F. R. Gantmacher, "Determination of stability
+//! by linear approximation of a periodic solution of a system of differential equations with discontinuous right-hand sides", 1958).
 
 use super::rows::Stopped;
 use super::series::Tried;
@@ -16,7 +18,7 @@ use super::speeds::{Carried, Moving, composed};
 use super::walk::Walk;
 use crate::code::{Slot, WIDE, Way};
 
-/// What one set of directions needs from run to run.
+/// The data that one set of directions keeps from run to run.
 pub(super) struct Along<'m> {
     pub parameters: Vec<Option<usize>>,
     pub walk: Walk<'m, 1>,
@@ -24,7 +26,7 @@ pub(super) struct Along<'m> {
 }
 
 impl<const L: usize> Walk<'_, L> {
-    /// Begins to carry, behind the start of a run. `known` is what an earlier run along the same parameters has made.
+    /// Starts to compute sensitivities, after the start of a run. `known` contains the programs of an earlier run with the same directions.
     pub(super) fn carry(&mut self, directions: &[Moving], known: Option<Box<Carried>>, way: Way) {
         let layout = self.programs.layout;
         let mut boxed = known.unwrap_or_else(|| Carried::new(&self.programs, directions, way));
@@ -47,13 +49,14 @@ impl<const L: usize> Walk<'_, L> {
         self.carry_refresh();
     }
 
-    /// Behind [`Walk::refresh`].
+    /// After [`Walk::refresh`].
     pub(super) fn carry_refresh(&mut self) {
         let Some(it) = self.carried.as_deref_mut() else { return };
         it.row.iter().flatten().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
     }
 
-    /// Over a step of the series that began at an instant, up to a share of its length. The states at its start stand in `before`.
+    /// Carries the sensitivities over a step of the series that began at an instant, up to a share of its length. `before` contains the states at the
+    /// start of the step.
     pub(super) fn carry_step(&mut self, tried: Tried, share: f64, begin: f64) {
         let Some(mut it) = self.carried.take() else { return };
         let layout = self.programs.layout;
@@ -66,7 +69,7 @@ impl<const L: usize> Walk<'_, L> {
         while self.programs.part(last).order < tried.order {
             last += 1;
         }
-        // What the programs read stands in the walk, but for what the end of the step has changed.
+        // The programs read their arguments from the walk, so the time and the states of the step's start are restored first.
         let now = self.slots[layout.time as usize];
         let states = layout.states as usize..layout.states as usize + count;
         self.slots[layout.time as usize] = [begin; L];
@@ -105,7 +108,7 @@ impl<const L: usize> Walk<'_, L> {
         self.carried = Some(it);
     }
 
-    /// The speeds behind a whole step of all orders up to a part's last.
+    /// The derivatives at the end of a whole step, from all orders up to the last order of a part.
     fn whole_step(&mut self, it: &mut Carried, last: usize) {
         it.whole.resize_with(it.whole.len().max(last + 1), || None);
         if it.whole[last].is_none() {
@@ -116,7 +119,7 @@ impl<const L: usize> Walk<'_, L> {
         it.whole[last].iter().flatten().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
     }
 
-    /// At an instant at which a comparison has just changed: the instant moves, and the states there move with it.
+    /// At an instant at which a comparison has just changed: the instant depends on the parameters, and so do the states at this instant.
     pub(super) fn carry_event(&mut self) -> Result<(), Stopped> {
         let Some(mut it) = self.carried.take() else { return Ok(()) };
         let layout = self.programs.layout;
@@ -173,7 +176,7 @@ impl<const L: usize> Walk<'_, L> {
         Ok(())
     }
 
-    /// Moves the states on with an instant, by the rates that stand in their slots: behind it with a minus.
+    /// Adds the effect of the moved instant to the states, with the rates in their slots. After the event the sign is negative.
     fn shift(&mut self, instant: &[[f64; WIDE]], sign: f64) {
         let Some(it) = &mut self.carried else { return };
         let (states, rates) = (self.programs.layout.states, self.programs.rates.results as usize);
@@ -187,7 +190,7 @@ impl<const L: usize> Walk<'_, L> {
         }
     }
 
-    /// Behind everything that happens at an instant.
+    /// After all events of an instant.
     pub(super) fn carry_on(&mut self) {
         let Some(instant) = self.carried.as_mut().and_then(|it| it.instant.take()) else { return };
         self.programs.rates.code.run(&mut self.slots, &mut self.spare);
@@ -201,7 +204,7 @@ impl<const L: usize> Walk<'_, L> {
         }
     }
 
-    /// Where branches act: behind the program of what happens, before its results are taken.
+    /// Where branches act: after the program of events, before its results are used.
     pub(super) fn carry_turn(&mut self) {
         let Some(it) = self.carried.as_deref_mut() else { return };
         let Some(program) = &self.programs.events else { return };
@@ -226,7 +229,7 @@ impl<const L: usize> Walk<'_, L> {
         }
     }
 
-    /// How fast every output moves here and now, in each direction.
+    /// The derivatives of every output at the current point, in each direction.
     pub(super) fn carry_look(&mut self, to: &mut [Vec<Vec<f64>>]) {
         let Some(it) = self.carried.as_deref_mut() else { return };
         let Some(results) = self.programs.looks.as_ref().map(|it| it.results) else { return };

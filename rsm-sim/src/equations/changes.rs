@@ -1,22 +1,25 @@
 //! Comparisons that change inside a step.
 //!
-//! In: a walk at the end of a step, and how it is put at a share of that step. Out: by lane, between which shares the first comparison changes. Most steps are far from every border: four places of the step show it.
+//! In: a walk at the end of a step, and a function that moves it to a share of that step. Out: for each lane, the two shares between which the first
+//! comparison changes. In most steps all comparisons stay far from their borders; four points of the step are sufficient to show this.
 
 use super::walk::Walk;
 
-/// Places at which a step is looked at for changes of comparisons.
+/// The number of points, besides the start, at which the comparisons in a step are evaluated.
 const LOOKS: usize = 8;
 
-/// A comparison is far from its border when it is so many times as far as the cubic term of its distance: a motion that four places do not show at all would have to be twice as large as that.
+/// A comparison is far from its border if its distance is more than this multiple of the cubic term of the distance. A motion that is invisible at
+/// all four points would have to be twice as large as the cubic term.
 const FAR: f64 = 2.0;
 
-/// Rounding of a distance, as a share of the largest: that of a dozen operations.
+/// The rounding error of a distance, as a share of the largest distance: that of a dozen operations.
 const ROUNDED: f64 = 16.0 * f64::EPSILON;
 
 impl<const L: usize> Walk<'_, L> {
-    /// Where a comparison changes inside a step: a share before, and one behind it. `place` puts the walk at a share; the walk stands at the end of the step. Looked at at the end and at
-    /// [`LOOKS`] places, and where a comparison comes nearest to its border between three of them, by the parabola through these. A lane whose comparisons stay away from their borders
-    /// has no change.
+    /// Finds where a comparison changes inside a step. Returns a share before the change and a share after it. `place` moves the walk to a share; at
+    /// the call the walk is at the end of the step. The comparisons are evaluated at the end and at [`LOOKS`] points. Where a distance has its
+    /// minimum between three of these points, they are also evaluated at the vertex of the parabola through the three. A lane whose comparisons stay
+    /// far from their borders has no change.
     pub(super) fn changes_inside(
         &mut self,
         asked: [bool; L],
@@ -57,7 +60,8 @@ impl<const L: usize> Walk<'_, L> {
         found
     }
 
-    /// In which lanes every comparison stays away from its border, by its distances at the start, an eighth, the middle and the end of a step.
+    /// For each lane, whether every comparison stays far from its border, judged by its distances at the start, an eighth, the middle and the end of
+    /// a step.
     fn stay_far(&mut self, place: &mut dyn FnMut(&mut Self, f64)) -> [bool; L] {
         let count = self.programs.counts.held;
         let mut far = self.sides_differ().map(|differs| !differs);
@@ -81,7 +85,7 @@ impl<const L: usize> Walk<'_, L> {
         far
     }
 
-    /// How far a comparison is from its border in each lane, with its sign, when the sides were computed last.
+    /// The signed distance of a comparison from its border in each lane, at the last evaluation of the sides.
     fn distance(&self, comparison: usize) -> [f64; L] {
         let begin = self.programs.sides.as_ref().map_or(0, |it| it.results as usize) + 2 * comparison;
         let (left, right) = (self.slots[begin], self.slots[begin + 1]);
@@ -89,8 +93,9 @@ impl<const L: usize> Walk<'_, L> {
     }
 }
 
-/// Whether a distance stays away from 0 over a step, by its values at the start, an eighth, the middle and the end: the cubic through them (Newton's divided differences) keeps its sign at eighths of the step, by more than it
-/// can bend between two of them and [`FAR`] times its cubic term. Distances that are no finite numbers do not.
+/// Whether a distance stays far from 0 over a step, judged by its values at the start, an eighth, the middle and the end. The cubic through these
+/// points (Newton's divided differences) must keep its sign at all eighths of the step. Its smallest magnitude there must exceed the possible bend
+/// between two eighths plus [`FAR`] times the cubic term. Distances that are not finite do not stay far from 0.
 fn stays_away(distances: [f64; 4]) -> bool {
     let [start, eighth, middle, end] = distances;
     let first = [8.0 * (eighth - start), (middle - eighth) / 0.375, 2.0 * (end - middle)];
@@ -102,7 +107,8 @@ fn stays_away(distances: [f64; 4]) -> bool {
         let value = start + s * (first[0] + (s - 0.125) * (second[0] + (s - 0.5) * third));
         (least, most) = (least.min(value), most.max(value));
     }
-    // The second derivative is 2 second + (6 s - 1.25) third. Between neighbours that are h apart, a curve leaves its chord by h^2/8 of it at most.
+    // The second derivative is 2 second + (6 s - 1.25) third. Between two points at a distance h, a curve differs from its chord by at most h^2/8
+    // times the second derivative.
     let bend = (2.0 * second[0].abs() + 4.75 * third.abs()) / (8.0 * (LOOKS * LOOKS) as f64);
     // s (s - 1/8) (s - 1/2) is at most 7/16.
     let beyond = FAR * 0.4375 * third.abs() + bend + ROUNDED * most.abs().max(least.abs());
@@ -114,14 +120,14 @@ fn stays_away(distances: [f64; 4]) -> bool {
 mod tests {
     use super::stays_away;
 
-    /// A distance at the four places of a step.
+    /// A distance at the four points of a step.
     fn at_places(distance: impl Fn(f64) -> f64) -> [f64; 4] {
         [0.0, 0.125, 0.5, 1.0].map(distance)
     }
 
     #[test]
     fn a_distance_that_moves_far_from_its_border_stays_away() {
-        // A long way that ends before the border, and parabolas that turn before it, on both sides.
+        // A long motion that ends before the border, and parabolas with a vertex before the border, on both sides.
         for sign in [1.0, -1.0] {
             assert!(stays_away(at_places(|s| sign * (1.0 - 0.99 * s))));
             assert!(stays_away(at_places(|s| sign * (0.1 + (s - 0.7) * (s - 0.7)))));
@@ -131,7 +137,8 @@ mod tests {
 
     #[test]
     fn a_distance_that_reaches_its_border_does_not() {
-        // It crosses; it touches; it crosses twice between places; it is at the border all the time; its cubic term is larger than what is left; it is no number.
+        // It crosses; it touches; it crosses twice between points; it is always at the border; its cubic term is larger than its smallest value; it
+        // is NaN at some points.
         for distance in [
             |s: f64| 0.5 - s,
             |s: f64| (s - 0.75) * (s - 0.75),
@@ -149,7 +156,7 @@ mod tests {
 
     #[test]
     fn no_polynomial_of_order_three_that_stays_away_has_a_root_in_the_step() {
-        // Coefficients from a sequence of Weyl: all signs, and borders near and far.
+        // Coefficients from a Weyl sequence: all signs, and borders near and far.
         let mut far = 0;
         for k in 1..=20_000 {
             let of = |step: f64| 2.0 * (f64::from(k) * step).fract() - 1.0;
@@ -161,7 +168,7 @@ mod tests {
                 assert!((0..=1000).all(|look| (distance(f64::from(look) / 1000.0) > 0.0) == first), "{a} {b} {c} {d}");
             }
         }
-        // Neither always nor never.
+        // The function returns both answers often.
         assert!((2_000..18_000).contains(&far), "{far}");
     }
 }

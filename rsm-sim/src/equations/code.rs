@@ -1,6 +1,7 @@
-//! A plant of equations as what `rsm emit` prints.
+//! A plant of equations in the form that `rsm emit` prints.
 //!
-//! In: a machine, its start, the length of a step. Out: a [`Plant`] of the printers, with names that C and Rust take; or a sentence that says why there is none.
+//! In: a machine, its start, the step length. Out: a [`Plant`] for the printers, with names that are valid in C and Rust; or a sentence with the
+//! reason why it is not possible.
 
 use rsm_core::emit::plant::{Plant, Signal};
 use rsm_core::names;
@@ -11,24 +12,24 @@ use super::linear::{Linearised, Pole};
 use super::machine::{Machine, Point};
 use super::step::{Kept, Step};
 
-/// A step is refused where the method makes a mode grow by more than this in one step: 1 plus rounding.
+/// A step is refused if the method increases a mode by more than this factor in one step: 1 plus rounding.
 const GROWTH: f64 = 1.0 + 1e-9;
 
-/// Where the start of a plant was computed.
+/// The start at which a plant is emitted.
 #[derive(Debug, Clone)]
 pub struct Start<'p> {
     /// The point.
     pub point: &'p Point,
-    /// What is particular about it, in words; empty where nothing is.
+    /// Particular conditions of this start, in words; empty if there are none.
     pub words: String,
-    /// The linear model there.
+    /// The linear model at this point.
     pub linear: &'p Linearised,
 }
 
-/// What is emitted of a plant: steps of a length in s, from a start. `model` is the prefix of its names; its own name where nothing is given.
+/// The plant to emit: steps of a length in s, from a start. `model` is the prefix of its names; if it is `None`, the plant's own name is used.
 ///
 /// # Errors
-/// A sentence: the step does not suit the text, or is too long for the fastest rate at the start.
+/// A sentence: the step does not fit the text, or is too long for the fastest rate at the start.
 pub fn plant(machine: &Machine, length: f64, start: &Start<'_>, model: Option<&str>, file: &str) -> Result<Plant, String> {
     let step = Step::new(machine, length)?;
     if let Some((pole, longest)) = too_fast(&start.linear.poles, length) {
@@ -89,7 +90,7 @@ pub fn plant(machine: &Machine, length: f64, start: &Start<'_>, model: Option<&s
     })
 }
 
-/// The name of what a step keeps, and what a reader wants to know of it.
+/// The name of a state of the step, and its description for a reader.
 fn described_state(machine: &Machine, kept: Kept, signal: &dyn Fn(Symbol, &str) -> Signal) -> (String, Signal) {
     let system = machine.system();
     let of = |symbol: Symbol, words: &str| (system.name(symbol).to_string(), signal(symbol, words));
@@ -118,7 +119,7 @@ fn described_state(machine: &Machine, kept: Kept, signal: &dyn Fn(Symbol, &str) 
     }
 }
 
-/// From where to where a self-test takes an input: its bounds in the text, else its nominal value or 1 either way.
+/// The range in which a self-test varies an input: its bounds in the text; a missing bound is replaced by the nominal value, or by 1, with its sign.
 fn range(machine: &Machine, symbol: Symbol) -> [f64; 2] {
     let variable = machine.system().flat().variable(symbol);
     match (variable.min, variable.max) {
@@ -130,28 +131,31 @@ fn range(machine: &Machine, symbol: Symbol) -> [f64; 2] {
     }
 }
 
-/// The fastest mode that the classical Runge-Kutta method makes grow, or that grows too fast for it, and the longest step that holds it.
+/// The fastest mode for which the step is too long in the classical Runge-Kutta method, and the longest permitted step for it.
 fn too_fast(poles: &[Pole], length: f64) -> Option<(Pole, f64)> {
     let fastest = poles.iter().filter(|pole| length > longest(pole)).max_by(|a, b| a.frequency().total_cmp(&b.frequency()))?;
     Some((*fastest, longest(fastest)))
 }
 
-/// The longest step, in s, up to which a mode that does not grow does not grow in the method; a growing one may turn or grow as fast as a real one that decays.
+/// The longest step, in s, with which the method does not increase a mode that does not grow. A growing mode gets the limit of a decaying mode of the
+/// same rate.
 fn longest(pole: &Pole) -> f64 {
     let frequency = pole.frequency();
     if frequency == 0.0 {
         return f64::INFINITY;
     }
-    // Along the direction of the pole, in shares of 1/frequency: the region of stability reaches to 2.785 on the real axis and 2.828 on the imaginary one.
+    // In the direction of the pole, in units of 1/frequency: the region of stability ends at 2.785 on the real axis and at 2.828 on the imaginary
+    // axis.
     let (x, y) = (-pole.real.abs() / frequency, pole.imaginary / frequency);
     let shares = (1..4000).map(|k| f64::from(k) * 1e-3);
     let first = shares.take_while(|share| growth(x * share, y * share) <= GROWTH).last();
     first.unwrap_or(0.0) / frequency
 }
 
-/// |1 + z + z^2/2 + z^3/6 + z^4/24|: by how much a mode grows in one step (E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", IV.2).
+/// The formula |1 + z + z^2/2 + z^3/6 + z^4/24|: the factor by which a mode grows in one step (E. Hairer, G. Wanner, "Solving Ordinary Differential
+/// Equations II", IV.2).
 fn growth(x: f64, y: f64) -> f64 {
-    // Horner's scheme of complex numbers.
+    // Horner's scheme for complex numbers.
     let [real, imaginary] = [4.0, 3.0, 2.0, 1.0]
         .into_iter()
         .fold([1.0, 0.0], |[a, b], divisor| [1.0 + (a * x - b * y) / divisor, (a * y + b * x) / divisor]);
@@ -165,7 +169,7 @@ fn described(pole: &Pole) -> String {
     }
 }
 
-/// Four digits.
+/// A number with four digits.
 fn short(value: f64) -> String {
     decimal(format!("{value:.3e}").parse().unwrap_or(value))
 }

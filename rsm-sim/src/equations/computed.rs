@@ -1,6 +1,6 @@
-//! Expressions of a system as programs of their own.
+//! Expressions of a system as separate programs.
 //!
-//! In: a plant file, arguments, results. Out: [`Computed`], which gives the results for arguments: the same bits wherever it runs.
+//! In: a plant file, arguments, results. Out: [`Computed`], which computes the results from the arguments, with the same bits on every machine.
 
 use rsm_core::lower;
 use rsm_core::number::Precision;
@@ -13,10 +13,10 @@ use rsm_model::system::System;
 
 use super::file::EquationFile;
 
-/// Expressions of a system as a tape: the same bits wherever it runs.
+/// Expressions of a system as a tape. It gives the same bits on every machine.
 #[derive(Debug, Clone)]
 pub(super) struct Computed {
-    /// `None` where there is nothing to compute.
+    /// `None` if there is nothing to compute.
     pub tape: Option<Tape>,
     pub arguments: usize,
 }
@@ -31,7 +31,7 @@ impl Computed {
     }
 }
 
-/// Surfaces that stand for functions, in the order of the text.
+/// Surfaces that implement functions, in the order of the text.
 #[derive(Debug, Clone)]
 pub(super) struct Functions {
     tapes: Vec<Tape>,
@@ -42,20 +42,20 @@ impl Functions {
         Functions { tapes: file.functions.iter().map(|it| lower::surface(&it.model, it.surface, Precision::F64)).collect() }
     }
 
-    /// Writes a surface, derived by each argument so often.
+    /// Writes a surface, differentiated with respect to each argument the given number of times.
     fn write(&self, builder: &mut TapeBuilder, surface: u32, arguments: &[Reg], orders: &[u8]) -> Option<Reg> {
         let mut tape = self.tapes.get(surface as usize)?.clone();
         for (place, order) in orders.iter().enumerate() {
             for _ in 0..*order {
                 tape = tangent::tangent(&tape, &[Variable::Input(place)]);
-                // The value stands first, its derivative second.
+                // The value is the first output, its derivative the second.
                 tape.outputs.remove(0);
             }
         }
         tangent::write(builder, &tape, arguments, &[], &[]).values.first().copied()
     }
 
-    /// Expressions as a tape; `None` where there is nothing to compute.
+    /// Expressions as a tape; `None` if there is nothing to compute.
     pub(super) fn tape(&self, system: &System, arguments: &[Symbol], results: &[Id]) -> Result<Option<Tape>, String> {
         let named: Vec<(String, Id)> = results.iter().enumerate().map(|(k, id)| (format!("result {k}"), *id)).collect();
         if named.is_empty() {

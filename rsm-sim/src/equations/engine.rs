@@ -1,34 +1,35 @@
-//! How a plant of equations runs: the method, the error that is allowed.
+//! Settings of a run of a plant of equations: the method and the permitted error.
 
-/// How time moves on.
+/// The integration method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Method {
-    /// The series of the solution, until it needs many steps a row; stiff from there on, where that pays.
+    /// The series of the solution, until it needs many steps in a row; from then on the stiff method, if it costs less.
     Automatic,
-    /// The series of the solution, of as many orders as the tolerance asks for.
+    /// The series of the solution, with as many orders as the tolerance needs.
     Explicit,
-    /// Stiff: what is linear is solved exactly, order 3 to 4, with the exact Jacobian; of more than 24 states RODAS3.
+    /// For stiff plants: the linear part is solved exactly, with order 3 to 4 and the exact Jacobian. With more than 24 states: RODAS3.
     Stiff,
-    /// The classical Runge-Kutta method with steps of one length, a whole share of the time between two rows. Its error is not estimated, and nothing is located in time.
+    /// The classical Runge-Kutta method with steps of constant length. The time between two rows is an integer multiple of this length. The error is
+    /// not estimated, and events are not located in time.
     Fixed {
-        /// The length of a step in s.
+        /// The step length in s.
         step: f64,
     },
 }
 
-/// How a plant runs.
+/// The settings of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Setting {
-    /// How time moves on.
+    /// The integration method.
     pub method: Method,
-    /// The error of a step, relative to the largest value that a state has had, or changes by in one row.
+    /// The permitted error of a step, relative to the largest magnitude that a state has had, or to its change in one row.
     pub tolerance: f64,
-    /// Steps of a whole run, at most: one that takes more is given up.
+    /// The largest number of steps of a whole run. A run that needs more is stopped.
     pub steps: u64,
 }
 
 impl Setting {
-    /// A method and the error of a step, with any number of steps.
+    /// A method and the permitted error of a step, with no limit on the number of steps.
     #[must_use]
     pub const fn new(method: Method, tolerance: f64) -> Setting {
         Setting { method, tolerance, steps: u64::MAX }

@@ -1,24 +1,24 @@
-//! What happens at an instant: comparisons that change, samples that are due, branches of `when` that act.
+//! Events at an instant: comparisons that change, samples that are due, branches of `when` that act.
 //!
-//! In: a walk at an instant. Out: the walk behind everything that happens there, turn by turn, until nothing changes any more. All lanes of a group turn together: for a lane in which nothing changes, a further
-//! turn does nothing.
+//! In: a walk at an instant. Out: the walk after all events of this instant, which are executed in rounds until nothing changes. All lanes of a group
+//! execute the same rounds. In a lane in which nothing changes, a further round has no effect.
 
 use super::branches::Events;
 use super::rows::Stopped;
 use super::sampling;
 use super::walk::Walk;
 
-/// Turns of what happens at one instant until it stands still.
+/// The largest number of rounds at one instant.
 const TURNS: usize = 100;
 
 impl<const L: usize> Walk<'_, L> {
-    /// Whether anything can happen at an instant.
+    /// Whether any event can occur at an instant.
     pub(super) fn has_events(&self) -> bool {
         let counts = self.programs.counts;
         counts.held + counts.memories + counts.acts + counts.due > 0
     }
 
-    /// The conditions before anything has happened.
+    /// Computes the conditions before the first event.
     pub(super) fn first_conditions(&mut self) {
         let time = self.time(0);
         for (past, sample) in self.events.past.iter_mut().zip(&self.events.samples) {
@@ -32,7 +32,7 @@ impl<const L: usize> Walk<'_, L> {
         }
     }
 
-    /// Puts what acts and what is due in its place.
+    /// Writes the acting branches and the due samples to their slots.
     fn tell(&mut self) {
         let (acts, due) = (self.layout().acts as usize, self.layout().due as usize);
         self.slots[acts..acts + self.events.acts.len()].copy_from_slice(&self.events.acts);
@@ -41,7 +41,7 @@ impl<const L: usize> Walk<'_, L> {
         }
     }
 
-    /// The conditions of all branches for what acts and what is due; gives the slot of the first.
+    /// Computes the conditions of all branches for the acting branches and due samples. Returns the slot of the first condition.
     fn conditions(&mut self) -> Option<usize> {
         self.tell();
         let conditions = self.programs.conditions.as_ref()?;
@@ -49,7 +49,7 @@ impl<const L: usize> Walk<'_, L> {
         Some(conditions.results as usize)
     }
 
-    /// The program of events for what acts and what is due; gives the slot of its first result.
+    /// Runs the program of events for the acting branches and due samples. Returns the slot of its first result.
     fn what_happens(&mut self) -> Option<usize> {
         self.tell();
         let events = self.programs.events.as_ref()?;
@@ -57,22 +57,22 @@ impl<const L: usize> Walk<'_, L> {
         Some(events.results as usize)
     }
 
-    /// The next instant of a `sample` up to an end, or the end; whether it is one.
+    /// The next instant of a `sample` up to an end, or the end; and whether it is an instant of a `sample`.
     pub(super) fn next_sample(&self, now: f64, end: f64) -> (bool, f64) {
         let instants =
             self.events.samples.iter().zip(&self.events.past).map(|((first, period), past)| first + *past as f64 * period);
         let next = instants.filter(|it| *it > now).fold(f64::INFINITY, f64::min);
-        // Instants of rows and of samples are sums and products of decimals: one that is the row's belongs to its inputs.
+        // Instants of rows and samples are sums and products of decimals. A sample at the instant of a row uses the inputs of that row.
         if next < end - sampling::SAME * end.abs() { (true, next) } else { (next <= end, end) }
     }
 
-    /// Whether no `sample` is due between two rows: what is due at the later one happens there.
+    /// Whether no `sample` is due between two rows. A sample that is due at the later row is executed there.
     #[inline]
     pub(super) fn is_free(&self, now: f64, end: f64) -> bool {
         self.events.past.is_empty() || self.next_sample(now, end).1 == end
     }
 
-    /// How each comparison goes at the point itself, lane by lane; whether one differs from what is held.
+    /// Computes the sides of each comparison at the current point, and whether in a lane one of them differs from its held value.
     pub(super) fn sides_differ(&mut self) -> [bool; L] {
         let Some(sides) = &self.programs.sides else { return [false; L] };
         sides.code.run(&mut self.slots, &mut self.spare);
@@ -87,7 +87,7 @@ impl<const L: usize> Walk<'_, L> {
         differ
     }
 
-    /// Holds every comparison as it goes now. Answers which lanes that changes.
+    /// Sets every held value to the current value of its comparison. Returns the lanes in which this is a change.
     fn hold(&mut self) -> [bool; L] {
         let differ = self.sides_differ();
         if let (Some(sides), true) = (&self.programs.sides, differ.contains(&true)) {
@@ -101,7 +101,7 @@ impl<const L: usize> Walk<'_, L> {
         differ
     }
 
-    /// What happens at this instant in all lanes, which stand at the same one.
+    /// Executes the events of this instant in all lanes. All lanes must be at the same instant.
     pub(super) fn happen(&mut self, now: f64) -> Result<(), Stopped> {
         if !self.settle() {
             return Err(Stopped::NoSolution { row: self.row });
@@ -123,7 +123,8 @@ impl<const L: usize> Walk<'_, L> {
             if !self.settle() {
                 return Err(Stopped::NoSolution { row: self.row });
             }
-            // Behind an instant of a sample, conditions are taken once more without it: the next one rises again.
+            // After an instant of a sample, the conditions are evaluated once more without it, so that they can become true again at the next
+            // instant.
             if !changed && !is_due {
                 self.carry_on();
                 return Ok(());
@@ -133,7 +134,7 @@ impl<const L: usize> Walk<'_, L> {
         Err(Stopped::TooManyEvents { row: self.row })
     }
 
-    /// One turn of the branches. Answers whether a state or a memory has changed.
+    /// One round of the branches. Returns whether a state or a memory has changed.
     fn turn(&mut self) -> bool {
         self.events.acts.fill([0.0; L]);
         let found = self.conditions();

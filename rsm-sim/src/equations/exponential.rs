@@ -1,15 +1,18 @@
-//! One step of an exponential Runge-Kutta method as a tape: what is linear is solved exactly, so only what is not asks for small steps.
+//! One step of an exponential Runge-Kutta method as a tape. The linear part is solved exactly, so only the remainder limits the step length.
 //!
 //! ```text
 //! x' = f(x) = f0 + L (x - x0) + r:  D(1/2), D(1) = r at the middle and at the end, a = 4 D(1/2) - D(1), b = D(1) - a
 //! x1 = x0 + h phi_1 f0 + 2 h phi_3 D(1) + h (phi_2 - 2 phi_3) a,  the last term is the estimate of the error
 //! ```
 //!
-//! That is the solution when r is a parabola a s + b s^2 over the step: order 3 whatever L is (S. M. Cox, P. C. Matthews, "Exponential time differencing for stiff systems", 2002, equations 23 to 25), and 4 where L is the
-//! Jacobian. The estimate is the difference from a method of order 3 for the Jacobian alone (M. Hochbruck, A. Ostermann, "Exponential integrators", 2010, example 2.25), so it also tells when L is too old.
+//! This is the exact solution if r is a parabola a s + b s^2 over the step. The order is 3 for any L (S. M. Cox, P. C. Matthews, "Exponential time
+//! differencing for stiff systems", 2002, equations 23 to 25), and 4 if L is the Jacobian. The estimate is the difference from a method that has
+//! order 3 only if L is the Jacobian (M. Hochbruck, A. Ostermann, "Exponential integrators", 2010, example 2.25), so it also shows when L is out of
+//! date.
 //!
-//! In: the tape of the rates, what each derivative depends on. Out: [`Exponential`]: the tape, which matrices it reads in which slots. A rate whose derivatives depend on parameters and held comparisons alone has no
-//! remainder: its columns of the last two terms fall away. Never judges a step.
+//! In: the tape of the rates, and the dependencies of each derivative. Out: [`Exponential`]: the tape, and the slots of the matrices that it uses. A
+//! rate whose derivatives depend only on parameters and held comparisons has no remainder, so its columns of the last two terms are omitted. This
+//! file never decides whether a step is valid.
 
 use rsm_core::held;
 use rsm_core::number::{exact, integer};
@@ -20,18 +23,18 @@ use super::part::{MOST_STATES, Part};
 use super::phi::{by_stride, times};
 use crate::code::{Code, Slot, Way, Work, vectorised};
 
-/// Where the matrices of a step stand, and its results.
+/// The slots of the matrices of a step, and of its results.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Block {
     states: usize,
     begin: Slot,
 }
 
-/// Matrices of a block, each column by column.
+/// The number of matrices of a block, each stored column by column.
 const MATRICES: usize = 5;
-/// Vectors of what the time does, then half a step.
+/// The number of vectors for the dependence on time; after them comes half the step length.
 const TIMES: usize = 4;
-/// Results: the states behind the step, the error, the rates at the start, a, D(1).
+/// Groups of results: the states after the step, the error, the rates at the start, a, D(1).
 const RESULTS: usize = 5;
 
 impl Block {
@@ -39,7 +42,7 @@ impl Block {
         Block { states, begin }
     }
 
-    /// Slots that it takes.
+    /// The number of slots of the block.
     pub(super) fn slots(&self) -> usize {
         let n = self.states;
         if n > MOST_STATES { 0 } else { MATRICES * n * n + (TIMES + RESULTS) * n + 1 }
@@ -57,7 +60,7 @@ impl Block {
         self.time(TIMES, 0)
     }
 
-    /// The slot of a result of the first state.
+    /// The slot of the first state in a group of results.
     fn result(&self, place: usize) -> usize {
         self.half_step() + 1 + place * self.states
     }
@@ -70,23 +73,23 @@ impl Block {
         self.result(1)
     }
 
-    /// Rates at the start, a, D(1): what the solution inside of the step is made of.
+    /// Rates at the start, a, D(1): from these the solution inside of the step is computed.
     pub(super) fn inside(&self) -> [usize; 3] {
         [self.result(2), self.result(3), self.result(4)]
     }
 
-    /// All slots that belong to the linear part.
+    /// All slots of the linear part.
     pub(super) fn loaded(&self) -> std::ops::Range<usize> {
         self.begin as usize..self.half_step() + 1
     }
 
-    /// Puts the matrices of a linear part for a step of a level in the place of a lane; the level and the next one were made.
+    /// Copies the matrices of a linear part, for a step of a level, into the slots of a lane. The level and the next one must be computed.
     pub(super) fn load<const L: usize>(&self, slots: &mut [[f64; L]], lane: usize, part: &Part, level: usize) {
         by_stride!(self.states, S => vectorised(Load::<S, L> { block: self, slots, lane, part, level }));
     }
 }
 
-/// A linear part on its way into the slots of a lane.
+/// A copy of a linear part into the slots of a lane.
 struct Load<'a, const S: usize, const L: usize> {
     block: &'a Block,
     slots: &'a mut [[f64; L]],
@@ -128,7 +131,7 @@ impl<const S: usize, const L: usize> Work for Load<'_, S, L> {
     }
 }
 
-/// Puts values into the slots of a lane, from one on.
+/// Writes values into the slots of a lane, from slot `begin`.
 #[inline(always)]
 fn put<const L: usize>(slots: &mut [[f64; L]], lane: usize, begin: usize, values: &[f64]) {
     slots[begin..begin + values.len()].iter_mut().zip(values).for_each(|(slot, value)| slot[lane] = *value);
@@ -140,12 +143,13 @@ pub(super) struct Exponential {
     pub code: Code,
 }
 
-/// What the tape is made of.
+/// The inputs from which the tape is written.
 pub(super) struct Given<'a> {
-    /// The rates, and where each argument of theirs stands.
+    /// The rates, and the kind and slot of each of their arguments.
     pub rates: &'a Tape,
     pub arguments: &'a [Argument],
-    /// The derivatives of the rates by each state, row by row, then by the time; which of its arguments are parameters or held comparisons.
+    /// The derivatives of the rates with respect to each state, row by row, then with respect to the time; and which of their arguments are
+    /// parameters or held comparisons.
     pub slopes: &'a Tape,
     pub is_fixed: &'a [bool],
     pub step: Slot,
@@ -168,7 +172,7 @@ impl Writer<'_> {
         self.builder.input(port as u32)
     }
 
-    /// The sum of the products of a row of a matrix and some numbers.
+    /// The product of a row of a matrix and a sparse vector.
     fn line(&mut self, matrix: usize, i: usize, by: &[(usize, Reg)]) -> Option<Reg> {
         let mut sum = None;
         for (j, value) in by {
@@ -218,7 +222,7 @@ impl Exponential {
         let states: Vec<Reg> = states.into_iter().flatten().collect();
         let rates = w.builder.inline(given.rates, &start);
         let all: Vec<(usize, Reg)> = rates.iter().copied().enumerate().collect();
-        // The remainder of the bent rates where the states have moved, a share of the step later.
+        // The remainder of these rates at the moved states, half a step or a whole step later.
         let remainder = |w: &mut Writer<'_>, moved: &[Reg], half: bool| -> Vec<(usize, Reg)> {
             let arguments: Vec<Reg> = given
                 .arguments

@@ -1,4 +1,4 @@
-//! Effects, sites and what a record decides, in a plant file of format 2.
+//! Effects, sites and the rules of `[record]` in a plant file of format 2.
 //!
 //! ```toml
 //! [sites.carriage]              # where an effect can stand
@@ -16,7 +16,7 @@
 //! start = ["road_speed"]        # the outputs whose first readings give the start, in place of all that can
 //! ```
 //!
-//! In: tables of the file. Out: [`Entry`]s, sites, [`Rule`]s. Never touches an equation.
+//! In: tables of the file. Out: [`Entry`]s, sites, [`Rule`]s. It never changes an equation.
 
 use std::ops::Range;
 
@@ -25,7 +25,7 @@ use rsm_core::toml_reader::{TableReader, Value};
 use rsm_fit::table::{Table, Wanted};
 use rsm_model::effects::{Catalogue, Placed};
 
-/// A number that a plant file gives a name of the text.
+/// A value that a plant file assigns to a name of the text.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Given {
     /// The name in the text.
@@ -34,21 +34,21 @@ pub struct Given {
     pub value: f64,
 }
 
-/// An effect as a plant file places it.
+/// An effect with its place, as in a plant file.
 #[derive(Debug, Clone)]
 pub struct Entry {
     /// Its kind.
     pub kind: String,
-    /// Where it stands; `None` where only one site fits.
+    /// Its site; `None` if only one site fits.
     pub at: Option<String>,
-    /// Its numbers.
+    /// Its parameters.
     pub numbers: Vec<Given>,
-    /// Where the file says so.
+    /// The position in the file.
     pub(super) place: Range<usize>,
 }
 
 impl Entry {
-    /// An effect that no file holds.
+    /// An effect that is not read from a file.
     #[must_use]
     pub fn new(kind: &str, at: Option<&str>, numbers: &[(&str, f64)]) -> Entry {
         let numbers = numbers.iter().map(|(name, value)| Given { name: (*name).to_string(), value: *value }).collect();
@@ -56,21 +56,21 @@ impl Entry {
     }
 }
 
-/// What decides a parameter of each record.
+/// How a record determines a parameter.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Decides {
-    /// A column, constant in a record.
+    /// By a column, which is constant in a record.
     Column(String),
-    /// Whether these columns are absent.
+    /// By whether these columns are absent.
     Without(Vec<String>),
 }
 
-/// A parameter that a record decides.
+/// A parameter that a record determines.
 #[derive(Debug, Clone)]
 pub struct Rule {
     /// The parameter.
     pub parameter: String,
-    /// What decides it.
+    /// How it is determined.
     pub by: Decides,
     pub(super) place: Range<usize>,
 }
@@ -78,9 +78,9 @@ pub struct Rule {
 /// `[record]`.
 #[derive(Debug, Clone, Default)]
 pub struct Rules {
-    /// Parameters that a record decides.
+    /// Parameters that a record determines.
     pub parameters: Vec<Rule>,
-    /// Outputs whose first readings give the start; empty for all that can.
+    /// Outputs whose first readings determine the start. If empty, all suitable outputs are used.
     pub start: Vec<String>,
 }
 
@@ -136,10 +136,10 @@ pub(super) fn rules(top: &mut TableReader<'_>, faults: &mut Collector) -> Rules 
     rules
 }
 
-/// The effects of a file, found in a catalogue.
+/// Finds the effects of a file in a catalogue.
 ///
 /// # Errors
-/// Kinds that are not in it.
+/// Kinds that are not in the catalogue.
 pub(super) fn placed<'c>(source: &Source, entries: &[Entry], catalogue: &'c Catalogue) -> Result<Vec<Placed<'c>>, Faults> {
     let mut faults = Collector::new();
     let mut list = Vec::new();
@@ -161,10 +161,10 @@ pub(super) fn placed<'c>(source: &Source, entries: &[Entry], catalogue: &'c Cata
     faults.finish(Some(list))
 }
 
-/// How many names a message lists.
+/// The largest number of names in a message.
 const LISTED: usize = 5;
 
-/// Names that share most of their pairs of letters with a wrong one.
+/// The names that have most pairs of letters in common with a misspelled one.
 fn near(kind: &str, catalogue: &Catalogue) -> String {
     let pairs = |text: &str| -> Vec<(char, char)> { text.chars().zip(text.chars().skip(1)).collect() };
     let own = pairs(kind);
@@ -178,7 +178,7 @@ fn near(kind: &str, catalogue: &Catalogue) -> String {
     names.join(", ")
 }
 
-/// What a record decides: values of parameters, and inputs that it does not have.
+/// Values that a record determines: values of parameters, and the absent inputs.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Decided {
     pub parameters: Vec<(String, f64)>,
@@ -186,10 +186,11 @@ pub(super) struct Decided {
 }
 
 impl Rules {
-    /// What a record says, by `open` for its columns under the names that `column` gives.
+    /// Evaluates the rules for a record. `open` reads its columns; `column` gives the column name of a signal.
     ///
     /// # Errors
-    /// A column that is missing or not constant; some but not all of the columns that may be absent.
+    /// A record that cannot be read; a column that is not constant. If only some of the columns of a `without` rule are absent, this is no fault
+    /// here: the parameter is then 0.
     pub(super) fn decided(
         &self,
         open: &dyn Fn(&Wanted) -> Result<Table, Faults>,

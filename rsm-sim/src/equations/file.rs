@@ -1,6 +1,6 @@
-//! The plant file of format 2: a text of equations, and the numbers that this machine has.
+//! The plant file of format 2: a model text with equations, and the values of one particular plant.
 //!
-//! In: a [`Source`] and a way to open the files that it names. Out: [`EquationFile`], or every fault with line, column and the accepted names.
+//! In: a [`Source`] and a function that opens the files it names. Out: [`EquationFile`], or every fault with line, column and the accepted names.
 //!
 //! ```toml
 //! format = 2
@@ -19,7 +19,7 @@
 //! engine_map = { model = "engine.toml", surface = "torque" }
 //! ```
 //!
-//! Sites, effects and what a record decides: [`super::extended`].
+//! Sites, effects and the rules of `[record]`: [`super::extended`].
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -36,34 +36,34 @@ use rsm_model::system::System;
 pub use super::extended::Given;
 use super::extended::{self, Decided, Entry, Rules};
 
-/// A signal that a record holds under another name.
+/// A signal with a different name in the record.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Column {
     /// The input or output of the text.
     pub signal: String,
     /// The column of the record.
     pub name: String,
-    /// The unit, where the header has none.
+    /// The unit, if the header of the record has none.
     pub unit: Option<String>,
 }
 
-/// A response surface that stands for a function of the text.
+/// A response surface that implements a function of the text.
 #[derive(Debug, Clone)]
 pub struct Function {
     /// The name of the function in the text.
     pub name: String,
-    /// The model that holds the surface.
+    /// The model that contains the surface.
     pub model: Checked,
-    /// The place of the surface among the model's.
+    /// The index of the surface in the model.
     pub surface: usize,
 }
 
 /// A plant file of format 2 with its text, read and sorted.
 #[derive(Debug, Clone)]
 pub struct EquationFile {
-    /// The plant file, as messages speak of it.
+    /// The name of the plant file in messages.
     pub file: String,
-    /// The equations, with the parameters of this file and its effects.
+    /// The equations, with the parameters and effects of this file.
     pub system: System,
     /// `[parameters]`.
     pub parameters: Vec<Given>,
@@ -77,7 +77,7 @@ pub struct EquationFile {
     pub columns: Vec<Column>,
     /// `[functions]`, in the order in which the text calls them.
     pub functions: Vec<Function>,
-    /// `[sites]`: those of the file, and those that come with a shipped text.
+    /// `[sites]`: those of the file, and the built-in sites of a shipped text.
     pub sites: Vec<Site>,
     /// `[[effects]]`.
     pub effects: Vec<Entry>,
@@ -85,20 +85,20 @@ pub struct EquationFile {
     pub rules: Rules,
     /// Signals that effects delay.
     pub(super) delays: Vec<Delay>,
-    /// Outputs that effects read late.
+    /// Outputs that effects read with a delay.
     pub(super) late_readings: Vec<LateReading>,
-    /// Outputs whose first reading counts as that of another variable.
+    /// Outputs whose first reading is used as the reading of another variable.
     pub(super) read_of: Vec<(Symbol, Symbol)>,
-    /// Where each effect stands, and the parameters that hold its numbers.
+    /// The place of each effect, and the parameters that hold its numbers.
     pub(super) placed: Vec<(String, Vec<(String, Symbol)>)>,
-    /// What the record decided.
+    /// Values that the record determines.
     pub(super) decided: Decided,
     /// The equations without effects.
     plain: Flat,
     origin: Origin,
 }
 
-/// What a file is built of again when a record decides a parameter, or an effect is added.
+/// The inputs from which a file is rebuilt if a record determines a parameter, or if an effect is added.
 #[derive(Debug, Clone)]
 struct Origin {
     source: Source,
@@ -107,7 +107,7 @@ struct Origin {
     catalogue: Arc<Catalogue>,
 }
 
-/// The format of a plant file, where it can be read: 1 names one of the plants that are built in, 2 names a text of equations.
+/// The format number of a plant file, if it can be read: 1 for a built-in plant, 2 for a text of equations.
 #[must_use]
 pub fn format(source: &Source) -> Option<i64> {
     let document = parse(source, &mut Collector::new())?;
@@ -115,22 +115,22 @@ pub fn format(source: &Source) -> Option<i64> {
     value.get_ref().as_integer().and_then(|number| i64::from_str_radix(number.as_str(), number.radix()).ok())
 }
 
-/// A name with the place where it stands.
+/// A name with its position in the file.
 struct Named {
     given: Given,
     place: Range<usize>,
 }
 
 impl EquationFile {
-    /// Reads a plant file. `open` gives the text of a file that it names, relative to the folder of the plant file.
+    /// Reads a plant file. `open` returns the text of a file that it names, relative to the folder of the plant file.
     ///
     /// # Errors
-    /// Every fault of the plant file; those of the text, of a surface.
+    /// Every fault of the plant file; the faults of the text or of a surface.
     pub fn read(source: &Source, open: &dyn Fn(&str) -> Result<Source, Faults>) -> Result<EquationFile, Faults> {
         Self::read_with(source, open, &Arc::new(Catalogue::shipped()))
     }
 
-    /// The same with another catalogue of effects: the shipped one with a user's own in it.
+    /// The same with another catalogue of effects, for example the shipped one with the user's own effects added.
     ///
     /// # Errors
     /// Those of [`EquationFile::read`].
@@ -250,7 +250,7 @@ impl EquationFile {
         parts.built()
     }
 
-    /// The file with its equations made again: of the text, its parameters, what a record decided, and the effects.
+    /// Builds the equations again, from the text, its parameters, the values that a record determines, and the effects.
     fn built(mut self) -> Result<EquationFile, Faults> {
         let mut parameters: Vec<(String, f64)> = self.parameters.iter().map(|it| (it.name.clone(), it.value)).collect();
         for (name, value) in &self.decided.parameters {
@@ -274,25 +274,26 @@ impl EquationFile {
         Ok(self)
     }
 
-    /// The file with further effects behind its own.
+    /// The file with more effects, after its own.
     ///
     /// # Errors
-    /// An effect that cannot stand where it is placed.
+    /// An effect that is not possible at its place.
     pub fn with_effects(&self, more: &[Entry]) -> Result<EquationFile, Faults> {
         let mut file = self.clone();
         file.effects.extend_from_slice(more);
         file.built()
     }
 
-    /// The file as a record decides it: parameters that its columns give or that their absence says, and its sample period and first instant where the text has parameters `record_period` and `record_start`.
+    /// The file with the values that a record determines. These are parameters set by a column or by the absence of columns (`[record]`), and the
+    /// sample period and first instant, if the text has the parameters `record_period` and `record_start`.
     ///
     /// # Errors
-    /// A column that is not constant; a record that is none.
+    /// A column that is not constant; a file that is not a record.
     pub fn of_record(&self, record: &Source) -> Result<EquationFile, Faults> {
         self.of_table(&|wanted| Table::read(record, wanted))
     }
 
-    /// The same of columns in memory.
+    /// The same for columns in memory.
     ///
     /// # Errors
     /// Those of [`EquationFile::of_record`].
@@ -329,10 +330,10 @@ impl EquationFile {
         file.built()
     }
 
-    /// The file with other numbers, further effects behind its own, and what a record decides of parameters.
+    /// The file with other parameter values, more effects after its own, and parameter values determined by a record.
     ///
     /// # Errors
-    /// An effect that cannot stand where it is placed.
+    /// An effect that is not possible at its place.
     pub fn with(&self, parameters: &[Given], effects: &[Entry], record: &[Given]) -> Result<EquationFile, Faults> {
         let mut file = self.clone();
         file.parameters.retain(|own| !parameters.iter().any(|it| it.name == own.name));
@@ -350,7 +351,7 @@ impl EquationFile {
     /// The file without its effects.
     ///
     /// # Errors
-    /// Those of the text.
+    /// Faults of the text.
     pub fn bare(&self) -> Result<EquationFile, Faults> {
         let mut file = self.clone();
         file.effects.clear();
@@ -358,15 +359,15 @@ impl EquationFile {
         file.built()
     }
 
-    /// The places at which effects can stand, and what the catalogue of the file offers there.
+    /// The places where effects are possible, and the effects of the file's catalogue that are possible there.
     ///
     /// # Errors
-    /// Sites that the equations do not bear out.
+    /// Sites that do not agree with the equations.
     pub fn places_of_effects(&self) -> Result<Places, Faults> {
         Places::of(&self.plain, &self.sites, &self.origin.catalogue)
     }
 
-    /// The effects that it knows.
+    /// The catalogue of effects of this file.
     #[must_use]
     pub fn catalogue(&self) -> &Catalogue {
         &self.origin.catalogue
@@ -378,30 +379,30 @@ impl EquationFile {
         &self.origin.source
     }
 
-    /// Sites that units and the form of equations suggest, beside those of the file.
+    /// Sites that units and the form of the equations suggest, in addition to those of the file.
     #[must_use]
     pub fn proposals(&self) -> Vec<Proposal> {
         propose(&self.plain, &self.sites)
     }
 
-    /// Which effects of the catalogue can stand where.
+    /// The effects of the catalogue and the places where each of them is possible.
     ///
     /// # Errors
-    /// Sites that the equations do not bear out.
+    /// Sites that do not agree with the equations.
     pub fn rooms(&self) -> Result<Vec<Room>, Faults> {
         rooms(&self.plain, &self.sites, &self.origin.catalogue)
     }
 
-    /// Where each effect stands.
+    /// The place of each effect.
     #[must_use]
     pub fn places(&self) -> Vec<&str> {
         self.placed.iter().map(|it| it.0.as_str()).collect()
     }
 
-    /// A text alone: its own numbers, no tolerances, no noise.
+    /// The file of a text alone: the values of the text, no tolerances, no noise.
     ///
     /// # Errors
-    /// Those of the text; a function without an algorithm, which only a plant file can name a surface for.
+    /// Faults of the text; a function without an algorithm, because only a plant file can assign a surface to it.
     pub fn of_text(text: &Source) -> Result<EquationFile, Faults> {
         let flat = Flat::read(text, &Options::default())?;
         let system = System::new(&flat)?;
@@ -434,7 +435,7 @@ impl EquationFile {
         })
     }
 
-    /// The name of a signal's column in records, and its unit where the header has none.
+    /// The column name of a signal in records, and its unit if the header of the record has none.
     #[must_use]
     pub fn column<'a>(&'a self, signal: &'a str) -> (&'a str, Option<&'a str>) {
         match self.columns.iter().find(|it| it.signal == signal) {
@@ -444,23 +445,23 @@ impl EquationFile {
     }
 }
 
-/// The parameters that a record sets to its sample period and to its first instant, where the text has them.
+/// Parameters that a record sets to its sample period and to its first instant, if the text has them.
 const PERIOD: &str = "record_period";
 const BEGIN: &str = "record_start";
 
-/// Whether a record gives a parameter its value because of its name.
+/// Whether a record sets this parameter because of its name.
 #[must_use]
 pub fn is_of_record(parameter: &str) -> bool {
     [PERIOD, BEGIN].contains(&parameter)
 }
 
-/// What the rows of a record say of a text that asks for it: their period and the first of their instants, in s.
+/// The values for a text with these parameters: the period of the rows and their first instant, in s.
 #[must_use]
 pub fn of_rows(period: f64, first: f64) -> [Given; 2] {
     [(PERIOD, period), (BEGIN, first)].map(|(name, value)| Given { name: name.to_string(), value })
 }
 
-/// What a record decides of a text that comes with the project.
+/// The `[record]` rules of a text that is shipped with the project.
 fn shipped_rules(model: &str) -> Rules {
     let Some(source) = rsm_model::effects::shipped_file(model) else { return Rules::default() };
     let mut faults = Collector::new();
@@ -469,7 +470,7 @@ fn shipped_rules(model: &str) -> Rules {
     rules.unwrap_or_default()
 }
 
-/// A table of numbers by names of the text. Negative ones only where they may be.
+/// A table of numbers with names from the text. Negative numbers are accepted only if `any` is set.
 fn numbers(top: &mut TableReader<'_>, key: &'static str, any: bool, faults: &mut Collector) -> Vec<Named> {
     let source = top.source();
     let Some(value) = top.optional(key) else { return Vec::new() };
@@ -513,7 +514,7 @@ fn columns(top: &mut TableReader<'_>, faults: &mut Collector) -> Vec<(Column, Ra
     list
 }
 
-/// A function as the file names it.
+/// An entry of `[functions]`.
 struct NamedFunction {
     name: String,
     place: Range<usize>,
@@ -538,7 +539,7 @@ fn functions(top: &mut TableReader<'_>, faults: &mut Collector) -> Vec<NamedFunc
 }
 
 impl NamedFunction {
-    /// The surface that it names, if it takes as many arguments as the text gives.
+    /// Reads the surface of this entry. It must have as many inputs as the function in the text.
     fn read(
         &self,
         declared: &rsm_model::flat::Surface,
@@ -567,7 +568,7 @@ fn check(source: &Source, table: &str, list: &[Named], known: &[String], what: &
     }
 }
 
-/// How many names a message lists.
+/// The largest number of names in a message.
 const LISTED: usize = 20;
 
 fn unknown(

@@ -1,6 +1,7 @@
 //! Plant files of format 1 as plants of equations.
 //!
-//! In: a [`PlantFile`]. Out: an [`EquationFile`] on the text that comes with the project. Names are the same in both; an effect on an output or a parameter stands there.
+//! In: a [`PlantFile`]. Out: an [`EquationFile`] with a text that is shipped with the project. Names are the same in both. The output or parameter of
+//! an effect becomes its place (`at`).
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -16,7 +17,7 @@ use crate::plant_file::PlantFile;
 use crate::schema;
 
 impl EquationFile {
-    /// A plant file of format 1 on its equations; of an axis with its loop closed or open.
+    /// A plant file of format 1 as equations. For an axis, `closed` selects the closed or the open loop.
     ///
     /// ```
     /// use rsm_core::source::Source;
@@ -30,7 +31,7 @@ impl EquationFile {
     /// ```
     ///
     /// # Errors
-    /// An effect that cannot stand where the file has it.
+    /// An effect that is not possible at its place.
     pub fn of_first_format(plant: &PlantFile, closed: bool) -> Result<EquationFile, Faults> {
         let source = Source::new("plant.toml", text(plant, closed));
         let open = |name: &str| Ok::<_, Faults>(Source::new(name, ""));
@@ -55,7 +56,7 @@ fn text(plant: &PlantFile, closed: bool) -> String {
         for (k, ratio) in plant.parameters.gear_ratios.iter().enumerate() {
             let _ = writeln!(text, "\"gear_ratios[{}]\" = {}", k + 1, decimal(*ratio));
         }
-        // By how much its start differs from a steady roll.
+        // The differences of the start from steady rolling.
         for (key, value) in plant.initial.iter().filter(|it| plant.kind.output(it.0).is_none()) {
             let _ = writeln!(text, "{key} = {}", decimal(*value));
         }
@@ -65,7 +66,7 @@ fn text(plant: &PlantFile, closed: bool) -> String {
     }
     for (name, list) in [("tolerance", &plant.tolerance), ("noise", &plant.noise), ("initial", &plant.initial)] {
         let _ = write!(text, "\n[{name}]\n");
-        // A car of format 1 starts from its road speed alone.
+        // A car of format 1 has only its road speed as a start value.
         let counts = |key: &str| name != "initial" || plant.kind != PlantKind::Driveline || key == "road_speed";
         for (key, value) in list.iter().filter(|it| counts(it.0)) {
             let _ = writeln!(text, "{key} = {}", decimal(*value));

@@ -1,7 +1,7 @@
-//! Runs a plant of equations in steps of constant length.
+//! Runs a plant of equations with steps of constant length.
 //!
-//! In: a machine at its start, inputs at every row, the length of a step. Out: outputs at every row. Row r is what the plant gives after r N steps, where N
-//! steps are the mean time between two rows: the plant has a clock of its own, and small errors of a record's instants do not move it.
+//! In: a machine at its start, inputs at every row, the step length. Out: outputs at every row. Row r contains the outputs after r N steps, where N
+//! steps are the mean time between two rows. The plant has its own clock, which small errors of a record's instants do not affect.
 
 use rsm_core::run::Interpreter;
 
@@ -9,14 +9,14 @@ use super::machine::{Machine, Point};
 use super::rows::{Inputs, Stopped};
 use super::step::{Kept, Step};
 
-/// Steps from one row to the next, at most.
+/// The largest number of steps from one row to the next.
 const MOST_STEPS: f64 = 1e6;
 
-/// How many steps of a length make a period, if they do.
+/// The number of steps in a period, if it is an integer.
 #[must_use]
 pub fn steps(length: f64, period: f64) -> Option<usize> {
     let steps = (period / length).round();
-    // Instants of a record are decimals; a step that misses the period by more than that is no share of it.
+    // Instants of a record are decimals. If the difference is larger than this, the period is not a multiple of the step.
     let fits = length > 0.0 && (1.0..=MOST_STEPS).contains(&steps) && (period / length - steps).abs() < 1e-6 * steps;
     fits.then_some(steps as usize)
 }

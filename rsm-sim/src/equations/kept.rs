@@ -1,43 +1,45 @@
 //! Linear parts that a lane keeps from step to step.
 //!
-//! In: the parts that a lane has taken so far, how comparisons are held, a length. Out: the part that fits, or room for another. What is kept depends on the lane alone.
+//! In: the linear parts of a lane so far, the held values of comparisons, a length. Out: the part that fits, or a free place for a new one. The
+//! decisions depend on the lane alone.
 
 use super::part::{MOST_STATES, Part};
 
-/// Linear parts that a lane keeps: a plant with a few comparisons goes to and fro between few.
+/// The number of linear parts that a lane keeps: a plant with a few comparisons alternates between few combinations of their values.
 const MOST_PARTS: usize = 6;
 
-/// A length that differs by this share of the tolerance is the same: instants of rows are sums of decimals.
+/// Two lengths are the same if they differ by less than this share of the tolerance: instants of rows are sums of decimals.
 pub(super) const SAME: f64 = 0.01;
 
-/// So many steps in a row by parts that were taken elsewhere fail before the next ones are not tried. One is tried again after so many.
+/// After this number of failed steps in sequence with parts from earlier points, such steps are not tried for the next `SKIPPED` attempts.
 const FAILURES: u32 = 2;
 const SKIPPED: u32 = 16;
 
-/// Shares of a row that a part serves for: taking it costs 8 steps ([`super::stiff::TAKEN`]), so a quarter more at most.
+/// After this number of steps with a part, it is recomputed before the next step that is shorter than a row. A new part costs as much as 8 steps
+/// ([`super::stiff::TAKEN`]), so this adds at most a quarter to the cost.
 const AGE: u64 = 32;
 
-/// What a lane keeps of linear parts.
+/// The linear parts of a lane, and data about their use.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Kept {
     pub parts: Vec<Part>,
-    /// How many of them belong to this run.
+    /// The number of parts that belong to this run.
     count: usize,
     pub current: Option<usize>,
-    /// Whether the current one was taken where the lane stands.
+    /// Whether the current part was computed at the current point of the lane.
     pub is_fresh: bool,
-    /// Whether a whole row by the current one was tried where the lane stands, and its error was too large.
+    /// Whether a step over a whole row with the current part was tried at the current point, and its error was too large.
     pub has_failed: bool,
-    /// Steps in a row by parts that were taken elsewhere whose error was too large.
+    /// The number of failed steps in sequence with parts from earlier points.
     failures: u32,
-    /// How often a part was taken again in place of such a step.
+    /// The number of times that a part was recomputed instead of trying such a step.
     skipped: u32,
-    /// Steps by the current part since it was taken.
+    /// The number of steps with the current part since it was computed.
     age: u64,
-    /// What a row may cost before the lane goes back to the series.
+    /// The cost of a row above which the lane returns to the series.
     pub budget: u64,
     pub cost: u64,
-    /// Whether it went back before.
+    /// Whether the lane has already returned to the series.
     pub went_back: bool,
     clock: u64,
 }
@@ -54,7 +56,7 @@ impl Kept {
         self.clock
     }
 
-    /// The part of these comparisons over this length becomes the current one.
+    /// Finds the part for these comparisons and this length, and makes it the current one.
     pub(super) fn find(&mut self, is_held: impl Fn(&[f64]) -> bool, length: f64, tolerance: f64) -> Option<usize> {
         let fits = |it: &Part| (it.length - length).abs() <= SAME * tolerance * length && is_held(&it.held);
         let place = match self.current {
@@ -66,8 +68,9 @@ impl Kept {
         Some(place)
     }
 
-    /// Whether the current part is taken again before a step of a level: a whole row by it has failed here; or steps by parts that were taken elsewhere have failed time and again; or it has served for many shares of a row,
-    /// and its error may be what keeps steps short. Counts the steps that are not tried.
+    /// Whether the current part must be recomputed before a step of a level. This is the case if a step over a whole row with it failed here, if
+    /// steps with parts from earlier points failed several times in sequence, or if the part was used for many steps shorter than a row, because its
+    /// error may be the reason for the short steps. Also counts the steps that are not tried.
     pub(super) fn is_worn(&mut self, level: usize) -> bool {
         if self.is_fresh {
             return false;
@@ -77,12 +80,12 @@ impl Kept {
         is_hopeless || self.has_failed && level == 0 || self.age >= AGE && level > 0
     }
 
-    /// The current part has just been taken where the lane stands.
+    /// The current part has just been computed at the current point of the lane.
     pub(super) fn renewed(&mut self) {
         (self.is_fresh, self.has_failed, self.age) = (true, false, 0);
     }
 
-    /// A step by the current part was right.
+    /// A step with the current part was valid.
     pub(super) fn served(&mut self) {
         if !self.is_fresh {
             self.failures = 0;
@@ -91,12 +94,12 @@ impl Kept {
         self.age += 1;
     }
 
-    /// The error of a step by the current part, taken elsewhere, was too large.
+    /// The error of a step with the current part, from an earlier point, was too large.
     pub(super) fn failed(&mut self) {
         self.failures += 1;
     }
 
-    /// The place of a new part: the current one, or a free one, or the one that was not used for the longest time.
+    /// The place of a new part: the current one, a free one, or the one that has not been used for the longest time.
     pub(super) fn room(&mut self, replaces: bool) -> usize {
         let oldest = || (0..self.count).min_by_key(|k| self.parts[*k].used).unwrap_or(0);
         let place = match self.current {
@@ -117,16 +120,16 @@ impl Kept {
     }
 }
 
-/// The matrices that stand in the slots of a lane.
+/// The matrices that are in the slots of a lane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Loaded {
     pub version: u64,
     pub level: usize,
-    /// The span of its part.
+    /// The span of the part.
     pub whole: f64,
 }
 
-/// A place inside of the last step: what the states have moved by up to there.
+/// A point inside of the last step: the changes of the states up to there.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Anchor {
     pub share: f64,
@@ -137,12 +140,12 @@ impl Anchor {
     pub(super) const START: Anchor = Anchor { share: 0.0, moved: [0.0; MOST_STATES] };
 }
 
-/// The time to a row, divided.
+/// The time to a row, divided into equal steps.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Segment {
     pub length: f64,
     pub level: usize,
-    /// Steps of this level behind the walk.
+    /// The number of steps of this level that are done.
     pub index: u64,
 }
 

@@ -1,6 +1,7 @@
-//! Many runs of a machine over one record at once.
+//! Many runs of a machine along one record at the same time.
 //!
-//! In: a machine; lanes, each with parameters and a start of its own; the inputs at every row. Out: by lane, the outputs at every row, or why it ended. The bits of a lane do not depend on the others.
+//! In: a machine; lanes, each with its own parameters and start; the inputs at every row. Out: for each lane, the outputs at every row, or the reason
+//! why it ended early. The bits of a lane do not depend on the other lanes.
 
 use super::carried::Along;
 use super::engine::{Method, Setting};
@@ -18,14 +19,14 @@ pub struct Lanes<'m> {
     alone: Option<Walk<'m, 1>>,
     group: Option<Walk<'m, WIDE>>,
     pub(super) sensitive: Option<Along<'m>>,
-    /// Steps of each lane in the last run.
+    /// The number of steps of each lane in the last run.
     taken: Vec<u64>,
 }
 
-/// Outputs by place in the order of the text: the value at every row.
+/// For each output, in the order of the text: its value at every row.
 pub type Outputs = Vec<Vec<f64>>;
 
-/// From a row and the outputs there to the first input from there on.
+/// From the row number and the outputs at this row to the first input from this row on.
 pub type Controller<'a> = dyn FnMut(usize, &[f64]) -> f64 + 'a;
 
 impl<'m> Lanes<'m> {
@@ -35,7 +36,7 @@ impl<'m> Lanes<'m> {
         Lanes { machine, way: Way::Fastest, alone: None, group: None, sensitive: None, taken: Vec::new() }
     }
 
-    /// The same by the interpreter of tapes, which gives the same bits: what machine code is compared with.
+    /// The same with the interpreter of tapes, which gives the same bits. Machine code is compared with it.
     #[must_use]
     pub fn interpreted(machine: &'m Machine) -> Self {
         Lanes { way: Way::Interpreted, ..Lanes::new(machine) }
@@ -44,7 +45,7 @@ impl<'m> Lanes<'m> {
     /// Runs lanes along inputs.
     ///
     /// # Panics
-    /// When an input has fewer rows than the time.
+    /// If an input has fewer rows than the time.
     pub fn run(&mut self, lanes: &[Lane], inputs: Inputs<'_>, setting: Setting) -> Vec<Result<Outputs, Stopped>> {
         if let Method::Fixed { step } = setting.method {
             let one = |lane: &Lane| {
@@ -59,9 +60,9 @@ impl<'m> Lanes<'m> {
         }
         let mut all = Vec::with_capacity(lanes.len());
         self.taken.clear();
-        // A nonlinear block is iterated for each lane alone, and a delayed signal comes to each lane alone.
+        // A nonlinear block is iterated for each lane separately, and a delayed signal arrives in each lane separately.
         let width = if self.machine.has_blocks() || lanes.iter().any(has_late) { 1 } else { WIDE };
-        // Lanes that run side by side share the instants of samples.
+        // Lanes in one group share the instants of samples.
         for group in lanes.chunk_by(|a, b| a.numbers.samples == b.numbers.samples).flat_map(|it| it.chunks(width)) {
             let together = (group.len() > 1).then(|| self.together(group, inputs, setting)).flatten();
             match together {
@@ -81,14 +82,15 @@ impl<'m> Lanes<'m> {
         all
     }
 
-    /// How many steps each lane took in the last run, also one that was given up: the same alone and in company.
+    /// The number of steps of each lane in the last run, also for a run that was stopped early. It is the same alone and in a group.
     #[must_use]
     pub fn taken(&self) -> &[u64] {
         &self.taken
     }
 
-    /// Runs a lane with a controller in the loop: at every row it is told the row and the outputs, with the inputs as they were so far, and says the first input, which is held to the next row. What it says does not
-    /// move what it was told. The first input of `inputs` counts before the first row only.
+    /// Runs a lane with a controller in the loop. At every row the controller gets the row number and the outputs, computed with the inputs before
+    /// this row. It returns the first input, which is constant until the next row. The returned value does not change the outputs that it got. The
+    /// first input of `inputs` is used only before the first row.
     ///
     /// ```
     /// use rsm_core::source::{Faults, Source};
@@ -106,7 +108,7 @@ impl<'m> Lanes<'m> {
     /// ```
     ///
     /// # Errors
-    /// Why a row could not be reached.
+    /// The reason why a row could not be reached.
     pub fn controlled(
         &mut self,
         lane: &Lane,
@@ -163,11 +165,11 @@ impl<'m> Lanes<'m> {
         Ok(outputs)
     }
 
-    /// Lanes side by side. `None` where one of them ends early: then each is run alone, and says why.
+    /// Runs lanes side by side. `None` if one of them ends early: then each is run alone to find the reason.
     fn together(&mut self, lanes: &[Lane], inputs: Inputs<'_>, setting: Setting) -> Option<Vec<Outputs>> {
         let machine = self.machine;
         let mut walk = self.group.take().unwrap_or_else(|| Walk::new(machine, self.way));
-        // Places that are left over follow the last lane.
+        // Unused places repeat the last lane.
         walk.begin(std::array::from_fn(|place| &lanes[place.min(lanes.len() - 1)]), setting, period(inputs));
         let mut outputs: [Outputs; WIDE] = std::array::from_fn(|_| room(machine, inputs));
         let done = self.along(&mut walk, lanes, inputs, setting, &mut outputs);
@@ -200,7 +202,7 @@ impl<'m> Lanes<'m> {
                     alone.copy_to(walk, lane);
                 }
                 if let (false, Some(alone)) = (is_free, &self.alone) {
-                    // Every lane has gone over the same instants of samples.
+                    // Every lane has passed the same instants of samples.
                     walk.events.past.clone_from(&alone.events.past);
                 }
                 for lane in count..WIDE {
@@ -215,27 +217,27 @@ impl<'m> Lanes<'m> {
     }
 }
 
-/// Runs a machine from its start along inputs. By output: its value at every row.
+/// Runs a machine from its start along inputs. Returns for each output its value at every row.
 ///
 /// # Errors
-/// Why a row could not be reached.
+/// The reason why a row could not be reached.
 ///
 /// # Panics
-/// When an input has fewer rows than the time.
+/// If an input has fewer rows than the time.
 pub fn run(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting) -> Result<Vec<Vec<f64>>, Stopped> {
     let lane = Lane::new(machine, start);
     Lanes::new(machine).run(&[lane], inputs, setting).remove(0)
 }
 
-/// Whether signals of a lane come late.
+/// Whether a lane has delayed signals.
 fn has_late(lane: &Lane) -> bool {
     !lane.numbers.followers.is_empty() || !lane.numbers.late_readings.is_empty()
 }
 
-/// The points of a machine along inputs, at every so many rows, from its start to where it ends.
+/// The points of a machine along inputs, at every `every`-th row, from its start to the row where the run ends.
 ///
 /// # Panics
-/// When an input has fewer rows than the time.
+/// If an input has fewer rows than the time.
 #[must_use]
 pub fn points(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting, every: usize) -> Vec<Point> {
     let mut walk: Walk<'_, 1> = Walk::new(machine, Way::Fastest);
@@ -262,7 +264,7 @@ pub fn points(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Sett
     points
 }
 
-/// Room for the outputs of a lane.
+/// Allocates the outputs of a lane.
 pub(super) fn room(machine: &Machine, inputs: Inputs<'_>) -> Outputs {
     vec![Vec::with_capacity(inputs.time.len()); machine.outputs().len()]
 }
@@ -272,7 +274,7 @@ pub(super) fn period(inputs: Inputs<'_>) -> f64 {
     inputs.time.windows(2).next().map_or(1.0, |pair| pair[1] - pair[0])
 }
 
-/// The outputs of all lanes at a row.
+/// Reads the outputs of all lanes at a row.
 pub(super) fn read<const L: usize>(walk: &mut Walk<'_, L>, row: usize, outputs: &mut [Outputs; L]) -> Result<(), Stopped> {
     let found = walk.look();
     let mut place = None;

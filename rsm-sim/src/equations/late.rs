@@ -1,29 +1,29 @@
-//! Signals that come late: inputs that follow others, outputs that are read later than they were true.
+//! Delayed signals: inputs that follow other signals, and outputs that are read later than they occur.
 //!
-//! In: what happens along a run. Out: the instants at which something comes, and what. Never moves time on.
+//! In: the values of a run. Out: the instants at which a value arrives, and the value. This file never advances the time.
 
 use std::collections::VecDeque;
 
 use super::numbers::{Followed, Numbers};
 
-/// Two instants are one when they are so near, in periods of the record: decimals of periods and delays do not meet exactly.
+/// Two instants are the same if their distance, in periods of the record, is below this: decimals of periods and delays do not agree exactly.
 const SAME: f64 = 1e-9;
 
-/// What comes to a follower.
+/// The values on their way to a follower.
 #[derive(Default)]
 struct Coming {
     /// Values with the instants at which they arrive.
     queue: VecDeque<(f64, f64)>,
-    /// The value that was sent last.
+    /// The last value that was sent.
     last: Option<f64>,
 }
 
-/// What is on its way in a run.
+/// All values on their way in a run.
 pub(super) struct Late<'m> {
     numbers: &'m Numbers,
-    /// By follower.
+    /// For each follower.
     coming: Vec<Coming>,
-    /// By output that is read late: the row whose reading is taken next, and what was taken.
+    /// For each output with a delayed reading: the row whose reading is taken next, and the readings so far.
     readings: Vec<(usize, Vec<f64>)>,
     time: &'m [f64],
     near: f64,
@@ -36,7 +36,7 @@ impl<'m> Late<'m> {
         Late { numbers, coming, readings, time, near: SAME * period }
     }
 
-    /// Sends what signals say at an instant, and puts what has come in its place. Says whether an input changed.
+    /// Sends the current values of signals, and stores the values that have arrived. Returns whether an input changed.
     pub(super) fn exchange(&mut self, time: f64, inputs: &mut [[f64; 1]], memories: &[[f64; 1]]) -> bool {
         let mut changed = false;
         for (follower, Coming { queue, last }) in self.numbers.followers.iter().zip(&mut self.coming) {
@@ -62,7 +62,7 @@ impl<'m> Late<'m> {
         changed
     }
 
-    /// The next instant before an end at which something comes or is read.
+    /// The next instant before an end at which a value arrives or a reading is taken.
     pub(super) fn next(&self, now: f64, end: f64) -> Option<f64> {
         let coming = self.coming.iter().filter_map(|it| it.queue.front()).map(|it| it.0);
         let reads = self
@@ -74,10 +74,10 @@ impl<'m> Late<'m> {
         (next < end - self.near).then_some(next)
     }
 
-    /// Takes the readings that are due at an instant, with the outputs there.
+    /// Takes the readings that are due at an instant, from the outputs there.
     pub(super) fn read(&mut self, time: f64, outputs: &[[f64; 1]]) {
         for ((row, taken), (output, delay)) in self.readings.iter_mut().zip(&self.numbers.late_readings) {
-            // Before the record an output read its first value.
+            // Before the record an output had its first value.
             while self.time.get(*row).is_some_and(|it| it - delay <= time + self.near) {
                 taken.push(outputs[*output][0]);
                 *row += 1;
@@ -85,7 +85,7 @@ impl<'m> Late<'m> {
         }
     }
 
-    /// Whether a reading is due between rows.
+    /// Whether a reading is due at this time.
     pub(super) fn is_read(&self, time: f64) -> bool {
         let due = |((row, _), (_, delay)): (&(usize, Vec<f64>), &(usize, f64))| {
             self.time.get(*row).is_some_and(|it| it - delay <= time + self.near)
@@ -93,7 +93,7 @@ impl<'m> Late<'m> {
         self.readings.iter().zip(&self.numbers.late_readings).any(due)
     }
 
-    /// Puts late readings in the place of those on time.
+    /// Replaces the outputs by their delayed readings.
     pub(super) fn finish(self, outputs: &mut [Vec<f64>]) {
         for ((_, taken), (output, _)) in self.readings.into_iter().zip(&self.numbers.late_readings) {
             outputs[*output] = taken;

@@ -1,6 +1,7 @@
 //! The linear model of a plant at a point.
 //!
-//! In: a machine and a point. Out: the matrices of dx/dt = A x + B u, y = C x + D u for small changes about the point, and the poles. All derivatives are exact.
+//! In: a machine and a point. Out: the matrices of dx/dt = A x + B u, y = C x + D u for small changes about the point, and the poles. All derivatives
+//! are exact.
 
 use nalgebra::DMatrix;
 use rsm_core::source::Faults;
@@ -13,15 +14,16 @@ use super::numbers::Followed;
 /// A linear model, in the units of the text.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Linearised {
-    /// By row a state, by column a state.
+    /// One row for each state, one column for each state.
     pub a: Vec<Vec<f64>>,
-    /// By row a state, by column an input.
+    /// One row for each state, one column for each input.
     pub b: Vec<Vec<f64>>,
-    /// By row an output, by column a state.
+    /// One row for each output, one column for each state.
     pub c: Vec<Vec<f64>>,
-    /// By row an output, by column an input.
+    /// One row for each output, one column for each input.
     pub d: Vec<Vec<f64>>,
-    /// The poles, slowest first; of a pair the one with the positive imaginary part stands first. None where a derivative in A is not finite.
+    /// The poles, slowest first. In a pair, the pole with the positive imaginary part comes first. The list is empty if a derivative in A is not
+    /// finite.
     pub poles: Vec<Pole>,
 }
 
@@ -35,13 +37,13 @@ pub struct Pole {
 }
 
 impl Pole {
-    /// The distance from 0 in rad/s: the natural frequency of a pair.
+    /// The magnitude of the pole in rad/s: the natural frequency of a pair.
     #[must_use]
     pub fn frequency(&self) -> f64 {
         self.real.hypot(self.imaginary)
     }
 
-    /// The damping ratio: 1 of a real stable pole, 0 of an undamped pair, -1 of a real unstable pole. `None` of a pole at 0.
+    /// The damping ratio: 1 for a real stable pole, 0 for an undamped pair, -1 for a real unstable pole. `None` for a pole at 0.
     #[must_use]
     pub fn damping(&self) -> Option<f64> {
         let frequency = self.frequency();
@@ -52,7 +54,7 @@ impl Pole {
 /// The linear model of a plant at a point.
 ///
 /// # Errors
-/// What the compiler finds only now: a derivative that needs what is not known.
+/// Faults that the compiler can detect only now: a derivative needs a symbol that has no value.
 pub fn linearise(file: &EquationFile, machine: &Machine, point: &Point) -> Result<Linearised, Faults> {
     let mut system = machine.system().clone();
     let (states, inputs, outputs) = (system.states().to_vec(), system.inputs(), system.outputs());
@@ -69,7 +71,8 @@ pub fn linearise(file: &EquationFile, machine: &Machine, point: &Point) -> Resul
     };
     let (a, mut b) = (matrix(&rates, &states)?, matrix(&rates, &inputs)?);
     let (c, mut d) = (matrix(&values, &states)?, matrix(&values, &inputs)?);
-    // A delay is none in a model at rest: what follows an input late acts with it. Followers stand behind the inputs of a record, the last first taken.
+    // Delays are ignored: a delayed copy of an input acts together with the input. Followers come after the inputs of a record and are removed in
+    // reverse order.
     for follower in machine.followers().iter().rev() {
         for row in b.iter_mut().chain(&mut d) {
             let late = row.remove(follower.input);
@@ -84,12 +87,13 @@ pub fn linearise(file: &EquationFile, machine: &Machine, point: &Point) -> Resul
 
 fn poles(a: &[Vec<f64>]) -> Vec<Pole> {
     let n = a.len();
-    // An eigenvalue search on numbers that are not finite does not end.
+    // An eigenvalue iteration does not terminate if an entry is not finite.
     if n == 0 || a.iter().flatten().any(|it| !it.is_finite()) {
         return Vec::new();
     }
     let matrix = DMatrix::from_fn(n, n, |row, column| a[row][column]);
-    // Rounding moves an eigenvalue by some units in the last place of the matrix (G. H. Golub, C. F. Van Loan, "Matrix Computations", 7.5.6); what is no larger is 0.
+    // Rounding changes an eigenvalue by some units in the last place of the matrix norm (G. H. Golub, C. F. Van Loan, "Matrix Computations", 7.5.6).
+    // A value within this limit is set to 0.
     let rounding = 16.0 * n as f64 * f64::EPSILON * matrix.norm();
     let clean = |value: f64| if value.abs() <= rounding { 0.0 } else { value };
     let mut poles: Vec<Pole> =

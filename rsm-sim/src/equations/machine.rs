@@ -1,6 +1,6 @@
-//! A system of equations with its numbers, ready to be evaluated: rates, outputs, switches, events.
+//! A system of equations with the values of its parameters, ready to be evaluated: rates, outputs, switches, events.
 //!
-//! In: an [`EquationFile`]. Out: [`Machine`], which computes everything at a [`Point`]. It never moves time on.
+//! In: an [`EquationFile`]. Out: [`Machine`], which computes everything at a [`Point`]. It never advances the time.
 
 use rsm_core::number::Precision;
 use rsm_core::source::{Fault, Faults};
@@ -12,7 +12,7 @@ use super::computed::{Computed, Functions};
 use super::file::{EquationFile, Given};
 use super::numbers::{self, Followed, Follower, Following, Numbers};
 
-/// Everything that changes while a plant runs.
+/// Everything that changes during a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
     /// The time in s.
@@ -21,26 +21,26 @@ pub struct Point {
     pub states: Vec<f64>,
     /// The inputs, in the order of the text.
     pub inputs: Vec<f64>,
-    /// The value that each comparison has since the last event: 1 or 0.
+    /// The value of each comparison since the last event: 1 or 0.
     pub(super) held: Vec<f64>,
-    /// What is kept from event to event.
+    /// The memories: values that change only at events.
     pub(super) memories: Vec<f64>,
     /// The last solution of nonlinear blocks.
     pub(super) guesses: Vec<f64>,
 }
 
-/// What is computed at a point, beside rates.
+/// Results at a point besides the rates.
 #[derive(Debug, Clone)]
 pub(super) struct Look {
     pub outputs: Vec<f64>,
-    /// Solutions of nonlinear blocks, from the point's guesses.
+    /// Solutions of nonlinear blocks, started from the guesses of the point.
     pub solutions: Vec<f64>,
 }
 
-/// How many there are of each group of arguments.
+/// The number of arguments or results in each group.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Counts {
-    /// 1 where the system has a time.
+    /// 1 if the system uses the time, else 0.
     pub time: usize,
     pub states: usize,
     pub inputs: usize,
@@ -53,7 +53,7 @@ pub(super) struct Counts {
     pub outputs: usize,
 }
 
-/// The tapes of a machine, for code of their own.
+/// The tapes of a machine, from which code is generated.
 pub(super) struct Tapes {
     pub counts: Counts,
     pub rates: Tape,
@@ -62,11 +62,11 @@ pub(super) struct Tapes {
     /// Outputs, then solutions of nonlinear blocks.
     pub looks: Option<Tape>,
     pub events: Option<Tape>,
-    /// The derivative of each rate by each state, row by row, then by the time.
+    /// The derivative of each rate with respect to each state, row by row, then with respect to the time.
     pub slopes: Option<Tape>,
 }
 
-/// A system of equations with its numbers.
+/// A system of equations with the values of its parameters.
 #[derive(Debug, Clone)]
 pub struct Machine {
     system: System,
@@ -77,27 +77,27 @@ pub struct Machine {
     rates: Computed,
     /// Outputs, then solutions of nonlinear blocks.
     looks: Computed,
-    /// The derivative of each rate by each state, row by row, then by the time.
+    /// The derivative of each rate with respect to each state, row by row, then with respect to the time.
     slopes: Computed,
     events: Computed,
     outputs: Vec<Symbol>,
-    /// Outputs whose first reading says something of the start, and the variable of which it says it; the surest first.
+    /// Outputs whose first reading helps to determine the start, each with the variable that it gives; the most direct first.
     starting: Vec<(usize, String)>,
-    /// The places of states that a branch restarts.
+    /// For each branch of a `when`: the indices of the states that it restarts.
     restarted: Vec<Vec<usize>>,
 }
 
-/// A nonlinear block whose iteration has not ended after so many turns has no solution nearby.
+/// If the iteration of a nonlinear block has not converged after this number of iterations, it has no solution near its guess.
 pub(super) const TURNS: usize = 100;
 
-/// An iteration has ended where its numbers move by no more than this share of themselves: rounding moves them by some 1e-16.
+/// An iteration has converged if no value changes by more than this share of 1 plus its magnitude. Rounding alone causes changes of about 1e-16.
 const SETTLED: f64 = 1e-12;
 
 impl Machine {
-    /// A machine of a plant file.
+    /// Builds the machine of a plant file.
     ///
     /// # Errors
-    /// What the compiler finds only now: a program that needs what is not known.
+    /// Faults that the compiler can detect only now: a program needs a symbol that has no value.
     pub fn new(file: &EquationFile) -> Result<Machine, Faults> {
         let mut system = file.system.clone();
         let outputs = system.outputs();
@@ -146,15 +146,16 @@ impl Machine {
         })
     }
 
-    /// Names, units and values of the parameters that can be set, in order. The number of an effect is called `kind(site).number`.
+    /// Names, units and values of the parameters that can be set, in order. A parameter of an effect has the name `kind(site).number`.
     #[must_use]
     pub fn parameters(&self) -> Vec<(String, String, f64)> {
         let signals = self.system.parameters().into_iter().map(|it| self.signal(it));
         signals.zip(&self.numbers.parameters).map(|((name, unit), value)| (name, unit, *value)).collect()
     }
 
-    /// Sets a parameter, in the unit of the text. Parameters, instants of samples and delays that follow from it follow; a start is computed again by [`Machine::start_along`] or from [`Machine::starts`].
-    /// Nothing is compiled: `Lanes` of a copy of this machine run a `Lane` of it as they are.
+    /// Sets a parameter, in the unit of the text. Dependent parameters, instants of samples and delays are recomputed. The start is not: compute it
+    /// again with [`Machine::start_along`] or from [`Machine::starts`]. Nothing is compiled: `Lanes` of a copy of this machine can run a `Lane` of it
+    /// without change.
     ///
     /// ```
     /// use rsm_core::source::{Faults, Source};
@@ -176,7 +177,8 @@ impl Machine {
     /// ```
     ///
     /// # Errors
-    /// No parameter of this name; one that shapes the equations or follows from others; a value that it cannot have. Nothing is set then.
+    /// No parameter has this name; the parameter determines the structure of the equations or depends on other parameters; the parameter cannot have
+    /// this value. In these cases nothing is set.
     pub fn set(&mut self, name: &str, value: f64) -> Result<(), Faults> {
         let place = numbers::place_of(&self.system, name, value)?;
         let mut parameters = self.numbers.parameters.clone();
@@ -188,7 +190,7 @@ impl Machine {
         Faults::one(Fault::whole_file(&self.system.flat().name, what))
     }
 
-    /// Takes other parameters, and computes what follows from them where any bit differs. Where that fails, nothing is set.
+    /// Replaces the parameters, and recomputes dependent values if any bit differs. If that fails, nothing is set.
     fn take(&mut self, parameters: Vec<f64>) -> Result<(), String> {
         let is_same = parameters.iter().zip(&self.numbers.parameters).all(|(a, b)| a.to_bits() == b.to_bits());
         if !is_same {
@@ -197,22 +199,22 @@ impl Machine {
         Ok(())
     }
 
-    /// Where a parameter stands for [`Machine::set_at`].
+    /// The index of a parameter, for [`Machine::set_at`].
     ///
     /// # Errors
-    /// No parameter of this name; one that shapes the equations or follows from others.
+    /// No parameter has this name, or it determines the structure of the equations or depends on other parameters.
     pub fn place_of(&self, name: &str) -> Result<usize, Faults> {
-        // Every kind of parameter may be 1.
+        // The value 1 is valid for every type of parameter.
         numbers::place_of(&self.system, name, 1.0)
     }
 
-    /// Sets parameters by their places, together: what follows from them is computed once.
+    /// Sets several parameters by their indices. Dependent values are recomputed once.
     ///
     /// # Errors
-    /// Values that the plant cannot have. Nothing is set then.
+    /// Values that the plant cannot have. In this case nothing is set.
     ///
     /// # Panics
-    /// For a place that is none.
+    /// If an index is out of range.
     pub fn set_at(&mut self, values: &[(usize, f64)]) -> Result<(), Faults> {
         let mut parameters = self.numbers.parameters.clone();
         for (place, value) in values {
@@ -225,43 +227,43 @@ impl Machine {
         self.take(parameters).map_err(|what| self.fault(what))
     }
 
-    /// All numbers of a run.
+    /// All values that are constant during a run.
     pub(super) fn numbers(&self) -> &Numbers {
         &self.numbers
     }
 
-    /// Instants and delays, from parameters.
+    /// The program that computes instants of samples and delays from the parameters.
     pub(super) fn following(&self) -> &Computed {
         &self.following.program
     }
 
-    /// Inputs that follow other signals.
+    /// Inputs that are delayed copies of other signals.
     pub(super) fn followers(&self) -> &[Follower] {
         &self.numbers.followers
     }
 
-    /// Outputs that are read late, and by how much in s.
+    /// Outputs that are read with a delay, and the delay in s.
     pub(super) fn late_readings(&self) -> &[(usize, f64)] {
         &self.numbers.late_readings
     }
 
-    /// Outputs whose first reading says something of the start, and of which variable; the surest first.
+    /// Outputs whose first reading helps to determine the start, each with the variable that it gives; the most direct first.
     pub(super) fn starting(&self) -> &[(usize, String)] {
         &self.starting
     }
 
-    /// The outputs whose first readings say something of the start when all of them are recorded, by place, the surest first.
+    /// If all outputs are recorded: the indices of those whose first readings determine the start, the most direct first.
     ///
     /// # Errors
-    /// What the text demands of the start contradicts itself.
+    /// The start conditions of the text contradict each other.
     pub fn first_readings(&mut self) -> Result<Vec<usize>, Faults> {
         self.start_by(&|_| true).map(|it| it.0)
     }
 
-    /// The same of those that a record holds, with the variables whose start is then that of the text.
+    /// The same for the outputs that a record contains. Also returns the variables whose start is then taken from the text.
     ///
     /// # Errors
-    /// What the text demands of the start contradicts itself.
+    /// The start conditions of the text contradict each other.
     pub fn start_by(&mut self, holds: &dyn Fn(usize) -> bool) -> Result<(Vec<usize>, Vec<String>), Faults> {
         let held: Vec<(usize, Symbol)> = self
             .starting
@@ -275,7 +277,7 @@ impl Machine {
         Ok((held.into_iter().filter(|it| start.recorded.contains(&it.1)).map(|it| it.0).collect(), by_text))
     }
 
-    /// Everything as tapes.
+    /// All programs as tapes.
     pub(super) fn tapes(&self) -> Tapes {
         let system = &self.system;
         let counts = Counts {
@@ -307,13 +309,13 @@ impl Machine {
         }
     }
 
-    /// The system behind it.
+    /// The system of equations.
     #[must_use]
     pub fn system(&self) -> &System {
         &self.system
     }
 
-    /// Names and units of the inputs that a record gives, in order. A unit that the text does not give is empty.
+    /// Names and units of the inputs that a record must give, in order. The unit is empty if the text gives none.
     #[must_use]
     pub fn inputs(&self) -> Vec<(String, String)> {
         let follows = |place: usize| self.numbers.followers.iter().any(|it| it.input == place);
@@ -338,17 +340,17 @@ impl Machine {
         (variable.name.clone(), variable.unit.clone().unwrap_or_default())
     }
 
-    /// The state that a name stands for: its own, or one that it is equal or opposite to.
+    /// The state with this name, or the state that a variable with this name is equal or opposite to.
     fn state_of(&self, name: &str) -> Option<Symbol> {
         self.system.state_of(self.system.find(name)?)
     }
 
-    /// Whether two names stand for one state.
+    /// Whether two names refer to the same state.
     pub(super) fn is_same(&self, a: &str, b: &str) -> bool {
         a == b || self.state_of(a).is_some_and(|state| self.state_of(b) == Some(state))
     }
 
-    /// How large a state typically is, where the text says it.
+    /// The typical magnitude of a state, if the text gives a nominal value.
     pub(super) fn nominal(&self, state: usize) -> Option<f64> {
         self.system.flat().variable(self.system.states()[state]).nominal.map(f64::abs).filter(|it| *it > 0.0)
     }
@@ -357,7 +359,7 @@ impl Machine {
         &self.numbers.samples
     }
 
-    /// Whether a nonlinear block is iterated.
+    /// Whether the system has nonlinear blocks, which are solved by iteration.
     pub(super) fn has_blocks(&self) -> bool {
         !self.system.iterated().is_empty()
     }
@@ -367,22 +369,22 @@ impl Machine {
         &self.numbers.parameters
     }
 
-    /// The places of states that each branch of a `when` restarts.
+    /// For each branch of a `when`: the indices of the states that it restarts.
     pub(super) fn restarted(&self) -> &[Vec<usize>] {
         &self.restarted
     }
 
-    /// Some of the expressions that the machine was made of, as a tape of their own; `None` of none.
+    /// Some of the machine's own expressions as a separate tape; `None` if there are none.
     pub(super) fn tape(&self, system: &System, arguments: &[Symbol], results: &[Id]) -> Option<Tape> {
         self.functions.tape(system, arguments, results).expect("the machine has it on a tape already")
     }
 
-    /// The start as the system solves it.
+    /// The start as computed by the system.
     pub(super) fn solved_start(&mut self, given: &[Symbol], recorded: &[Symbol]) -> Result<Start, Faults> {
         self.system.start(given, recorded)
     }
 
-    /// Expressions of this machine's system as a program.
+    /// Compiles expressions of this machine's system to a program.
     pub(super) fn compiled(&self, file: &EquationFile, arguments: &[Symbol], results: &[Id]) -> Result<Computed, Faults> {
         self.functions.compiled(file, &self.system, arguments, results)
     }
@@ -397,10 +399,10 @@ impl Machine {
         computed.values(&arguments)
     }
 
-    /// Expressions of a system that was made from this machine's, at a point.
+    /// Evaluates expressions of a system derived from this machine's system, at a point.
     ///
     /// # Errors
-    /// A symbol that nothing gives.
+    /// A symbol without a value.
     pub(super) fn evaluated(
         &self,
         file: &EquationFile,
@@ -411,10 +413,10 @@ impl Machine {
         Ok(self.values(&self.functions.compiled(file, system, &arguments(system, false), list)?, point, &[]))
     }
 
-    /// The same at many points.
+    /// The same at several points.
     ///
     /// # Errors
-    /// A symbol that nothing gives.
+    /// A symbol without a value.
     pub(crate) fn evaluated_at(
         &self,
         file: &EquationFile,
@@ -426,7 +428,7 @@ impl Machine {
         Ok(points.iter().map(|point| self.values(&computed, point, &[])).collect())
     }
 
-    /// The derivative of each state by time, in its unit over s.
+    /// The time derivative of each state, in the unit of the state per s.
     #[must_use]
     pub fn rates(&self, point: &Point) -> Vec<f64> {
         let mut found = self.values(&self.rates, point, &[]);
@@ -434,7 +436,7 @@ impl Machine {
         found
     }
 
-    /// Rates, and how each comparison goes at the point itself.
+    /// The rates, and the value of each comparison at this point.
     pub(super) fn rates_and_truths(&self, point: &Point) -> (Vec<f64>, Vec<f64>) {
         let mut rates = self.values(&self.rates, point, &[]);
         let sides = rates.split_off(point.states.len());
@@ -453,7 +455,7 @@ impl Machine {
         self.look(point).outputs
     }
 
-    /// Takes the solutions of nonlinear blocks as the next guesses, until they stand still; `false` where they do not.
+    /// Uses the solutions of nonlinear blocks as the next guesses until they converge. Returns `false` if they do not converge.
     pub(super) fn settle(&self, point: &mut Point) -> bool {
         for _ in 0..TURNS {
             if point.guesses.is_empty() {
@@ -469,7 +471,7 @@ impl Machine {
         false
     }
 
-    /// The conditions of the branches of `when`, while none acts and no instant of `sample` is due: 1 where one is true.
+    /// The conditions of the branches of each `when`, evaluated with no branch active and no instant of `sample` due: 1 if true, else 0.
     pub(super) fn conditions(&self, point: &Point) -> Vec<Vec<f64>> {
         let none = vec![0.0; self.system.events().len() + self.numbers.samples.len()];
         let mut rest = self.values(&self.events, point, &none).into_iter().skip(point.memories.len());
@@ -477,15 +479,16 @@ impl Machine {
         branches.map(|(event, places)| rest.by_ref().skip(places.len()).take(event.conditions.len()).collect()).collect()
     }
 
-    /// The point at which the plant starts: what is given, then the text's initial equations and starts. `inputs` are those of the first row.
+    /// The point at which the plant starts. It is computed from the given values, then from the initial equations and start values of the text.
+    /// `inputs` are the inputs of the first row.
     ///
     /// # Errors
-    /// What is demanded of the start is too much, contradicts itself, or leaves something open.
+    /// The start conditions are too many, contradict each other, or leave a variable undetermined.
     pub fn start(&mut self, file: &EquationFile, time: f64, inputs: &[f64], given: &[Given]) -> Result<Point, Faults> {
         self.start_along(file, time, inputs, given, &[])
     }
 
-    /// The same with what was recorded of variables in the first row: it counts in its order, as long as something is open.
+    /// The same, with recorded values of variables in the first row. They are used in their order, as long as a variable is undetermined.
     ///
     /// # Errors
     /// Those of [`Machine::start`].
@@ -503,13 +506,13 @@ impl Machine {
         starts.at(self, time, inputs, &values)
     }
 
-    /// The inputs of a first row with those that follow them: before a record a signal had its first value.
+    /// The inputs of a first row, and the inputs that follow them: before the record a signal had its first value.
     pub(super) fn with_followers(&self, inputs: &[f64]) -> Vec<f64> {
         let mut inputs = inputs.to_vec();
         for follower in &self.numbers.followers {
             let value = match follower.of {
                 Followed::Input(place) => inputs.get(place).copied().unwrap_or(0.0),
-                // A controller says its first value in the first row, behind the start.
+                // A controller computes its first value in the first row, after the start.
                 Followed::Memory(_) => 0.0,
             };
             inputs.push(value);
@@ -518,7 +521,8 @@ impl Machine {
     }
 }
 
-/// Outputs whose first reading says something of the start: those that follow from states alone. First those that are a state, then those of few.
+/// Outputs whose first reading helps to determine the start: those that depend on states or memories and not on inputs. Outputs that are equal to one
+/// state come first, then outputs of few states.
 fn starting(file: &EquationFile, system: &mut System, outputs: &[Symbol]) -> Vec<(usize, String)> {
     let mut list = Vec::new();
     for (place, output) in outputs.iter().enumerate() {
@@ -547,17 +551,17 @@ fn nothing() -> Tape {
     tape
 }
 
-/// Whether an iteration has ended: NaN moves.
+/// Whether an iteration has converged. NaN means that it has not.
 pub(super) fn stand_still(old: &[f64], new: &[f64]) -> bool {
     old.iter().zip(new).all(|(old, new)| stands_still(*old, *new))
 }
 
-/// The same of one number.
+/// The same for one value.
 pub(super) fn stands_still(old: f64, new: f64) -> bool {
     (new - old).abs() <= SETTLED * (1.0 + new.abs())
 }
 
-/// The arguments of all programs that run; those of events have some more.
+/// The arguments of all programs. Programs of events have some additional arguments.
 pub(super) fn arguments(system: &System, at_events: bool) -> Vec<Symbol> {
     let mut list: Vec<Symbol> = system.find("time").into_iter().collect();
     list.extend(system.states());

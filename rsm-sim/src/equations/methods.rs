@@ -1,17 +1,19 @@
-//! One step of a pair of methods: for stiff systems, and where the solution has no series.
+//! One step of an embedded pair of methods: for stiff systems, and for points where the solution has no series.
 //!
-//! In: rates, of the stiff pair the exact Jacobian, a step. Out: the states behind it, and an estimate of their error. Never judges the error, never looks for events.
+//! In: rates, a step, and for the stiff pair the exact Jacobian. Out: the states after the step, and an estimate of their error. This file never
+//! decides about the error, and never searches for events.
 
 use nalgebra::{DMatrix, DVector, Dyn, LU};
 
-/// States behind a step.
+/// States after a step.
 pub(super) struct Stepped {
     pub states: Vec<f64>,
-    /// Of each state, what a method of one order less gives otherwise.
+    /// For each state, the difference from a method whose order is lower by one.
     pub error: Vec<f64>,
 }
 
-/// The pair of orders 5 and 4 of J. R. Dormand and P. J. Prince, "A family of embedded Runge-Kutta formulae", 1980, table 2. `rates` at a share of the step and at states.
+/// The pair of orders 5 and 4 of J. R. Dormand and P. J. Prince, "A family of embedded Runge-Kutta formulae", 1980, table 2. `rates` computes the
+/// rates at a share of the step and at given states.
 pub(super) fn explicit(rates: &mut dyn FnMut(f64, &[f64]) -> Vec<f64>, from: &[f64], h: f64) -> Stepped {
     const NODES: [f64; 7] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
     const WEIGHTS: [&[f64]; 7] = [
@@ -23,7 +25,7 @@ pub(super) fn explicit(rates: &mut dyn FnMut(f64, &[f64]) -> Vec<f64>, from: &[f
         &[9017.0 / 3168.0, -355.0 / 33.0, 46_732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18_656.0],
         &[35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
     ];
-    // The weights of order 5 less those of order 4.
+    // The weights of order 5 minus those of order 4.
     const ERROR: [f64; 7] =
         [71.0 / 57_600.0, 0.0, -71.0 / 16_695.0, 71.0 / 1920.0, -17_253.0 / 339_200.0, 22.0 / 525.0, -1.0 / 40.0];
     let mut stages: Vec<Vec<f64>> = Vec::with_capacity(7);
@@ -38,28 +40,29 @@ pub(super) fn explicit(rates: &mut dyn FnMut(f64, &[f64]) -> Vec<f64>, from: &[f
     Stepped { error: error.collect(), states }
 }
 
-/// The exact Jacobian at a point, for several steps from there.
+/// The exact Jacobian at a point, for one or several steps from there.
 pub(super) struct Linear {
     jacobian: DMatrix<f64>,
     by_time: DVector<f64>,
 }
 
 impl Linear {
-    /// From the derivatives of the rates by the states, row by row, and by the time.
+    /// From the derivatives of the rates with respect to the states, row by row, and with respect to the time.
     pub(super) fn new(states: usize, slopes: &[f64]) -> Self {
         let (by_state, by_time) = slopes.split_at(states * states);
         let by_time = if by_time.is_empty() { vec![0.0; states] } else { by_time.to_vec() };
         Linear { jacobian: DMatrix::from_row_slice(states, states, by_state), by_time: DVector::from_vec(by_time) }
     }
 
-    /// Whether every derivative is a number: a square root of 0 has none.
+    /// Whether every derivative is finite: the square root at 0 has no finite derivative.
     pub(super) fn is_finite(&self) -> bool {
         self.jacobian.iter().chain(self.by_time.iter()).all(|it| it.is_finite())
     }
 }
 
-/// The Rosenbrock method RODAS3 of orders 3 and 2, for stiff systems (A. Sandu and others, "Benchmarking stiff ODE solvers for atmospheric chemistry problems II: Rosenbrock
-/// solvers", 1997, table 2). `rates` at a share of the step and at states. `None` where its matrix is singular.
+/// The Rosenbrock method RODAS3 of orders 3 and 2, for stiff systems (A. Sandu and others, "Benchmarking stiff ODE solvers for atmospheric chemistry
+/// problems II: Rosenbrock solvers", 1997, table 2). `rates` computes the rates at a share of the step and at given states. `None` if the matrix of
+/// the method is singular.
 pub(super) fn stiff(rates: &mut dyn FnMut(f64, &[f64]) -> Vec<f64>, from: &[f64], h: f64, linear: &Linear) -> Option<Stepped> {
     const GAMMA: f64 = 0.5;
     let n = from.len();

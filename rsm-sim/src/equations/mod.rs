@@ -1,11 +1,11 @@
-//! Plants of equations: a plant file of format 2 and its text, run along a record.
+//! Plants of equations: a plant file of format 2 and its model text, simulated along a record.
 //!
 //! ```text
 //! plant.toml (format 2) + plant.mo --file--> EquationFile --machine--> Machine --lanes--> outputs at every row
 //!                                  record.csv --signals--> inputs, start --^
 //! ```
 //!
-//! Everything is computed by tapes, in double precision: the same bits on every machine. Inputs hold from row to row.
+//! All results are computed by tapes in double precision, with the same bits on every machine. Inputs are constant from row to row (zero-order hold).
 
 mod branches;
 mod carried;

@@ -1,6 +1,7 @@
-//! The numbers of a plant: its parameters, and what follows from them before a run begins.
+//! The numbers of a plant: its parameters, and the values that depend on them and are known before a run.
 //!
-//! In: parameters by name. Out: [`Numbers`]: their values, the instants of each `sample`, the delays of signals. Nothing is compiled when one of them changes. Never looks at a state.
+//! In: parameters by name. Out: [`Numbers`]: their values, the instants of each `sample`, the delays of signals. A change of a parameter compiles
+//! nothing. This file never uses a state.
 
 use rsm_core::source::{Fault, Faults};
 use rsm_model::expression::{Id, Symbol};
@@ -10,22 +11,22 @@ use rsm_model::system::System;
 use super::computed::{Computed, Functions};
 use super::file::EquationFile;
 
-/// The signal that a late input follows.
+/// The signal that a delayed input follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Followed {
-    /// Another input, by place.
+    /// Another input, by its index.
     Input(usize),
-    /// What is kept from event to event, by place.
+    /// A memory, by its index.
     Memory(usize),
 }
 
-/// An input that follows a signal.
+/// An input that follows a signal with a delay.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Follower {
-    /// Its place among all inputs.
+    /// Its index among all inputs.
     pub input: usize,
     pub of: Followed,
-    /// By how much it is late, in s.
+    /// Its delay in s.
     pub delay: f64,
 }
 
@@ -36,20 +37,20 @@ pub(super) struct Numbers {
     pub parameters: Vec<f64>,
     /// The first instant and the period of each `sample`, in s.
     pub samples: Vec<(f64, f64)>,
-    /// Inputs that follow other signals; they stand behind those of a record.
+    /// Inputs that follow other signals; they come after the inputs of a record.
     pub followers: Vec<Follower>,
-    /// Outputs that are read late, by place, and by how much in s.
+    /// Outputs that are read with a delay: the index and the delay in s.
     pub late_readings: Vec<(usize, f64)>,
 }
 
-/// What follows from parameters, as a program.
+/// The values that depend on parameters, as a program.
 #[derive(Debug, Clone)]
 pub(super) struct Following {
-    /// The start and the period of each `sample`, then the delay of each follower, then that of each late reading.
+    /// The start and the period of each `sample`, then the delay of each follower, then the delay of each delayed reading.
     pub(super) program: Computed,
     samples: usize,
     followers: Vec<(usize, Followed)>,
-    /// By late reading: the output.
+    /// For each delayed reading: the index of the output.
     late: Vec<usize>,
 }
 
@@ -79,7 +80,7 @@ impl Following {
         Ok(Following { program, samples: system.flat().samples.len(), followers, late })
     }
 
-    /// The numbers that parameters give.
+    /// Computes the numbers from the parameters.
     ///
     /// # Errors
     /// A sentence: the period of a `sample` is not positive.
@@ -106,8 +107,8 @@ impl Following {
 }
 
 impl EquationFile {
-    /// The parameter that holds a number of an effect, under which `Machine::set` finds it. `effect` is the place among those of the file, those of `with_effects` behind them. `None` where the file leaves
-    /// the number to its default, which is no parameter.
+    /// The parameter that holds a number of an effect, with the name for `Machine::set`. `effect` is the index among the effects of the file; effects
+    /// of `with_effects` come after them. `None` if the file uses the default of the number, which is not a parameter.
     #[must_use]
     pub fn parameter_of(&self, effect: usize, number: &str) -> Option<&str> {
         let (_, symbol) = self.placed.get(effect)?.1.iter().find(|it| it.0 == number)?;
@@ -115,7 +116,7 @@ impl EquationFile {
     }
 }
 
-/// Why a parameter cannot be set to a value; its place among those that can.
+/// The index of a parameter among those that can be set, or the reason why it cannot have this value.
 pub(super) fn place_of(system: &System, name: &str, value: f64) -> Result<usize, Faults> {
     let list = system.parameters();
     let fault = |what: String, help: String| Faults::one(Fault::whole_file(&system.flat().name, what).help(help));

@@ -1,36 +1,36 @@
-//! A linear part of the rates of a plant, and the solution inside of a step by it.
+//! A linear part of the rates of a plant, and the solution inside of a step that uses it.
 //!
-//! In: the Jacobian, how comparisons are held, a span. Out: [`Part`]: the functions of the Jacobian over the span and its halves, and from what a step has left
-//! ([`super::exponential`]) the states at any share of it.
+//! In: the Jacobian, the held values of comparisons, a span. Out: [`Part`]: the functions of the Jacobian over the span, its half, its quarter and so
+//! on; and the states at any share of a step, from the results of the step ([`super::exponential`]).
 
 use super::phi::{Chain, by_stride, stride, times};
 use crate::code::{Work, vectorised};
 
-/// States at most: the matrices of more cost more than small steps.
+/// The largest number of states: with more states the matrices cost more than small steps.
 pub(super) const MOST_STATES: usize = 24;
 
-/// Terms of the series behind the last level.
+/// Terms of the series that covers the time after the last level.
 const TAYLOR: usize = 18;
 
 /// A linear part with its functions over a span.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Part {
-    /// Comparisons as they were held.
+    /// The values of the comparisons for which it was computed.
     pub held: Vec<f64>,
     /// The span.
     pub length: f64,
-    /// The Jacobian, column by column with [`stride`] numbers a column.
+    /// The Jacobian, column by column with [`stride`] numbers in each column.
     columns: Vec<f64>,
-    /// The derivative of the rates by the time, as long as a column.
+    /// The derivative of the rates with respect to time, with the length of a column.
     pub by_time: Vec<f64>,
     pub chain: Chain,
-    /// Its number in the run of its lane.
+    /// Its number within the run of its lane.
     pub version: u64,
-    /// When it was used last.
+    /// The time of its last use, counted in uses.
     pub used: u64,
 }
 
-/// What forces the states in a step, by state: the rate at the start of the step, a, D(1).
+/// The forcing of the states in a step, for each state: the rate at the start of the step, a, D(1).
 struct Forcing<const S: usize> {
     rate: [f64; S],
     a: [f64; S],
@@ -38,7 +38,8 @@ struct Forcing<const S: usize> {
 }
 
 impl Part {
-    /// Takes the Jacobian, row by row, and behind it the derivatives by the time, if there are any. `false` where it has no functions over the span.
+    /// Takes the Jacobian, row by row, followed by the derivatives with respect to time, if there are any. Returns `false` if it has no functions
+    /// over the span.
     pub(super) fn take(&mut self, n: usize, slopes: impl Iterator<Item = f64>) -> bool {
         let row = stride(n);
         self.columns.clear();
@@ -55,7 +56,7 @@ impl Part {
         self.chain.take(n, &self.columns, self.length)
     }
 
-    /// Makes the functions that a step of a level reads. `false` where they are no finite numbers.
+    /// Computes the functions for a step of a level. Returns `false` if they are not finite.
     pub(super) fn make(&mut self, level: usize) -> bool {
         self.chain.make(level) && self.chain.make(level + 1)
     }
@@ -65,8 +66,8 @@ impl Part {
         self.length * 0.5_f64.powi(level as i32)
     }
 
-    /// From one share of a step of a level to a later one, on the solution for a remainder a s + b s^2: `moved` is what the states have moved by; `forcing` are the slots of, for each
-    /// state, the rate at the start of the step, a, D(1). Exact but for rounding.
+    /// Advances from one share of a step of a level to a later one, on the solution for a remainder a s + b s^2. `moved` is the change of the states.
+    /// `forcing` are, for each state, the slots of the rate at the start of the step, of a and of D(1). Exact except for rounding.
     pub(super) fn within<const L: usize>(
         &self,
         level: usize,
@@ -104,7 +105,7 @@ impl Part {
         times(self.columns(), by)
     }
 
-    /// At a share of a step of length h: the rates, and the first and second derivative of what forces them, over a share from there.
+    /// At a share of a step of length h: the rates, and the first and second derivative of their forcing, over a share from there.
     #[inline(always)]
     fn forced<const S: usize>(&self, forcing: &Forcing<S>, (h, at, share): (f64, f64, f64), y: &[f64; S]) -> [[f64; S]; 3] {
         let mut v = self.times(y);
@@ -155,7 +156,8 @@ impl<const S: usize> Work for Within<'_, S> {
         if share <= 0.0 {
             return;
         }
-        // What is left is so short that the series of the exponential falls by a factor of 2 k a term. It ends where a term is rounded away.
+        // The rest is so short that the terms of the exponential series decrease by a factor of 2 k each. The series ends when a term no longer
+        // changes the sum.
         let [v, first, second] = part.forced(&forcing, (h, at, share), y);
         let length = h * share;
         let mut term = v.map(|it| it * length);
@@ -166,7 +168,7 @@ impl<const S: usize> Work for Within<'_, S> {
                 moves |= next != *y;
                 *y = next;
             }
-            // Terms 1 to 3 bring the forcing.
+            // The forcing enters with terms 1 to 3.
             if !moves && k > 3 {
                 return;
             }

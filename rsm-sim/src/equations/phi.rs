@@ -1,18 +1,22 @@
-//! Functions of small matrices for steps that solve what is linear exactly.
+//! Functions of small matrices, for steps that solve the linear part exactly.
 //!
-//! In: a matrix A and a span H. Out: [`Chain`]: the functions phi_1, phi_2, phi_3 of A H/2^k for k = 0, 1, 2, ..., where phi_0(z) = e^z and phi_k+1(z) = (phi_k(z) - 1/k!)/z. A level whose norm is small is a
-//! series of its own; one above comes from the level below by doubling (B. V. Minchev, W. M. Wright, "A review of exponential integrators for first order semi-linear problems", 2005, section 7). A level is
-//! computed when it is asked for, and has the same bits whichever levels were asked for before. No matrix is inverted, so that of a free body is no special case. No memory is asked for once the lists have their length.
+//! In: a matrix A and a time span H. Out: [`Chain`]: the functions phi_1, phi_2, phi_3 of A H/2^k for the levels k = 0, 1, 2, ..., where phi_0(z) =
+//! e^z and phi_k+1(z) = (phi_k(z) - 1/k!)/z. If the norm of a level is small, its functions are the sum of a series. If it is not, they are computed
+//! from the next level, whose span is half as long, by doubling (B. V. Minchev, W. M. Wright, "A review of exponential integrators for first order
+//! semi-linear problems", 2005, section 7). A level is computed at its first use, and has the same bits whichever levels were computed before. No
+//! matrix is inverted, so a singular matrix, for example of a free body, is no special case. No memory is allocated after the lists have reached
+//! their length.
 //!
-//! Matrices stand column by column, each column with [`stride`] numbers: zeros fill it up to whole registers.
+//! Matrices are stored column by column, each column with [`stride`] numbers: zeros fill it up to complete vector registers.
 
 use crate::code::{Work, vectorised};
 
-/// The norm of A h below which the series are summed.
+/// The norm of A H/2^k below which the series is used.
 const SMALL: f64 = 0.5;
 
-/// Blocks of four terms of phi_3, and the norm up to which so many are enough: the first term that is left out is at most 3e-20 of the first, 0.5^16 3!/19!, 0.25^12 3!/15!, (1/32)^8 3!/11!, 2^-56 3!/7!.
-/// Powers up to the fourth serve all blocks (M. S. Paterson, L. J. Stockmeyer, 1973).
+/// Blocks of four terms of phi_3, and the largest norm for which this number of blocks is sufficient. The first omitted term is at most 3e-19 of the
+/// first term: 0.5^16 3!/19!, 0.25^12 3!/15!, (1/32)^8 3!/11!, 2^-56 3!/7!. Powers up to the fourth are used for all blocks (M. S. Paterson, L. J.
+/// Stockmeyer, 1973).
 const BLOCKS: [(usize, f64); 3] = [(1, 1.0 / 16384.0), (2, 1.0 / 32.0), (3, 0.25)];
 const MOST_BLOCKS: usize = 4;
 
@@ -28,15 +32,15 @@ const WEIGHTS: [f64; 4 * MOST_BLOCKS] = {
     weights
 };
 
-/// Doublings at most: a norm beyond has no meaning in f64.
+/// The largest number of doublings. With a larger norm, results in f64 have no meaning.
 const MOST: usize = 60;
 
-/// Numbers a column.
+/// The length of a column.
 pub(super) fn stride(n: usize) -> usize {
     n.div_ceil(4) * 4
 }
 
-/// Runs what is written for columns of a constant length.
+/// Runs code written for columns of a constant length.
 macro_rules! by_stride {
     ($states:expr, $length:ident => $run:expr) => {
         match $crate::equations::phi::stride($states) {
@@ -55,24 +59,24 @@ macro_rules! by_stride {
 }
 pub(super) use by_stride;
 
-/// The functions of a matrix over a span and its halves.
+/// The functions of a matrix over a span, its half, its quarter and so on.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Chain {
     n: usize,
-    /// The first level whose norm is small.
+    /// The first level with a small norm.
     base: usize,
-    /// Its norm.
+    /// The norm of that level.
     norm: f64,
-    /// By level phi_1, phi_2, phi_3.
+    /// For each level, phi_1, phi_2, phi_3.
     values: Vec<f64>,
-    /// Of each level whether it stands there.
+    /// For each level, whether it is computed.
     made: Vec<bool>,
-    /// z to z^4 at the base, then e^z at the longest level that doubling has come to, then room.
+    /// z to z^4 at the base; then e^z at the longest span that doubling has reached; then working memory.
     work: Vec<f64>,
 }
 
 impl Chain {
-    /// The first level whose norm is small: those before it are made by doubling.
+    /// The first level with a small norm. The levels before it are computed by doubling.
     pub(super) fn base(&self) -> usize {
         self.base
     }
@@ -81,7 +85,7 @@ impl Chain {
         self.n * stride(self.n)
     }
 
-    /// phi_1, phi_2, phi_3 of A H/2^level, which was made by [`Chain::make`].
+    /// phi_1, phi_2, phi_3 of A H/2^level. [`Chain::make`] must have computed this level.
     #[inline(always)]
     pub(super) fn at<const S: usize>(&self, level: usize) -> [&[[f64; S]]; 3] {
         let n = self.n;
@@ -90,7 +94,7 @@ impl Chain {
         [one, two, three]
     }
 
-    /// Takes another matrix; no level is made yet. `false` where it is too large or no number.
+    /// Replaces the matrix; then no level is computed. Returns `false` if the matrix is too large or not finite.
     pub(super) fn take(&mut self, n: usize, a: &[f64], span: f64) -> bool {
         if self.n != n {
             self.n = n;
@@ -100,7 +104,7 @@ impl Chain {
         by_stride!(n, S => vectorised(Take::<S> { chain: self, a, span }))
     }
 
-    /// Makes a level, and those between it and the base. `false` where it has no finite numbers.
+    /// Computes a level, and the levels between it and the base. Returns `false` if the result is not finite.
     pub(super) fn make(&mut self, level: usize) -> bool {
         if self.made.get(level) == Some(&true) {
             return true;
@@ -111,7 +115,7 @@ impl Chain {
         by_stride!(self.n, S => vectorised(Make::<S> { chain: self, level }))
     }
 
-    /// A level by its series.
+    /// Computes a level by its series.
     #[inline(always)]
     fn sum<const S: usize>(&mut self, level: usize) -> bool {
         let (n, base) = (self.n, self.base);
@@ -149,7 +153,7 @@ impl Chain {
         self.made[level]
     }
 
-    /// A level from the next one, whose e^z stands there.
+    /// Computes a level from the next one; `work` contains e^z of the next level.
     #[inline(always)]
     fn double<const S: usize>(&mut self, level: usize) -> bool {
         let n = self.n;
@@ -168,7 +172,7 @@ impl Chain {
                 next_three[j][i] = 0.125 * (next_three[j][i] + two[j][i] + 2.0 * three[j][i]);
             }
         }
-        // e^2z, for the level before, if there is one.
+        // e^2z, for the previous level, if there is one.
         if level > 0 {
             product(spare, zero, zero);
             zero.copy_from_slice(spare);
@@ -198,7 +202,7 @@ impl<const S: usize> Work for Take<'_, S> {
         z.as_flattened_mut().iter_mut().zip(self.a).for_each(|(z, a)| *z = a * self.span);
         let mut whole = largest_row(z);
         if whole > SMALL && whole.is_finite() {
-            // Balanced states say how long a step may be; the functions themselves are those of the states as they are.
+            // The norm of the balanced matrix determines the number of doublings. The functions themselves are computed from the original matrix.
             z2.copy_from_slice(z);
             balance(z2);
             whole = largest_row(z2);
@@ -240,7 +244,7 @@ impl<const S: usize> Work for Make<'_, S> {
             return false;
         }
         let top = (level..first).find(|it| chain.made[*it]).unwrap_or(first);
-        // No closure here: one that is not inlined has no vector instructions.
+        // A loop, not a closure: a closure that is not inlined would have no vector instructions.
         for k in (level..top).rev() {
             if !chain.double::<S>(k) {
                 return false;
@@ -263,7 +267,8 @@ fn is_finite<const S: usize>(matrix: &[[f64; S]]) -> bool {
     matrix.as_flattened().iter().fold(true, |all, it| all & it.is_finite())
 }
 
-/// Scales states by powers of two so that rows and columns of a matrix are of one size (B. N. Parlett, C. Reinsch, "Balancing a matrix for calculation of eigenvalues and eigenvectors", 1969): fewer doublings.
+/// Scales the states by powers of two so that rows and columns of the matrix have about the same size, which reduces the number of doublings (B. N.
+/// Parlett, C. Reinsch, "Balancing a matrix for calculation of eigenvalues and eigenvectors", 1969).
 #[inline(always)]
 fn balance<const S: usize>(a: &mut [[f64; S]]) {
     let n = a.len();
@@ -299,7 +304,7 @@ fn balance<const S: usize>(a: &mut [[f64; S]]) {
     }
 }
 
-/// The largest sum of magnitudes of a row; no number where an entry is none.
+/// The largest sum of magnitudes of a row; NaN if an entry is NaN.
 #[inline(always)]
 fn largest_row<const S: usize>(a: &[[f64; S]]) -> f64 {
     let mut sums = [0.0; S];
@@ -311,7 +316,7 @@ fn largest_row<const S: usize>(a: &[[f64; S]]) -> f64 {
     sums.into_iter().fold(0.0, |most, it| if it > most || it.is_nan() { it } else { most })
 }
 
-/// a b
+/// The product a b.
 #[inline(always)]
 fn product<const S: usize>(to: &mut [[f64; S]], a: &[[f64; S]], b: &[[f64; S]]) {
     for (to, b) in to.iter_mut().zip(b) {
@@ -319,7 +324,7 @@ fn product<const S: usize>(to: &mut [[f64; S]], a: &[[f64; S]], b: &[[f64; S]]) 
     }
 }
 
-/// One function from the next one: share a b, and a number on the diagonal.
+/// A phi function from the next one: share a b plus `value` on the diagonal.
 #[inline(always)]
 fn further<const S: usize>(to: &mut [[f64; S]], a: &[[f64; S]], b: &[[f64; S]], share: f64, value: f64) {
     for (j, (to, b)) in to.iter_mut().zip(b).enumerate() {
@@ -344,7 +349,7 @@ pub(super) fn times<const S: usize>(columns: &[[f64; S]], by: &[f64; S]) -> [f64
 mod tests {
     use super::*;
 
-    /// phi_1 to phi_3 of a number, from their definition: no digits are lost for numbers of the size of 1 and more.
+    /// phi_1 to phi_3 of a number, from their definition. For numbers of magnitude 1 and more it loses no digits.
     fn plain(z: f64) -> [f64; 3] {
         let one = (z.exp() - 1.0) / z;
         let two = (one - 1.0) / z;
@@ -372,7 +377,7 @@ mod tests {
             let (slow, fast) = (plain(-2.0 * h), plain(-800.0 * h));
             for (k, matrix) in flat(&chain, level).into_iter().enumerate() {
                 let corner = 3.0 * (slow[k] - fast[k]) / 798.0;
-                // Eleven doublings of numbers near 1, and the digits that the definition itself loses at -0.25.
+                // The tolerance covers eleven doublings of numbers near 1, and the digits that the definition loses at -0.25.
                 for (found, expected) in [(matrix[0], slow[k]), (matrix[5], fast[k]), (matrix[4], corner), (matrix[1], 0.0)] {
                     assert!((found - expected).abs() < 1e-12, "level {level}, phi_{}: {found} for {expected}", k + 1);
                 }
@@ -399,7 +404,7 @@ mod tests {
 
     #[test]
     fn a_level_by_its_series_is_the_next_one_doubled() {
-        // Norms from 0.4 to 0.4/2^18 ask for 4 blocks of terms, then fewer.
+        // Norms from 0.4 to 0.4/2^18 need 4 blocks of terms, then fewer.
         let a = columns([-0.1, 0.3, -0.2, -0.15]);
         let mut chain = Chain::default();
         assert!(chain.take(2, &a, 1.0) && chain.base() == 0);
@@ -417,7 +422,7 @@ mod tests {
                     0.125 * (product(one, two, at) + two[at] + 2.0 * three[at]),
                 ];
                 for (k, (found, expected)) in longer.iter().zip(doubled).enumerate() {
-                    // A few roundings of numbers of the size of 1.
+                    // The tolerance covers a few roundings of numbers of magnitude 1.
                     assert!((found[at] - expected).abs() < 1e-15, "level {level}, phi_{} at {at}", k + 1);
                 }
             }
@@ -426,14 +431,14 @@ mod tests {
 
     #[test]
     fn states_of_other_units_have_the_same_functions() {
-        // The same matrix with its second state in thousandths: entries off the diagonal by 1000 and by 1/1000.
+        // The same matrix with its second state in thousandths: the off-diagonal entries change by factors of 1000 and 1/1000.
         let (mut plain, mut scaled) = (Chain::default(), Chain::default());
         assert!(plain.take(2, &columns([-3.0, 4.0, -5.0, -60.0]), 0.7));
         assert!(scaled.take(2, &columns([-3.0, 4e-3, -5e3, -60.0]), 0.7));
         assert!(plain.make(0) && scaled.make(0));
         for (one, other) in flat(&plain, 0).into_iter().zip(flat(&scaled, 0)) {
             for (place, factor) in [(0, 1.0), (4, 1e-3), (1, 1e3), (5, 1.0)] {
-                // Eight doublings.
+                // The tolerance covers eight doublings.
                 assert!((one[place] * factor - other[place]).abs() <= 1e-13 * factor, "{place}");
             }
         }

@@ -1,18 +1,19 @@
-//! Rows in which nothing but a step can happen.
+//! Rows without events.
 //!
-//! In: a walk of a plant without comparisons and blocks, at a row behind which no `sample` is due before the next. Where it is not stiff, its rates are polynomials. Out: the walk at the next one, where the first part of the series reaches it in every lane, or the matrices at hand. This is what a
-//! general row does, without what it cannot need: the bits are the same.
+//! In: a walk of a plant without comparisons and nonlinear blocks, at a row, with no `sample` due before the next row. If the plant is not stiff, its
+//! rates must be polynomials. Out: the walk at the next row, if the first part of the series, or the existing matrices, reach it in every lane. This
+//! is the same computation as for a general row, without the parts that are not needed here, so the bits are the same.
 
 use super::walk::Walk;
 
 impl<const L: usize> Walk<'_, L> {
-    /// Whether rows of this plant can be plain.
+    /// Whether this plant can have rows without events.
     pub(super) fn can_be_plain(&self) -> bool {
         let counts = self.programs.counts;
         counts.held == 0 && counts.guesses == 0 && counts.states > 0
     }
 
-    /// One step to the end of a row. `false` where a lane needs more, and all stand where they were.
+    /// One step to the end of a row. Returns `false` if a lane needs more than one step; then all lanes keep their states.
     #[inline]
     pub(super) fn plain(&mut self, now: f64, end: f64) -> bool {
         let rest = end - now;

@@ -1,7 +1,8 @@
-//! The programs of a machine as code over one array of slots.
+//! The programs of a machine as code that works on one array of slots.
 //!
-//! In: a [`Machine`], the number of lanes. Out: [`Programs`]: what depends on parameters alone, run once; what depends on inputs and on what is held, run when these change; the series of the states,
-//! part by part as they are asked for; switches, outputs, events. Never judges a step.
+//! In: a [`Machine`], the number of lanes. Out: [`Programs`]. Values that depend only on parameters are computed once. Values that also depend on
+//! inputs, held comparisons and memories are computed when these change. The series of the states is compiled part by part, at its first use. Further
+//! programs are those of switches, outputs and events. This file never decides whether a step is valid.
 
 use rsm_core::held::{self, Divided};
 use rsm_core::series::{Argument, Series};
@@ -11,14 +12,14 @@ use super::exponential::{Block, Exponential, Given};
 use super::machine::{Counts, Machine, Tapes};
 use crate::code::{Code, Slot, Way};
 
-/// What is held within a row is computed apart where it saves so many operations: a call costs about as many.
+/// Values that are constant within a row are computed separately if that saves at least this number of operations. A call costs about as much.
 const WORTH: usize = 12;
 
-/// Orders of the first part of the series, and of each further one.
+/// The number of orders in the first part of the series, and in each later part.
 const FIRST: usize = 3;
 const FURTHER: usize = 2;
 
-/// Where everything stands: the first slot of each group.
+/// The layout of the slots: the first slot of each group.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Layout {
     pub step: Slot,
@@ -50,7 +51,7 @@ impl Layout {
         Layout { step, time, states, inputs, held, memories, guesses, acts, due, parameters, end: take(0) }
     }
 
-    /// The slots of the arguments of every program: those of events have some more.
+    /// The slots of the arguments of a program. Programs of events have some additional arguments.
     fn arguments(&self, tapes: &Tapes, at_events: bool) -> Vec<Slot> {
         self.arguments_of(tapes.counts, at_events)
     }
@@ -73,7 +74,7 @@ impl Layout {
     }
 }
 
-/// A tape, where its arguments stand, where its results go.
+/// A tape with the slots of its arguments and of its results.
 #[derive(Debug)]
 pub(super) struct Placed {
     pub tape: Tape,
@@ -87,7 +88,7 @@ impl Placed {
     }
 }
 
-/// A program and the slot of its first result; the others follow.
+/// A program and the slot of its first result; the other results are in the next slots.
 #[derive(Debug)]
 pub(super) struct Program {
     pub code: Code,
@@ -95,7 +96,7 @@ pub(super) struct Program {
     pub placed: Placed,
 }
 
-/// Some orders of the series.
+/// A part of the series: some of its orders.
 #[derive(Debug)]
 pub(super) struct Orders {
     pub code: Code,
@@ -104,12 +105,12 @@ pub(super) struct Orders {
     pub placed: Placed,
 }
 
-/// Everything that runs.
+/// All programs of a machine.
 #[derive(Debug)]
 pub(super) struct Programs {
     pub layout: Layout,
     pub counts: Counts,
-    /// Run once, when parameters are set.
+    /// Run once, after the parameters are set.
     pub once: Vec<(Code, Placed)>,
     /// Run when inputs, held comparisons or memories change.
     pub row: Vec<(Code, Placed)>,
@@ -117,23 +118,23 @@ pub(super) struct Programs {
     pub looks: Option<Program>,
     pub sides: Option<Program>,
     pub events: Option<Program>,
-    /// The conditions of branches alone.
+    /// Only the conditions of branches.
     pub conditions: Option<Program>,
-    /// Rates are sums and products of the states alone: their series tell everything.
+    /// The rates are sums and products of states and held values. Then the terms of the series alone show whether a step is valid.
     pub is_polynomial: bool,
-    /// The Jacobian: its tape, its first slot, its code, made when it is asked for.
+    /// The Jacobian: its tape, its first slot, its code, which is compiled at its first use.
     slopes: (Option<Tape>, Slot, Option<Code>),
     slope_arguments: Vec<Slot>,
-    /// What the arguments of the rates are.
+    /// The kind of each argument of the rates.
     kinds: Vec<Argument>,
-    /// Steps that solve exactly what is linear: their slots, their code, made when it is asked for.
+    /// Steps that solve the linear part exactly: their slots, and their code, which is compiled at its first use.
     pub block: Block,
     exponential: Option<Exponential>,
     series: Series,
     parts: Vec<Orders>,
-    /// By order from 1 on, the slot of the first state's term.
+    /// For each order from 1, the slot of the first state's term.
     pub terms: Vec<Slot>,
-    /// Slots before the series.
+    /// The number of slots before the series.
     pub common: usize,
     slots: usize,
     lanes: usize,
@@ -150,7 +151,8 @@ struct Building {
 }
 
 impl Building {
-    /// Leaves of a tape what depends on states and time, the rest to `once` and `row`. Gives the tape and the slots of its arguments.
+    /// Keeps in a tape only the operations that depend on states and time, and moves the others to `once` and `row`. Returns the tape and the slots
+    /// of its arguments.
     fn reduced(&mut self, tape: &Tape, arguments: &[Slot], tapes: &Tapes) -> (Tape, Vec<Slot>) {
         let parameters = self.layout.parameters..self.layout.parameters + tapes.counts.parameters as Slot;
         let held = self.layout.inputs..self.layout.guesses;
@@ -183,7 +185,7 @@ impl Building {
     }
 }
 
-/// The conditions of branches, of what happens at events.
+/// The conditions of branches, from the program of events.
 fn conditions(machine: &Machine, tapes: &Tapes) -> Option<Tape> {
     let mut tape = tapes.events.clone()?;
     let mut rest = tape.outputs.split_off(tapes.counts.memories).into_iter();
@@ -194,7 +196,7 @@ fn conditions(machine: &Machine, tapes: &Tapes) -> Option<Tape> {
     (!tape.outputs.is_empty()).then_some(tape)
 }
 
-/// Operations that results need.
+/// The number of operations that the results need.
 fn operations(tape: &Tape) -> usize {
     tape.operation_count()
 }
@@ -262,17 +264,17 @@ impl Programs {
         }
     }
 
-    /// Slots that an array needs.
+    /// The number of slots of an array.
     pub(super) fn slots(&self) -> usize {
         self.slots
     }
 
-    /// The slot of the first state behind the whole step.
+    /// The slot of the first state at the end of a whole step.
     pub(super) fn end(&self) -> Slot {
         self.series.end()
     }
 
-    /// The Jacobian: where its results stand, and how many there are.
+    /// The Jacobian: its code, and the slots of its results.
     pub(super) fn slopes(&mut self) -> Option<(&Code, std::ops::Range<usize>)> {
         let (tape, begin, code) = &mut self.slopes;
         let tape = tape.as_ref()?;
@@ -282,7 +284,7 @@ impl Programs {
         Some((code.get_or_insert_with(|| Code::new(tape, arguments, &results, self.lanes, self.way)), range))
     }
 
-    /// The step that solves exactly what is linear. `None` of a plant without states.
+    /// The step that solves the linear part exactly. `None` for a plant without states.
     #[inline]
     pub(super) fn exponential(&mut self) -> Option<&Code> {
         if self.exponential.is_none() {
@@ -302,18 +304,18 @@ impl Programs {
         self.exponential.as_ref().map(|it| &it.code)
     }
 
-    /// The first part of the series, once it is written, and its order.
+    /// The first part of the series and its order, if it is compiled.
     #[inline]
     pub(super) fn first_part(&self) -> Option<(&Code, usize)> {
         self.parts.first().map(|part| (&part.code, part.order))
     }
 
-    /// The parts of the series up to one that is written.
+    /// The parts of the series up to a part that is already compiled.
     pub(super) fn written(&self, last: usize) -> &[Orders] {
         &self.parts[..=last]
     }
 
-    /// A part of the series, written when it is asked for the first time.
+    /// A part of the series. It is compiled at its first use.
     pub(super) fn part(&mut self, place: usize) -> &Orders {
         while self.parts.len() <= place {
             let orders = if self.parts.is_empty() { FIRST } else { FURTHER };
@@ -327,7 +329,7 @@ impl Programs {
     }
 }
 
-/// Whether rates are sums and products of states: what is held may be combined, and chosen by, in any way.
+/// Whether the rates are sums and products of states. Held values may be combined in any way, and may be conditions of selections.
 fn is_polynomial(tape: &Tape, is_held: &[bool]) -> bool {
     let held = held::of_held(tape, is_held);
     tape.iter().all(|(reg, op)| match op {

@@ -1,7 +1,8 @@
-//! From row to row.
+//! The way from one row to the next.
 //!
-//! In: a walk at an instant, the next one. Out: the walk there. A lane alone goes on over everything that happens before: its steps are as long as their error allows, a step ends where a comparison changes, and what the
-//! text wants then happens. A group tries the whole row in one step; [`Walk::together`] says for which lanes that was right.
+//! In: a walk at an instant, and the next instant. Out: the walk at the next instant. A single lane handles everything that happens before it: the
+//! step length follows from the error, a step ends where a comparison changes, and then the event is executed. A group tries the whole row in one
+//! step; [`Walk::together`] returns the lanes for which that step is valid.
 
 use super::engine::Method;
 use super::kept::Anchor;
@@ -12,35 +13,38 @@ use super::series::Tried;
 use super::stiff::{Attempt, TAKEN};
 use super::walk::Walk;
 
-/// Steps of the series in one row above which a plant counts as stiff.
+/// A plant is stiff if one row needs more steps of the series than this.
 const STIFF: usize = 24;
 
-/// Steps of the series in one row above which steps by a linear part are tried; they stay as long as no row costs more than that one.
+/// If one row needs more steps of the series than this, steps by a linear part are tried. They are kept as long as no row costs more than that row
+/// did.
 const MANY: f64 = 4.0;
 
-/// Halvings that place an event, until the instants are neighbours.
+/// Bisections that locate an event. They stop earlier when the bracket cannot be divided any more.
 const HALVINGS: usize = 60;
 
-/// A step grows or shrinks by these at most, and is a little shorter than its error suggests (E. Hairer, S. P. Norsett, G. Wanner, "Solving Ordinary Differential Equations I", II.4).
+/// The limits of the change of a step length from one step to the next, and the safety factor (E. Hairer, S. P. Norsett, G. Wanner, "Solving Ordinary
+/// Differential Equations I", II.4).
 const SHORTEST: f64 = 0.2;
 const LONGEST: f64 = 5.0;
 const SAFETY: f64 = 0.9;
 
-/// A step of the series that was as long as it may be suggests one that is longer by this: its terms cost no more, and say whether it may.
+/// After a step of the series with the largest permitted length, the next step is tried with this factor. The attempt costs no additional terms, and
+/// the terms show whether the longer step is permitted.
 const TRY: f64 = 1.5;
 
-/// How the last step was taken: where it ends and what lies inside is computed again for a share of it.
+/// The method of the last step: with it, the states at the end or inside of the step can be computed again.
 #[derive(Clone, Copy)]
 enum Way {
     Series(Tried),
     Pair,
     Stiff,
-    /// By a linear part, of so many halvings.
+    /// By a linear part, with this number of halvings.
     Exponential(usize),
 }
 
 impl<const L: usize> Walk<'_, L> {
-    /// Tries one step to the end of a row for all lanes. Those for which it was not right stand where they were.
+    /// Tries one step to the end of a row for all lanes. Lanes for which the step is not valid keep their state.
     pub(super) fn together(&mut self, now: f64, end: f64) -> [bool; L] {
         let rest = end - now;
         let asked: [bool; L] = std::array::from_fn(|lane| !self.is_stiff[lane] && self.suggestion[lane] >= 0.999 * rest);
@@ -127,7 +131,7 @@ impl<const L: usize> Walk<'_, L> {
         self.slots[layout.time as usize][lane] = time;
     }
 
-    /// The largest values, with those that stand there now.
+    /// Updates the largest magnitudes with the current states.
     fn grow(&mut self, lanes: [bool; L]) {
         let states = self.programs.layout.states as usize;
         for (largest, state) in self.largest.iter_mut().zip(&self.slots[states..]) {
@@ -141,7 +145,7 @@ impl<const L: usize> Walk<'_, L> {
 }
 
 impl Walk<'_, 1> {
-    /// Goes on to an instant, over everything that happens before it.
+    /// Advances to an instant, and handles everything that happens before it.
     pub(super) fn reach(&mut self, end: f64, late: &mut Late<'_>) -> Result<(), Stopped> {
         let (mut steps, mut events) = (0, 0);
         while self.time(0) < end {
@@ -173,7 +177,7 @@ impl Walk<'_, 1> {
         Ok(())
     }
 
-    /// Sends what signals say now, and puts what has come in its place. Says whether an input changed.
+    /// Sends the current values of signals, and stores the values that have arrived. Returns whether an input changed.
     pub(super) fn exchange(&mut self, late: &mut Late<'_>) -> bool {
         let (time, layout) = (self.time(0), self.programs.layout);
         let (before, memories) = self.slots.split_at_mut(layout.memories as usize);
@@ -184,13 +188,13 @@ impl Walk<'_, 1> {
         changed
     }
 
-    /// Lets happen what is due, and sends on what it changed.
+    /// Executes the events that are due, and sends the signals that they changed.
     pub(super) fn happen_and_send(&mut self, now: f64, late: &mut Late<'_>) -> Result<(), Stopped> {
         self.happen(now)?;
         if self.exchange(late) { self.happen(now) } else { Ok(()) }
     }
 
-    /// Goes on to an instant, or to the first event before it, which it tells.
+    /// Advances to an instant, or to the first event before it. Returns whether an event occurred.
     fn advance(&mut self, next: f64, steps: &mut usize) -> Result<bool, Stopped> {
         let begin = *steps;
         (self.linear, self.segment) = (None, None);
@@ -204,7 +208,7 @@ impl Walk<'_, 1> {
             self.choose(*steps - begin);
             let now = self.time(0);
             let rest = next - now;
-            // What is left is taken in one step where a step nearly reaches: no crumbs.
+            // If the suggested step nearly reaches the end, it is extended to the end. This avoids a very short last step.
             let h = if self.suggestion[0] >= 0.999 * rest { rest } else { self.suggestion[0] };
             self.remember();
             let (taken, way, suggestion) = match self.step(h, rest)? {
@@ -237,7 +241,7 @@ impl Walk<'_, 1> {
                     walk.inside(&way, (now, h), taken, share);
                 });
                 if let Some(bracket) = found {
-                    // A step that ends at an event says nothing of the next one's length.
+                    // A step that ends at an event does not change the suggested length.
                     let share = self.locate(&way, (now, h), taken, bracket)?;
                     self.carry_over(&way, share, now)?;
                     self.carry_event()?;
@@ -254,7 +258,7 @@ impl Walk<'_, 1> {
             }
             self.carry_over(&way, 1.0, now)?;
             self.grow([true]);
-            // A step that was cut to end at a row leaves the suggestion as it was, or raises it.
+            // A step that was shortened to end at a row keeps the suggestion or increases it.
             self.suggestion = [if taken == rest { self.suggestion[0].max(suggestion) } else { suggestion }];
             self.linear = None;
         }
@@ -262,7 +266,8 @@ impl Walk<'_, 1> {
         Ok(false)
     }
 
-    /// Whether steps by a linear part are tried from here on: a row has taken, or would take, many steps of the series, and they were not in vain before.
+    /// Whether steps by a linear part are used from now on: a row needed, or would need, many steps of the series, and an earlier attempt with a
+    /// linear part was not too expensive.
     fn tries_linear(&mut self, steps: f64) -> bool {
         let is_open = self.setting.method == Method::Automatic && !self.is_stiff[0] && self.has_exponential();
         if !is_open || self.kept[0].went_back || steps.is_nan() || steps <= MANY {
@@ -273,7 +278,7 @@ impl Walk<'_, 1> {
         true
     }
 
-    /// Chooses between the series and the stiff method, before the next of some steps in a row.
+    /// Chooses between the series and the stiff method before the next step in a row.
     fn choose(&mut self, steps: usize) {
         if self.setting.method != Method::Automatic {
             return;
@@ -289,7 +294,8 @@ impl Walk<'_, 1> {
         }
     }
 
-    /// One step from where the walk stands, or none yet: then the suggestion is shorter. Its length, how it was taken, what it suggests.
+    /// Tries one step. Returns its length, its method and the suggested next length, or `None` if the step failed; then the suggested length is
+    /// shorter.
     fn step(&mut self, h: f64, rest: f64) -> Result<Option<(f64, Way, f64)>, Stopped> {
         if self.is_stiff[0] && self.has_exponential() {
             match self.exponential(rest)? {
@@ -307,7 +313,7 @@ impl Walk<'_, 1> {
         }
         let [tried] = self.series([h], [true]);
         let Some(tried) = tried else {
-            // A root of 0 has no series; the pair goes over it.
+            // The square root of 0 has no series. The explicit pair can step over it.
             let stepped = self.pair(h);
             return Ok(self.judged(&stepped, h, rest, Way::Pair, fifth_root_of_inverse));
         };
@@ -321,7 +327,8 @@ impl Walk<'_, 1> {
         Ok(Some((h, Way::Series(tried), 2.0 * h)))
     }
 
-    /// A step of a pair of methods, where its error allows it. `change`: how much longer a step may be whose error is so many times what is allowed.
+    /// Accepts a step of an embedded pair if its error is permitted. `change`: the factor of the step length for an error that is the given multiple
+    /// of the permitted one.
     fn judged(&mut self, stepped: &Stepped, h: f64, rest: f64, way: Way, change: fn(f64) -> f64) -> Option<(f64, Way, f64)> {
         let size = self.error(stepped, h, rest);
         let change = if size == 0.0 {
@@ -347,7 +354,7 @@ impl Walk<'_, 1> {
         stepped
     }
 
-    /// The rates at an instant and at states.
+    /// The rates at an instant and at given states.
     fn rates_at(&mut self, time: f64, states: &[f64]) -> Vec<f64> {
         let layout = self.programs.layout;
         let (begin, count) = (layout.states as usize, states.len());
@@ -358,7 +365,7 @@ impl Walk<'_, 1> {
         self.slots[results..results + count].iter().map(|it| it[0]).collect()
     }
 
-    /// Whether the Jacobian at this point is made of numbers: a square root of 0 has none. The series serves there.
+    /// Whether the Jacobian at this point is finite: at a square root of 0 it is not. Then the series is used.
     fn has_linear(&mut self) -> bool {
         if self.linear.is_none() {
             self.linear = Some(self.linear());
@@ -376,7 +383,7 @@ impl Walk<'_, 1> {
         stepped
     }
 
-    /// The error of a step as a multiple of what is allowed, the worst state's.
+    /// The largest error of the states in a step, as a multiple of the permitted error.
     fn error(&self, stepped: &Stepped, h: f64, rest: f64) -> f64 {
         let mut worst = 0.0_f64;
         for (k, (end, error)) in stepped.states.iter().zip(&stepped.error).enumerate() {
@@ -385,7 +392,7 @@ impl Walk<'_, 1> {
             }
             let (begin, largest) = (self.before[k][0], self.largest[k][0]);
             let scale = largest.max(begin.abs()).max(((end - begin) / h * rest).abs());
-            // A state that is 0, stays 0 and has an error of 0 is right.
+            // A state that is 0, stays 0 and has an error of 0 is correct.
             if *error != 0.0 {
                 worst = worst.max(error.abs() / (self.setting.tolerance * scale));
             }
@@ -393,13 +400,13 @@ impl Walk<'_, 1> {
         worst
     }
 
-    /// The walk at a share of the step that was taken last; whether a comparison has changed there. `None` where the step has no solution.
+    /// Moves the walk to a share of the last step, and returns whether a comparison has changed there. `None` if the step has no solution.
     fn inside(&mut self, way: &Way, (now, h): (f64, f64), taken: f64, share: f64) -> Option<bool> {
         let time = now + share * taken;
         match way {
             Way::Series(tried) => self.put_on_series(0, Some(*tried), tried.share * share, time),
             Way::Exponential(level) => self.put_inside(0, *level, share, time),
-            // Steps of no length have no matrix.
+            // A step of length 0 has no matrix.
             Way::Stiff | Way::Pair if share == 0.0 => self.stand_before(0, now),
             Way::Stiff | Way::Pair => {
                 self.stand_before(0, now);
@@ -414,7 +421,7 @@ impl Walk<'_, 1> {
         Some(self.sides_differ() == [true])
     }
 
-    /// Carries sensitivities over a share of the step that was taken.
+    /// Carries the sensitivities over a share of the last step.
     fn carry_over(&mut self, way: &Way, share: f64, begin: f64) -> Result<(), Stopped> {
         match way {
             _ if self.carried.is_none() => Ok(()),
@@ -426,7 +433,7 @@ impl Walk<'_, 1> {
         }
     }
 
-    /// Ends a step where the first comparison changes in it: between two shares. Out: the share.
+    /// Ends a step where its first comparison changes, between two shares of the step. Returns the share.
     fn locate(&mut self, way: &Way, (now, h): (f64, f64), taken: f64, bracket: (f64, f64)) -> Result<f64, Stopped> {
         let (mut before, mut after) = bracket;
         self.is_locating = true;
@@ -448,7 +455,7 @@ impl Walk<'_, 1> {
     }
 }
 
-/// 1 over a root, as far as a step may grow; the same bits on every machine.
+/// 1 over a root, limited to the largest growth of a step, with the same bits on every machine.
 fn root_of_inverse(size: f64, degree: usize) -> f64 {
     let wanted = 1.0 / size;
     let (mut low, mut high) = (0.0_f64, LONGEST / SAFETY);
@@ -459,12 +466,12 @@ fn root_of_inverse(size: f64, degree: usize) -> f64 {
     high
 }
 
-/// Of the stiff pair, whose lower order is 2.
+/// For the stiff pair, whose lower order is 2.
 fn cube_root_of_inverse(size: f64) -> f64 {
     root_of_inverse(size, 3)
 }
 
-/// Of the explicit pair, whose lower order is 4.
+/// For the explicit pair, whose lower order is 4.
 fn fifth_root_of_inverse(size: f64) -> f64 {
     root_of_inverse(size, 5)
 }

@@ -1,13 +1,13 @@
-//! What a run is given row by row, and why it may end before its last one.
+//! The inputs of a run at every row, and the reasons why a run may end before its last row.
 
 use std::fmt;
 
-/// Inputs on a grid of rows.
+/// Inputs at every row.
 #[derive(Debug, Clone, Copy)]
 pub struct Inputs<'a> {
     /// The instant of each row in s.
     pub time: &'a [f64],
-    /// By input, in the order of the machine: its value at every row.
+    /// For each input, in the order of the machine: its value at every row.
     pub values: &'a [Vec<f64>],
 }
 
@@ -17,22 +17,22 @@ impl Inputs<'_> {
     }
 }
 
-/// Why a run ended before its last row: a numerical outcome.
+/// Why a run ended before its last row. This is a numerical result, not a program fault.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Stopped {
-    /// A number is no longer finite behind this row (from 0).
+    /// A value is no longer finite after this row (from 0).
     NotFinite {
         /// The row.
         row: usize,
         /// The state or output.
         name: String,
     },
-    /// A row needs more steps than are reasonable.
+    /// A row needs more steps than the limit.
     TooManySteps {
         /// The row.
         row: usize,
     },
-    /// A row has more events than are reasonable: conditions switch to and fro.
+    /// A row has more events than the limit: conditions change back and forth.
     TooManyEvents {
         /// The row.
         row: usize,
@@ -42,7 +42,7 @@ pub enum Stopped {
         /// The row.
         row: usize,
     },
-    /// The fixed step does not suit the rows or the text: a sentence.
+    /// The run cannot be computed as required, for example because a fixed step does not fit the rows: a sentence.
     Step(String),
 }
 
@@ -68,8 +68,9 @@ impl fmt::Display for Stopped {
     }
 }
 
-/// Steps from one row to the next, at most. A stiff method that needs more follows something a million times faster than the record shows.
+/// The largest number of steps from one row to the next. A stiff method that needs more follows a motion that is a million times faster than the
+/// record shows.
 pub(super) const MOST_STEPS: usize = 200_000;
 
-/// Events from one row to the next, at most.
+/// The largest number of events from one row to the next.
 pub(super) const MOST_EVENTS: usize = 10_000;

@@ -1,6 +1,8 @@
-//! How fast the outputs of a plant move with its parameters and its start.
+//! Derivatives of the outputs of a plant with respect to its parameters and its start.
 //!
-//! In: a machine, what moves, the inputs of a record. Out: by direction, the derivative of each output at every row. Exact: tangents of the tapes, no differences. What comes late (a delay) has no derivative here, and is refused.
+//! In: a machine, the parameters and start values to differentiate by, the inputs of a record. Out: for each direction, the derivative of each output
+//! at every row. Derivatives are exact: tangents of the tapes, not finite differences. Delayed signals are refused, because they have no derivative
+//! here.
 
 use rsm_core::run::Interpreter;
 use rsm_core::source::{Fault, Faults};
@@ -19,32 +21,33 @@ use super::speeds::Moving;
 use super::starts::Starts;
 use super::walk::{Lane, Walk};
 
-/// What moves.
+/// A quantity to differentiate by.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum By {
-    /// A parameter, by name: the start moves with it where it follows from it.
+    /// A parameter, by name. Parts of the start that depend on it change with it.
     Parameter(String),
-    /// A value of the start: its place among those that [`Starts::at`] is given.
+    /// A value of the start, by its index in the values of [`Starts::at`].
     Start(usize),
 }
 
-/// A run with what moves in it.
+/// A run with its directions.
 #[derive(Debug, Clone)]
 pub struct Sensitive {
     lane: Lane,
     directions: Vec<Moving>,
 }
 
-/// Outputs along a record, and how fast they move.
+/// Outputs along a record, and their derivatives.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensitivities {
-    /// By output in the order of the text: the value at every row, in its unit. The bits are those of [`Lanes::run`] with [`Method::Explicit`].
+    /// For each output, in the order of the text: the value at every row, in its unit. The bits are those of [`Lanes::run`] with
+    /// [`Method::Explicit`].
     pub outputs: Outputs,
-    /// By direction, by output: the derivative at every row, in the unit of the output over that of what moves.
+    /// For each direction, for each output: the derivative at every row, in the unit of the output over the unit of the direction.
     pub derivatives: Vec<Outputs>,
 }
 
-/// How fast the results of a program move, when some of its arguments do.
+/// The directional derivatives of the results of a program.
 fn moved(computed: &Computed, arguments: &[f64], speeds: &[f64]) -> Vec<f64> {
     let Some(tape) = &computed.tape else { return Vec::new() };
     let ports: Vec<usize> = (0..speeds.len()).filter(|port| speeds[*port] != 0.0).collect();
@@ -57,13 +60,14 @@ fn moved(computed: &Computed, arguments: &[f64], speeds: &[f64]) -> Vec<f64> {
 }
 
 impl Sensitive {
-    /// A run of a machine from its start, of which [`Starts::at`] tells what the arguments are, and what moves in it.
+    /// A run of a machine from its start, with its directions. The arguments of the start are those of [`Starts::at`].
     ///
     /// # Errors
-    /// Those of [`Starts::at`]; a parameter that the machine does not have; a parameter that moves the instants of a `sample` or a delay; signals that come late.
+    /// Those of [`Starts::at`]; a parameter that the machine does not have; a parameter that changes the instants of a `sample` or a delay; delayed
+    /// signals.
     ///
     /// # Panics
-    /// When [`Starts::at`] would.
+    /// If [`Starts::at`] panics.
     pub fn new(
         machine: &Machine,
         starts: &Starts,
@@ -105,7 +109,7 @@ impl Sensitive {
 }
 
 impl Starts {
-    /// How fast states and memories of a start move when parameters and what is known do.
+    /// The derivatives of states and memories of a start with respect to parameters and known values.
     fn moved(
         &self,
         machine: &Machine,
@@ -119,7 +123,7 @@ impl Starts {
         let arguments = self.arguments(machine, start, guesses, values);
         let before = self.before.len();
         let fixed = arguments.len() - values.len() - guesses.len() - before - start.held.len() - parameters.len();
-        // What is iterated stands still in its own equation: one more turn of Newton's method from the solution has its derivative.
+        // The iterated values satisfy their own equations, so one more iteration of Newton's method from the solution gives the exact derivative.
         for _ in 0..TURNS {
             let mut speeds = vec![0.0; fixed];
             speeds.extend_from_slice(parameters);
@@ -142,10 +146,12 @@ impl Starts {
 }
 
 impl<'m> Lanes<'m> {
-    /// Runs along inputs with the series of the solution, and carries the derivatives in lanes beside it. A stiff plant takes many short steps; use [`Lanes::run`] and differences there.
+    /// Runs along inputs with the series of the solution, and computes the derivatives along with it. A stiff plant needs many short steps; for such
+    /// a plant use [`Lanes::run`] and finite differences.
     ///
-    /// Where a comparison changes, the instant moves with the parameters, and the derivative jumps as it must. Two comparisons that change at one instant for two reasons have no derivative; the first counts. A comparison inside of
-    /// `noEvent` is not located: the derivative is that of the side that was taken.
+    /// Where a comparison changes, the instant depends on the parameters, and the derivative has a jump. If two comparisons change at one instant for
+    /// two different reasons, there is no derivative, and the first comparison is used. A comparison inside of `noEvent` is not located: the
+    /// derivative is that of the selected side.
     ///
     /// ```
     /// use rsm_core::source::{Faults, Source};
@@ -164,10 +170,10 @@ impl<'m> Lanes<'m> {
     /// ```
     ///
     /// # Errors
-    /// Why the run ended early; a place at which there is no derivative; fixed steps, or the stiff method.
+    /// The reason why the run ended early; a point without a derivative; fixed steps or the stiff method.
     ///
     /// # Panics
-    /// When an input has fewer rows than the time.
+    /// If an input has fewer rows than the time.
     pub fn sensitivities(&mut self, of: &Sensitive, inputs: Inputs<'_>, setting: Setting) -> Result<Sensitivities, Stopped> {
         if !matches!(setting.method, Method::Automatic | Method::Explicit) {
             return Err(Stopped::Step(

@@ -1,16 +1,20 @@
 //! Steps by the series of the solution.
 //!
-//! In: a walk at an instant, a length. Out: the states behind it, where the last terms of the series say that it was not too long. Terms fall like powers; where the last two fall below a power of the tolerance, the term
-//! behind them is below the tolerance (A. Jorba, M. Zou, "A software package for the numerical integration of ODEs by means of high-order Taylor methods", 2005, section 3). More orders are computed until they do, or a step is
-//! shortened. Rates that are no polynomials are also compared at the end with the slope of the series: a kink inside the step shows there.
+//! In: a walk at an instant, a length. Out: the states after the step, if the last terms of the series show that it was not too long. Terms decrease
+//! like powers; if the last two are below a power of the tolerance, the next term is below the tolerance (A. Jorba, M. Zou, "A software package for
+//! the numerical integration of ODEs by means of high-order Taylor methods", 2005, section 3). More orders are computed until this is so, or the step
+//! is shortened. If the rates are not polynomials, they are also compared at the end of the step with the slope of the series, which detects a kink
+//! inside the step.
 
 use super::thresholds::root;
 use super::walk::Walk;
 
-/// The slope of the series and the rates at its end may differ by this times the order times the tolerance: one term more of the series differs by the order times the tolerance.
+/// The permitted difference between the slope of the series and the rates at its end, in units of the order times the tolerance. One more term of the
+/// series would change the slope by the order times the tolerance.
 const SLOPE: f64 = 4.0;
 
-/// Rounds at most in which the length of a step and the size of its states agree: one shortens by a tenth root of the tolerance.
+/// The largest number of iterations for a step length that agrees with the size of the states. One iteration shortens the step by at most a tenth
+/// root of the tolerance.
 const ROUNDS: usize = 16;
 
 /// A step of a lane.
@@ -18,12 +22,14 @@ const ROUNDS: usize = 16;
 pub(super) struct Tried {
     /// The highest order in use.
     pub order: usize,
-    /// The share of the step that the terms allow, at most 1.
+    /// The share of the step that the terms permit, at most 1.
     pub share: f64,
 }
 
 impl<const L: usize> Walk<'_, L> {
-    /// The series of all lanes over their steps. What an error is compared with is the largest value of the state so far, or what it changes by in the step. The states at the end of what is allowed stand in `behind`. `None` where a number is none. Lanes that are not `asked` for are not waited for.
+    /// Evaluates the series of all lanes over their steps. An error is compared with the largest magnitude of the state so far, or with its change in
+    /// the step. The states at the end of the permitted step are written to `behind`. Returns `None` for a lane with a value that is not finite.
+    /// Lanes that are not in `asked` do not cause further orders.
     pub(super) fn series(&mut self, steps: [f64; L], asked: [bool; L]) -> [Option<Tried>; L] {
         let layout = self.programs.layout;
         self.slots[layout.step as usize] = steps;
@@ -81,13 +87,13 @@ impl<const L: usize> Walk<'_, L> {
         tried
     }
 
-    /// The share of a step that all terms allow, and the states there.
+    /// The share of a step that all terms permit, and the states there.
     fn shortened(&mut self, lane: usize) -> Option<Tried> {
         let order = self.thresholds.most();
         let (last, before) = self.thresholds.of(order);
         let states = self.programs.layout.states as usize;
         let mut share = 1.0_f64;
-        // What a state changes by is taken from the terms at the share that was found: terms that are too large count less and less.
+        // The change of a state is estimated from the terms at the current share, so terms that are too large lose influence in each iteration.
         for _ in 0..ROUNDS {
             let powers: Vec<f64> = std::iter::successors(Some(share), |power| Some(power * share)).take(order).collect();
             let at = share;
@@ -127,18 +133,18 @@ impl<const L: usize> Walk<'_, L> {
         self.begun(state, lane) + moved
     }
 
-    /// A state at the start of the step, before or after the states were moved on.
+    /// A state at the start of the step, also after the states have been advanced.
     fn begun(&self, state: usize, lane: usize) -> f64 {
         self.before[state][lane]
     }
 
-    /// Keeps the states at the start of the step.
+    /// Stores the states at the start of the step.
     pub(super) fn remember(&mut self) {
         let states = self.programs.layout.states as usize;
         self.before.copy_from_slice(&self.slots[states..states + self.programs.counts.states]);
     }
 
-    /// Whether the rates at the end, where the states stand now, are the slope of the series.
+    /// Whether the rates at the end of the step, where the states are now, agree with the slope of the series.
     pub(super) fn slopes_agree(&mut self, steps: [f64; L], tried: &[Option<Tried>; L]) -> [bool; L] {
         if self.programs.is_polynomial {
             return [true; L];

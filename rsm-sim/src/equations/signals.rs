@@ -1,6 +1,7 @@
-//! Records of a plant of equations: inputs at every row, and what is known of the start.
+//! Records of a plant of equations: inputs at every row, and known values of the start.
 //!
-//! In: a CSV or columns in memory, the plant file. Out: [`Signals`] in the units of the text, or every fault with the line. Never fills a gap, never resamples.
+//! In: a CSV or columns in memory, the plant file. Out: [`Signals`] in the units of the text, or every fault with its line. It never fills a gap and
+//! never resamples.
 
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use rsm_fit::table::{Table, Wanted};
@@ -15,28 +16,28 @@ use crate::record;
 /// A record of a plant of equations.
 #[derive(Debug, Clone)]
 pub struct Signals {
-    /// As messages speak of it.
+    /// The name of the record in messages.
     pub file: String,
     /// The instant of each row in s.
     pub time: Vec<f64>,
     /// The mean time between two rows in s.
     pub period: f64,
-    /// By input, in the order of the text: its value at every row.
+    /// For each input, in the order of the text: its value at every row.
     pub inputs: Vec<Vec<f64>>,
-    /// By output, in the order of the text: what was measured, where the record has it.
+    /// For each output, in the order of the text: the measured values, if the record has them.
     pub measured: Vec<Option<Vec<f64>>>,
 }
 
-/// Why a simulation gave nothing.
+/// The reason why a simulation has no result.
 #[derive(Debug, Clone)]
 pub enum Failed {
-    /// The plant has no start as it is demanded.
+    /// The start conditions cannot be satisfied.
     Start(Faults),
     /// The run ended before its last row.
     Run(Stopped),
 }
 
-/// A unit of a text as units are written elsewhere: `N.m/s2` is `N*m/s^2`.
+/// The unit of a text in the spelling of other files: `N.m/s2` becomes `N*m/s^2`.
 #[must_use]
 pub fn spelled(unit: &str) -> String {
     let mut text = String::new();
@@ -56,7 +57,8 @@ pub fn spelled(unit: &str) -> String {
 }
 
 impl Signals {
-    /// Reads a record: a column `time` in s, one for every input, and outputs where there are any. Columns are converted to the units of the text.
+    /// Reads a record: a column `time` in s, one column for every input, and outputs if there are any. Columns are converted to the units of the
+    /// text.
     ///
     /// # Errors
     /// Every fault, with its line.
@@ -64,7 +66,7 @@ impl Signals {
         Self::read_as(&|wanted| Table::read(source, wanted), file, machine)
     }
 
-    /// The same of columns in memory, in the units of the text.
+    /// The same for columns in memory, in the units of the text.
     ///
     /// # Errors
     /// Every fault.
@@ -104,7 +106,7 @@ impl Signals {
             })
         };
         let time = take("time", "s");
-        // An input that a record may leave out is 0 then.
+        // An optional input that the record does not have is 0.
         let values: Vec<Vec<f64>> =
             inputs.iter().map(|(name, unit)| if has(name) { take(name, unit) } else { vec![0.0; time.len()] }).collect();
         let measured = outputs.iter().map(|(name, unit)| has(name).then(|| take(name, unit))).collect();
@@ -112,13 +114,15 @@ impl Signals {
         faults.finish(Some(Signals { file: table.file.clone(), time, period, inputs: values, measured }))
     }
 
-    /// What is known of the start: what `[initial]` gives beside outputs; then, for each output that follows from states, the surest first, what `[initial]` gives, or its first reading.
+    /// The known values of the start. First: the values of `[initial]`, except those of outputs that determine the start. Second: for each output
+    /// that determines the start, the most direct first, its value in `[initial]`, or else its first reading, unless `[initial]` gives the variable
+    /// itself.
     #[must_use]
     pub fn start(&self, file: &EquationFile, machine: &Machine) -> (Vec<Given>, Vec<Given>) {
         self.start_from(&file.initial, machine)
     }
 
-    /// The same with other values under `[initial]`.
+    /// The same with other values of `[initial]`.
     #[must_use]
     pub fn start_from(&self, initial: &[Given], machine: &Machine) -> (Vec<Given>, Vec<Given>) {
         let outputs = machine.outputs();
@@ -138,10 +142,10 @@ impl Signals {
         (given, recorded)
     }
 
-    /// Runs a plant along the record. By output, in the order of the text: its value at every row.
+    /// Runs a plant along the record. Returns for each output, in the order of the text, its value at every row.
     ///
     /// # Errors
-    /// A start that cannot be; why the run ended.
+    /// A start that is not possible; the reason why the run ended early.
     ///
     /// ```
     /// use rsm_core::source::{Faults, Source};
@@ -169,7 +173,7 @@ impl Signals {
     }
 }
 
-/// The values of a signal in the unit of the text. A text without a unit takes the numbers as they are.
+/// The values of a signal in the unit of the text. If the text gives no unit, the numbers are used without conversion.
 fn values(table: &Table, file: &EquationFile, signal: &str, unit: &str) -> Result<Vec<f64>, Fault> {
     let (name, stated) = file.column(signal);
     let column =

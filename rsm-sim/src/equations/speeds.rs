@@ -1,7 +1,8 @@
-//! Programs of speeds: how fast the results of the programs of a walk move when what goes into them does.
+//! Programs of derivatives ("speeds"): how the results of the programs of a walk change with their arguments.
 //!
-//! In: tapes with the slots of their arguments and results, which slots move. Out: [`Carried`]: an array of its own with values and speeds, four directions in a register, and the code over it. What no direction changes is
-//! computed once for all. Never knows a step or an event.
+//! In: tapes with the slots of their arguments and results, and the slots that have derivatives. Out: [`Carried`]: an array with values and
+//! derivatives, four directions in a register, and the code for it. Values that do not depend on the direction are computed once for all. This file
+//! handles no steps and no events.
 
 use std::cell::Cell;
 use std::collections::{HashMap, HashSet};
@@ -13,19 +14,20 @@ use rsm_core::tape::{Op, Reg, TapeBuilder};
 use super::programs::{Placed, Programs};
 use crate::code::{Code, Slot, WIDE, Way};
 
-/// How fast a run's start and parameters move in one direction.
+/// The derivatives of a run's start and parameters in one direction.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Moving {
-    /// The parameter that moves, by place.
+    /// The parameter of the direction, by its index.
     pub parameter: Option<usize>,
     pub states: Vec<f64>,
     pub memories: Vec<f64>,
 }
 
-/// Where values and their speeds stand in an array of their own: group 0 holds values, group k + 1 the speeds of four directions, the last one the speeds by the time.
+/// The places of values and their derivatives in an array: group 0 contains values, group k + 1 the derivatives in four directions, the last group
+/// the derivatives with respect to time.
 #[derive(Debug, Default)]
 pub(super) struct Mirror {
-    /// By group, by slot of the walk.
+    /// For each group, for each slot of the walk.
     pub places: Vec<Vec<Slot>>,
     pub next: Slot,
 }
@@ -56,20 +58,20 @@ impl Mirror {
     }
 }
 
-/// The speeds of a program's results.
+/// The derivatives of a program's results.
 #[derive(Debug)]
 pub(super) struct Speeds {
-    /// Values that it reads: where they stand in the walk, and here.
+    /// Values that it reads: their places in the walk, and in the mirror.
     pub read: Vec<(usize, usize)>,
-    /// What no direction changes.
+    /// The part that does not depend on the direction.
     pub shared: Option<Code>,
-    /// Values of these do not change in a run: read once, in the run of this number.
+    /// Values that are constant during a run. They are copied once, in the run with this number.
     fixed: Vec<(usize, usize)>,
     run: Cell<u64>,
     pub groups: Vec<Code>,
 }
 
-/// Values and speeds, where the mirror places them.
+/// Values and derivatives, at the places of the mirror.
 #[derive(Debug, Default)]
 pub(super) struct Store {
     pub slots: Vec<[f64; WIDE]>,
@@ -79,7 +81,7 @@ pub(super) struct Store {
 }
 
 impl Store {
-    /// A new run: nothing moves yet, and there is room for so many places.
+    /// Starts a new run: all derivatives are 0, and there is memory for this number of places.
     pub(super) fn begin(&mut self, places: Slot) {
         self.run += 1;
         self.slots.fill([0.0; WIDE]);
@@ -92,7 +94,7 @@ impl Store {
 }
 
 impl Speeds {
-    /// Computes the speeds of a program's results from the values that stand in a walk.
+    /// Computes the derivatives of a program's results from the values in a walk.
     pub(super) fn run<const L: usize>(&self, store: &mut Store, values: &[[f64; L]]) {
         if self.run.replace(store.run) != store.run {
             for (from, to) in &self.fixed {
@@ -108,32 +110,32 @@ impl Speeds {
     }
 }
 
-/// The programs of speeds. `None`: nothing that moves goes into it.
+/// The programs of derivatives. `None`: the program has no argument with a derivative.
 #[derive(Debug)]
 pub(super) struct Carried {
     pub way: Way,
-    /// Groups of directions, without that of the time.
+    /// The number of groups of directions, without the group of the time.
     pub groups: usize,
     pub mirror: Mirror,
     pub store: Store,
-    /// Slots of the walk that move.
+    /// Slots of the walk that have derivatives.
     pub moving: HashSet<Slot>,
     pub once: Vec<Option<Speeds>>,
     pub row: Vec<Option<Speeds>>,
     pub parts: Vec<Option<Speeds>>,
-    /// By part: all orders up to its last, for the end of a whole step.
+    /// For each part: all orders up to its last one, for the end of a whole step.
     pub whole: Vec<Option<Option<Speeds>>>,
-    /// Slots of the walk that do not change in a run.
+    /// Slots of the walk that are constant during a run.
     fixed: HashSet<Slot>,
     pub looks: Option<Speeds>,
     pub sides: Option<Speeds>,
     pub events: Option<Speeds>,
-    /// By group: how fast the instant of the event moves that is under way.
+    /// For each group: the derivative of the instant of the current event.
     pub instant: Option<Vec<[f64; WIDE]>>,
 }
 
 impl Carried {
-    /// The programs of speeds of a walk's programs along some directions; those of the series follow when they are asked for.
+    /// The programs of derivatives of a walk's programs in some directions. Those of the series are compiled at their first use.
     pub(super) fn new(programs: &Programs, directions: &[Moving], way: Way) -> Box<Carried> {
         let (layout, counts) = (programs.layout, programs.counts);
 
@@ -160,7 +162,7 @@ impl Carried {
             events: None,
             instant: None,
         });
-        // Where the speeds of states, memories and the time stand, whether a program reads them or not.
+        // Places for the derivatives of states, memories and the time, whether a program reads them or not.
         for group_of in 1..=it.groups + 1 {
             let all = group(layout.states, counts.states).chain(group(layout.memories, counts.memories));
             for slot in all.chain([layout.time]) {
@@ -176,7 +178,7 @@ impl Carried {
             it.row.push(found);
         }
         it.looks = programs.looks.as_ref().and_then(|program| it.speeds(&program.placed, false));
-        // An event moves in time: what happens at it is also asked how fast it moves with the time.
+        // The instant of an event changes with the parameters, so the events also need derivatives with respect to time.
         it.moving.insert(layout.time);
         it.sides = programs.sides.as_ref().and_then(|program| it.speeds(&program.placed, true));
         it.events = programs.events.as_ref().and_then(|program| it.speeds(&program.placed, false));
@@ -184,7 +186,7 @@ impl Carried {
         it
     }
 
-    /// Writes the speeds of a program, and marks which of its results move.
+    /// Compiles the derivatives of a program, and marks which of its results have derivatives.
     pub(super) fn speeds(&mut self, placed: &Placed, by_time: bool) -> Option<Speeds> {
         let ports: Vec<usize> =
             (0..placed.arguments.len()).filter(|port| self.moving.contains(&placed.arguments[*port])).collect();
@@ -232,17 +234,17 @@ impl Carried {
         Some(Speeds { read, fixed, run: Cell::new(0), shared, groups })
     }
 
-    /// Where the speed of a slot of the walk stands; `None`: it stands still.
+    /// The place of the derivative of a slot of the walk; `None` if the derivative is 0.
     pub(super) fn speed(&self, group: usize, slot: Slot) -> Option<usize> {
         self.mirror.known(group + 1, slot)
     }
 
-    /// The speeds of a slot of the walk in the directions of a group.
+    /// The derivatives of a slot of the walk in the directions of a group.
     pub(super) fn speeds_of(&self, group: usize, slot: Slot) -> [f64; WIDE] {
         self.speed(group, slot).map_or([0.0; WIDE], |place| self.store.slots[place])
     }
 
-    /// The speeds of a program that is met for the first time in the middle of a run, with room for them.
+    /// The derivatives of a program that is first needed during a run, with memory for them.
     pub(super) fn written(&mut self, placed: &Placed) -> Option<Speeds> {
         let found = self.speeds(placed, false);
         self.store.grow(self.mirror.next);
@@ -250,7 +252,7 @@ impl Carried {
     }
 }
 
-/// Parts of a series as one program of the states behind a whole step.
+/// Combines parts of a series to one program for the states at the end of a whole step.
 pub(super) fn composed(parts: &[&Placed], end: Slot, states: usize) -> Placed {
     let mut builder = TapeBuilder::sharing(rsm_core::number::Precision::F64);
     let mut found: HashMap<Slot, Reg> = HashMap::new();

@@ -1,6 +1,6 @@
-//! Where a plant starts, as a program: compiled once for the names of what is known, computed for any parameters and readings.
+//! The start of a plant as a program: compiled once for the names of the known variables, evaluated for any parameters and readings.
 //!
-//! In: a machine, names of what is given and of what is recorded. Out: [`Starts`], which gives a [`Point`]. Never moves time on.
+//! In: a machine, the names of given and of recorded variables. Out: [`Starts`], which computes a [`Point`]. It never advances the time.
 
 use rsm_core::source::{Fault, Faults};
 use rsm_model::expression::{Id, Symbol};
@@ -10,40 +10,42 @@ use super::computed::Computed;
 use super::file::EquationFile;
 use super::machine::{Machine, Point, TURNS, stand_still};
 
-/// A start that does not come to the same bits is accepted after so many turns that change no more than rounding: Newton's method can go to and fro between
-/// two neighbours for ever. It comes to the same bits one turn after its digits stand, where it does.
+/// A start whose bits continue to change is accepted after this number of iterations with changes no larger than rounding, because Newton's method
+/// can alternate between two neighbouring numbers for ever. If the bits become constant, they do so one iteration after the digits are final.
 const QUIET_TURNS: usize = 3;
 
-/// Whether two points of one instant differ by rounding only.
+/// Whether two points of one instant differ only by rounding.
 fn is_near(old: &Point, new: &Point) -> bool {
     let pairs = [(&old.states, &new.states), (&old.memories, &new.memories), (&old.guesses, &new.guesses)];
     old.held == new.held && pairs.iter().all(|(old, new)| stand_still(old, new))
 }
 
-/// The start of a machine from what is known of it.
+/// The start of a machine, computed from known values.
 #[derive(Debug, Clone)]
 pub struct Starts {
     file: String,
-    /// From parameters: the starts of memories where the text gives them, of iterated blocks, of what is iterated at the start.
+    /// From parameters: start values of memories for which the text gives one, of iterated blocks, and of the unknowns that are iterated at the
+    /// start.
     pub(super) first: Computed,
-    /// By value of `first`: the memory that it is the start of.
+    /// For each memory value in `first`: the index of the memory.
     pub(super) memories: Vec<usize>,
     blocks: usize,
-    /// From what is known: solutions of what is iterated, then states and memories.
+    /// From known values: solutions of the iterated unknowns, then states and memories.
     pub(super) program: Computed,
     /// Memories whose value before the start is an argument.
     pub(super) before: Vec<usize>,
     pub(super) iterated: usize,
-    /// By further result: the state, or else the memory.
+    /// For each further result: the index of the state, or else of the memory.
     pub(super) places: Vec<(Option<usize>, Option<usize>)>,
     known: usize,
 }
 
 impl Machine {
-    /// The program of the start when variables of these names are known: `given` ones all count, `recorded` ones in their order, as long as something is open.
+    /// The program of the start if variables with these names are known. All `given` variables are used; `recorded` variables are used in their
+    /// order, as long as a variable is undetermined.
     ///
     /// # Errors
-    /// What is demanded of the start is too much, contradicts itself, or leaves something open.
+    /// The start conditions are too many, contradict each other, or leave a variable undetermined.
     pub fn starts(&mut self, file: &EquationFile, given: &[String], recorded: &[String]) -> Result<Starts, Faults> {
         let find = |list: &[String]| -> Vec<Option<Symbol>> { list.iter().map(|it| self.system().find(it)).collect() };
         let all = [find(given), find(recorded)].concat();
@@ -91,13 +93,14 @@ impl Machine {
 }
 
 impl Starts {
-    /// The point at which a machine with its parameters starts. `inputs` are those of the first row, `values` those of what is given and then of what is recorded, in the order of the names.
+    /// The point at which a machine with its parameters starts. `inputs` are the inputs of the first row. `values` are the values of the given and
+    /// then of the recorded variables, in the order of their names.
     ///
     /// # Errors
-    /// The equations of the start do not settle.
+    /// The iteration of the start does not converge.
     ///
     /// # Panics
-    /// When there are other numbers of values or inputs than names and inputs.
+    /// If the number of values or of inputs differs from the number of names or inputs.
     pub fn at(&self, machine: &Machine, time: f64, inputs: &[f64], values: &[f64]) -> Result<Point, Faults> {
         self.solved(machine, time, inputs, values).map(|it| it.0)
     }
@@ -115,7 +118,7 @@ impl Starts {
         arguments
     }
 
-    /// The same with the solutions of what is iterated.
+    /// The same as [`Starts::at`], with the solutions of the iterated unknowns.
     pub(super) fn solved(
         &self,
         machine: &Machine,
@@ -140,7 +143,7 @@ impl Starts {
         };
         self.memories.iter().zip(begins).for_each(|(k, value)| point.memories[*k] = *value);
         let mut guesses = guesses.to_vec();
-        // Starts depend on comparisons and these on starts: a few turns settle both, or nothing does.
+        // The start depends on comparisons and these depend on the start: a few iterations determine both, or the start is not found.
         let mut quiet = 0;
         for _ in 0..TURNS {
             let last = point.clone();

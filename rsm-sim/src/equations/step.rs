@@ -1,19 +1,19 @@
-//! A step of constant length as one tape: what `--fixed-step` runs, and what `rsm emit` prints of a plant of equations.
+//! A step of constant length as one tape: `--fixed-step` runs it, and `rsm emit` prints it for a plant of equations.
 //!
-//! In: a machine, the length H. Out: [`Step`], a tape whose arguments are the inputs, whose results are the outputs, and whose states are
-//! everything that the plant keeps from step to step. There is no loop and no branch in it.
+//! In: a machine, the step length H. Out: [`Step`], a tape. Its arguments are the inputs, its results are the outputs, and its states are all values
+//! that the plant keeps from step to step. It has no loop and no branch.
 //!
-//! Step k, from 0, does this, in this order:
+//! Step k, from 0, does the following, in this order:
 //!
-//! 1. The time is start + k H. Inputs are taken, and hold for the step.
-//! 2. What is due happens, in two rounds: `when` clauses whose condition has become true, and instants of `sample` since the step before.
-//!    What only a third round would see happens in the next step.
-//! 3. The outputs are those of this instant.
-//! 4. The classical method of Runge and Kutta goes on to start + (k + 1) H (W. Kutta, 1901). A comparison counts as it is at each of its four
-//!    points. Only one that decides about its own sides (an ideal diode) holds what it was in step 2.
+//! 1. The time is start + k H. The inputs are read, and are constant during the step.
+//! 2. The events that are due are executed in two rounds: `when` clauses whose condition has become true, and instants of `sample` since the
+//!    previous step. An event that only a third round would detect is executed in the next step.
+//! 3. The outputs of this instant are computed.
+//! 4. The classical method of Runge and Kutta integrates to start + (k + 1) H (W. Kutta, 1901). Comparisons are evaluated at each of its four
+//!    points. Only a comparison that affects its own sides (an ideal diode) keeps its value from step 2.
 //!
-//! A nonlinear block is iterated a fixed number of times at each point, from its solution at the point before. Where an input is NaN or infinite
-//! the clock goes on and the rest of the state stays.
+//! A nonlinear block is iterated a fixed number of times at each point, from its solution at the previous point. If an input is NaN or infinite, the
+//! clock and the counts of samples continue, and all other states keep their values.
 
 use rsm_core::number::{Precision, Rational, exact, integer};
 use rsm_core::tape::{Note, Op, Reg, Tape, TapeBuilder};
@@ -23,25 +23,25 @@ use rsm_model::system::System;
 use super::machine::{Machine, Point, arguments};
 use super::sampling::{self, SAME};
 
-/// How often what happens at an instant is looked at.
+/// The number of rounds of events at one instant.
 const ROUNDS: usize = 2;
 
-/// What a state of the tape is.
+/// The meaning of a state of the tape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kept {
-    /// A state of the equations, by its place.
+    /// A state of the equations, by its index.
     State(usize),
-    /// A number that is kept from event to event.
+    /// A memory, which changes only at events.
     Memory(usize),
     /// The last solution of a nonlinear block.
     Solution(usize),
-    /// How a comparison went that decides about its own sides: 1 or 0.
+    /// The value of a comparison that affects its own sides: 1 or 0.
     Held(usize),
-    /// Whether a condition of a `when` was true: the clause, then the condition.
+    /// Whether a condition of a `when` was true: the index of the clause, then of the condition.
     Condition(usize, usize),
-    /// How many instants of a `sample` are past.
+    /// The number of past instants of a `sample`.
     Samples(usize),
-    /// How many steps were taken.
+    /// The number of steps so far.
     Steps,
     /// The time of the first step in s.
     Start,
@@ -50,11 +50,11 @@ pub enum Kept {
 /// A step of constant length.
 #[derive(Debug, Clone)]
 pub struct Step {
-    /// Its tape. Arguments are the inputs, results the outputs; a plant without outputs has one result that is 0.
+    /// The tape. Its arguments are the inputs, its results the outputs. A plant without outputs has one result with the value 0.
     pub tape: Tape,
-    /// What each state of the tape is, in order.
+    /// The meaning of each state of the tape, in order.
     pub kept: Vec<Kept>,
-    /// Its length in s.
+    /// The step length in s.
     pub length: f64,
 }
 
@@ -62,7 +62,7 @@ impl Step {
     /// The step of a machine.
     ///
     /// # Errors
-    /// A sentence: the length is no positive number, two instants of a `sample` may fall into one step, or an effect delays a signal.
+    /// A sentence: the length is not a positive number, two instants of a `sample` could be in one step, or an effect delays a signal.
     pub fn new(machine: &Machine, length: f64) -> Result<Step, String> {
         if !(length > 0.0 && length.is_finite()) {
             return Err(format!("found a step of {length} s, expected a positive length"));
@@ -70,7 +70,7 @@ impl Step {
         if !machine.followers().is_empty() || !machine.late_readings().is_empty() {
             return Err("an effect delays a signal, and fixed steps know no delays".to_string());
         }
-        // A period that is the step but for the rounding of decimals is the step.
+        // A period that differs from the step only by the rounding of decimals is equal to the step.
         if let Some((_, period)) = machine.samples().iter().find(|(_, period)| *period < length * (1.0 - 1e-9)) {
             return Err(format!("a step of {length} s is longer than a `sample` of the text, every {period} s"));
         }
@@ -105,7 +105,7 @@ struct At {
     guesses: Vec<Reg>,
 }
 
-/// Programs of a machine, each with what it needs alone.
+/// Programs of a machine, one for each group of results.
 struct Writer<'m> {
     machine: &'m Machine,
     length: f64,
@@ -116,11 +116,11 @@ struct Writer<'m> {
     outputs: Option<Tape>,
     solutions: Option<Tape>,
     events: Option<Tape>,
-    /// Both sides of each comparison.
+    /// The two sides of each comparison.
     switches: Vec<Tape>,
-    /// Comparisons in an order in which each one needs only those before it and circular ones.
+    /// Comparisons in an order in which each one depends only on those before it and on circular ones.
     direct: Vec<usize>,
-    /// Comparisons that decide about their own sides.
+    /// Circular comparisons: they affect their own sides.
     circular: Vec<usize>,
 }
 
@@ -222,7 +222,7 @@ impl<'m> Writer<'m> {
         Step { tape, kept, length: self.length }
     }
 
-    /// What the plant keeps. A clock only where something reads it.
+    /// The values that the plant keeps. The clock is included only if something uses the time.
     fn kept(&self) -> Vec<Kept> {
         let system = self.machine.system();
         let mut kept: Vec<Kept> = (0..system.states().len()).map(Kept::State).collect();
@@ -245,7 +245,7 @@ impl<'m> Writer<'m> {
         kept
     }
 
-    /// The time of a point, some share of a step on.
+    /// The time of a point that is a share of a step after its start.
     fn time(&mut self, clock: Option<(Reg, Reg)>, share: Rational) -> Reg {
         let Some((steps, start)) = clock else { return self.constant(0.0) };
         let count = if share == integer(0) {
@@ -259,7 +259,7 @@ impl<'m> Writer<'m> {
         self.tape.add(start, passed)
     }
 
-    /// Of each `sample` whether an instant is due: 1 or 0.
+    /// For each `sample`, whether an instant is due: 1 or 0.
     fn due(&mut self, now: Reg, past: &[Reg]) -> Vec<Reg> {
         let (one, zero, same) = (self.constant(1.0), self.constant(0.0), self.constant(SAME));
         let samples = self.machine.samples().to_vec();
@@ -278,7 +278,7 @@ impl<'m> Writer<'m> {
             .collect()
     }
 
-    /// The results of a program. `further` are the arguments that only events have.
+    /// The results of a program. `further` are the additional arguments of events.
     fn evaluate(&mut self, program: &Option<Tape>, at: &At, further: &[Reg]) -> Vec<Reg> {
         let Some(program) = program else { return Vec::new() };
         let has_time = self.machine.system().find("time").is_some();
@@ -290,14 +290,14 @@ impl<'m> Writer<'m> {
         self.tape.inline(program, &list)
     }
 
-    /// How comparisons go at a point; those that decide about their own sides are left.
+    /// Evaluates the comparisons at a point, except the circular ones.
     fn compare(&mut self, at: &mut At) {
         for k in self.direct.clone() {
             at.held[k] = self.truth(k, at);
         }
     }
 
-    /// Takes comparisons that decide about their own sides as they go now, all at once, and what depends on them.
+    /// Updates all circular comparisons together with their current values, then the comparisons that depend on them.
     fn turn(&mut self, at: &mut At) {
         let circular = self.circular.clone();
         let new: Vec<Reg> = circular.iter().map(|k| self.truth(*k, at)).collect();
@@ -313,7 +313,7 @@ impl<'m> Writer<'m> {
         self.tape.select_less(sides[0], sides[1], one, zero)
     }
 
-    /// One round of what happens at an instant.
+    /// One round of events at an instant.
     fn happen(&mut self, at: &mut At, before: &mut [Reg], due: &[Reg]) {
         if self.events.is_none() {
             return;
@@ -329,7 +329,7 @@ impl<'m> Writer<'m> {
         for event in &events {
             let mut any = zero;
             for k in place..place + event.conditions.len() {
-                // It is true, and was not.
+                // The condition is true and was false before.
                 let fresh = self.tape.select_less(half, before[k], zero, one);
                 let rises = self.tape.select_less(half, conditions[k], fresh, zero);
                 any = self.tape.select_less(half, rises, one, any);
@@ -353,7 +353,7 @@ impl<'m> Writer<'m> {
         at.guesses = self.evaluate(&self.solutions.clone(), at, &[]);
     }
 
-    /// The states a step on, and the last solutions of nonlinear blocks.
+    /// The states after a step, and the last solutions of nonlinear blocks.
     fn runge_kutta(&mut self, at: &At, clock: Option<(Reg, Reg)>) -> (Vec<Reg>, Vec<Reg>) {
         let length = exact(self.length);
         let (whole, sixth) = (self.tape.constant(length.clone()), self.tape.constant(length.clone() / integer(6)));
@@ -392,11 +392,11 @@ impl<'m> Writer<'m> {
         (states, point.guesses)
     }
 
-    /// New values, or old ones where an input is NaN or infinite.
+    /// The new values, or the old ones if an input is NaN or infinite.
     fn kept_on_bad_inputs(&mut self, new: &[Reg], old: &[Reg]) -> Vec<Reg> {
         let mut sum: Option<Reg> = None;
         for input in self.inputs.clone() {
-            // 0 of a number, NaN of anything else.
+            // 0 if the input is finite, otherwise NaN.
             let nothing = self.tape.subtract(input, input);
             sum = Some(sum.map_or(nothing, |sum| self.tape.add(sum, nothing)));
         }
@@ -406,14 +406,15 @@ impl<'m> Writer<'m> {
     }
 }
 
-/// Results of the program of events behind the memories: of each branch the values that it restarts from, and its conditions.
+/// Splits the results of the event program after the memories: for each branch, the new values of the states that it restarts, and its conditions.
 fn split(found: &[Reg], memories: usize, events: &[rsm_model::system::Event]) -> Vec<(Vec<Reg>, Vec<Reg>)> {
     let mut rest = found[memories..].iter().copied();
     let mut take = |count: usize| -> Vec<Reg> { rest.by_ref().take(count).collect() };
     events.iter().map(|it| (take(it.restarted.len()), take(it.conditions.len()))).collect()
 }
 
-/// Comparisons in an order in which each needs only those before it, and those that have no such order. `first` is the argument of the first one.
+/// Comparisons in an order in which each one depends only on those before it, and the circular ones, which have no such order. `first` is the
+/// argument of the first comparison.
 fn ordered(switches: &[Tape], first: usize) -> (Vec<usize>, Vec<usize>) {
     let needs: Vec<Vec<usize>> = switches
         .iter()
@@ -422,7 +423,7 @@ fn ordered(switches: &[Tape], first: usize) -> (Vec<usize>, Vec<usize>) {
             ports.filter(|port| (first..first + switches.len()).contains(port)).map(|port| port - first).collect()
         })
         .collect();
-    // Everything that a comparison needs, also through others.
+    // Everything that a comparison depends on, directly or through others.
     let reached = |from: usize| {
         let mut seen = vec![false; switches.len()];
         let mut open = needs[from].clone();

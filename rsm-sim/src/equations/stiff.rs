@@ -1,40 +1,44 @@
-//! Steps in which what is linear is solved exactly.
+//! Steps in which the linear part is solved exactly.
 //!
-//! In: a walk at an instant, the time to the next row. Out: the states behind a step whose error is allowed. Steps are the time to the row, its half, its quarter and so on, so the matrices of a linear part serve row after row. A linear part
-//! is taken when a row begins that none fits, and again where the error of a step is too large, or is expected to be ([`super::kept::Kept::is_worn`]), and the linear part was taken elsewhere: all depend on the lane alone.
+//! In: a walk at an instant, the time to the next row. Out: the states after a step whose error is permitted. Step lengths are the time to the row,
+//! its half, its quarter and so on, so the matrices of a linear part can be used for many rows. A linear part is computed if none fits at the
+//! beginning of a row. It is computed again if the error of a step is too large, or is expected to be ([`super::kept::Kept::is_worn`]), and the
+//! current linear part belongs to an earlier point. All these decisions depend on the lane alone.
 
 use super::kept::{Anchor, Loaded, SAME, Segment};
 use super::part::MOST_STATES;
 use super::rows::Stopped;
 use super::walk::Walk;
 
-/// A step whose error is so small a share of what is allowed may be twice as long: an error of order 4 grows by 16 then.
+/// If the error of a step is below this share of the permitted error, the next step may be twice as long: an error of order 4 becomes 16 times as
+/// large.
 const SMALL: f64 = 1.0 / 32.0;
 
-/// Halvings at most.
+/// The largest number of halvings.
 const MOST_LEVELS: usize = 40;
 
-/// What it costs to take a linear part, or a step of the series, in steps by matrices at hand. Measured on the driveline: 1.6 and 1 to 2 us to 0.1 us.
+/// The cost of a new linear part, or of a step of the series, in units of a step with existing matrices. Measured on the driveline: 1.6 us for a
+/// linear part and 1 to 2 us for a step of the series, compared with 0.1 us.
 pub(super) const TAKEN: u64 = 8;
 
-/// More than what is allowed, where rounding leaves 1 of the quotient.
+/// A ratio just above 1, for an error above the limit whose ratio rounds to 1.
 const ABOVE: f64 = 1.0 + f64::EPSILON;
 
-/// Shares of a step at which comparisons of every lane are looked at.
+/// The number of equal shares of a step at which the comparisons of every lane are evaluated.
 const GRID: f64 = 8.0;
 
-/// How a step went.
+/// The result of an attempted step.
 pub(super) enum Attempt {
-    /// Its length, its level, what it suggests.
+    /// The length of the step, its level, and the suggested length of the next step.
     Taken(f64, usize, f64),
-    /// It was too long, or the linear part too old: another try.
+    /// The step was too long, or the linear part was out of date: try again.
     Again,
-    /// There is no linear part here.
+    /// No linear part exists here.
     None,
 }
 
 impl<const L: usize> Walk<'_, L> {
-    /// Whether the matrices of a whole row of this length stand in the slots of a lane, or can be put there.
+    /// Whether the matrices for a whole row of this length are in the slots of a lane, or can be copied there.
     pub(super) fn select(&mut self, lane: usize, length: f64) -> bool {
         let (held, count) = (self.layout().held as usize, self.programs.counts.held);
         let tolerance = self.setting.tolerance;
@@ -51,7 +55,7 @@ impl<const L: usize> Walk<'_, L> {
         self.load(lane, place, 0)
     }
 
-    /// Puts the matrices of a part into the slots of a lane. `false` where a step of this level has none.
+    /// Copies the matrices of a part into the slots of a lane. Returns `false` if there are none for a step of this level.
     fn load(&mut self, lane: usize, place: usize, level: usize) -> bool {
         let part = &mut self.kept[lane].parts[place];
         let wanted = Loaded { version: part.version, level, whole: part.length };
@@ -66,21 +70,22 @@ impl<const L: usize> Walk<'_, L> {
         true
     }
 
-    /// Keeps the matrices in the slots of a lane only where they are those of its current part: another walk may have changed it.
+    /// Keeps the matrices in the slots of a lane only if they belong to its current part: another walk may have changed it.
     pub(super) fn keep_loaded(&mut self, lane: usize) {
         let kept = &self.kept[lane];
         let version = kept.current.map(|place| kept.parts[place].version);
         self.loaded[lane] = self.loaded[lane].filter(|it| Some(it.version) == version);
     }
 
-    /// One step of all lanes by the matrices that stand in their slots; its length stands in its slot.
+    /// One step of all lanes with the matrices in their slots. The slot of the step length must be set.
     pub(super) fn exponential_step(&mut self) -> bool {
         let Some(code) = self.programs.exponential() else { return false };
         code.run(&mut self.slots, &mut self.spare);
         true
     }
 
-    /// The error of the last step of a lane as a multiple of what is allowed, the worst state's. `longer`: how many such steps make the way to the row.
+    /// The error of the last step of a lane as a multiple of the permitted one, for the worst state. `longer`: the time to the row divided by the
+    /// step length.
     pub(super) fn excess(&self, lane: usize, longer: f64) -> f64 {
         let block = self.programs.block;
         let (states, ends, errors) = (self.layout().states as usize, block.end(), block.error());
@@ -89,7 +94,7 @@ impl<const L: usize> Walk<'_, L> {
             let (begin, end, error) = (self.slots[states + k][lane], self.slots[ends + k][lane], self.slots[errors + k][lane]);
             is_finite &= end.is_finite() && error.is_finite();
             let scale = self.largest[k][lane].max(begin.abs()).max(((end - begin) * longer).abs());
-            // A state that is 0, stays 0 and has an error of 0 is right.
+            // A state that is 0, stays 0 and has an error of 0 is correct.
             if error.abs() > self.setting.tolerance * scale {
                 worst = worst.max(error.abs() / (self.setting.tolerance * scale)).max(ABOVE);
             } else if error != 0.0 {
@@ -99,7 +104,7 @@ impl<const L: usize> Walk<'_, L> {
         if is_finite { worst } else { f64::INFINITY }
     }
 
-    /// Whether the error of the last step of each lane, a whole row, is allowed: [`Walk::excess`] is at most 1.
+    /// Whether the error of the last step, a whole row, is permitted in each lane: [`Walk::excess`] is at most 1.
     #[inline]
     pub(super) fn allowed(&self) -> [bool; L] {
         let block = self.programs.block;
@@ -117,7 +122,7 @@ impl<const L: usize> Walk<'_, L> {
         fits
     }
 
-    /// Puts a lane inside of its last step, of a level.
+    /// Moves a lane to a share of its last step, which had this level.
     pub(super) fn put_inside(&mut self, lane: usize, level: usize, share: f64, time: f64) {
         if share == 0.0 {
             self.anchors[lane] = Anchor::START;
@@ -131,7 +136,7 @@ impl<const L: usize> Walk<'_, L> {
         let mut anchor = if self.anchors[lane].share <= share { self.anchors[lane] } else { Anchor::START };
         part.within(level, (anchor.share, share), forcing, lane, &mut anchor.moved);
         anchor.share = share;
-        // What is remembered does not depend on where the comparisons of other lanes are looked at.
+        // The stored point must not depend on where the comparisons of other lanes are evaluated.
         if self.is_locating || (share * GRID).fract() == 0.0 {
             self.anchors[lane] = anchor;
         }
@@ -142,7 +147,8 @@ impl<const L: usize> Walk<'_, L> {
         self.slots[layout.time as usize][lane] = time;
     }
 
-    /// One whole row by the matrices at hand, for a plant in which nothing else can happen. `false` where a lane needs more, and all stand where they were.
+    /// One step over a whole row with existing matrices, for a plant without events in this row. Returns `false` if a lane needs more than that; then
+    /// all lanes keep their states.
     #[inline]
     pub(super) fn plain_exponential(&mut self, now: f64, end: f64) -> bool {
         let rest = end - now;
@@ -166,12 +172,12 @@ impl<const L: usize> Walk<'_, L> {
 }
 
 impl Walk<'_, 1> {
-    /// Whether this plant can be stepped so.
+    /// Whether the method can be used for this plant.
     pub(super) fn has_exponential(&self) -> bool {
         (1..=MOST_STATES).contains(&self.programs.counts.states)
     }
 
-    /// Takes the linear part where the walk stands, over a length; `false` where it is none.
+    /// Computes the linear part at the current point, over a length. Returns `false` if there is none.
     fn take(&mut self, length: f64, replaces: bool) -> bool {
         let n = self.programs.counts.states;
         let Some((code, range)) = self.programs.slopes() else { return false };
@@ -188,7 +194,7 @@ impl Walk<'_, 1> {
         part.length = length;
         let is_part = part.take(n, self.slots[range].iter().map(|it| it[0]));
         if !is_part {
-            // No number may be left of it.
+            // NaN marks the part as unusable.
             part.length = f64::NAN;
             kept.current = None;
         }
@@ -197,7 +203,7 @@ impl Walk<'_, 1> {
         is_part
     }
 
-    /// One step on the way to a row that is `rest` away.
+    /// One step towards a row that is `rest` away.
     pub(super) fn exponential(&mut self, rest: f64) -> Result<Attempt, Stopped> {
         let mut segment = self.segment.unwrap_or(Segment { length: rest, level: 0, index: 0 });
         let suggestion = 1.001 * self.suggestion[0];

@@ -1,15 +1,17 @@
-//! What the terms of a series are compared with.
+//! Limits for the last terms of a series.
 //!
-//! In: a tolerance. Out: by order, how large the last two terms may be. The same bits on every machine: no power of the library.
+//! In: a tolerance. Out: for each order, the limits of the last two terms. The bits are the same on every machine: no power function of the library
+//! is used.
 
-/// Orders at most, odd as the parts are. Where a block is solved by three steps of Newton's method from its last solution, the series is that of the solution up to order 2^3 - 1.
+/// The highest order; it is odd, because the orders of all parts are. If a block is solved by three iterations of Newton's method from its last
+/// solution, the series is that of the solution up to order 2^3 - 1.
 const MOST: usize = 25;
 const MOST_BY_NEWTON: usize = 7;
 
-/// What the terms are compared with.
+/// Limits for the last terms of a series.
 pub(super) struct Thresholds {
     tolerance: f64,
-    /// By order: of its term, of the one before.
+    /// For each order: the limits of its term and of the term before.
     list: Vec<(f64, f64)>,
     /// The highest order.
     most: usize,
@@ -25,16 +27,17 @@ impl Thresholds {
         self.most
     }
 
-    /// Of the last term of an order, and of the one before.
+    /// The limits of the last term of an order, and of the term before.
     #[inline]
     pub(super) fn of(&self, order: usize) -> (f64, f64) {
         self.list[order]
     }
 
-    /// `by_newton`: the rates hold blocks that are solved by Newton's method.
+    /// `by_newton`: the rates contain blocks that are solved by Newton's method.
     pub(super) fn new(tolerance: f64, by_newton: bool) -> Self {
         let list = (0..=MOST).map(|k| (power(tolerance, k, k + 1), power(tolerance, k.saturating_sub(1), k + 1))).collect();
-        // The least work a time is near the order 1 - log(tolerance)/2 (Jorba and Zou, section 3.1); here odd, as the parts are.
+        // The work per unit of time is smallest near the order 1 - log(tolerance)/2 (Jorba and Zou, section 3.1). Here the order is odd, because the
+        // orders of all parts are.
         let (mut best, mut left) = (7, tolerance);
         while left < 1e-4 && best + 2 <= MOST {
             left *= 55.0; // e^4: two orders more
@@ -44,7 +47,7 @@ impl Thresholds {
     }
 }
 
-/// A number to the power a/b, the same bits on every machine: by halving between 0 and 1, or by its inverse.
+/// A number to the power a/b, with the same bits on every machine: by bisection between 0 and the larger of 1 and the number.
 fn power(number: f64, a: usize, b: usize) -> f64 {
     let raised = |value: f64, times: usize| (0..times).fold(1.0, |product, _| product * value);
     let (mut low, mut high) = (0.0_f64, 1.0_f64.max(number));
@@ -59,7 +62,7 @@ fn power(number: f64, a: usize, b: usize) -> f64 {
     high
 }
 
-/// A root, to three digits: how long a step may be needs no more.
+/// A root, to three digits, which is sufficient for a step length.
 pub(super) fn root(number: f64, degree: usize) -> f64 {
     if !(number > 0.0 && number.is_finite()) {
         return 0.0;

@@ -1,7 +1,8 @@
-//! Lanes on their way along a record.
+//! Lanes in progress along a record. A lane is one run with its own parameters; a group of lanes is computed together in vector registers.
 //!
-//! In: the programs of a machine, and for each lane its parameters and its start. Out: states, row by row, of every lane. Lanes share nothing but the instants of the rows: each has its own steps, switches and events, and its
-//! bits are those that it has alone. All lanes try a row together, in one pass over the series; a lane that needs more than one step, or in which a comparison changes, goes on alone.
+//! In: the programs of a machine, and for each lane its parameters and its start. Out: the states of every lane, row by row. Lanes share only the
+//! instants of the rows: each has its own steps, switches and events, and its bits are the same as in a run alone. All lanes try a row together, in
+//! one evaluation of the series. A lane that needs more than one step, or in which a comparison changes, is continued alone.
 
 use super::branches::Events;
 use super::engine::{Method, Setting};
@@ -15,7 +16,7 @@ use super::speeds::Carried;
 use super::thresholds::Thresholds;
 use crate::code::Way;
 
-/// Turns of a nonlinear block until it stands still.
+/// The largest number of iterations of a nonlinear block.
 const TURNS: usize = 100;
 
 /// A group of lanes.
@@ -26,33 +27,33 @@ pub(super) struct Walk<'m, const L: usize> {
     pub spare: Vec<[f64; L]>,
     pub setting: Setting,
     pub thresholds: Thresholds,
-    /// By state: the largest value so far.
+    /// For each state, its largest magnitude so far.
     pub largest: Vec<[f64; L]>,
-    /// The states at the start of the step, and behind it.
+    /// The states at the start and at the end of the step.
     pub before: Vec<[f64; L]>,
     pub behind: Vec<[f64; L]>,
     pub events: Events<L>,
-    /// The step that the last one suggests.
+    /// The step length that the last step suggests.
     pub suggestion: [f64; L],
     pub is_stiff: [bool; L],
     pub linear: Option<Linear>,
-    /// By lane: its linear parts, the one whose matrices stand in its slots, a place inside of its last step.
+    /// For each lane: its linear parts, the part whose matrices are in its slots, and a point inside of its last step.
     pub kept: Vec<Kept>,
     pub loaded: [Option<Loaded>; L],
-    /// By comparison: how it is held where the matrices in the slots belong.
+    /// For each comparison: its held value in the linear part whose matrices are in the slots.
     pub patterns: Vec<[f64; L]>,
     pub anchors: Vec<Anchor>,
     pub segment: Option<Segment>,
     /// Whether an event is being located.
     pub is_locating: bool,
     pub row: usize,
-    /// Steps of the run so far. A lane has the same count alone and in company.
+    /// The number of steps of the run so far. A lane has the same number alone and in a group.
     pub taken: [u64; L],
-    /// Sensitivities, in a walk of one lane that carries them.
+    /// Sensitivities, in a walk of one lane that computes them.
     pub carried: Option<Box<Carried>>,
 }
 
-/// One lane's parameters, with what follows from them, and its start.
+/// The parameters of one lane, with the values that depend on them, and its start.
 #[derive(Debug, Clone)]
 pub struct Lane {
     pub(super) numbers: Numbers,
@@ -101,7 +102,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.programs.layout
     }
 
-    /// Before a run: lanes at their starts.
+    /// Before a run: sets the lanes to their starts.
     pub(super) fn begin(&mut self, lanes: [&Lane; L], setting: Setting, period: f64) {
         self.adopt(setting);
         let layout = self.layout();
@@ -135,7 +136,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.first_conditions();
     }
 
-    /// What depends on inputs, held comparisons and memories, after these have changed.
+    /// Recomputes the values that depend on inputs, held comparisons and memories, after these have changed.
     pub(super) fn refresh(&mut self) {
         for (code, _) in &self.programs.row {
             code.run(&mut self.slots, &mut self.spare);
@@ -147,7 +148,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.slots[self.programs.layout.time as usize][lane]
     }
 
-    /// Takes the states that a step has left in slots from here on, and the instant at its end, in all lanes.
+    /// Takes the states that a step has written to other slots, and the instant at the end of the step, in all lanes.
     pub(super) fn arrive(&mut self, from: usize, end: f64) {
         let layout = self.layout();
         let to = layout.states as usize;
@@ -163,7 +164,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.taken.iter_mut().for_each(|it| *it += 1);
     }
 
-    /// Where a lane stands.
+    /// The current point of a lane.
     pub(super) fn point(&self, lane: usize) -> Point {
         let (layout, counts) = (self.layout(), self.programs.counts);
         let list = |begin: u32, count: usize| self.slots[begin as usize..][..count].iter().map(|it| it[lane]).collect();
@@ -185,21 +186,21 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.refresh();
     }
 
-    /// Gives all lanes another value of an input.
+    /// Sets an input to a new value in all lanes.
     pub(super) fn set_input(&mut self, input: usize, value: f64) {
         let begin = self.layout().inputs as usize;
         self.slots[begin + input] = [value; L];
         self.refresh();
     }
 
-    /// The slots of the outputs, computed here and now.
+    /// Computes the outputs at the current point, and returns their slots.
     pub(super) fn look(&mut self) -> &[[f64; L]] {
         let Some(looks) = &self.programs.looks else { return &[] };
         looks.code.run(&mut self.slots, &mut self.spare);
         &self.slots[looks.results as usize..looks.results as usize + self.programs.counts.outputs]
     }
 
-    /// Takes the solutions of nonlinear blocks as the next guesses, until they stand still; `false` where one does not.
+    /// Uses the solutions of nonlinear blocks as the next guesses until they converge. Returns `false` if one does not converge.
     pub(super) fn settle(&mut self) -> bool {
         let count = self.programs.counts.guesses;
         if count == 0 {
@@ -224,7 +225,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         false
     }
 
-    /// The Jacobian of the first lane where it stands.
+    /// The Jacobian of the first lane at its current point.
     pub(super) fn linear(&mut self) -> Linear {
         let states = self.programs.counts.states;
         let Some((code, range)) = self.programs.slopes() else { return Linear::new(0, &[]) };
@@ -233,7 +234,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         Linear::new(states, &slopes)
     }
 
-    /// Takes another setting, where it goes on for a lane of a group.
+    /// Takes another setting, before it continues a lane of a group.
     pub(super) fn adopt(&mut self, setting: Setting) {
         if setting.tolerance != self.setting.tolerance {
             self.thresholds = Thresholds::new(setting.tolerance, self.programs.counts.guesses > 0);
@@ -241,7 +242,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.setting = setting;
     }
 
-    /// A place that is left over does what a lane does.
+    /// An unused place of a group repeats another lane.
     pub(super) fn follow(&mut self, place: usize, lane: usize) {
         let common = self.programs.common;
         let lists = [&mut self.slots[..common], &mut self.largest[..]];
@@ -257,7 +258,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         }
     }
 
-    /// Takes the place of a lane of a wider group.
+    /// Takes over a lane of a wider group.
     pub(super) fn copy_from<const M: usize>(&mut self, other: &mut Walk<'m, M>, lane: usize) {
         for (to, from) in self.slots.iter_mut().zip(&other.slots[..other.programs.common]) {
             *to = [from[lane]; L];
@@ -275,7 +276,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.row = other.row;
     }
 
-    /// Gives the first lane back to a wider group.
+    /// Returns the first lane to a wider group.
     pub(super) fn copy_to<const M: usize>(&mut self, other: &mut Walk<'m, M>, lane: usize) {
         let common = other.programs.common;
         for (from, to) in self.slots.iter().zip(&mut other.slots[..common]) {
@@ -292,7 +293,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         other.keep_loaded(lane);
     }
 
-    /// Whether a state of a lane is no longer finite: the row and its name.
+    /// Whether a state of a lane is no longer finite: the row and the name of the state.
     pub(super) fn not_finite(&self, lane: usize) -> Option<Stopped> {
         let begin = self.layout().states as usize;
         let place = (0..self.programs.counts.states).find(|k| !self.slots[begin + k][lane].is_finite())?;

@@ -1,6 +1,6 @@
-//! Reads a plant file and finds everything that is wrong with it.
+//! Reads a plant file and reports every fault in it.
 //!
-//! In: a [`Source`]. Out: a [`PlantFile`], or every fault with line, column and the accepted names. Never panics on any text.
+//! In: a [`Source`]. Out: a [`PlantFile`], or every fault with line, column and the accepted names. It never panics, for any text.
 
 use rsm_core::source::{Collector, Faults, Source};
 use rsm_core::toml_reader::{TableReader, Value, parse};
@@ -32,7 +32,7 @@ fn read(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<PlantFile> 
     if let Some(value) = top.required("format", faults) {
         top.whole("`format`", value, 1, 1, faults);
     }
-    // Without the kind no other name can be judged.
+    // Without the kind, no other name can be checked.
     let kind = required_choice(top, "plant", &PlantKind::NAMES, faults)?;
     let parameters = top.required("parameters", faults).and_then(|value| parameters(kind, top.source(), value, faults));
     let tolerated: Vec<&'static str> = schema::parameters(kind).iter().map(|nominal| nominal.name).collect();
@@ -43,7 +43,7 @@ fn read(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<PlantFile> 
     let initial = named(top, "initial", &starts, Bound::Any, faults);
     let effects = entries(kind, top, faults);
     let columns = renamed(kind, top, faults);
-    // Half a file is judged to its end, and refused.
+    // An incomplete file is checked to its end, and then refused.
     let parameters = parameters.unwrap_or(Parameters {
         kind,
         values: vec![None; schema::parameters(kind).len()],
@@ -53,7 +53,7 @@ fn read(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<PlantFile> 
     Some(PlantFile { kind, parameters, tolerance, noise, initial, given: Vec::new(), effects, columns })
 }
 
-/// A choice that must be there. Asked for once: the accepted names list a key once.
+/// A required choice. The key is read only once, because a list of accepted names must contain it only once.
 fn required_choice<T: Copy>(
     table: &mut TableReader<'_>,
     key: &'static str,
@@ -115,7 +115,7 @@ fn parameters(kind: PlantKind, source: &Source, value: Value<'_>, faults: &mut C
     Some(Parameters { kind, values, gear_ratios, velocity_from })
 }
 
-/// One gain alone closes no loop.
+/// One gain alone is not sufficient for a closed loop.
 fn gains_come_together(table: &TableReader<'_>, values: &[Option<f64>], kind: PlantKind, faults: &mut Collector) {
     let has = |name| schema::index(kind, name).is_some_and(|index| values[index].is_some());
     for (given, missing) in [("position_gain", "velocity_gain"), ("velocity_gain", "position_gain")] {
@@ -140,7 +140,7 @@ fn ratios(table: &TableReader<'_>, value: Value<'_>, ratios: &mut [f64; 5], faul
     }
 }
 
-/// An optional table of numbers under known names.
+/// An optional table of numbers with known names.
 fn named(
     top: &mut TableReader<'_>,
     key: &'static str,
@@ -231,7 +231,7 @@ fn arguments(
             complete &= argument.optional;
             continue;
         };
-        // A parameter in error keeps the sign that the physics fixes.
+        // A parameter with an error must keep the physical bound of the parameter.
         let bound = match (description.subject, subject) {
             (Subject::Parameter, Some(name)) => {
                 schema::named(kind).find(|nominal| nominal.name == name).map_or(argument.bound, |nominal| nominal.bound)

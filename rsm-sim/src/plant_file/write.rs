@@ -1,6 +1,6 @@
 //! Writes a plant file.
 //!
-//! In: a [`PlantFile`]. Out: text that reads back to the same bits: shortest decimals that do. Never writes a comment.
+//! In: a [`PlantFile`]. Out: text that is read back to the same bits: it uses the shortest decimals with this property. It contains no comments.
 
 use std::fmt::Write as _;
 
@@ -12,7 +12,7 @@ use crate::kind::{Described, PlantKind};
 use crate::schema;
 
 impl PlantFile {
-    /// The text of the file, effects filled in.
+    /// The text of the file, with all effects.
     #[must_use]
     pub fn write(&self) -> String {
         if let PlantKind::Equations(kind) = self.kind {
@@ -58,7 +58,8 @@ impl PlantFile {
     }
 }
 
-/// The text of a plant of equations: that of its file with the numbers, starts and effects of this one. Files that it names stand beside it, under their names without a folder.
+/// The text of a plant of equations: its file with the current parameters, start values and effects. The files that it names are expected in the same
+/// folder, so their names are written without a folder.
 fn of_equations(kind: &Described, file: &PlantFile) -> String {
     use toml::{Table, Value};
     let mut whole: Table = kind.text.parse().unwrap_or_default();
@@ -90,7 +91,7 @@ fn of_equations(kind: &Described, file: &PlantFile) -> String {
     whole.to_string()
 }
 
-/// Names of files without their folders.
+/// Removes the folders from names of files.
 fn beside(table: &mut toml::Table) {
     for (key, value) in table.iter_mut() {
         match value {
@@ -115,7 +116,7 @@ fn table(text: &mut String, name: &str, values: &[Named]) {
     }
 }
 
-/// A TOML text: quotes, backslashes and control characters escaped.
+/// A TOML string: quotes, backslashes and control characters are escaped.
 fn quoted(text: &str) -> String {
     let mut quoted = String::from("\"");
     for symbol in text.chars() {

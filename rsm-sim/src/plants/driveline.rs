@@ -1,7 +1,7 @@
 //! Engine, clutch, transmission, driveshaft, wheel and vehicle, (27), (28).
 //!
-//! In: throttle, in one gear. Out: engine speed, road speed, acceleration. Without a hook that says otherwise the wheel rolls without
-//! slip, and wheel and vehicle are one inertia J_w + m r^2.
+//! In: throttle, in one gear. Out: engine speed, road speed, acceleration. If no effect changes the contact, the wheel rolls without slip, and wheel
+//! and vehicle are one inertia J_w + m r^2.
 
 use super::{Plant, Rates};
 use crate::effect::{Contact, FirstInstant, Joint, Motion, Scale, Twist, Vehicle};
@@ -92,7 +92,7 @@ impl Plant for Driveline {
         let wheel = road_speed / self.radius;
         let shaft = self.final_ratio * (wheel + twist_rate);
         let engine = self.gear_ratio * shaft;
-        // A car that rolls steadily, and what it has beyond that. The shaft between is light: the clutch carries what the driveshaft does.
+        // A car in steady motion, plus the given offsets. The shaft between clutch and driveshaft is light, so both transmit the same torque.
         let steady = self.gear_ratio * (self.final_ratio * wheel);
         let ratio = self.gear_ratio * self.final_ratio;
         let clutch = self.commanded(inputs[0], steady) - self.engine_drag(steady) + self.driveshaft.0 * twist_offset / ratio;
@@ -166,14 +166,14 @@ impl Plant for Driveline {
     }
 
     fn rates(&self, hooks: &Hooks, x: &[f64], dx: &[f64], span: f64) -> Rates {
-        // A damper's own mode decays at once and is not seen: a quarter of its rate leaves a sub-step of one of its time constants,
-        // where fourth order is stable up to 2.78. What it leaves is measured by the test of half the step.
+        // The mode of a damper decays fast and is not visible in the outputs. A quarter of its rate permits a sub-step of one time constant of this
+        // mode; the fourth-order method is stable up to 2.78 time constants. The test with half the step measures the remaining error.
         let joint =
             |(stiffness, damping): (f64, f64), mobility: f64| (stiffness * mobility).sqrt().max(damping * mobility / 4.0);
         let clutch_mobility = 1.0 / self.engine_inertia + self.gear_ratio * self.gear_ratio / self.shaft_inertia;
         let shaft_mobility = 1.0 / (self.final_ratio * self.final_ratio * self.shaft_inertia) + 1.0 / self.wheel_inertia;
         let engine = x[ENGINE_SPEED];
-        // What the lag lets through of full load in the span, beyond what there is.
+        // The present torque, plus the largest increase that the lag permits within the span.
         let torque = x[TORQUE].abs() + span / self.torque_lag * self.commanded(1.0, engine).abs();
         let twist = (x[ENGINE_ANGLE] - self.gear_ratio * x[SHAFT_ANGLE]).abs().max(torque / self.clutch.0);
         let scale = Scale {
@@ -189,7 +189,8 @@ impl Plant for Driveline {
         };
         let dynamics =
             joint(self.clutch, clutch_mobility).max(joint(self.driveshaft, shaft_mobility)).max(1.0 / self.torque_lag);
-        // The torque map closes a loop through lag and engine; the throttle scales it and is at most 1. Drag is slower by orders.
+        // The torque map forms a feedback loop with the lag and the engine. The throttle scales this loop by at most 1. Drag is slower by orders of
+        // magnitude.
         let slope = (self.torque[1] + 2.0 * self.torque[2] * engine).abs();
         let map = (slope / (self.torque_lag * self.engine_inertia)).sqrt();
         let effects = hooks.fastest_rate(&scale);

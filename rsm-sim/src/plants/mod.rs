@@ -1,6 +1,7 @@
-//! One file a plant, and what a plant is for the integrator.
+//! One file for each plant, and the interface between a plant and the integrator.
 //!
-//! In: parameters. Out: equations of docs/book/src/reference/plants.md section 2, with hooks at fixed places. Never knows an effect.
+//! In: parameters. Out: the equations of docs/book/src/reference/plants.md, section 2, with hooks at fixed places. No plant refers to a specific
+//! effect.
 
 pub mod driveline;
 pub mod pmac;
@@ -10,29 +11,29 @@ use crate::hooks::Hooks;
 use crate::kind::StartValues;
 use crate::record::Record;
 
-/// How fast a plant with its effects moves at a state, in 1/s.
+/// The rates of a plant with its effects at a state, in 1/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rates {
-    /// The fastest of what is seen: a mode that a damper kills at once may move faster, as long as the classical method is stable on it.
+    /// The fastest rate that is visible in the outputs. A strongly damped mode may be faster, if the classical Runge-Kutta method is stable for it.
     pub fastest: f64,
-    /// The fastest of all, which a sudden change of law excites.
+    /// The fastest rate of all modes, which a sudden change of a law excites.
     pub struck: f64,
-    /// The fastest of what a linear part, taken at a state before, leaves.
+    /// The fastest rate that remains after a linear part, computed at an earlier state, is subtracted.
     pub nonlinear: f64,
-    /// The sum of what varies from state to state: when it has moved, a linear part is stale.
+    /// The sum of the rates that depend on the state. If it has changed, a linear part must be computed again.
     pub varying: f64,
 }
 
 /// The equations of a plant.
 pub trait Plant {
-    /// How many states it has without effects.
+    /// The number of states without effects.
     const STATES: usize;
 
-    /// The states at the start from the true outputs of the first row, and what no output shows.
+    /// Sets the states at the start, from the true outputs of the first row and from the start values that are not outputs.
     fn start(&self, hooks: &Hooks, outputs: &StartValues, record: &Record, inputs: &[f64; 3], x: &mut [f64]);
 
-    /// Rates and true outputs. The answer names the pieces of the laws of joints to which the state belongs. Where pieces are held, the laws follow those
-    /// all the same.
+    /// Computes the derivatives of the states and the true outputs. Returns the pieces of the joint laws to which the state belongs. If `held` is
+    /// given, the laws use the held pieces, also outside of their range.
     fn evaluate(
         &self,
         hooks: &Hooks,
@@ -43,10 +44,10 @@ pub trait Plant {
         outputs: &mut [f64; 3],
     ) -> u32;
 
-    /// How fast it moves at a state with these rates of its states, and during the span (s) that follows.
+    /// The rates at a state with these derivatives, valid for the following span (s).
     fn rates(&self, hooks: &Hooks, x: &[f64], dx: &[f64], span: f64) -> Rates;
 
-    /// The command of a controller that is part of the plant, from its measured output (this row and the two before).
+    /// The command of a controller that is part of the plant, from its measured output (this row and the two previous rows).
     fn command(&self, _reference: f64, _x: &[f64], _positions: [f64; 3], _period: f64) -> f64 {
         0.0
     }

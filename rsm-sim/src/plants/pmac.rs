@@ -1,8 +1,8 @@
 //! Surface permanent-magnet AC motor in the rotor frame, (17), (18), (21).
 //!
-//! In: voltages of the record's frame and the load torque. Out: currents of the record's frame and the mechanical speed. A record without
-//! direct quantities means a drive that holds i_d = 0 in its own frame: then the state is its i_q alone. Voltages are taken as applied:
-//! the limits (20) bind whoever makes the record, not this file.
+//! In: voltages in the record's frame and the load torque. Out: currents in the record's frame and the mechanical speed. A record without direct
+//! quantities comes from a drive that controls i_d to 0 in its own frame; then the only electrical state is its i_q. The voltages of the record are
+//! applied without the limits (20); the source of the record must observe them.
 
 use super::{Plant, Rates};
 use crate::effect::{Currents, FirstInstant, Machine, Motion, Scale, Split, Windings};
@@ -24,7 +24,7 @@ pub struct Pmac {
 }
 
 impl Pmac {
-    /// The motor of these parameters.
+    /// The motor with these parameters.
     #[must_use]
     pub fn new(parameters: &Parameters, hooks: &Hooks, holds_i_d: bool) -> Self {
         let inertia = parameters.number("inertia");
@@ -77,12 +77,12 @@ impl Plant for Pmac {
         hooks.machine(&Currents { i_d, i_q, theta_e: self.pole_pairs * theta }, x, dx, &mut machine);
         let (r, l, lambda) = (machine.resistance, machine.inductance, machine.flux_linkage);
         let w_e = self.pole_pairs * speed;
-        // (17), (18) without the voltages.
+        // Equations (17), (18) without the voltages.
         let free_d = -r * i_d + w_e * l * i_q;
         let free_q = -r * i_q - w_e * (l * i_d + lambda);
         if self.holds_i_d {
-            // In the drive's own frame its i_d is 0 and stays there: the q axis of that frame is all that moves, and the turning of the
-            // frame against the rotor multiplies that i_d.
+            // In the drive's own frame i_d is 0 and remains 0, so only the current of the q axis of this frame changes. The rotation of the frame
+            // against the rotor has no effect, because it multiplies this i_d.
             let [_, v_q] = hooks.voltage([0.0, inputs[1]], [0.0, x[1]]);
             dx[0] = 0.0;
             dx[1] = (v_q - sin * free_d + cos * free_q) / l;
@@ -95,7 +95,7 @@ impl Plant for Pmac {
             (outputs[0], outputs[1]) = (cos * i_d + sin * i_q, -sin * i_d + cos * i_q);
         }
         outputs[2] = speed;
-        // (21)
+        // Equation (21).
         let torque = 1.5 * self.pole_pairs * lambda * i_q;
         let motion = self.motion(x);
         let load = hooks.load(&Split { near: motion, inertia: self.inertia, load: inputs[2], held }, x, dx);
@@ -105,10 +105,10 @@ impl Plant for Pmac {
     }
 
     fn rates(&self, hooks: &Hooks, x: &[f64], dx: &[f64], span: f64) -> Rates {
-        // Not hypot, which guards against overflow at three times the cost.
+        // `hypot` is not used: its protection against overflow makes it three times slower.
         let long = |a: f64, b: f64| (a * a + b * b).sqrt();
         let (length, change) = (long(x[0], x[1]), long(dx[0], dx[1]));
-        // The point of the straight way that is nearest to no current.
+        // The time at which the current vector, extrapolated linearly, has its minimum length.
         let along = -(x[0] * dx[0] + x[1] * dx[1]);
         let nearest = if along > 0.0 { (along / (change * change)).min(span) } else { 0.0 };
         let least = long(x[0] + nearest * dx[0], x[1] + nearest * dx[1]);
@@ -120,8 +120,9 @@ impl Plant for Pmac {
             windings: Windings { inductance: self.inductance, decay: own, swing, turning, current, change },
             ..Scale::of(self.inertia, self.drive_inertia, (x[2], dx[2]), span)
         };
-        // Speed times current is nonlinear, and of the size of what turns and swings. What decays faster and is linear (a current in little inductance, a sensor's lag, a
-        // stiff shaft) is left to the exponential method, with 5e-5 of the largest current (measured).
+        // The products of speed and current are nonlinear; their rates are the electrical speed and the oscillation of current against speed. Linear
+        // parts that decay faster (a current in a small inductance, the lag of a sensor, a stiff shaft) are solved by the exponential method, with an
+        // error of 5e-5 of the largest current (measured).
         let machine = swing.max(turning);
         let fastest = own.max(machine).max(hooks.fastest_rate(&scale));
         Rates { fastest, struck: fastest, nonlinear: machine.max(hooks.nonlinear_rate(&scale)), varying: own }

@@ -1,7 +1,7 @@
 //! A driven linear axis: drive, screw or rack, carriage.
 //!
-//! In: the command, or in closed loop the reference. Out: the position, and in closed loop the command. The controller stands in the
-//! drive: it sees the true position, is computed at the instants of the record and held.
+//! In: the command, or in closed loop the reference. Out: the position, and in closed loop the command. The controller is part of the drive: it
+//! measures the true position. Its command is computed at the instants of the record and is constant between them.
 
 use super::{Plant, Rates};
 use crate::effect::{FirstInstant, Motion, Scale, Split};
@@ -22,7 +22,7 @@ pub struct ServoAxis {
 }
 
 impl ServoAxis {
-    /// The axis of these parameters.
+    /// The axis with these parameters.
     #[must_use]
     pub fn new(parameters: &Parameters, hooks: &Hooks) -> Self {
         let mass = parameters.number("mass");
@@ -64,7 +64,7 @@ impl Plant for ServoAxis {
         let force = self.force_gain * inputs[0] - self.viscous_friction * x[1] + hooks.effort(&motion) - load.effort;
         dx[0] = x[1];
         dx[1] = force / self.drive_mass;
-        // The command is what the controller says, not what acts after delays and gains: it comes in its own place.
+        // The output is the command of the controller, before delays and gains. It has its own place among the inputs.
         (outputs[0], outputs[1]) = (x[0], inputs[1]);
         load.piece
     }
@@ -79,11 +79,11 @@ impl Plant for ServoAxis {
         let Some((position_gain, velocity_gain)) = self.gains else { return 0.0 };
         let speed = match self.velocity_from {
             VelocityFrom::State => x[1],
-            // ((q_k + q_k-1)/2 - (q_k-1 + q_k-2)/2)/T
+            // The formula ((q_k + q_k-1)/2 - (q_k-1 + q_k-2)/2)/T.
             VelocityFrom::Difference => (positions[0] - positions[2]) / (2.0 * period),
         };
         let command = velocity_gain * (position_gain * (reference - positions[0]) - speed);
-        // Not clamp: it panics on a limit of NaN, and this order lets a command of NaN through to the integrator's own check.
+        // `clamp` is not used: it panics if the limit is NaN. With these comparisons a command of NaN reaches the check of the integrator.
         if command > self.command_limit {
             self.command_limit
         } else if command < -self.command_limit {

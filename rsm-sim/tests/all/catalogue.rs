@@ -1,4 +1,4 @@
-//! The list of effects is that of the folder and that of docs/book/src/reference/plants.md, and no plant knows any of them.
+//! The list of effects contains the files of the folder and the rows of docs/book/src/reference/plants.md, and no plant contains code for an effect.
 
 use std::collections::BTreeSet;
 
@@ -72,7 +72,7 @@ fn the_reference_has_a_row_for_every_kind_in_this_order() {
 
 #[test]
 fn the_reference_names_every_effect_that_is_a_file() {
-    // Section 3 has those of the built-in plants, the last table those beside them; a row may name two.
+    // Section 3 contains the effects of the built-in plants, the last table the other effects. A row may name two.
     let page = std::fs::read_to_string(path("../docs/book/src/reference/plants.md")).unwrap();
     let more = page.rsplit_once("These are in the catalogue beside those of section 3").unwrap().1;
     let first_cells = more.lines().filter(|line| line.starts_with("| `")).filter_map(|line| line.split('|').nth(1));
@@ -94,13 +94,13 @@ fn every_header_has_its_six_lines() {
         }
         let says = format!("//! Report says  \"{}\"", description.sentence);
         assert!(text.contains(&says), "{}: the header says something else", description.kind);
-        // The report can fill in every place of the sentence.
+        // The report can fill every placeholder of the sentence.
         for part in description.sentence.split('{').skip(1) {
             let name = part.split('}').next().unwrap();
             let known = description.arguments.iter().any(|it| it.name == name) || ["parameter", "output"].contains(&name);
             assert!(known, "{}: `{name}` is no argument", description.kind);
         }
-        // What to check is one's own, a whole sentence without places to fill in.
+        // Each effect has its own check text: a whole sentence without placeholders.
         let check = description.check;
         assert!(check.ends_with('.') && !check.contains('{'), "{}: {check}", description.kind);
         let same = effects::ALL.iter().filter(|it| it.check == check).count();

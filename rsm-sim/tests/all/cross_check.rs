@@ -1,4 +1,4 @@
-//! The nominal plants against an independent solver, and against cases worked by hand.
+//! Compares the nominal plants with an independent solver, and with cases calculated by hand.
 
 use ode_solvers::{Dopri5, SVector, System};
 
@@ -6,7 +6,7 @@ use rsm_sim::simulate::Simulator;
 
 use super::{effect, plant, record, run};
 
-/// The equations of docs/book/src/reference/plants.md section 2 once more, written here from the text and constant in their inputs.
+/// The equations of docs/book/src/reference/plants.md section 2, written here again from the text, with constant inputs.
 struct Motor;
 struct Car;
 
@@ -37,19 +37,20 @@ impl System<f64, SVector<f64, 7>> for Car {
     }
 }
 
-/// Largest difference over all rows, relative to the largest value.
+/// The largest difference over all rows, relative to the largest value.
 fn difference(ours: &[f64], theirs: &[f64]) -> f64 {
     let largest = theirs.iter().fold(0.0f64, |most, value| most.max(value.abs()));
     ours.iter().zip(theirs).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / largest
 }
 
-/// A step may err by 1e-8 of a state, and the plants forget within a hundred of them: the currents of the motor decay in 11 rows, its speed is slower.
+/// The error of a step is at most 1e-8 of a state, and the error of a step has decayed after less than a hundred steps: the currents of the motor
+/// decay in 11 rows, its speed more slowly.
 const AGREE: f64 = 1e-6;
 
-/// The error of a step where the outputs are compared closer: it was the step, and not the equations.
+/// The permitted error of a step for the closer comparison. It shows that the remaining difference is due to the steps, not to the equations.
 const FINE: f64 = 1e-11;
 
-/// A hundred steps of it; the solver of the comparison is finer.
+/// A hundred times that error. The solver of the comparison has a smaller error.
 const AGREE_FINE: f64 = 1e-9;
 
 #[test]
@@ -116,12 +117,12 @@ fn the_open_axis_follows_its_step_response() {
         text += &format!("{},2,0.001\n", f64::from(k) / 1000.0);
     }
     let ours = run(&file, &record(&text, &file));
-    // M dv/dt = F - b v from rest: q = q_0 + v_e (t - tau (1 - exp(-t/tau))), v_e = F/b, tau = M/b.
+    // The solution of M dv/dt = F - b v from rest: q = q_0 + v_e (t - tau (1 - exp(-t/tau))), v_e = F/b, tau = M/b.
     let (v_e, tau) = (2.0 * 35.15065188248547 / 203.5034, 95.1089 / 203.5034);
     for (k, position) in ours.values[0].iter().enumerate() {
         let t = k as f64 / 1000.0;
         let expected = 0.001 + v_e * (t + tau * (-t / tau).exp_m1());
-        // The axis moves 0.2 m; a hundred steps may err by 1e-8 of where it is.
+        // The axis moves 0.2 m; a hundred steps may each have an error of 1e-8 of the position.
         assert!((position - expected).abs() < AGREE * expected, "{position} at {t}, expected {expected}");
     }
 }
@@ -136,11 +137,11 @@ fn the_motor_settles_where_its_powers_balance() {
     let ours = run(&file, &record(&text, &file));
     let last = |name: &str| *ours.of(name).unwrap().last().unwrap();
     let (i_q, w) = (last("i_q"), last("speed"));
-    // k_t i_q = b w + T, v_q = r i_q + p w lambda with k_t = 0.36: two lines, worked out.
+    // The equations k_t i_q = b w + T and v_q = r i_q + p w lambda with k_t = 0.36 are two straight lines; this is their intersection.
     let i_expected = (0.001 * 20.0 / 0.24 + 0.5) / (0.36 + 0.001 * 0.08 / 0.24);
     assert!((i_q - i_expected).abs() < 1e-9, "{i_q} expected {i_expected}");
     assert!((w - (20.0 - 0.08 * i_q) / 0.24).abs() < 1e-9);
-    // Electrical power in = copper + friction + load.
+    // Electrical input power = copper loss + friction + load.
     let balance = 1.5 * 20.0 * i_q - (1.5 * 0.08 * i_q * i_q + 0.001 * w * w + 0.5 * w);
     assert!(balance.abs() < 1e-7, "{balance} W are lost");
 }
@@ -161,10 +162,10 @@ fn the_car_settles_where_pull_meets_resistance() {
     let shaft = (1.5 * engine - (0.1 + 0.1 / (3.7 * 3.7)) * w_t) * 3.7;
     let resistance = 0.1 * w_w + 0.32 * (1560.0 * 0.0980665 + 0.5 * 0.81 * 1.2 * v * v);
     let accelerating = (shaft - resistance) / (1560.0 * 0.32);
-    // What is left after 80 s is the slow approach itself: it must be what the acceleration output says.
+    // After 80 s the speed still approaches its final value slowly. This rate must agree with the output `acceleration`.
     let last = *run(&file, &rows).of("acceleration").unwrap().last().unwrap();
     assert!((accelerating - last).abs() < 2e-3 && last.abs() < 0.05, "{accelerating} against {last} m/s^2");
-    // A stiff tyre is a rigid one: 1e6 N for a slip of 1, at 1 kN a slip of 1e-3.
+    // A very stiff tyre behaves like a rigid one: 1e6 N for a slip of 1, so 1 kN gives a slip of 1e-3.
     let with_tyre = *run(&tyre, &rows).of("road_speed").unwrap().last().unwrap();
     assert!((with_tyre / v - 1.0).abs() < 2e-3, "{with_tyre} against {v} m/s");
 }

@@ -1,9 +1,9 @@
-//! Plants of equations along records, against solutions that were worked out by hand.
+//! Plants of equations along records, compared with solutions calculated by hand.
 
 use rsm_core::source::{Faults, Source};
 use rsm_sim::equations::{EquationFile, Machine, Method, Setting, Signals, linearise};
 
-/// A plant file of a text.
+/// The plant file of a text.
 pub(super) fn file(plant: &str, text: &str) -> Result<EquationFile, Faults> {
     let open = |name: &str| Ok::<_, Faults>(Source::new(name, text));
     EquationFile::read(&Source::new("plant.toml", format!("format = 2\nmodel = \"plant.mo\"\n{plant}")), &open)
@@ -19,7 +19,7 @@ fn machine_of(text: &str) -> (EquationFile, Machine) {
     machine("", text)
 }
 
-/// The outputs of a text over rows of a period, with inputs by name.
+/// The outputs of a text over rows with a constant period, with inputs by name.
 pub(super) fn outputs(
     plant: &str,
     text: &str,
@@ -45,7 +45,7 @@ const AXIS: &str = "model Axis\n  parameter Real mass(unit = \"kg\") = 95.1;\n  
     input Real force(unit = \"N\");\n  output Real position(unit = \"m\");\n  output Real speed(unit = \"m/s\", start = 0.3);\nequation\n  \
     mass*der(speed) = force - friction*speed;\n  der(position) = speed;\nend Axis;\n";
 
-/// Position and speed of the axis from a speed, under a force that is constant.
+/// Position and speed of the axis after a start with a given speed, under a constant force.
 fn axis(time: f64, start: f64, force: f64, mass: f64) -> (f64, f64) {
     let (friction, end) = (203.5, force / 203.5);
     let decay = (-friction / mass * time).exp();
@@ -58,13 +58,13 @@ fn every_method_follows_an_exponential_to_its_tolerance() {
         (Method::Explicit, 1e-10),
         (Method::Stiff, 1e-8),
         (Method::Automatic, 1e-6),
-        // 10 steps a row: (b h/m)^5/120 a step.
+        // 10 steps per row: the error is (b h/m)^5/120 per step.
         (Method::Fixed { step: 0.001 }, 1e-9),
     ] {
         let found = outputs("[parameters]\nmass = 47.0\n", AXIS, by(method, tolerance), 101, 0.01, &[("force", &|_| 70.0)]);
         for k in [1, 37, 100] {
             let (position, speed) = axis(k as f64 * 0.01, 0.3, 70.0, 47.0);
-            // Errors of steps add up over a hundred rows at most.
+            // At most, the errors of the steps add up over a hundred rows.
             let most = 100.0 * tolerance;
             assert!(
                 (found[0][k] - position).abs() < most && (found[1][k] - speed).abs() < most,
@@ -77,18 +77,18 @@ fn every_method_follows_an_exponential_to_its_tolerance() {
 
 #[test]
 fn a_plant_at_rest_that_is_pushed_through_two_masses_runs() {
-    // Positions of 0 with rates of 0 move by the third and fifth power of the time: nothing that they have had is a measure of their error.
+    // Positions at 0 with rates of 0 grow with the third and fifth power of the time, so no previous value is a scale for their error.
     let text = "model Two\n  input Real force;\n  Real x, v;\n  output Real y;\n  Real w;\nequation\n  der(x) = v;\n  der(v) = force + 50*(y - x);\n  \
         der(y) = w;\n  2*der(w) = -50*(y - x);\nend Two;\n";
     for method in [Method::Explicit, Method::Stiff, Method::Automatic] {
         let push = |time: f64| if time < 0.045 { 0.0 } else { 3.0 };
         let found = outputs("", text, by(method, 1e-8), 21, 0.01, &[("force", &push)]);
         assert_eq!(found[0][5], 0.0);
-        // The centre of mass and the twist, each by hand: 3 kg, and 75/s^2 under a force on the lighter side.
+        // The motion of the centre of mass and the twist, each by hand: 3 kg, and 75/s^2 with the force on the lighter mass.
         let since: f64 = 0.15;
         let (centre, twist) = (0.5 * since * since, 3.0 / 75.0 * (1.0 - (75.0_f64.sqrt() * since).cos()));
         let wanted = centre - twist / 3.0;
-        // Steps of the stiff method of order 3 add up to some hundred times their error.
+        // The errors of the steps of the stiff method, order 3, add up to some hundred times the error of one.
         assert!((found[0][20] / wanted - 1.0).abs() < 1e-5, "{method:?}: {} {wanted}", found[0][20]);
     }
 }
@@ -100,7 +100,7 @@ fn a_bounce_is_located_and_the_ball_goes_on_from_there() {
         reinit(speed, -e*pre(speed));\n    bounces = pre(bounces) + 1;\n  end when;\nend Ball;\n";
     let (rows, period) = (21, 0.1);
     let found = outputs("", text, by(Method::Automatic, 1e-10), rows, period, &[]);
-    // The height and the count of bounces, by hand.
+    // The height and the number of bounces, by hand.
     let by_hand = |time: f64| {
         let (g, e) = (9.81_f64, 0.8_f64);
         let (mut begin, mut up, mut count) = (0.0, 0.0, 0.0);
@@ -117,7 +117,8 @@ fn a_bounce_is_located_and_the_ball_goes_on_from_there() {
     };
     for (row, (found, bounces)) in found[0].iter().zip(&found[1]).enumerate() {
         let (height, count) = by_hand(row as f64 * period);
-        // A parabola is exact for the method; an instant is located to the last bits, and a height moves with it by the speed of 4 m/s.
+        // The method is exact for a parabola. The instant is located to its last bits, and its error changes the height by the speed of 4 m/s times
+        // this error.
         assert!((found - height).abs() < 1e-12, "row {row}: {found} {height}");
         assert_eq!(*bounces, count, "row {row}");
     }
@@ -126,7 +127,7 @@ fn a_bounce_is_located_and_the_ball_goes_on_from_there() {
 
 #[test]
 fn a_condition_that_changes_twice_inside_a_step_is_not_stepped_over() {
-    // x passes the border for 0.02 s in the middle of each second; the count would be missed by whoever looks at the rows alone.
+    // x is above the border for 0.02 s in the middle of each second. A comparison only at the rows would miss the count.
     let text = "model M\n  output Real x(start = 0.0);\n  output Integer count(start = 0);\nequation\n  der(x) = 6.283185307179586*cos(6.283185307179586*time);\n  \
         when x > 0.998 then\n    count = pre(count) + 1;\n  end when;\nend M;\n";
     let found = outputs("", text, by(Method::Explicit, 1e-9), 6, 1.0, &[]);
@@ -137,7 +138,7 @@ fn a_condition_that_changes_twice_inside_a_step_is_not_stepped_over() {
 fn a_sampled_controller_holds_its_output_between_instants() {
     let text = "model Sampled\n  parameter Real Ts = 0.01;\n  input Real reference;\n  output Real y(start = 0.0, fixed = true);\n  \
         discrete output Real u(start = 0.0);\nequation\n  0.1*der(y) = u - y;\n  when sample(0.0, Ts) then\n    u = 2*(reference - y);\n  end when;\nend Sampled;\n";
-    // Rows of 4 ms lie beside the instants of 10 ms, and some meet them.
+    // Rows at 4 ms and instants at 10 ms: most are different, some coincide.
     let found = outputs("", text, by(Method::Explicit, 1e-12), 26, 0.004, &[("reference", &|_| 1.0)]);
     let (mut y, mut at) = (0.0_f64, 0.0_f64);
     let mut u = 2.0;
@@ -158,7 +159,7 @@ fn a_sampled_controller_holds_its_output_between_instants() {
 
 #[test]
 fn a_record_that_begins_late_has_the_instants_of_its_controller() {
-    // Each instant adds 1; rows of 4 ms beside instants of 10 ms. The first row stands on an instant, or between two.
+    // Each instant adds 1; rows every 4 ms, instants every 10 ms. The first row is at an instant, or between two instants.
     let text = "model Counter\n  input Real u;\n  discrete output Real count(start = 0.0);\nequation\n  when sample(0.0, 0.01) then\n    count = pre(count) + u;\n  end when;\nend Counter;\n";
     let (file, mut machine) = machine("", text);
     for (begin, first) in [(5.0, 500), (5.003, 501), (-0.02, 0)] {
@@ -189,14 +190,15 @@ fn the_loop_of_the_shipped_axis_is_computed_at_the_rows_of_a_record_that_begins_
     };
     let (now, late) = (along(0.0), along(3.00037));
     for (a, b) in now.iter().flatten().zip(late.iter().flatten()) {
-        // The clock's last digits: 4e-16 of 3 s, times some 100/s.
+        // The last digits of the clock: 4e-16 of 3 s, times about 100/s.
         assert!((a - b).abs() <= 1e-9 * a.abs().max(1e-3), "{a} {b}");
     }
 }
 
 #[test]
 fn a_stiff_plant_is_followed_in_reasonable_steps() {
-    // H. H. Robertson, 1966; the solution at t = 0.4, 4 and 40 of E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", IV.10, and of LSODE's manual.
+    // H. H. Robertson, 1966; the solution at t = 0.4, 4 and 40 from E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", IV.10, and
+    // from LSODE's manual.
     let text = "model Robertson\n  output Real a(start = 1.0);\n  output Real b(start = 0.0, nominal = 1e-5);\n  output Real c(start = 0.0);\nequation\n  \
         der(a) = -0.04*a + 1e4*b*c;\n  der(b) = 0.04*a - 1e4*b*c - 3e7*b*b;\n  der(c) = 3e7*b*b;\nend Robertson;\n";
     for method in [Method::Stiff, Method::Automatic] {
@@ -208,7 +210,7 @@ fn a_stiff_plant_is_followed_in_reasonable_steps() {
         ];
         for (row, wanted) in wanted {
             for (found, wanted) in found.iter().zip(wanted) {
-                // Five digits are printed.
+                // The sources print five digits.
                 assert!((found[row] / wanted - 1.0).abs() < 5e-5, "{method:?} row {row}: {} {wanted}", found[row]);
             }
         }
@@ -236,7 +238,7 @@ fn the_start_comes_from_the_file_the_record_and_the_text() {
 #[test]
 fn the_shipped_texts_follow_the_plants_that_are_built_in() {
     use rsm_sim::{plant_file::PlantFile, record::Record, simulate::Simulator};
-    // The motor along its shipped record: its Rust is stepped by the exponential method, at an error far below a sensor's noise.
+    // The motor along its shipped record. The plant file of format 1 and the text run on the same engine, with the default tolerance and with 1e-9.
     let old = PlantFile::read(&Source::read("plants/pmac.toml".as_ref()).unwrap()).unwrap();
     let source = Source::read("plants/pmac.csv".as_ref()).unwrap();
     let record = Record::read(&source, &old).unwrap();
@@ -254,7 +256,7 @@ fn the_shipped_texts_follow_the_plants_that_are_built_in() {
         let Some(wanted) = wanted.of(name) else { continue };
         let size = wanted.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
         let off = wanted.iter().zip(values).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-        // The steps of the built-in plant hold 1e-5 of the size of a signal.
+        // The default tolerance is 1e-8 per step, so the limit of 1e-4 of the size of a signal leaves a wide margin.
         assert!(off < 1e-4 * size, "{name}: {off} of {size}");
     }
     let read = |model: &str| EquationFile::read(&Source::new("m.toml", format!("format = 2\nmodel = \"{model}\"\n")), &open);
@@ -277,7 +279,7 @@ fn columns_are_converted_to_the_units_of_the_text() {
 fn a_surface_stands_for_a_function_and_has_its_derivative() {
     let text = "package Fans\n  function drag\n    input Real w;\n    output Real torque;\n  end drag;\n  model Fan\n  output Real speed(start = 100.0);\n\
         equation\n  2*der(speed) = -drag(speed);\n  end Fan;\nend Fans;\n";
-    // torque = 3e-4 w^2 on 0 to 200: x = (w - 100)/100, 3 (1 + 2 x + x^2).
+    // The coefficients of torque = 3e-4 w^2 on 0 to 200: x = (w - 100)/100, 3 (1 + 2 x + x^2).
     let map = "format = 1\nmodel = \"fan\"\n[inputs.w]\nunit = \"rad/s\"\nrange = [0.0, 200.0]\n[surfaces.torque]\nunit = \"N*m\"\ninputs = [\"w\"]\n\
         terms = [{ powers = [0], coefficient = 3.0 }, { powers = [1], coefficient = 6.0 }, { powers = [2], coefficient = 3.0 }]\n";
     let open = |name: &str| Ok::<_, Faults>(Source::new(name, if name == "fan.mo" { text } else { map }));
@@ -286,20 +288,20 @@ fn a_surface_stands_for_a_function_and_has_its_derivative() {
     let mut machine = Machine::new(&file).unwrap();
     let time: Vec<f64> = (0..11).map(f64::from).collect();
     let signals = Signals::in_memory(&file, &machine, &[("time", &time)]).unwrap();
-    // w = 100/(1 + 100 c t), c = 1.5e-4.
+    // The solution is w = 100/(1 + 100 c t), c = 1.5e-4.
     for method in [Method::Explicit, Method::Stiff] {
         let found = signals.simulate(&file, &mut machine, by(method, 1e-9)).unwrap();
         assert!((found[0][10] - 100.0 / 1.15).abs() < 1e-5, "{method:?} {}", found[0][10]);
     }
     let point = machine.start(&file, 0.0, &[], &[]).unwrap();
     let linear = linearise(&file, &machine, &point).unwrap();
-    // -2 c w = -0.03/s.
+    // The derivative is -2 c w = -0.03/s.
     assert!((linear.a[0][0] + 0.03).abs() < 1e-12, "{:?}", linear.a);
 }
 
 #[test]
 fn a_joint_with_free_play_starts_on_the_side_that_its_torque_presses() {
-    // The iteration ends for any torque and gap, although Newton's method may go to and fro between two neighbouring numbers.
+    // The iteration ends for any torque and gap, although Newton's method may alternate between two neighbouring numbers.
     let text = "model Joint\n  input Real torque(unit = \"N.m\");\n  input Real gap(unit = \"rad\");\n  output Real twist(unit = \"rad\");\n  \
         parameter Real stiffness(unit = \"N.m/rad\") = 5000.0;\n  parameter Real lag(unit = \"s\") = 1.0;\ninitial equation\n  stiffness*(twist - sign(twist)*gap/2) = torque;\nequation\n  \
         lag*der(twist) = -twist;\nend Joint;\n";
@@ -314,7 +316,7 @@ fn a_joint_with_free_play_starts_on_the_side_that_its_torque_presses() {
         let (torque, gap) = (2000.0 * uniform() - 1000.0, 0.1 * uniform());
         let point = machine.start(&file, 0.0, &[torque, gap], &[]).unwrap_or_else(|faults| panic!("{torque} {gap}: {faults}"));
         let expected = torque / 5000.0 + torque.signum() * gap / 2.0;
-        // Two roundings of the residual, of the size of the torque, and one of the result.
+        // The residual is rounded twice, with the magnitude of the torque, and the result once.
         let bound = f64::EPSILON * (2.0 * torque.abs() / 5000.0 + expected.abs());
         assert!((point.states[0] - expected).abs() <= bound, "{torque} {gap}: {} {expected}", point.states[0]);
     }
@@ -322,17 +324,17 @@ fn a_joint_with_free_play_starts_on_the_side_that_its_torque_presses() {
 
 #[test]
 fn a_linear_model_has_exact_derivatives_poles_and_damping() {
-    // A mass on a spring whose force grows as its cube, pushed, with a velocity sensor.
+    // A mass on a spring whose force has a cubic term, with an external force and a velocity sensor.
     let text = "model M\n  input Real force(unit = \"N\");\n  Real x(start = 0.5);\n  Real v;\n  output Real speed;\n  output Real push;\nequation\n  \
         der(x) = v;\n  2*der(v) = force - 0.4*v - 8*x - 16*x^3;\n  speed = v;\n  push = 3*force + x;\nend M;\n";
     let (file, mut machine) = machine("", text);
     let point = machine.start(&file, 0.0, &[0.0], &[]).unwrap();
     let found = linearise(&file, &machine, &point).unwrap();
-    // Stiffness at 0.5: 8 + 48*0.25 = 20 N/m.
+    // The stiffness at 0.5: 8 + 48*0.25 = 20 N/m.
     assert_eq!(found.a, [[0.0, 1.0], [-10.0, -0.2]]);
     assert_eq!((&found.b, &found.c), (&vec![vec![0.0], vec![0.5]], &vec![vec![0.0, 1.0], vec![1.0, 0.0]]));
     assert_eq!(found.d, [[0.0], [3.0]]);
-    // A free mass has two poles at exactly 0, and where a derivative is none there are no poles.
+    // A free mass has two poles at exactly 0. If a derivative is not finite, there are no poles.
     let of = |text: &str| {
         let (file, mut machine) = machine_of(text);
         let point = machine.start(&file, 0.0, &[], &[]).unwrap();

@@ -1,4 +1,4 @@
-//! Steps of constant length: the method bit for bit, the rules about instants and comparisons, and what a bad input does.
+//! Steps of constant length: the method bit by bit, the rules for instants and comparisons, and the result of an invalid input.
 
 use rsm_core::run::Interpreter;
 use rsm_sim::equations::{Machine, Method, Setting, Step, Stopped};
@@ -11,7 +11,7 @@ fn fixed(step: f64) -> Setting {
 
 #[test]
 fn fixed_steps_are_the_classical_method_bit_for_bit() {
-    // One state, so that the order of operations can be written out: dx/dt = u - 2 x + t, over rows of three steps.
+    // One state, so that the order of operations can be written here: dx/dt = u - 2 x + t, over rows of three steps.
     let text = "model M\n  input Real u;\n  output Real x(start = 0.7);\nequation\n  der(x) = u - 2*x + time;\nend M;\n";
     let found = outputs("", text, fixed(0.1), 4, 0.3, &[("u", &|time| time + 1.0)]);
     let (mut x, h) = (0.7_f64, 0.1_f64);
@@ -39,7 +39,7 @@ fn an_instant_of_a_sample_between_rows_acts_at_the_next_end_of_a_step() {
              when sample(0.0, {period}) then\n    y = pre(y) + u*time;\n  end when;\nend M;\n"
         )
     };
-    // Rows of 4 ms in steps of 1 ms; instants at 0, 2.5, 5, 7.5 ms, ... act at 0, 3, 5, 8 ms, with the input of the row that holds there.
+    // Rows of 4 ms in steps of 1 ms. Instants at 0, 2.5, 5, 7.5 ms, ... act at 0, 3, 5, 8 ms, with the input of the row at that time.
     let found = outputs("", &text(0.0025), fixed(0.001), 6, 0.004, &[("u", &|time| 1.0 + 100.0 * time)]);
     let mut wanted = [0.0; 6];
     for (row, wanted) in wanted.iter_mut().enumerate() {
@@ -49,10 +49,10 @@ fn an_instant_of_a_sample_between_rows_acts_at_the_next_end_of_a_step() {
             }
         }
         assert!((found[0][row] - *wanted).abs() < 1e-15, "row {row}: {} {wanted}", found[0][row]);
-        // However the instants lie, a step has its length.
+        // The position of the instants does not change the length of a step.
         assert!((found[1][row] - 0.004 * row as f64).abs() < 1e-16, "row {row}: {}", found[1][row]);
     }
-    // Instants that meet every step act at every step, though their decimals do not meet in binary.
+    // Instants that coincide with every step act at every step, although their decimals are not exact in binary.
     let found = outputs("", &text(0.001), fixed(0.001), 101, 0.01, &[("u", &|_| 1.0)]);
     let sum: f64 = (0..=1000).map(|k| 0.001 * f64::from(k)).sum();
     assert!((found[0][100] - sum).abs() < 1e-10, "{} {sum}", found[0][100]);
@@ -60,22 +60,22 @@ fn an_instant_of_a_sample_between_rows_acts_at_the_next_end_of_a_step() {
 
 #[test]
 fn a_comparison_counts_as_it_is_at_each_point_of_a_step() {
-    // A ramp that bends at 0.25 of the second step: the method sees the bend at its own points only.
+    // A ramp with a bend at 0.25 of the second step: the method evaluates the comparison only at its own points.
     let text = "model M\n  output Real x(start = 0.0);\nequation\n  der(x) = if time < 1.25 then 0 else 6;\nend M;\n";
     let found = outputs("", text, fixed(1.0), 4, 1.0, &[]);
-    // From 1 to 2: rates 0, 6, 6, 6 of the four points.
+    // From 1 to 2: the rates at the four points are 0, 6, 6, 6.
     assert_eq!(found[0], [0.0, 0.0, 5.0, 11.0]);
 }
 
 #[test]
 fn a_comparison_that_decides_about_its_own_sides_is_looked_at_between_steps() {
-    // An ideal diode: on it s is the current, off it is the voltage, and which of the two holds is the sign of s.
+    // An ideal diode. When it conducts, s is the current; otherwise s is the voltage. The sign of s determines which of the two applies.
     let text = "model M\n  input Real u;\n  Real s(start = 1.0);\n  Boolean off;\n  output Real i;\n  output Real v(start = 0.0, fixed = true);\nequation\n  \
         off = s < 0;\n  u - v - i = if off then s else 0;\n  i = if off then 0 else s;\n  der(v) = i;\nend M;\n";
     let found = outputs("", text, fixed(0.001), 11, 0.1, &[("u", &|time| if time < 0.5 { 1.0 } else { 0.0 })]);
     for (row, (found_i, found_v)) in found[0].iter().zip(&found[1]).enumerate() {
         let time = 0.1 * row as f64;
-        // While the source is above it the capacitor charges with a time constant of 1 s; then it keeps its charge.
+        // While the source voltage is higher, the capacitor charges with a time constant of 1 s. Then it keeps its charge.
         let (v, i) = if row < 5 { (1.0 - (-time).exp(), (-time).exp()) } else { (1.0 - (-0.5_f64).exp(), 0.0) };
         assert!((found_v - v).abs() < 1e-12 && (found_i - i).abs() < 1e-12, "row {row}: {found_v} {v}");
     }
@@ -111,7 +111,7 @@ fn fixed_steps_meet_the_automatic_method_on_every_text() {
         for ((wanted, found), (name, _)) in wanted.iter().zip(&found).zip(&machine.outputs()) {
             let size = wanted.iter().fold(1e-9_f64, |most, it| most.max(it.abs()));
             let off = wanted.iter().zip(found).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-            // An event acts up to a step late, and a signal changes by its size in 1 ms or slower: 2e-5 s are 2 %, once.
+            // An event acts up to one step late. A signal needs at least 1 ms to change by its size, so 2e-5 s are 2 %, once.
             assert!(off < 0.02 * size, "{}: {name} is off by {off} of {size}", path.display());
             count += 1;
         }

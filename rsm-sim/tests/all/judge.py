@@ -1,4 +1,4 @@
-"""Three plants of judged.rs, solved by SciPy: their equations once more, written by hand.
+"""Three plants of judged.rs, solved by SciPy, with their equations written again by hand.
 
 In: the name of a plant, and on standard input the instant of each row. Out: a line for each row with the outputs, in the order of the text.
 """
@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 
 def rows(time, start, rates, method, outputs, event=None):
-    """Solves from row to row, as the inputs hold; behind an event it goes on with the other law."""
+    """Solves from row to row with constant inputs. After an event the other law applies."""
     state, law = np.array(start), 0
     print(*(repr(float(it)) for it in outputs(time[0], state)))
     for begin, end in zip(time[:-1], time[1:]):

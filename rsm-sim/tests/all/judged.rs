@@ -1,8 +1,8 @@
-//! Every text of the tests and every shipped text along a record, against solutions that share no code with the compiler and the engine.
+//! Every text of the tests and every shipped text along a record, compared with solutions that share no code with the compiler and the engine.
 //!
-//! The rates are written here by hand from the physics of each plant: what the texts leave to sorting, elimination and index reduction is done on paper. `ode_solvers`
-//! integrates them (Dormand and Prince, order 8), or a closed form does; instants at which a law changes are found by halving here. Inputs hold from row to row.
-//! Three plants are judged a second time by SciPy, where this machine has it.
+//! The rates are written here by hand from the physics of each plant; sorting, elimination and index reduction are done on paper. `ode_solvers`
+//! integrates them (Dormand and Prince, order 8), or a closed form is used. The instants at which a law changes are found by bisection. Inputs are
+//! constant from row to row. Three plants are also compared with SciPy, if this machine has it.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -16,13 +16,14 @@ use rsm_sim::equations::{EquationFile, Machine, Method, Setting, Signals};
 #[path = "../../../tests/src/skipped.rs"]
 mod skipped;
 
-/// A difference of engine and judge is at most this share of the largest value of the signal. Both hold 1e-12 a step, and no plant here forgets less than it adds.
+/// The permitted difference between the engine and the reference, as a share of the largest value of the signal. Both have an error of 1e-12 per
+/// step, and in none of these plants do errors grow.
 const AGREE: f64 = 1e-8;
 
-/// What the engine is asked to hold.
+/// The tolerance of the engine.
 const TIGHT: Setting = Setting::new(Method::Explicit, 1e-12);
 
-/// An input: its name, and its value at an instant of a row.
+/// An input: its name, and its value at the instant of a row.
 type Drive<'f> = (&'f str, &'f dyn Fn(f64) -> f64);
 
 /// The outputs of the engine, by name.
@@ -31,7 +32,7 @@ struct Run {
     outputs: Vec<(String, Vec<f64>)>,
 }
 
-/// Runs a plant file along rows of a period.
+/// Runs a plant file along rows with a constant period.
 fn along(file: &EquationFile, rows: usize, period: f64, drives: &[Drive<'_>], setting: Setting) -> Run {
     let mut machine = Machine::new(file).unwrap_or_else(|faults| panic!("{faults}"));
     let time: Vec<f64> = (0..rows).map(|k| k as f64 * period).collect();
@@ -51,7 +52,7 @@ fn text(name: &str) -> EquationFile {
     EquationFile::of_text(&source).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-/// A shipped text with numbers in place of its own.
+/// A shipped text with other parameter values.
 fn shipped(model: &str, more: &str) -> EquationFile {
     let open = |name: &str| Err(Faults::one(Fault::whole_file(name, "not asked for")));
     let plant = format!("format = 2\nmodel = \"rsm:{model}\"\n{more}");
@@ -63,7 +64,7 @@ impl Run {
         &self.outputs.iter().find(|it| it.0 == name).unwrap_or_else(|| panic!("no output {name}")).1
     }
 
-    /// Every row of an output is that of the judge.
+    /// Checks every row of an output against the reference.
     fn agrees(&self, name: &str, judged: &[f64]) {
         let found = self.of(name);
         assert_eq!(found.len(), judged.len());
@@ -79,7 +80,7 @@ impl Run {
     }
 }
 
-/// Rates that are written by hand, as the solver asks for them.
+/// Rates written by hand, in the form that the solver needs.
 struct Rates<F>(F);
 
 impl<F: Fn(f64, &[f64; N]) -> [f64; N], const N: usize> System<f64, SVector<f64, N>> for Rates<F> {
@@ -88,9 +89,9 @@ impl<F: Fn(f64, &[f64; N]) -> [f64; N], const N: usize> System<f64, SVector<f64,
     }
 }
 
-/// The states at `to`, from those at `from`.
+/// The states at `to`, from the states at `from`.
 fn solved<const N: usize>(from: f64, to: f64, states: [f64; N], rates: impl Fn(f64, &[f64; N]) -> [f64; N]) -> [f64; N] {
-    // Lengths of metres, speeds of metres a second: what is below 1e-14 of these moves no digit that is compared.
+    // Lengths are of the order of metres, speeds of metres per second: errors below 1e-14 of these change no digit of the comparison.
     let mut solver = Dop853::new(Rates(rates), from, to, to - from, SVector::from(states), 1e-13, 1e-14);
     solver.set_output(OutputType::Sparse);
     solver.integrate().unwrap_or_else(|error| panic!("{error}"));
@@ -98,7 +99,7 @@ fn solved<const N: usize>(from: f64, to: f64, states: [f64; N], rates: impl Fn(f
     (*solver.y_out().last().expect("the end is told")).into()
 }
 
-/// The states at every row. The rates are told the row, whose inputs hold up to the next one.
+/// The states at every row. The rates get the row, whose inputs are constant up to the next row.
 fn rows<const N: usize>(time: &[f64], start: [f64; N], rates: impl Fn(usize, &[f64; N]) -> [f64; N]) -> Vec<[f64; N]> {
     let mut all = vec![start];
     for row in 1..time.len() {
@@ -112,7 +113,7 @@ fn of<const N: usize>(all: &[[f64; N]], signal: impl Fn(usize, &[f64; N]) -> f64
     all.iter().enumerate().map(|(row, x)| signal(row, x)).collect()
 }
 
-/// A step up, a step down.
+/// A step up, then a step down.
 fn steps(time: f64) -> f64 {
     if time < 0.05 {
         0.0
@@ -148,7 +149,7 @@ fn two_inertias_with_a_spring_as_two_tools_write_them() {
 #[test]
 fn a_gear_between_rigid_inertias_is_one_inertia() {
     let run = along(&text("gear-train"), 101, 0.01, &[("torque", &steps)], TIGHT);
-    // Seen from the load: 2 kg m^2 and 0.1 kg m^2 behind a ratio of 7, which also multiplies the torque.
+    // The inertia at the load: 2 kg m^2, and 0.1 kg m^2 behind a ratio of 7, which also multiplies the torque.
     let mut speed = vec![0.0];
     for row in 1..run.time.len() {
         let rate = 7.0 * steps(run.time[row - 1]) / (2.0 + 49.0 * 0.1);
@@ -161,7 +162,7 @@ fn a_gear_between_rigid_inertias_is_one_inertia() {
 fn a_circuit_whose_resistors_form_a_loop() {
     let voltage = |time: f64| 12.0 * steps(time);
     let run = along(&text("rlc"), 201, 0.002, &[("voltage", &voltage)], TIGHT);
-    // The node between the resistors: (V - u)/10 = u/20 + i.
+    // The voltage of the node between the resistors: (V - u)/10 = u/20 + i.
     let node = |row: usize, i: f64| (voltage(run.time[row]) / 10.0 - i) / (1.0 / 10.0 + 1.0 / 20.0);
     let judged = rows(&run.time, [0.0, 0.0], |row, [i, u]| [(node(row, *i) - 5.0 * i - u) / 0.1, i / 1e-3]);
     run.agrees("current", &of(&judged, |row, x| (voltage(run.time[row]) - node(row, x[0])) / 10.0));
@@ -171,7 +172,7 @@ fn a_circuit_whose_resistors_form_a_loop() {
 fn a_tank_that_overflows() {
     let inflow = |time: f64| if time < 40.0 { 0.03 } else { 0.005 };
     let run = along(&text("tank"), 101, 1.0, &[("inflow", &inflow)], TIGHT);
-    // With its own root finding: over the edge another law holds.
+    // With root finding written here: above the edge another law applies.
     let rate = |row: usize, level: f64, is_over: bool| {
         (inflow(run.time[row]) - 0.02 * level - if is_over { 3.0 * (level - 1.0) } else { 0.0 }) / 0.5
     };
@@ -262,7 +263,7 @@ fn a_hydraulic_cylinder() {
 #[test]
 fn a_capacitor_behind_a_diode() {
     let voltage = |time: f64| 400.0 * time;
-    // The voltage across the diode, by halving: what it and the resistor take grows with it.
+    // The voltage across the diode, by bisection: the sum of the voltages of diode and resistor increases with it.
     let current = |u: f64, v: f64| {
         let taken = |drop: f64| 10.0 * 1e-9 * (drop / 0.05).exp_m1() + drop;
         let (mut low, mut high) = (-10.0, 1.1);
@@ -282,7 +283,7 @@ fn a_capacitor_behind_a_diode() {
 #[test]
 fn a_pendulum_in_cartesian_coordinates() {
     let run = along(&text("pendulum"), 151, 0.02, &[], TIGHT);
-    // The angle from hanging alone has the constraint in it.
+    // The angle from the hanging position as the only coordinate satisfies the constraint.
     let judged = rows(&run.time, [0.25_f64.asin(), 0.0], |_, [angle, rate]| [*rate, -9.81 / 0.8 * angle.sin()]);
     run.agrees("x", &of(&judged, |_, x| 0.8 * x[0].sin()));
     run.agrees("y", &of(&judged, |_, x| -0.8 * x[0].cos()));
@@ -291,7 +292,7 @@ fn a_pendulum_in_cartesian_coordinates() {
 #[test]
 fn a_ball_that_bounces() {
     let run = along(&text("ball"), 101, 0.025, &[], TIGHT);
-    // A parabola from each bounce to the next: it takes off at 0.8 of the speed with which it came.
+    // A parabola from each bounce to the next: the ball leaves with 0.8 of its speed at impact.
     let (mut from, mut speed) = ((2.0 / 9.81_f64).sqrt(), 0.8 * (2.0 * 9.81_f64).sqrt());
     let judged: Vec<f64> = run
         .time
@@ -314,7 +315,7 @@ fn a_ball_that_bounces() {
 #[test]
 fn a_heater_with_a_thermostat() {
     let run = along(&text("hysteresis"), 101, 1.0, &[], TIGHT);
-    // From one border to the other the temperature runs towards 393.15 K or 293.15 K, with 50 s.
+    // From one border to the other, the temperature approaches 393.15 K or 293.15 K with a time constant of 50 s.
     let (mut from, mut begin, mut is_on) = (0.0_f64, 340.0_f64, true);
     let mut switched = 0;
     let judged: Vec<f64> = run
@@ -343,7 +344,7 @@ fn a_plant_of_first_order_under_a_sampled_controller() {
     let (mut y, mut u, mut sum) = (0.0_f64, 0.0_f64, 0.0_f64);
     let mut now = 0.0_f64;
     let mut judged = Vec::new();
-    // Rows lie 4 ms apart and instants of the controller 10 ms: counted in ms, they meet exactly.
+    // Rows are every 4 ms and instants of the controller every 10 ms: counted in ms, they coincide exactly.
     for ms in 0..=400 {
         let time = f64::from(ms) / 1000.0;
         y = u + (y - u) * (-(time - now) / 0.1).exp();
@@ -391,7 +392,7 @@ fn throttle(time: f64) -> f64 {
 #[test]
 fn the_shipped_driveline() {
     let file = shipped("driveline", "[parameters]\ngear = 2\n[initial]\nroad_speed = 8.0\n");
-    // Its shaft forgets in 50 us, a car in minutes: the method for stiff plants follows it too, to its own order.
+    // The fast modes of the shaft decay in 50 us, the car's speed in minutes, so the method for stiff plants is compared too, with its own order.
     for (setting, count) in [(TIGHT, 151), (Setting::new(Method::Stiff, 1e-10), 41)] {
         driveline(&along(&file, count, 2e-3, &[("throttle", &throttle)], setting));
     }
@@ -405,7 +406,7 @@ fn driveline(run: &Run) {
         let road = 1560.0 * 0.0980665 + 0.5 * 0.81 * 1.2 * (0.32 * speed).powi(2);
         (pull, (pull - 0.1 * speed - 0.32 * road) / (1.0 + 1560.0 * 0.32 * 0.32))
     };
-    // It rolls steadily with what the engine gives.
+    // The car rolls steadily with the torque of the engine.
     let speed = 8.0 / 0.32;
     let engine_speed = gear * last * speed;
     let torque = wanted(0, engine_speed);
@@ -429,7 +430,7 @@ fn driveline(run: &Run) {
     run.agrees("acceleration", &of(&judged, |_, x| 0.32 * wheel(x[3], x[4], x[5], x[6]).1));
 }
 
-/// Where the shipped axis is behind a time under a command that holds.
+/// Position and speed of the shipped axis after a time with a constant command.
 fn moved(position: f64, speed: f64, command: f64, time: f64) -> (f64, f64) {
     let (end, lag) = (command * 35.15065188248547 / 203.5034, 95.1089 / 203.5034);
     let gone = -(-time / lag).exp_m1();
@@ -446,7 +447,7 @@ fn the_shipped_axis_open_and_under_its_controller() {
     }
     run.agrees("position", &judged);
 
-    // A step that is large enough to meet the limit of the command, then one that is not.
+    // A step that is large enough to reach the limit of the command, then one that is not.
     let reference = |time: f64| if time < 0.1 { 0.02 } else { 0.0201 };
     for from_difference in [false, true] {
         let more = format!("[parameters]\nvelocity_from_difference = {from_difference}\n");
@@ -470,7 +471,7 @@ fn the_shipped_axis_open_and_under_its_controller() {
     }
 }
 
-/// Rows that SciPy gives for a plant of `judge.py`; `None` where there is no SciPy.
+/// The rows from SciPy for a plant of `judge.py`; `None` if there is no SciPy.
 fn by_scipy(plant: &str, run: &Run) -> Option<Vec<Vec<f64>>> {
     let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/all/judge.py");
     let python = std::env::var("RSM_PYTHON").unwrap_or_else(|_| "python3".to_string());

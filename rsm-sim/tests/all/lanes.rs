@@ -1,21 +1,21 @@
-//! Many lanes: the bits of a lane are its own, whatever runs beside it and however it is run.
+//! Many lanes: the bits of a lane do not depend on the other lanes, nor on the way of execution.
 
 use rsm_core::source::{Faults, Source};
 use rsm_sim::equations::{EquationFile, Inputs, Lane, Lanes, Machine, Method, Setting, run};
 
-/// A ball that bounces under a drag that is no polynomial, on a table that a controller moves ten times a second.
+/// A bouncing ball with a drag that is not polynomial, and with a controller that samples its height ten times per second.
 const BALL: &str = "model Ball\n  parameter Real loss = 0.8;\n  parameter Real drag = 0.02;\n  input Real wind;\n  output Real height(start = 1.0);\n  Real speed(start = 0.0);\n  \
     discrete output Real seen(start = 0.0);\nequation\n  der(height) = speed;\n  der(speed) = -9.81 - drag*(speed - wind)*sqrt((speed - wind)^2 + 0.01);\n  \
     when height < 0 then\n    reinit(speed, -loss*pre(speed));\n  end when;\n  when sample(0.0, 0.1) then\n    seen = height;\n  end when;\nend Ball;\n";
 
-/// A motor that turns: polynomial rates, without events.
+/// A motor: polynomial rates, no events.
 const MOTOR: &str = "model Motor\n  parameter Real inertia = 0.01;\n  input Real v;\n  Real d, q;\n  output Real speed;\nequation\n  9e-4*der(d) = -0.08*d + 4*speed*9e-4*q;\n  \
     9e-4*der(q) = v - 0.08*q - 4*speed*(9e-4*d + 0.06);\n  inertia*der(speed) = 0.36*q - 1e-3*speed;\nend Motor;\n";
 
-/// A spring so stiff that the series gives up.
+/// A rate that is too fast for the series.
 const STIFF: &str = "model Stiff\n  parameter Real rate = 3e4;\n  input Real u;\n  output Real slow, fast;\nequation\n  der(slow) = fast - slow*slow;\n  der(fast) = rate*(u + cos(slow) - fast);\nend Stiff;\n";
 
-/// A stiff contact that opens and closes, with a rate that bends and one that the time moves.
+/// A stiff contact that opens and closes, with a nonlinear rate and a rate that depends on time.
 const CONTACT: &str = "model Contact\n  parameter Real stiffness = 4e5;\n  parameter Real w = 3;\n  input Real u;\n  output Real x(start = 0.1);\n  output Real v;\n  Real f;\nequation\n  f = if x < 0 then -stiffness*x - 2000*v else 0;\n  \
     der(x) = v;\n  der(v) = f - 9.81 + 0.5*u + sin(w*time) - 0.1*v*v*v;\nend Contact;\n";
 
@@ -31,9 +31,10 @@ fn bits(outputs: &[Vec<f64>]) -> Vec<u64> {
     outputs.iter().flatten().map(|it| it.to_bits()).collect()
 }
 
-/// Lanes with parameters and starts of their own; each a run of its own machine gives the same bits, in any order and company, by the interpreter too.
+/// Lanes with different parameters and starts. Each has the same bits as a run of its own machine, in any order and group, and also with the
+/// interpreter.
 fn check(text: &str, parameter: &str, values: [f64; 9], period: f64) {
-    // Where a loose tolerance is met by a linear part that is old, its age shows in the bits.
+    // With a loose tolerance an old linear part is used longer, so the bits show at which point it was computed.
     [1e-9, 1e-5, 1e-3].into_iter().for_each(|tolerance| check_at(text, parameter, values, period, tolerance));
 }
 
@@ -107,7 +108,7 @@ fn a_lane_that_ends_early_says_why_and_the_others_go_on() {
     let (_, slow) = machine(text, "k = 0.25\n");
     let lanes = [Lane::new(&slow, start.clone()), Lane::new(&own, start.clone()), Lane::new(&slow, start)];
     let found = Lanes::new(&own).run(&lanes, inputs, Setting::new(Method::Explicit, 1e-8));
-    // x = 1/(1 - k t): of k = 1 there is none at 1 s.
+    // The solution is x = 1/(1 - k t): for k = 1 there is none at 1 s.
     assert!(found[1].is_err() && found[0].is_ok() && found[2].is_ok());
     let last = found[0].as_ref().unwrap_or_else(|stopped| panic!("{stopped}"))[0][19];
     assert!((last - 1.0 / (1.0 - 0.25 * 1.9)).abs() < 1e-7, "{last}");
@@ -125,18 +126,18 @@ fn a_sample_that_changes_nothing_does_not_hide_the_next() {
 
 #[test]
 fn a_kink_inside_a_step_is_not_stepped_over() {
-    // |x| without an event: x = -1 + t up to 1 s, and y grows by t after it as before it by (1 - t)^2/2.
+    // The function |x| without an event: x = -1 + t. Up to 1 s, y is the integral of 1 - t; after it, y grows by (t - 1)^2/2.
     let text = "model Kink\n  output Real x(start = -1.0);\n  output Real y(start = 0.0);\nequation\n  der(x) = 1;\n  der(y) = noEvent(abs(x));\nend Kink;\n";
     let (file, mut own) = machine(text, "");
     let start = own.start(&file, 0.0, &[], &[]).unwrap_or_else(|faults| panic!("{faults}"));
     let time = [0.0, 1.7];
     let found = run(&own, start, Inputs { time: &time, values: &[] }, Setting { tolerance: 1e-9, ..Setting::default() });
     let y = found.unwrap_or_else(|stopped| panic!("{stopped}"))[1][1];
-    // The slope is checked at the end of a step to some ten times the tolerance, on either side of the kink.
+    // At the end of a step the slope is checked with about ten times the tolerance, on both sides of the kink.
     assert!((y - (0.5 + 0.5 * 0.49)).abs() < 1e-7, "{y}");
 }
 
-/// One machine whose parameters are set gives what a machine gives whose text has them.
+/// A machine whose parameters are set must give the same results as a machine whose file contains them.
 fn check_set(file: &EquationFile, sets: &[(&str, f64)], expected: &EquationFile, inputs: Inputs<'_>) {
     let first: Vec<f64> = inputs.values.iter().map(|it| it[0]).collect();
     let mut wanted = Machine::new(expected).unwrap_or_else(|faults| panic!("{faults}"));
@@ -161,7 +162,7 @@ fn check_set(file: &EquationFile, sets: &[(&str, f64)], expected: &EquationFile,
 
 #[test]
 fn what_follows_from_a_parameter_that_is_set_follows() {
-    // A rate, a start, another parameter and the period of a controller follow from the inertia.
+    // A rate, a start, another parameter and the period of a controller depend on the inertia.
     let text = "model Wheel\n  parameter Real inertia = 2;\n  parameter Real friction = 0.3*inertia;\n  parameter Real period = 0.05*inertia;\n  input Real u;\n  \
                 output Real speed(start = 5*inertia, fixed = true);\n  discrete output Real seen(start = inertia);\nequation\n  inertia*der(speed) = u - friction*speed^2;\n  \
                 when sample(0.0, period) then\n    seen = speed;\n  end when;\nend Wheel;\n";
@@ -191,7 +192,7 @@ fn numbers_of_effects_are_set_without_compiling_again() {
         .into_iter()
         .map(|(effect, number)| file.parameter_of(effect, number).unwrap_or_else(|| panic!("{number}")))
         .collect();
-    // A sensor's delay of 0 is none: the lanes differ in whether anything comes late.
+    // A sensor delay of 0 is no delay: the lanes differ in whether a signal is delayed.
     for (gain, delay, late) in [(0.7, 0.04, 0.05), (1.1, 0.1, 0.05), (1.1, 0.04, 0.0), (0.9, 0.02, 0.2)] {
         let sets = [(names[0], gain), (names[1], delay), (names[2], late)];
         check_set(&file, &sets, &with(gain, delay, late), Inputs { time: &time, values: &values });

@@ -1,7 +1,7 @@
-//! Bad plant files and bad records are refused with the whole message that stands beside them.
+//! Invalid plant files and records are refused with exactly the message in the file beside them.
 //!
-//! `cases/rejected/NAME.toml` is a plant file; `PLANT.NAME.csv` is a record of a shipped plant. `.txt` is the message. `RSM_BLESS=1` rewrites
-//! the messages; the difference is reviewed like code.
+//! `cases/rejected/NAME.toml` is a plant file; `PLANT.NAME.csv` is a record of a shipped plant. `.txt` is the message. `RSM_BLESS=1` rewrites the
+//! messages; the difference is reviewed like code.
 
 use rsm_core::source::Source;
 use rsm_sim::plant_file::PlantFile;

@@ -1,4 +1,5 @@
-//! Sensitivities: against closed forms to rounding, against central differences, over events; whatever runs beside them.
+//! Sensitivities, compared with closed forms up to rounding, and with central differences, also over events. They must not depend on other directions
+//! in the same run.
 
 use rsm_core::source::{Faults, Source};
 use rsm_sim::equations::{By, EquationFile, Inputs, Lane, Lanes, Machine, Method, Sensitive, Sensitivities, Setting, run};
@@ -38,11 +39,11 @@ fn a_linear_plant_has_the_derivatives_of_its_closed_form() {
     let all = found(&file(text, ""), &["a", "b", "x0"], Inputs { time: &time, values: &values }, FINE);
     for (row, t) in time.iter().enumerate() {
         let e = (-a * t).exp();
-        // x = x0 e + b u/a (1 - e)
+        // The solution is x = x0 e + b u/a (1 - e).
         let exact = [-t * e * x0 + b * u * (t * e / a - (1.0 - e) / (a * a)), u / a * (1.0 - e), e];
         for (k, exact) in exact.into_iter().enumerate() {
             let off = (all.derivatives[k][0][row] - exact).abs();
-            // 40 steps, each of some ten roundings of numbers up to 3.
+            // 40 steps, each with about ten roundings of numbers up to 3.
             assert!(off <= 40.0 * 10.0 * 3.0 * f64::EPSILON * 0.5, "row {row}, {k}: {off:e}");
         }
     }
@@ -61,7 +62,7 @@ fn the_instant_of_a_bounce_moves_with_the_parameters() {
         let (heights, speeds) = if *t < bounce {
             ([-0.5 * t * t, 0.0, 1.0], [-t, 0.0, 0.0])
         } else {
-            // height = loss g T (t - T) - g/2 (t - T)^2, speed = loss g T - g (t - T), with T = sqrt(2 h0/g)
+            // The formulas after the bounce: height = loss g T (t - T) - g/2 (t - T)^2, speed = loss g T - g (t - T), with T = sqrt(2 h0/g).
             let s = t - bounce;
             let (by_g, by_h) = (-0.5 * bounce / g, 0.5 * bounce / h0);
             let moved = |by: f64| loss * g * (by * s - bounce * by) + g * s * by;
@@ -73,13 +74,13 @@ fn the_instant_of_a_bounce_moves_with_the_parameters() {
         };
         for k in 0..3 {
             let off = (all.derivatives[k][0][row] - heights[k]).abs().max((all.derivatives[k][1][row] - speeds[k]).abs());
-            // The instant is one of f64: neighbours are 6e-17 s apart, where speeds are 8 m/s; 90 steps of numbers up to 10 round.
+            // The instant is a number in f64: neighbours differ by 6e-17 s, and speeds are 8 m/s. The 90 steps add roundings of numbers up to 10.
             assert!(off <= 90.0 * 10.0 * f64::EPSILON, "row {row}, {k}: {off:e}");
         }
     }
 }
 
-/// Derivatives by central differences of two lengths, extrapolated: by parameter, by output.
+/// Derivatives by central differences with two step lengths, extrapolated: for each parameter, for each output.
 fn differences(file: &EquationFile, names: &[&str], inputs: Inputs<'_>, setting: Setting, share: f64) -> Vec<Vec<Vec<f64>>> {
     let compiled = Machine::new(file).unwrap_or_else(|faults| panic!("{faults}"));
     let mut machine = compiled.clone();
@@ -126,7 +127,8 @@ fn a_motor_has_the_derivatives_that_central_differences_find() {
                 inertia*der(speed) = 1.5*poles*flux*q - friction*tanh(speed);\nend Motor;\n";
     let time = rows(400, 2.5e-4);
     let values = vec![(0..400).map(|k| f64::from((k / 50) % 5) * 4.0 - 7.0).collect()];
-    // Steps of 1e-3 leave 1e-12 of the fourth order. The friction moves 80 A by 5e-6 A then, so some hundred roundings of 1e-14 A show as 1e-7 of its derivative at most.
+    // Steps of 1e-3 leave a relative error of 1e-12, of fourth order. Such a step of the friction changes a current of 80 A by 5e-6 A. So about a
+    // hundred roundings of 1e-14 A are at most 1e-7 of its derivative.
     compare(text, &["r", "l", "flux", "poles", "inertia", "friction"], Inputs { time: &time, values: &values }, (1e-3, 1e-7));
 }
 
@@ -163,7 +165,8 @@ fn a_stiff_driveline_with_its_start_has_the_derivatives_that_central_differences
                 |row: usize| (8.0 * (c[output][row] - b[output][row]) - (d[output][row] - a[output][row])) / (12.0 * step);
             let size = (0..12).map(|row| slope(row).abs()).fold(0.0, f64::max);
             for (row, found) in found.iter().enumerate() {
-                // Angles of 50 rad are known to 5e-12 at this tolerance, which a clutch of 10,000 N m/rad shows as 1e-11 m/s^2 or more: at a step of 1e-3, 1e-5 of the least derivative here.
+                // At this tolerance, angles of 50 rad have an error of 5e-12. With a clutch stiffness of 10,000 N m/rad this is 1e-11 m/s^2 or more:
+                // with a step of 1e-3, 1e-5 of the smallest derivative here.
                 assert!(
                     (found - slope(row)).abs() <= 2e-5 * size,
                     "{name}, output {output}, row {row}: {found:e} {:e}",
@@ -174,7 +177,8 @@ fn a_stiff_driveline_with_its_start_has_the_derivatives_that_central_differences
     }
 }
 
-/// Switches by state, by time and by parameter, a sampled controller with a memory, a restart, an iterated block, a start that follows from a parameter.
+/// Switches by state, by time and by parameter, a sampled controller with a memory, a restart, an iterated block, and a start that depends on a
+/// parameter.
 const EVENTS: &str = "model Events\n  parameter Real stiffness = 40;\n  parameter Real gap = 0.05;\n  parameter Real gain = 3;\n  parameter Real late = 0.313;\n  parameter Real loss = 0.7;\n  parameter Real begin = 0.2;\n  \
     input Real u;\n  output Real x(start = 2*begin, fixed = true);\n  output Real v(start = 0.0, fixed = true);\n  output Real y(start = 2.0);\n  discrete output Real command(start = 0.0);\n  Real force;\n  Real push;\n\
     equation\n  force = if x > gap then stiffness*(x - gap) else if x < -gap then stiffness*(x + gap) else 0;\n  push = if time > late then 2*gain else 0;\n  \
@@ -192,7 +196,7 @@ fn events_of_every_kind_have_the_derivatives_that_central_differences_find() {
         "every switch is crossed: {:?}",
         plain[0]
     );
-    // An event is placed to the last bits of the time, some 1e-16 s, which a step of 1e-4 shows as 1e-11 times speeds of 10.
+    // An event is located to the last bits of the time, about 1e-16 s. With a step of 1e-4 this is 1e-11 times speeds of 10.
     compare(EVENTS, &["stiffness", "gap", "gain", "late", "loss", "begin"], inputs, (1e-4, 1e-7));
 }
 
@@ -257,10 +261,10 @@ fn the_start_moves_with_what_is_known_of_it() {
     let time = [0.0, 1.0];
     let found = Lanes::new(&machine).sensitivities(&of, Inputs { time: &time, values: &[] }, FINE);
     let found = found.unwrap_or_else(|stopped| panic!("{stopped}")).derivatives;
-    // y = cbrt(k x0) e^-t at first, k = 2 and x0 = 4: dy/dx0 = k/(3 y^2) and dy/dk = x0/(3 y^2), y = 2.
+    // The solution is y = cbrt(k x0) e^-t. At the start, with k = 2 and x0 = 4: y = 2, dy/dx0 = k/(3 y^2) and dy/dk = x0/(3 y^2).
     let e = (-1.0_f64).exp();
     for (found, exact) in [(&found[0][1], 2.0 / 12.0), (&found[1][1], 4.0 / 12.0)] {
-        // An iterated block has settled to 1e-12.
+        // An iterated block has converged to 1e-12.
         assert!((found[0] - exact).abs() < 1e-11 && (found[1] - exact * e).abs() < 1e-11, "{found:?} {exact}");
     }
     assert!((found[0][0][1] - (-2.0_f64).exp()).abs() < 1e-15);

@@ -1,4 +1,4 @@
-//! Shipped plants and short records for the tests of every crate that simulates: included by path, so that it is no part of a library.
+//! Shipped plants and short records for the tests of every crate that simulates. The file is included by its path, so it is not part of a library.
 
 #![allow(dead_code, reason = "each crate's tests use their own part of it")]
 
@@ -14,7 +14,7 @@ pub(super) fn path(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim").join(name)
 }
 
-/// A shipped plant, with more text behind it.
+/// A shipped plant, with more text after its own.
 pub(super) fn plant(name: &str, more: &str) -> PlantFile {
     let text = std::fs::read_to_string(path(&format!("plants/{name}.toml"))).unwrap();
     PlantFile::read(&Source::new(format!("{name}.toml"), text + more)).unwrap_or_else(|faults| panic!("{faults}"))
@@ -56,7 +56,7 @@ pub(super) fn car_record() -> String {
     text
 }
 
-/// Forward, rest, back with the measured axis' controller, one second at 1 kHz.
+/// Forward, rest and back with the controller of the measured axis, one second at 1 kHz.
 pub(super) fn axis_record() -> String {
     let mut text = "time[s],reference[m],position[m]\n".to_string();
     for k in 0..1000 {

@@ -1,4 +1,5 @@
-//! Steps with a thousandth of the error move no output by more than a hundredth of its sensor's noise, with the effects that are hardest to step over.
+//! A tolerance that is a thousand times smaller changes no output by more than a hundredth of its sensor noise, also with the effects that are most
+//! difficult for the steps.
 
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -6,7 +7,7 @@ use rsm_sim::simulate::{Outputs, Simulator, Stopped};
 
 use super::{axis_record, car_record, effect, motor_record, plant, record, run};
 
-/// The largest move of each output, in its noise.
+/// The largest change of each output, in units of its noise.
 fn moves(plant: &PlantFile, record: &Record) -> Vec<(&'static str, f64)> {
     let coarse = run(plant, record);
     let fine: Outputs = Simulator::new(plant, record).unwrap().tolerance(1e-11).run(record).unwrap();
@@ -23,7 +24,7 @@ fn holds(what: &str, plant: &PlantFile, text: &str) {
     let record = record(text, plant);
     for (name, moved) in moves(plant, &record) {
         println!("{what}: {name} moves by {moved:.2e} of its noise");
-        // A tenth of what plants.md allows of every simulation together.
+        // At a hundredth of the noise, the error of the steps is not visible in a record.
         assert!(moved < 0.01, "{what}: {name} moves by {moved} of its noise");
     }
 }
@@ -58,18 +59,18 @@ fn of_the_axis() {
 
 #[test]
 fn a_run_that_takes_more_steps_than_it_may_is_given_up() {
-    // A clutch that stiffens while it slips winds up: its springs swing ever faster.
+    // A clutch that stiffens while it slips winds up: its springs oscillate faster and faster.
     let stiffening = effect("clutch-stiffening", "cubic_stiffness = 20000.0");
     let car = plant("driveline", &(stiffening + &effect("clutch-slip", "capacity = 60.0")));
     let record = record(&car_record(), &car);
     let given = |steps: usize| Simulator::new(&car, &record).unwrap().at_most(steps).run(&record).map(|_| ());
     let mut whole = Simulator::new(&car, &record).unwrap();
     whole.run(&record).unwrap();
-    // A row before takes one step. What is allowed is whole steps a row, which the run takes on average.
+    // A row before the tip-in needs one step. The limit is an integer number of steps per row, on average over the run.
     let mean = whole.taken() as usize / record.rows();
     assert!(whole.taken() as usize > mean * record.rows());
     let short = given(mean);
-    // The clutch slips from the tip-in at row 250 on.
+    // The clutch slips from the tip-in at row 250.
     assert!(matches!(short, Err(Stopped::TooLong { row }) if row > 250), "{short:?}");
     assert_eq!(given(mean + 1), Ok(()));
 }
@@ -80,7 +81,7 @@ fn the_same_files_give_the_same_bits() {
     let record = record(&car_record(), &car);
     let mut simulator = Simulator::new(&car, &record).unwrap();
     let first = simulator.run(&record).unwrap();
-    // Again with the same object, and with a new one.
+    // Again with the same simulator, and with a new one.
     assert_eq!(first, simulator.run(&record).unwrap());
     assert_eq!(first, run(&car, &record));
 }

@@ -1,4 +1,4 @@
-//! Steps by a linear part: what they solve exactly, what their error estimate holds, where they end.
+//! Steps by a linear part: their exact results, their error estimate, and the location of events.
 
 use rsm_core::source::Source;
 use rsm_sim::equations::{EquationFile, Inputs, Machine, Method, Setting, run};
@@ -16,7 +16,7 @@ fn rows(count: u32, period: f64) -> Vec<f64> {
 
 #[test]
 fn what_is_linear_is_exact_at_any_tolerance() {
-    // x follows a ramp with a time constant of 0.1 ms: x = t - 1/r + e^(-r t)/r; y is its integral.
+    // The state x follows a ramp with a time constant of 0.1 ms: x = t - 1/r + e^(-r t)/r; y is its integral.
     let text = "model Ramp\n  parameter Real rate = 1e4;\n  output Real x(start = 0.0);\n  output Real y(start = 0.0);\nequation\n  \
                 der(x) = rate*(time - x);\n  der(y) = x;\nend Ramp;\n";
     let time = rows(30, 0.1);
@@ -25,7 +25,7 @@ fn what_is_linear_is_exact_at_any_tolerance() {
         let r = 1e4;
         let decayed = (-r * t).exp();
         let (x, y) = (t - 1.0 / r + decayed / r, t * t / 2.0 - t / r + (1.0 - decayed) / (r * r));
-        // Twelve doublings of numbers near 1, over 30 rows.
+        // The tolerance covers twelve doublings of numbers near 1, over 30 rows.
         assert!(
             (found[0][row] - x).abs() < 1e-11 && (found[1][row] - y).abs() < 1e-11,
             "{t}: {} {}",
@@ -41,16 +41,16 @@ fn a_switch_inside_of_a_long_step_is_located() {
                 der(x) = rate*(time - x);\n  der(y) = if x > 0.25 then 1 else 0;\n  when x > 0.25 then\n    seen = time;\n  end when;\nend Passes;\n";
     let time = rows(6, 0.1);
     let found = outputs(text, &time, Setting::new(Method::Stiff, 1e-3));
-    // x = t - 1/r there: what decays is e^(-2500).
+    // There x = t - 1/r, because the decaying part is e^(-2500).
     let expected = 0.25 + 1e-4;
-    // Instants are neighbours; x itself has the digits of the matrices.
+    // The instant is located to neighbouring numbers; x has the accuracy of the matrices.
     assert!((found[1][5] - expected).abs() < 1e-12, "{}", found[1][5]);
     assert!((found[2][5] - (0.5 - expected)).abs() < 1e-11, "{}", found[2][5]);
 }
 
 #[test]
 fn the_error_follows_the_tolerance_where_the_rates_bend() {
-    // Prothero and Robinson: x = cos t, whatever the rate. The other states turn a rate that bends.
+    // The problem of Prothero and Robinson: x = cos t, for any rate. The state u adds a nonlinear rate.
     let text = "model Bent\n  parameter Real rate = 1e5;\n  parameter Real w = 1;\n  output Real x(start = 1.0);\n  output Real u(start = 0.5);\nequation\n  \
                 der(x) = -rate*(x - cos(w*time)) - sin(w*time);\n  der(u) = u*(1 - u)*x;\nend Bent;\n";
     let time = rows(40, 0.2);
@@ -59,11 +59,11 @@ fn the_error_follows_the_tolerance_where_the_rates_bend() {
         let found = outputs(text, &time, Setting::new(Method::Stiff, tolerance));
         let mut worst = 0.0_f64;
         for (row, t) in time.iter().enumerate() {
-            // ln(u/(1 - u)) grows by the integral of cos t.
+            // The logarithm ln(u/(1 - u)) grows by the integral of cos t.
             let (x, u) = (t.cos(), 1.0 / (1.0 + (-t.sin()).exp()));
             worst = worst.max((found[0][row] - x).abs()).max((found[1][row] - u).abs());
         }
-        // A step may be off by the tolerance, and there are some hundred of them; most are off by far less, and what decays forgets.
+        // The error of a step may be the tolerance, and there are about a hundred steps. Most errors are far smaller, and they decay.
         assert!(worst < 30.0 * allowed && worst < last, "{tolerance}: {worst}");
         last = worst;
     }

@@ -1,7 +1,8 @@
-//! The simulated car, a millisecond at a time, with a gear lever.
+//! The simulated car with a gear lever, in ticks of one millisecond.
 //!
-//! In: throttle and gear. Out: speed and acceleration. The plant `driveline` of `rsm-sim` in steps of the classical Runge-Kutta method, as many a
-//! millisecond as its fastest rate wants. A change of gear puts the new gear in at the speed of the road, clutch closed.
+//! In: throttle and gear. Out: speed and acceleration. The plant `driveline` of `rsm-sim` is integrated with the classical Runge-Kutta method. The
+//! number of steps in a millisecond follows from the fastest rate. A gear change restarts the driveline in the new gear, at the present road speed
+//! and with the clutch closed.
 
 use rsm_core::source::Source;
 use rsm_sim::hooks::Hooks;
@@ -17,7 +18,8 @@ const PLANT: &str = include_str!("../../../rsm-sim/plants/driveline.toml");
 /// `Plant::start` needs a record; the driveline does not use it.
 const RECORD: &str = "time[s],throttle[1],gear[1],road_speed[m/s]\n0,0,2,8\n0.001,0,2,8\n";
 
-/// A sub-step is at most this over the fastest rate, as in `rsm-sim/src/simulate.rs`.
+/// The step length is at most this number divided by the fastest rate of the plant. One step then changes a mode with this rate by an error of at
+/// most 0.25^5/120 = 8e-6, and the step is far below the stability limit of the method, 2.78 divided by the rate.
 const STEP_RATE: f64 = 0.25;
 
 const TICK_S: f64 = 0.001;
@@ -70,7 +72,7 @@ impl Car {
         self.outputs[2]
     }
 
-    /// A millisecond.
+    /// Simulates one millisecond.
     pub fn tick(&mut self, throttle: f64, gear: usize) {
         if gear != self.gear {
             self.gear = gear;

@@ -1,14 +1,14 @@
-//! The servo axis, with the drive's position and what the carriage lags behind it.
+//! The servo axis. Its states are the position of the drive and the lag of the carriage behind it.
 //!
-//! In: a command, or a reference that a controller follows. Out: the position; in closed loop the command too. The controller sees the true
-//! position, as docs/book/src/reference/plants.md has it.
+//! In: a command, or a reference that a controller follows. Out: the position; in closed loop also the command. The controller uses the true
+//! position, as in docs/book/src/reference/plants.md.
 
 use crate::flow::{Flow, STATES, State, Stepper};
 use crate::plant::{Delay, Kind, Plant, Truth};
 
 const POSITION: usize = 0;
 const SPEED: usize = 1;
-/// Drive less carriage.
+/// Drive position minus carriage position.
 const TWIST: usize = 2;
 const CARRIAGE_SPEED: usize = 3;
 /// Deflection of the bristle of a friction with memory.
@@ -16,7 +16,7 @@ const BRISTLE: usize = 4;
 const LAG: usize = 5;
 const TIME: usize = 6;
 
-/// What joins the drive and a carriage behind it.
+/// The joint between the drive and the carriage behind it.
 struct Joint {
     ratio: f64,
     stiffness: f64,
@@ -28,7 +28,7 @@ struct Law {
     mass: f64,
     force_gain: f64,
     joint: Option<Joint>,
-    // The catalogue.
+    // Effects of the catalogue.
     coulomb: f64,
     forward: f64,
     backward: f64,
@@ -44,13 +44,13 @@ struct Law {
     phase: f64,
     gain: f64,
     lag: Option<f64>,
-    // Outside it.
+    // Effects outside the catalogue.
     square: f64,
     bristle_force: f64,
     bristle_length: f64,
     friction_swing: f64,
     friction_period: f64,
-    /// Held.
+    /// The constant command.
     command: f64,
 }
 
@@ -60,12 +60,12 @@ struct Controller {
     limit: f64,
     from_difference: bool,
     period: f64,
-    /// Positions of the last two rows; before the record it stood where it starts.
+    /// Positions of the last two rows. Before the record the axis stood at its start position.
     past: [f64; 2],
     command: f64,
 }
 
-/// An axis under way.
+/// A running axis.
 pub struct Axis {
     law: Law,
     controller: Option<Controller>,
@@ -75,7 +75,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// At rest at 0.
+    /// An axis at rest at 0.
     pub fn new(truth: &Truth, period: f64) -> Self {
         let of = |name| truth.parameters.get(name);
         let viscous = of("viscous_friction");
@@ -127,12 +127,12 @@ impl Axis {
     }
 }
 
-/// A record of an axis is fine: positions to 1e-7 of a decimetre, twists of a tenth of a millimetre.
+/// The scales of the states: positions to 1e-7 of a decimetre, twists of a tenth of a millimetre.
 const SCALE: State = [0.01, 0.01, 1e-4, 0.01, 1e-3, 0.01, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
 
 impl Law {
     fn friction(&self, v: f64, time: f64) -> f64 {
-        // v_s = 1 mm/s.
+        // With v_s = 1 mm/s.
         let sign = (v / 1e-3).tanh();
         let (level, viscous) =
             if v < 0.0 { (self.backward, self.viscous_backward) } else { (self.forward, self.viscous_forward) };
@@ -144,7 +144,7 @@ impl Law {
 }
 
 impl Flow for Law {
-    /// The sense of motion, and twice the contact (0 open, 1 the drive pushes forward, 2 it pulls back).
+    /// The direction of motion, and twice the contact (0 open, 1 the drive pushes forward, 2 it pulls back).
     fn regime(&self, y: &State) -> u8 {
         let contact = match &self.joint {
             Some(joint) if joint.gap > 0.0 => {
@@ -164,7 +164,7 @@ impl Flow for Law {
         let v = y[SPEED];
         dy[POSITION] = v;
         dy[TIME] = 1.0;
-        // P. Dahl, "A solid friction model", 1968: dz/dt = v (1 - sign(v) z/length), force along z.
+        // The model of P. Dahl, "A solid friction model", 1968: dz/dt = v (1 - sign(v) z/length), force along z.
         dy[BRISTLE] = v - v.abs() * y[BRISTLE] / self.bristle_length;
         let mut force = self.gain * self.force_gain * self.command
             - self.friction(v, y[TIME])
@@ -205,7 +205,7 @@ impl Plant for Axis {
             Some(it) => {
                 let q = self.y[POSITION];
                 let v = if it.from_difference {
-                    // Backward difference of the mean of two samples: (q_k + q_(k-1))/2 less (q_(k-1) + q_(k-2))/2, over a period.
+                    // The backward difference of the mean of two samples: (q_k + q_(k-1))/2 minus (q_(k-1) + q_(k-2))/2, over a period.
                     (q - it.past[1]) / (2.0 * it.period)
                 } else {
                     self.y[SPEED]

@@ -1,6 +1,7 @@
-//! Records as benches make them: noise that is not Gaussian, data that a logger spoiled.
+//! Records as on real test benches: noise that is not Gaussian, and data that a logger damaged.
 //!
-//! In: columns of a record, a stream of random numbers. Out: noise, spoiled columns, and what an honest report says of them. Knows no plant.
+//! In: columns of a record, a stream of random numbers. Out: noise, damaged columns, and the expected words of a correct report about them. This file
+//! does not depend on the plant.
 
 use std::ops::Range;
 
@@ -9,20 +10,20 @@ use serde_json::Value;
 use crate::plant::Record;
 use crate::random::Random;
 
-/// Noise that is not what a plant file states.
+/// Noise that differs from the statement of the plant file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Noise {
-    /// Student's t with three degrees of freedom, of the stated deviation.
+    /// Student's t with three degrees of freedom, with the stated deviation.
     Tails,
-    /// Six times the noise in short bursts, a twentieth of the time.
+    /// Six times the noise in short bursts, for a twentieth of the time.
     Bursts,
-    /// From row to row 0.98 of it stays.
+    /// Noise with a correlation of 0.98 from row to row.
     Slow,
     /// Readings are rounded to four times the noise.
     Rounded,
-    /// Two and a half times what the file states.
+    /// Two and a half times the stated noise.
     Understated,
-    /// Two fifths of it.
+    /// Two fifths of the stated noise.
     Overstated,
 }
 
@@ -37,7 +38,7 @@ impl Noise {
         ("overstated", Noise::Overstated),
     ];
 
-    /// What the file states over the true deviation.
+    /// The stated deviation divided by the true one.
     pub fn stated(self) -> f64 {
         match self {
             Noise::Understated => 1.0 / 2.5,
@@ -51,13 +52,13 @@ impl Noise {
         (self == Noise::Rounded).then_some(4.0 * sigma)
     }
 
-    /// Adds it to a column.
+    /// Adds the noise to a column.
     pub fn add(self, column: &mut [f64], sigma: f64, random: &mut Random) {
         let rows = column.len();
         match self {
             Noise::Tails => {
                 for value in column.iter_mut() {
-                    // A normal number over the root of chi squared/3; its variance is 3.
+                    // A normal number divided by the root of chi squared/3; its variance is 3.
                     let chi: f64 = (0..3).map(|_| random.normal().powi(2)).sum();
                     *value += sigma * random.normal() / chi.sqrt();
                 }
@@ -68,7 +69,7 @@ impl Noise {
         if self == Noise::Bursts {
             let mut row = 0;
             loop {
-                // Bursts of 10 to 30 rows after 200 to 560 others.
+                // Bursts of 10 to 30 rows after 200 to 560 other rows.
                 row += random.whole(200, 560) as usize;
                 let end = row + random.whole(10, 30) as usize;
                 if end >= rows {
@@ -84,20 +85,20 @@ impl Noise {
     }
 }
 
-/// What a logger did to the data.
+/// A damage by a logger.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Spoiled {
-    /// All records give a column in another unit than its header states.
+    /// In all records, a column has another unit than its header states.
     Unit,
-    /// All records have two columns under each other's headers.
+    /// In all records, two columns have each other's headers.
     Swapped,
-    /// A channel keeps its value for a while, in one record.
+    /// In one record, a channel keeps its value for some time.
     Stuck,
-    /// A channel does not pass a limit, in one record.
+    /// In one record, a channel does not exceed a limit.
     Clipped,
-    /// A block of rows stands there twice, over those that followed, in one record.
+    /// In one record, a block of rows occurs twice, the second time instead of the rows after it.
     Doubled,
-    /// A channel is late by some rows, in one record.
+    /// In one record, a channel is delayed by some rows.
     Offset,
 }
 
@@ -112,7 +113,7 @@ impl Spoiled {
         ("offset", Spoiled::Offset),
     ];
 
-    /// Beginnings of words, one of which a report of it has.
+    /// Beginnings of words; a report of the damage contains one of them.
     pub fn words(self) -> &'static [&'static str] {
         match self {
             Spoiled::Unit => &["unit", "scale", "factor", "rpm", "deg", "milli", "km/h", "times"],
@@ -124,26 +125,26 @@ impl Spoiled {
         }
     }
 
-    /// Whether it is in all records, the first output of `other_unit` and `swapped` alike; else in the first one.
+    /// Whether the damage is in all records; otherwise it is in the first one.
     pub fn is_everywhere(self) -> bool {
         matches!(self, Spoiled::Unit | Spoiled::Swapped)
     }
 }
 
-/// What was spoiled: names of the columns, any of which a report may name.
+/// The damage, and the columns that a report may name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Damage {
-    /// What.
+    /// The kind of damage.
     pub what: Spoiled,
-    /// Places of the outputs; empty where all columns suffer alike.
+    /// The indices of the outputs; empty if all columns are affected in the same way.
     pub outputs: Vec<usize>,
-    /// Factor of a unit.
+    /// The factor of a unit.
     pub factor: f64,
-    /// Rows of the first record.
+    /// The rows of the first record.
     pub rows: Range<usize>,
 }
 
-/// A factor between readings and the header's unit that benches make: rpm, degrees, millimetres, kilometres an hour, milliamperes.
+/// A usual factor between the readings and the header's unit: rpm, degrees, millimetres, kilometres per hour, milliamperes.
 fn factor(unit: &str) -> f64 {
     match unit {
         "rad/s" => 30.0 / std::f64::consts::PI,
@@ -153,7 +154,7 @@ fn factor(unit: &str) -> f64 {
     }
 }
 
-/// Draws a damage for outputs of these units; `None` where a plant has too few.
+/// A random damage for outputs with these units; `None` if the plant has too few.
 pub fn damage(what: Spoiled, units: &[&str], rows: usize, random: &mut Random) -> Option<Damage> {
     let one = random.whole(0, units.len() as u64 - 1) as usize;
     let outputs = match what {
@@ -168,7 +169,7 @@ pub fn damage(what: Spoiled, units: &[&str], rows: usize, random: &mut Random) -
 }
 
 impl Damage {
-    /// Spoils a record.
+    /// Damages a record.
     pub fn spoil(&self, record: &mut Record) {
         let rows = record.inputs[0].len();
         let one = self.outputs.first().copied().unwrap_or(0);
@@ -187,12 +188,12 @@ impl Damage {
                 record.outputs[one].iter_mut().for_each(|value| *value = value.min(limit));
             }
             Spoiled::Doubled => {
-                // The recorder writes a block of all channels a second time, over the next block.
+                // The logger writes a block of all channels a second time, over the next block.
                 for column in record.inputs.iter_mut().chain(&mut record.outputs) {
                     column.copy_within(self.rows.clone(), self.rows.end);
                 }
             }
-            // As many rows as the block is long, but no more than 20.
+            // A delay of as many rows as the block is long, but no more than 20.
             Spoiled::Offset => {
                 let late = self.rows.len().clamp(8, 20);
                 record.outputs[one].copy_within(0..rows - late, late);
@@ -201,7 +202,8 @@ impl Damage {
     }
 }
 
-/// Whether an answer tells what a logger did, and to which of these outputs: as a finding about the data (`data`), a column in another unit (`units`), or a fault of the data by that kind.
+/// Whether an answer reports the damage, and for one of these outputs: as a finding about the data (`data`), a column in another unit (`units`), or a
+/// fault of the data with that kind.
 pub fn is_told(damage: &Damage, outputs: &[&str], answer: &Value) -> bool {
     let names: Vec<&str> = damage.outputs.iter().map(|place| outputs[*place]).collect();
     let is_column = |it: &Value| names.is_empty() || it.as_str().is_some_and(|it| names.contains(&it));
@@ -231,13 +233,14 @@ mod tests {
         };
         let square = |column: &[f64]| column.iter().map(|it| it * it).sum::<f64>() / column.len() as f64;
         for noise in [Noise::Slow, Noise::Understated, Noise::Overstated] {
-            // Slow noise of 40000 rows is worth 400 independent ones: 7 % of standard error, four of it.
+            // 40000 rows of slow noise are equivalent to 400 independent ones: a standard error of 7 %; the limit is four of them.
             assert!((square(&of(noise)) / 0.25 - 1.0).abs() < 0.28, "{noise:?}");
         }
-        // Three degrees of freedom have no fourth moment: the share beyond five deviations of the law is asked, 0.32 % against 6e-7 of a normal one.
+        // With three degrees of freedom there is no fourth moment, so the share beyond five deviations of the distribution is tested: 0.32 %,
+        // compared with 6e-7 for a normal one.
         let far = of(Noise::Tails).iter().filter(|it| it.abs() > 2.5).count();
         assert!((60..250).contains(&far), "{far}");
-        // A twentieth of the rows with 37 times the variance.
+        // A twentieth of the rows has 37 times the variance.
         let bursts = square(&of(Noise::Bursts)) / 0.25;
         assert!((2.0..4.0).contains(&bursts), "{bursts}");
         assert!(of(Noise::Rounded).iter().all(|it| it % 2.0 == 0.0));
@@ -262,7 +265,7 @@ mod tests {
             }
             assert_eq!(spoiled.inputs, record().inputs, "{what:?}");
             let changed = |place: usize| spoiled.outputs[place] != record().outputs[place];
-            // The second output is constant: what sticks, clips or is late does not show on it.
+            // The second output is constant: a stuck, clipped or delayed channel is not visible there.
             let shows = damage.outputs.contains(&0) || what == Spoiled::Unit;
             assert_eq!(changed(0) || changed(1), shows, "{what:?}");
         }

@@ -1,8 +1,8 @@
 //! The driveline, with twists in place of angles.
 //!
-//! States are the twist of the clutch th_e - i_t th_t, the twist of the driveshaft th_t/i_f - th_w, the speeds and the engine's torque: the
-//! angles of docs/book/src/reference/plants.md (27), (28) grow without bound and enter by these differences alone. Only combustion needs th_e itself. In: throttle
-//! and gear. Out: engine speed, road speed, acceleration.
+//! The states are the twist of the clutch th_e - i_t th_t, the twist of the driveshaft th_t/i_f - th_w, the speeds and the engine's torque. The
+//! angles of docs/book/src/reference/plants.md (27), (28) grow without bound, and only these differences have an effect; only combustion needs th_e
+//! itself. In: throttle and gear. Out: engine speed, road speed, acceleration.
 
 use crate::flow::{Flow, STATES, State, Stepper};
 use crate::plant::{Delay, Plant, Start, Truth};
@@ -20,7 +20,7 @@ const MOUNT: usize = 8;
 const MOUNT_RATE: usize = 9;
 /// Three lags.
 const LAG: usize = 10;
-/// Distance; with it the hills.
+/// The distance, for the hills.
 const DISTANCE: usize = 13;
 
 /// Standard gravity (3rd CGPM, 1901), m/s^2.
@@ -28,28 +28,28 @@ const G: f64 = 9.80665;
 
 struct Law {
     engine_inertia: f64,
-    /// J_t + J_f/i_f^2
+    /// The inertia J_t + J_f/i_f^2.
     gearbox_inertia: f64,
     wheel_inertia: f64,
     mass: f64,
     r: f64,
-    /// i_t of the record's gear.
+    /// The ratio i_t of the record's gear.
     gear: f64,
     i_f: f64,
     clutch: (f64, f64),
     shaft: (f64, f64),
-    /// d_t + d_f/i_f^2
+    /// The damping d_t + d_f/i_f^2.
     gearbox_damping: f64,
     wheel_damping: f64,
     rolling_1: f64,
     rolling_2: f64,
-    /// 1/2 c_a A rho
+    /// The factor 1/2 c_a A rho.
     drag: f64,
     grade: f64,
     map: [f64; 3],
     torque_lag: f64,
     engine_friction: (f64, f64),
-    // The catalogue.
+    // Effects of the catalogue.
     gap: f64,
     cubic: f64,
     capacity: f64,
@@ -60,7 +60,7 @@ struct Law {
     gain: f64,
     ripple: f64,
     lags: Vec<Option<f64>>,
-    // Outside it.
+    // Effects outside the catalogue.
     mount: Option<(f64, f64)>,
     hill: f64,
     wavelength: f64,
@@ -68,13 +68,13 @@ struct Law {
     intake_speed: f64,
     burst: f64,
     burst_time: f64,
-    /// Held.
+    /// The constant throttle.
     throttle: f64,
-    /// Set at every row: a burst tyre rolls harder from its moment on.
+    /// The time of the row: after a tyre burst the rolling resistance is higher.
     now: f64,
 }
 
-/// A car under way.
+/// A running car.
 pub struct Car {
     law: Law,
     y: State,
@@ -83,7 +83,7 @@ pub struct Car {
 }
 
 impl Car {
-    /// docs/book/src/reference/plants.md 2.2, start.
+    /// The start of docs/book/src/reference/plants.md 2.2.
     pub fn new(truth: &Truth, start: Start, first: &[f64], period: f64) -> Self {
         let of = |name| truth.parameters.get(name);
         let i_f = of("final_drive_ratio");
@@ -147,7 +147,7 @@ impl Car {
     }
 }
 
-/// Twists of a hundredth of a radian, speeds, a hundred newton metres, metres.
+/// The scales: twists of a hundredth of a radian, speeds, a hundred newton metres, metres.
 const SCALE: State = [0.01, 0.01, 100.0, 100.0, 10.0, 100.0, 10.0, 10.0, 1.0, 100.0, 100.0, 10.0, 1.0, 10.0];
 
 impl Law {
@@ -157,7 +157,7 @@ impl Law {
         (self.gain * self.throttle).powf(self.exponent) * full
     }
 
-    /// Before the capacity limits it.
+    /// The torque before the capacity limits it.
     fn clutch_torque(&self, y: &State) -> f64 {
         let twist = y[CLUTCH];
         (self.clutch.0 + self.cubic * twist * twist) * twist + self.clutch.1 * (y[ENGINE] - self.gear * y[GEARBOX])
@@ -172,7 +172,7 @@ impl Law {
         self.shaft.0 * (y[SHAFT] - side) + self.shaft.1 * (y[GEARBOX] / self.i_f - y[WHEEL])
     }
 
-    /// Rolling resistance and climb, m/s^2, without what grows with speed.
+    /// Rolling resistance and climb, m/s^2, without the parts that grow with speed.
     fn climb(&self, y: &State) -> f64 {
         let grade = self.grade + self.hill * (std::f64::consts::TAU * y[DISTANCE] / self.wavelength).sin();
         let burst = if self.now >= self.burst_time { self.burst } else { 1.0 };
@@ -189,7 +189,7 @@ impl Law {
 }
 
 impl Flow for Law {
-    /// Contact of the driveshaft (0 open, 1 drive, 2 coast), and three times whether the clutch slips (0 no, 1 drive, 2 coast).
+    /// The contact of the driveshaft (0 open, 1 drive, 2 coast), plus three times the slip state of the clutch (0 no slip, 1 drive, 2 coast).
     fn regime(&self, y: &State) -> u8 {
         let contact = if self.gap == 0.0 || y[SHAFT] > 0.5 * self.gap { 1 } else { 2 * u8::from(y[SHAFT] < -0.5 * self.gap) };
         let clutch = self.clutch_torque(y);

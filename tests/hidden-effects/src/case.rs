@@ -1,7 +1,7 @@
-//! Cases: a true plant, a nominal file that lacks something, records, and what a right answer is.
+//! Cases: a true plant, a nominal file that lacks something, records, and the correct answer.
 //!
-//! In: a seed. Out: cases by family. A case depends on the seed and its own name alone. Parameters with a tolerance are off by up to 1.5 of their standard
-//! deviations in every case: a diagnosis must calibrate before it accuses.
+//! In: a seed. Out: cases by family. A case depends only on the seed and on its own name. In every case, parameters with a tolerance have errors of
+//! up to 1.5 of their standard deviations, so a diagnosis must calibrate before it names a cause.
 
 use crate::bench::{self, Damage, Noise, Spoiled};
 use crate::draw::{self, Nominal};
@@ -12,37 +12,37 @@ use crate::random::Random;
 use crate::untidy::Untidy;
 use crate::verification::again;
 
-/// What is hidden.
+/// The hidden cause.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Family {
-    /// Every effect of the catalogue once per plant where it stands.
+    /// Every effect of the catalogue, once for each plant where it is possible.
     Singles,
     /// Two effects of the catalogue.
     Pairs,
     /// Nothing.
     Nulls,
-    /// Something that the catalogue does not have.
+    /// An effect that is not in the catalogue.
     Outside,
-    /// Nothing but damaged data.
+    /// Only damaged data.
     Faults,
-    /// An effect in one of the records alone: that record is of another configuration.
+    /// An effect in only one of the records, which has a different configuration.
     Records,
-    /// Causes beside a symmetry: an axis whose forces and mass may grow together.
+    /// Causes together with a symmetry: the forces and the mass of an axis may change by the same factor.
     Symmetries,
-    /// Nothing, with tolerances four times as wide and parameters near their ends: a calibration that begins far away.
+    /// Nothing, but with tolerances four times as wide and parameters near their ends: a calibration with a distant start.
     Far,
-    /// Effects of the catalogue beyond what a usual bench shows: waves of any order, long delays, friction that is most of the effort, sensors that are far off.
+    /// Effects of the catalogue beyond the usual range: waves of any order, long delays, friction that is most of the effort, large sensor errors.
     Beyond,
-    /// An effect in records of which an output is missing; on the plants of `examples/plants/` alone.
+    /// An effect in records with a missing output; only on the plants of `examples/plants/`.
     Missing,
-    /// Nothing or an effect, under noise that is not what the file states.
+    /// Nothing or an effect, with noise that differs from the statement of the file.
     Noise,
-    /// Nothing but data that a logger spoiled.
+    /// Only data that a logger damaged.
     Data,
 }
 
 impl Family {
-    /// All, in the order of the table.
+    /// All families, in the order of the table.
     pub const ALL: [Family; 12] = [
         Family::Singles,
         Family::Nulls,
@@ -58,7 +58,7 @@ impl Family {
         Family::Data,
     ];
 
-    /// Its word on the command line.
+    /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Family::Singles => "singles",
@@ -76,7 +76,7 @@ impl Family {
         }
     }
 
-    /// The share of right answers to reach. Of damaged data nothing is said: they are nulls, and judged like them.
+    /// The share of correct answers that must be reached. Cases of the family `Faults` have no effect, so their share is that of `Nulls`.
     pub fn threshold(self) -> f64 {
         match self {
             Family::Singles | Family::Nulls | Family::Faults | Family::Far => 0.95,
@@ -91,13 +91,13 @@ impl Family {
 pub enum Fault {
     /// Rows are missing.
     Gap,
-    /// A channel keeps its value for a while.
+    /// A channel keeps its value for some time.
     Stuck,
-    /// A channel does not pass a limit.
+    /// A channel does not exceed a limit.
     Clipped,
-    /// A stretch of outputs stands there twice, the second time in place of what was measured.
+    /// A section of the outputs occurs twice, the second time instead of the measured values.
     Duplicated,
-    /// A channel is late by some rows.
+    /// A channel is delayed by some rows.
     Shifted,
     /// A channel keeps its value from a row to the end.
     Frozen,
@@ -109,7 +109,7 @@ impl Fault {
     const ALL: [Fault; 7] =
         [Fault::Gap, Fault::Stuck, Fault::Clipped, Fault::Duplicated, Fault::Shifted, Fault::Frozen, Fault::Constant];
 
-    /// A word that a report of this fault contains.
+    /// A word that a report of this fault must contain.
     pub fn word(self) -> &'static str {
         match self {
             Fault::Gap => "gap",
@@ -122,14 +122,14 @@ impl Fault {
     }
 }
 
-/// One record: noisy for the diagnosis, without noise for the judge.
+/// One record: with noise for the diagnosis, without noise for the evaluation.
 #[derive(Debug, Clone)]
 pub struct Run {
-    /// As sensors give it.
+    /// The record with sensor noise.
     pub noisy: Record,
-    /// The truth.
+    /// The true values.
     pub exact: Record,
-    /// Rows that the file lacks.
+    /// Rows that are missing in the file.
     pub left_out: Vec<std::ops::Range<usize>>,
 }
 
@@ -138,21 +138,21 @@ pub struct Run {
 pub struct Case {
     /// `pmac-coulomb-friction`
     pub name: String,
-    /// What is hidden.
+    /// The family of the hidden cause.
     pub family: Family,
-    /// The file that is diagnosed, parameters off within their tolerance; its noise is the true one.
+    /// The file to diagnose. Its parameters have errors within their tolerance; its noise is the true one.
     pub nominal: Nominal,
-    /// What the file says of the noise; 0 where it says nothing.
+    /// The noise that the file states; 0 if it states none.
     pub stated: Vec<f64>,
-    /// Outputs that no record holds.
+    /// Outputs that are in no record.
     pub without: Vec<String>,
-    /// What is true.
+    /// The true plant.
     pub truth: Truth,
-    /// Causes of the truth, the parameter errors among them.
+    /// The true causes, including the parameter errors.
     pub causes: Vec<Effect>,
     /// The fault, if the data are damaged.
     pub fault: Option<Fault>,
-    /// What a logger did.
+    /// The damage by a logger.
     pub damage: Option<Damage>,
     /// The record that alone has an effect, by its file, and that effect.
     pub own: Option<(String, Effect)>,
@@ -160,35 +160,35 @@ pub struct Case {
     pub train: Vec<Run>,
     /// Validation records.
     pub validate: Vec<Run>,
-    /// Root mean square of what the causes move, over the noise, at the output where it is largest: records with and without them, the same
-    /// inputs and parameters. Of training and validation records the smaller one.
+    /// The root mean square of the effect of the causes, divided by the noise, at the output where it is largest: from records with and without the
+    /// causes, with the same inputs and parameters. The smaller value of training and validation records.
     pub signal_to_noise: f64,
 }
 
 /// Records for training and for validation.
 const RUNS: (usize, usize) = (3, 2);
 
-/// Least signal to noise of a case, at the best output: 8000 rows average a third of the noise to a thousandth of its variance, of which calibration and
-/// starts take a part. Below it a case asks for luck, and is drawn again.
+/// The smallest signal to noise of a case, at the best output: averaged over 8000 rows, a third of the noise is determined to a thousandth of its
+/// variance, of which calibration and starts take a part. Below this value a correct answer would need luck, so the case is drawn again.
 const LEAST_SIGNAL: f64 = 0.3;
 
-/// Draws of a case before it is given up.
+/// The number of draws after which a case is abandoned.
 const ATTEMPTS: usize = 50;
 
-/// What a case is made from.
+/// The plan of a case.
 struct Plan {
     name: String,
     family: Family,
     kind: Kind,
-    /// Kinds of the catalogue.
+    /// The kinds of effects from the catalogue.
     effects: Vec<&'static str>,
     outside: Option<&'static str>,
     fault: Option<Fault>,
-    /// Acts in one record alone.
+    /// The effect of one record only.
     own: Option<&'static str>,
-    /// Noise that is not what the file states.
+    /// Noise that differs from the statement of the file.
     noise: Option<Noise>,
-    /// What a logger did.
+    /// The damage by a logger.
     spoiled: Option<Spoiled>,
 }
 
@@ -198,7 +198,7 @@ impl Plan {
     }
 }
 
-/// Pairs whose traces differ, and whose order does not matter.
+/// Pairs with different effects on the records, whose order has no influence.
 const PAIRS: [(Kind, &str, &str); 10] = [
     (Kind::Motor, "coulomb-friction", "windage"),
     (Kind::Motor, "magnetic-saturation", "inverter-dead-time"),
@@ -212,11 +212,12 @@ const PAIRS: [(Kind, &str, &str); 10] = [
     (Kind::OpenAxis, "stribeck-friction", "parameter-error"),
 ];
 
-/// Effects of one record alone: a slope, a wind, a load that nobody wrote down.
+/// Effects of only one record: a slope, a wind, or a load that was not recorded.
 const OWN: [(Kind, &str); 4] =
     [(Kind::Car, "road-grade"), (Kind::Car, "headwind"), (Kind::Motor, "constant-load"), (Kind::ClosedAxis, "constant-load")];
 
-/// Axes of which records know forces against the mass only: dry friction beside a mass that is off, in open and in closed loop, and forces that all grow together.
+/// Axes whose records show only the ratios of forces and mass: dry friction together with an error of the mass, in open and in closed loop, and
+/// forces that all increase together.
 const SYMMETRIES: &[(&str, Kind, &[&str])] = &[
     ("mass-open", Kind::OpenAxis, &["coulomb-friction", "mass-error"]),
     ("mass-closed", Kind::ClosedAxis, &["coulomb-friction", "mass-error"]),
@@ -224,7 +225,7 @@ const SYMMETRIES: &[(&str, Kind, &[&str])] = &[
     ("gain-closed", Kind::ClosedAxis, &["input-gain", "coulomb-friction"]),
 ];
 
-/// Effects beyond a usual bench: see `draw::beyond`. Two waves beside each other are not asked: the catalogue has a wave once.
+/// Effects beyond the usual range: see `draw::beyond`. Two waves together are not tested, because the catalogue contains a wave only once.
 const BEYOND: &[(&str, Kind, &[&str])] = &[
     ("order-a", Kind::Motor, &["any-order"]),
     ("order-b", Kind::Motor, &["any-order"]),
@@ -243,10 +244,10 @@ const BEYOND: &[(&str, Kind, &[&str])] = &[
     ("gain-closed", Kind::ClosedAxis, &["sensor-gain", "heavy-friction"]),
 ];
 
-/// How many times as wide the tolerances of a calibration from far away are, and between how many of their standard deviations parameters lie off.
+/// For a distant start of a calibration: the factor of the tolerances, and the range of the parameter errors in standard deviations.
 const FAR: (f64, f64, f64) = (4.0, 1.5, 1.9);
 
-/// A plant a null: three and three, and each way of running an axis twice.
+/// The plants of the cases without an effect: three each of motor and car, and each mode of an axis twice.
 const NULLS: [Kind; 10] = [
     Kind::Motor,
     Kind::Motor,
@@ -260,7 +261,7 @@ const NULLS: [Kind; 10] = [
     Kind::ClosedAxis,
 ];
 
-/// Of the quick subset: a few a plant, in seconds rather than minutes.
+/// The quick subset: a few cases for each plant, in seconds instead of minutes.
 const QUICK: [&str; 8] = [
     "pmac-windage",
     "pmac-inverter-dead-time",
@@ -276,8 +277,9 @@ fn plans() -> Vec<Plan> {
     let mut plans = vec![];
     for kind in [Kind::Motor, Kind::Car, Kind::ClosedAxis] {
         for effect in draw::catalogue(kind) {
-            // Without a loop the position says nothing about friction that a command does not; with it both are seen. Half of the axis's own effects run open.
-            // A constant offset, a gain or a drift of a position in open loop is another load, another gain or another start: sensors run closed.
+            // Without a loop, the position contains nothing about friction that a command does not; with the loop both are visible. Half of the
+            // effects of the axis run in open loop. A constant offset, a gain or a drift of a position in open loop is equivalent to another load,
+            // another gain or another start, so sensors run in closed loop.
             let is_open = ["parameter-error", "stribeck-friction", "cogging-torque", "shaft-compliance"].contains(effect);
             let kind = if kind == Kind::ClosedAxis && is_open { Kind::OpenAxis } else { kind };
             let name = format!("{}-{effect}", kind.name());
@@ -327,36 +329,38 @@ fn plans() -> Vec<Plan> {
     plans
 }
 
-/// Which cases are asked for.
+/// The requested cases.
 #[derive(Debug, Clone, Default)]
 pub struct Choice {
-    /// Of this family only.
+    /// Only this family.
     pub family: Option<Family>,
-    /// Of this name only.
+    /// Only the case with this name.
     pub name: Option<String>,
-    /// Of the quick subset only.
+    /// Only the quick subset.
     pub quick: bool,
-    /// Rows of every record, in place of the plant's own.
+    /// The number of rows of every record, instead of the plant's own.
     pub rows: Option<usize>,
-    /// Correlation of every output's noise from row to row, in place of one that is drawn.
+    /// The correlation of every output's noise from row to row, instead of a random one.
     pub colour: Option<f64>,
-    /// The plant file states the noise times this; 0: it states none. Absent: as it is.
+    /// The factor between the noise that the plant file states and the true noise; 0: it states none. Absent: unchanged.
     pub stated: Option<f64>,
-    /// What records have less tidy than a bench's.
+    /// Irregularities of the records.
     pub untidy: Untidy,
-    /// Parameters are off as their tolerance says, normally distributed up to two standard deviations, beyond which a cause begins; else evenly within 1.5 of them.
+    /// Parameter errors are normally distributed with the tolerance, up to two standard deviations, beyond which an error is a cause; otherwise
+    /// uniform within 1.5 of them.
     pub normal: bool,
-    /// Of the singles every so many, from this one on.
+    /// Of the single effects only every n-th, from this one on.
     pub singles: Option<(usize, usize)>,
-    /// Not of these families.
+    /// Without these families.
     pub without_families: Vec<Family>,
 }
 
-/// Of this many seeds in a row, a run of intervals has every single once.
+/// A run of intervals over this number of consecutive seeds contains every single effect once.
 const SINGLES_IN_TURNS: u64 = 10;
 
 impl Choice {
-    /// What intervals are counted of: nothing hidden, a symmetry, and some single effects, others with every seed. Two causes at once and damaged data ask for more than intervals.
+    /// The cases for which intervals are counted: no effect, a symmetry, and some single effects, which change with the seed. Two causes at once and
+    /// damaged data need more than correct intervals.
     #[must_use]
     pub fn for_coverage(mut self, seed: u64) -> Self {
         self.without_families =
@@ -366,7 +370,7 @@ impl Choice {
     }
 
     fn has(&self, plan: &Plan) -> bool {
-        // Records as benches make them are asked for by name: the table of all other families stays what it was.
+        // Records as on real benches are run only if requested, so the table of all other families does not change.
         let is_of_benches = matches!(plan.family, Family::Noise | Family::Data);
         let is_asked = self.family.is_some() || self.name.is_some();
         (is_asked || !is_of_benches)
@@ -379,7 +383,7 @@ impl Choice {
     }
 }
 
-/// The cases of a seed. Their records are made when the iterator comes to them.
+/// The cases of a seed. The records of a case are computed when the iterator reaches it.
 pub fn cases(seed: u64, choice: Choice) -> impl Iterator<Item = Case> {
     let its_turn = |place: usize, plan: &Plan| match choice.singles {
         Some((every, from)) if plan.family == Family::Singles => place % every == from,
@@ -390,18 +394,18 @@ pub fn cases(seed: u64, choice: Choice) -> impl Iterator<Item = Case> {
     chosen.into_iter().filter_map(move |plan| case(&plan, seed, &choice))
 }
 
-/// Outputs of a plant that records hold, by their places.
+/// The outputs of a plant that the records contain, by index.
 fn recorded(kind: Kind, untidy: &Untidy) -> Vec<usize> {
     let is_held = |place: &usize| untidy.without.iter().all(|out| *out != kind.outputs()[*place].0);
     (0..kind.outputs().len()).filter(is_held).collect()
 }
 
-/// Draws until the causes show: see `LEAST_SIGNAL`. `None` where they cannot, since nobody recorded the outputs in which they would: an effect of a sensor that no record holds, a fault of
-/// its column.
+/// Draws until the causes are visible: see `LEAST_SIGNAL`. `None` if this is not possible because the necessary outputs are not recorded: for an
+/// effect of a sensor that no record contains, or a fault of its column.
 fn case(plan: &Plan, seed: u64, choice: &Choice) -> Option<Case> {
     let held = recorded(plan.kind, &choice.untidy);
     let all = plan.kind.outputs().len();
-    // Faults are those of the last output.
+    // Faults affect the last output.
     if held.is_empty() || plan.fault.is_some() && !held.contains(&(all - 1)) {
         return None;
     }
@@ -424,7 +428,7 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
     let kind = plan.kind;
     let mut true_plant = draw::nominal(kind, &mut random);
     true_plant.rows = choice.rows.unwrap_or(true_plant.rows);
-    // Good sensors and poor ones: so the same magnitude is clear in one case and marginal in another.
+    // Good and poor sensors: the same magnitude is clearly visible in one case and hardly in another.
     let poor = if kind == Kind::Car { random.spread(0.6, 2.0) } else { random.spread(1.0, 4.0) };
     true_plant.noise.iter_mut().for_each(|sigma| *sigma *= poor);
     let mut parameters = true_plant.parameters.clone();
@@ -445,14 +449,14 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
     }
     if plan.family == Family::Far {
         for (name, sigma) in &mut nominal.tolerance {
-            // A relative deviation of half at most: what is built is above zero.
+            // A relative deviation of at most a half, so that all parameters are above zero.
             *sigma = (FAR.0 * *sigma).min(0.25);
             let off = *sigma * random.sign() * random.uniform(FAR.1, FAR.2);
             nominal.parameters.set(name, true_plant.parameters.get(name) / (1.0 + off));
         }
     }
     for cause in causes.iter().filter(|cause| cause.kind == "parameter-error") {
-        // The file keeps the drawn value, exactly: the error is what the cause says and no tolerance on top of it.
+        // The file keeps the drawn value exactly: the error is only that of the cause, without a tolerance.
         let (_, name) = cause.which.expect("a parameter error names its parameter");
         nominal.parameters.set(name, true_plant.parameters.get(name));
         parameters.set(name, cause.values[0].1);
@@ -464,13 +468,13 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
         .own
         .map(|name| (random.whole(0, (RUNS.0 + RUNS.1 - 1) as u64) as usize, own_effect(name, &true_plant, &mut random)));
 
-    // A third of the cases has coloured noise, by output.
+    // A third of the cases has correlated noise, for each output separately.
     let colours: Vec<f64> =
         nominal.noise.iter().map(|_| if random.uniform(0.0, 1.0) < 0.33 { random.uniform(0.3, 0.8) } else { 0.0 }).collect();
     let colours: Vec<f64> = colours.into_iter().map(|colour| choice.colour.unwrap_or(colour)).collect();
     let bare = Truth { parameters: without_errors(&truth, &causes, &true_plant), effects: vec![], outside: vec![], kind };
     let mut moved = vec![[(0.0, 0.0); 2]; nominal.noise.len()];
-    // Other gears for validation: what only holds in the gears of the training is not the cause.
+    // Validation uses other gears: an explanation that is valid only in the training gears is not the cause.
     let gears = [2, 3, 4, 2, 3];
     let untidy = &choice.untidy;
     let made: Vec<Made> = (0..RUNS.0 + RUNS.1)
@@ -482,7 +486,7 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
             truth.effects.extend(own.iter().filter(|(its, _)| *its == run).map(|(_, effect)| effect.clone()));
             let exact = plant::run(&truth, start, nominal.period, nominal.rows, &mut drive);
             let without = again(&bare, &exact, &true_plant, gear, &stream);
-            // What a coarse sensor rounds off is its signal, so rounding counts here.
+            // A coarse sensor removes part of the signal, so rounding is included here.
             let mut read = exact.clone();
             plant::quantise(&truth, &mut read);
             for (output, sums) in moved.iter_mut().enumerate() {
@@ -495,7 +499,7 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
             let outputs = 0..exact.outputs.len();
             let noise = outputs
                 .map(|output| match plan.noise {
-                    // Rounding comes with the readings.
+                    // Rounding is applied to the readings.
                     Some(kind) if kind != Noise::Rounded => {
                         let mut column = vec![0.0; nominal.rows];
                         kind.add(&mut column, nominal.noise[output], &mut random);
@@ -520,12 +524,12 @@ fn draw_case(plan: &Plan, mut random: Random, choice: &Choice) -> Case {
         runs.iter_mut().take(suffer).for_each(|run| damage.spoil(&mut run.noisy));
     }
     let validate = runs.split_off(RUNS.0);
-    // Nobody finds what no training record shows, nor sees that it helps where no record for validation does.
+    // An effect that no training record shows cannot be found, and one that no validation record shows cannot be confirmed.
     let shown =
         |which: usize| held.iter().map(|place| moved[*place][which]).map(|(sum, rows)| (sum / rows).sqrt()).fold(0.0, f64::max);
     let signal_to_noise = shown(0).min(shown(1));
     let signal_to_noise = signal_to_noise.max(outside::signal_on_readings(&truth, &nominal));
-    // Of a sensor that nobody recorded nothing can be said, whatever moves beside it.
+    // For a sensor that is not recorded nothing can be found, whatever other effects are visible.
     let is_held = |cause: &Effect| match cause.which {
         Some(("output", name)) => held.iter().any(|place| kind.outputs()[*place].0 == name),
         _ => true,
@@ -570,17 +574,17 @@ fn within_two(random: &mut Random) -> f64 {
     }
 }
 
-/// A run before its sensors read it.
+/// A run before the sensors read it.
 struct Made {
     truth: Truth,
     exact: Record,
-    /// By output.
+    /// The noise, for each output.
     noise: Vec<Vec<f64>>,
-    /// Its own stream of random numbers for what is untidy.
+    /// The separate stream of random numbers for irregularities.
     untidy: Random,
 }
 
-/// Runs as sensors give them.
+/// Runs as read by the sensors.
 fn read(made: Vec<Made>, untidy: &Untidy) -> Vec<Run> {
     let largest = |output: usize| {
         let all = made.iter().flat_map(|it| it.exact.outputs[output].iter());
@@ -598,14 +602,14 @@ fn read(made: Vec<Made>, untidy: &Untidy) -> Vec<Run> {
         let mut left_out = untidy.lost_rows(exact.outputs[0].len(), &mut own);
         left_out.push(0..untidy.late);
         outside::on_readings(&truth, &exact, &mut noisy);
-        // A coarse sensor rounds what it reads, noise and all.
+        // A coarse sensor rounds its reading including the noise.
         plant::quantise(&truth, &mut noisy);
         Run { noisy, exact, left_out }
     };
     made.into_iter().map(one).collect()
 }
 
-/// An effect of one record alone, clearly visible.
+/// An effect of one record only, clearly visible.
 fn own_effect(name: &'static str, nominal: &Nominal, random: &mut Random) -> Effect {
     match (name, nominal.kind) {
         ("road-grade", _) => Effect::new("road-grade", &[("grade", random.sign() * random.uniform(0.03, 0.06))]),
@@ -624,7 +628,7 @@ fn without_errors(truth: &Truth, causes: &[Effect], true_plant: &Nominal) -> pla
     parameters
 }
 
-/// Damages a record. The last output of a plant is the one that suffers; the rows lie in the middle half.
+/// Damages a record: its last output, in rows of the middle half.
 fn damage(run: &mut Run, fault: Fault, random: &mut Random) {
     let rows = run.noisy.outputs[0].len();
     let first = rows / 4 + random.whole(0, rows as u64 / 4) as usize;
@@ -644,13 +648,13 @@ fn damage(run: &mut Run, fault: Fault, random: &mut Random) {
             column.iter_mut().for_each(|value| *value = value.min(limit));
         }
         Fault::Duplicated => {
-            // The recorder writes a block of all channels a second time, over the next block.
+            // The logger writes a block of all channels a second time, over the next block.
             for column in run.noisy.inputs.iter_mut().chain(&mut run.noisy.outputs) {
                 column.copy_within(first..first + length, first + length);
             }
         }
         Fault::Frozen => {
-            // From the first third on: most of the record.
+            // From the first third on, which is most of the record.
             let first = rows / 10 + first / 2;
             let value = column[first];
             column[first..].fill(value);
@@ -678,7 +682,7 @@ mod tests {
         let expected: usize = [Kind::Motor, Kind::Car, Kind::OpenAxis].iter().map(|kind| draw::catalogue(*kind).len()).sum();
         assert_eq!(of(Family::Singles).count(), expected);
         let kinds: BTreeSet<&str> = of(Family::Singles).flat_map(|plan| plan.effects.iter().copied()).collect();
-        // docs/book/src/reference/plants.md, section 3, has 33.
+        // docs/book/src/reference/plants.md, section 3, lists 33.
         assert_eq!(kinds.len(), 33);
         for family in [Family::Records, Family::Symmetries, Family::Far] {
             assert!(of(family).count() >= 4, "{family:?}");
@@ -701,7 +705,7 @@ mod tests {
         let damage = swapped.damage.as_ref().expect("it is spoiled");
         let run = &swapped.validate[0];
         let (one, other) = (damage.outputs[0], damage.outputs[1]);
-        // Within ten of the coarser sensor's deviations: the columns are those of each other.
+        // Within ten deviations of the coarser sensor: the columns are exchanged.
         let apart = (run.noisy.outputs[one][300] - run.exact.outputs[other][300]).abs();
         assert!(apart < 10.0 * swapped.nominal.noise[other], "{apart}");
         let rounded = of("noise-servo-axis-rounded");
@@ -744,7 +748,7 @@ mod tests {
                 assert_eq!(noise.len(), 900);
                 let products: f64 = noise.windows(2).map(|pair| pair[0] * pair[1]).sum();
                 let found = products / noise.iter().map(|e| e * e).sum::<f64>();
-                // sqrt((1 - 0.81)/900) is 0.015; four of it, and what the mean of a short record takes.
+                // sqrt((1 - 0.81)/900) is 0.015; the limit is four of it, plus the effect of the mean of a short record.
                 assert!((found - 0.9).abs() < 0.07, "{found}");
             }
         }
@@ -765,10 +769,10 @@ mod tests {
                 assert!(case.signal_to_noise >= LEAST_SIGNAL);
             }
         }
-        // Of the axis only its position may be late.
+        // For the axis, only the position can be delayed.
         assert!(of("servo-axis-sensor-delay", &without).is_none());
         assert!(of("fault-stuck-pmac", &without[1..2]).is_none() && of("fault-stuck-driveline", &without).is_some());
-        // With all sensors a case is what it was.
+        // With all sensors, a case does not change.
         assert_eq!(of("pmac-sensor-gain", &[]).map(|it| it.causes), of("pmac-sensor-gain", &without[3..]).map(|it| it.causes));
     }
 

@@ -1,7 +1,7 @@
-//! Do intervals hold the truth as often as they say? Of intervals of 95 %, 93 to 97 of 100 must.
+//! Checks that intervals contain the true value as often as stated: of 100 intervals of 95 %, 93 to 97 must.
 //!
-//! In: cases and the JSON of `rsm diagnose` about them. Out: a table of counts by plant and by kind of number, each with its binomial interval. Numbers are counted of answers that
-//! name the true causes and nothing else: in another explanation they are other numbers.
+//! In: cases and the JSON of `rsm diagnose` about them. Out: a table of counts by plant and by kind of number, each with its binomial interval.
+//! Numbers are counted only for answers that name exactly the true causes: in another explanation they have another meaning.
 
 use std::fmt;
 
@@ -12,39 +12,39 @@ use crate::judge;
 use crate::plant::Kind;
 use crate::reliability::wilson;
 
-/// Shares that intervals of 95 % may hold.
+/// The permitted shares of intervals of 95 % that contain the true value.
 const WANTED: (f64, f64) = (0.93, 0.97);
 
-/// An interval of 95 % is so many times as wide as one of one standard deviation.
+/// The width of an interval of 95 %, relative to one of one standard deviation.
 const OF_ONE_DEVIATION: f64 = 1.96;
 
-/// What a number is.
+/// The kind of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Of {
-    /// A parameter of the plant file with a tolerance, as it was calibrated.
+    /// A calibrated parameter of the plant file with a tolerance.
     Parameter,
     /// A number of a cause.
     Cause,
 }
 
-/// An interval and what is true.
+/// An interval and the true value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Number {
     /// `coulomb-friction.force`
     pub name: String,
-    /// Of which plant.
+    /// The plant.
     pub kind: Kind,
     /// See [`Of`].
     pub of: Of,
-    /// Whether the interval holds the truth.
+    /// Whether the interval contains the true value.
     pub held: bool,
-    /// Whether it would, were it one standard deviation wide on either side.
+    /// Whether an interval of one standard deviation on either side would contain it.
     pub held_by_one_deviation: bool,
-    /// The truth less the value given, in half widths of the interval.
+    /// The true value minus the estimate, in half widths of the interval.
     pub off: f64,
 }
 
-/// The numbers of an answer; `None` where it is wrong, or names a cause by another name.
+/// The numbers of an answer; `None` if it is wrong, or names a cause by another name.
 pub fn numbers(case: &Case, answer: &Value) -> Option<Vec<Number>> {
     let mut given: Vec<(String, Of, f64, &Value)> = vec![];
     let causes = answer["causes"].as_array()?;
@@ -60,7 +60,7 @@ pub fn numbers(case: &Case, answer: &Value) -> Option<Vec<Number>> {
     }
     for (name, _) in &case.nominal.tolerance {
         let found = &answer["calibration"][name];
-        // A parameter that is a cause is none that was calibrated.
+        // A parameter that is a cause was not calibrated.
         if found.is_object() {
             given.push(((*name).to_string(), Of::Parameter, case.truth.parameters.get(name), found));
         }
@@ -89,7 +89,7 @@ pub fn numbers(case: &Case, answer: &Value) -> Option<Vec<Number>> {
 pub struct Coverage {
     /// The numbers.
     pub numbers: Vec<Number>,
-    /// Answers that had none.
+    /// The number of answers without numbers.
     pub without: usize,
 }
 
@@ -110,7 +110,7 @@ impl Coverage {
         groups
     }
 
-    /// Whether no group's count rules out every share that is wanted, and the share of all lies among them where a thousand were drawn.
+    /// Whether the count of every group is compatible with a wanted share, and, if a thousand were drawn, the share of all is a wanted one.
     pub fn held(&self) -> bool {
         let may = |numbers: &[&Number]| {
             let (low, high) = wilson(numbers.iter().filter(|it| it.held).count(), numbers.len());
@@ -202,9 +202,9 @@ mod tests {
             Coverage { numbers: (0..held + missed).map(|k| one(k < held)).collect(), without: 0 }.held()
         };
         assert!(of(950, 50) && of(57, 3));
-        // One standard deviation holds 68 of 100, also where few were drawn; and what is far too wide says nothing.
+        // One standard deviation contains 68 of 100, also if few were drawn; an interval that is far too wide is also detected.
         assert!(!of(680, 320) && !of(41, 19) && !of(1000, 0));
-        // Of a thousand the share itself counts.
+        // For a thousand, the share itself must be a wanted one.
         assert!(!of(920, 80) && of(92, 8));
     }
 }

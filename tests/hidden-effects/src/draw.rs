@@ -1,19 +1,19 @@
-//! What is drawn from a seed: nominal plants, and effects with their magnitudes.
+//! Random choices from a seed: nominal plants, and effects with their magnitudes.
 //!
-//! In: a stream of random numbers. Out: parameters inside what is built, effects from clearly visible to marginal. Ranges are ours, of the size
-//! of the plants that the shipped files and the published EMPS axis describe; where a magnitude follows from another number, a comment says so.
+//! In: a stream of random numbers. Out: parameters within the range of real machines, effects from clearly visible to marginal. The ranges are our
+//! own, similar to the plants of the shipped files and to the published EMPS axis. If a magnitude follows from another number, a comment says so.
 
 use crate::plant::{Effect, Kind, Parameters};
 use crate::random::Random;
 
-/// What a plant file says before any effect.
+/// The data of a plant file without effects.
 #[derive(Debug, Clone)]
 pub struct Nominal {
-    /// Which plant.
+    /// The kind of plant.
     pub kind: Kind,
     /// All parameters.
     pub parameters: Parameters,
-    /// Relative standard deviations; a parameter that is not here is exact.
+    /// Relative standard deviations; a parameter that is not listed is exact.
     pub tolerance: Vec<(&'static str, f64)>,
     /// Standard deviation of every output's noise.
     pub noise: Vec<f64>,
@@ -48,7 +48,7 @@ fn motor(random: &mut Random) -> Nominal {
         parameters: Parameters { values, gear_ratios: vec![], velocity_from_difference: false },
         tolerance: vec![("phase_resistance", 0.05), ("phase_inductance", 0.05), ("inertia", 0.03), ("viscous_friction", 0.1)],
         noise: vec![0.05, 0.05, 0.05],
-        // A quarter of a millisecond: at 300 rad/s and 5 pole pairs a period is a fifteenth of an electrical turn.
+        // The period is a quarter of a millisecond: at 300 rad/s and 5 pole pairs it is a fifteenth of an electrical revolution.
         period: 0.00025,
         rows: 8000,
     }
@@ -64,7 +64,7 @@ fn car(random: &mut Random) -> Nominal {
         ("mass", random.uniform(1200.0, 1700.0)),
         ("wheel_radius", random.uniform(0.29, 0.33)),
         ("final_drive_ratio", random.uniform(3.4, 4.0)),
-        // 10 to 25 N m a degree, a clutch disc with its springs, so that the clutch's own effects show beside the shaft's.
+        // 10 to 25 N m per degree, a clutch disc with its springs, so that the effects of the clutch are visible beside those of the shaft.
         ("clutch_stiffness", random.uniform(600.0, 1400.0)),
         ("clutch_damping", random.uniform(5.0, 15.0)),
         ("driveshaft_stiffness", random.uniform(4000.0, 8000.0)),
@@ -104,7 +104,8 @@ fn car(random: &mut Random) -> Nominal {
 fn axis(kind: Kind, random: &mut Random) -> Nominal {
     let mass = random.uniform(40.0, 110.0);
     let force_gain = random.uniform(25.0, 45.0);
-    // The speed loop force_gain velocity_gain/mass between 50 and 90 rad/s, the position loop at half of it: damped near 0.7.
+    // The bandwidth of the speed loop, force_gain velocity_gain/mass, is between 50 and 90 rad/s, that of the position loop is half of it: a damping
+    // ratio near 0.7.
     let bandwidth = random.uniform(50.0, 90.0);
     let mut values = vec![
         ("mass", mass),
@@ -127,7 +128,7 @@ fn axis(kind: Kind, random: &mut Random) -> Nominal {
     }
 }
 
-/// Every kind of the catalogue that stands on this plant, in the order of docs/book/src/reference/plants.md.
+/// Every kind of the catalogue that is possible on this plant, in the order of docs/book/src/reference/plants.md.
 pub fn catalogue(kind: Kind) -> &'static [&'static str] {
     match kind {
         Kind::Motor => &[
@@ -198,21 +199,21 @@ pub fn catalogue(kind: Kind) -> &'static [&'static str] {
     }
 }
 
-/// A gain that is off by between `least` and `most`, up or down.
+/// A gain with an error between `least` and `most`, up or down.
 fn off(random: &mut Random, least: f64, most: f64) -> f64 {
     1.0 + random.sign() * random.spread(least, most)
 }
 
-/// By how much the force of an axis is off. It moves as mass and friction do when both are off by the same share, so it is calibration while the mass stays within two
-/// standard deviations of its tolerance, 4 %, and the file's mass is off by up to 3 % itself.
+/// The error of an axis's force. It has the same effect as an equal relative error of mass and friction, so it is calibration as long as the mass
+/// stays within two standard deviations of its tolerance, 4 %; and the file's mass itself has an error of up to 3 %.
 const OF_FORCE: (f64, f64) = (0.08, 0.15);
 
-/// An effect of the catalogue, with a magnitude. `output` chooses the output of a sensor effect, else it is drawn.
+/// An effect of the catalogue, with a magnitude. `output` selects the output of a sensor effect; otherwise it is random.
 pub fn effect(name: &str, nominal: &Nominal, output: Option<usize>, random: &mut Random) -> Effect {
     let kind = nominal.kind;
     let names = kind.outputs();
     let output = output.unwrap_or_else(|| random.whole(0, names.len() as u64 - 1) as usize);
-    // A held command has no memory, so a lag says nothing about it between rows: only positions are slow or late on an axis.
+    // A constant command has no memory, so a lag is not visible between rows: on an axis only positions have lags or delays.
     let output = if ["sensor-lag", "sensor-delay"].contains(&name) && kind == Kind::ClosedAxis { 0 } else { output };
     let sensed = names[output].0;
     let sigma = nominal.noise[output];
@@ -232,14 +233,14 @@ pub fn effect(name: &str, nominal: &Nominal, output: Option<usize>, random: &mut
             let (least, most) = if matches!(kind, Kind::OpenAxis | Kind::ClosedAxis) { OF_FORCE } else { (0.03, 0.12) };
             Effect::new("input-gain", &[("gain", off(random, least, most))])
         }
-        // One to six periods of an axis or a motor; a throttle is slower.
+        // One to six periods for an axis or a motor; a throttle is slower.
         "input-delay" => {
             let periods = if kind == Kind::Car { random.spread(4.0, 15.0) } else { random.spread(1.0, 6.0) };
             Effect::new("input-delay", &[("delay", periods * nominal.period)])
         }
         "sensor-gain" => Effect::on("sensor-gain", sensed, &[("gain", off(random, 0.015, 0.08))]),
         "sensor-bias" => Effect::on("sensor-bias", sensed, &[("bias", random.sign() * random.spread(0.01, 0.06) * size)]),
-        // At the end of a record as large as a constant load may be.
+        // At the end of a record it is as large as a constant load may be.
         "load-drift" if kind == Kind::Motor => {
             Effect::new("load-drift", &[("torque_rate", random.sign() * random.spread(0.05, 0.6) / seconds)])
         }
@@ -258,7 +259,7 @@ pub fn effect(name: &str, nominal: &Nominal, output: Option<usize>, random: &mut
             let inertia = nominal.parameters.get(if kind == Kind::Motor { "inertia" } else { "mass" });
             let hertz = if kind == Kind::Motor { random.uniform(40.0, 150.0) } else { random.uniform(15.0, 40.0) };
             let ratio = random.uniform(0.25, 0.6);
-            // The reduced inertia at this frequency, damped by a twentieth to a seventh.
+            // The reduced inertia at this frequency, with a damping of a twentieth to a seventh.
             let reduced = inertia * ratio * (1.0 - ratio);
             let rate = std::f64::consts::TAU * hertz;
             let spring = [("stiffness", reduced * rate * rate), ("damping", 2.0 * random.uniform(0.05, 0.15) * reduced * rate)];
@@ -277,12 +278,12 @@ pub fn effect(name: &str, nominal: &Nominal, output: Option<usize>, random: &mut
     }
 }
 
-/// An effect of the catalogue beyond what a usual bench shows: a wave of any order, a delay of tens of rows, a friction that is most of the effort, a sensor that is far off.
-/// `None` for other words.
+/// An effect of the catalogue beyond the usual range: a wave of any order, a delay of tens of rows, a friction that is most of the effort, a large
+/// sensor error. `None` for other words.
 fn beyond(name: &str, nominal: &Nominal, random: &mut Random) -> Option<Effect> {
     let (kind, period) = (nominal.kind, nominal.period);
     let found = match (name, kind) {
-        // 12 slots with 14 poles make 84 cycles a turn, 9 with 10 make 90: the commonest small motors.
+        // 12 slots with 14 poles make 84 cycles per revolution, 9 with 10 make 90: the most common small motors.
         ("any-order", Kind::Motor) => Effect::new(
             "cogging-torque",
             &[
@@ -292,7 +293,7 @@ fn beyond(name: &str, nominal: &Nominal, random: &mut Random) -> Option<Effect> 
             ],
         ),
         ("any-order", _) => of_axis("cogging-torque", random),
-        // 10 to 40 rows of a motor or an axis; a throttle is slower: 0.2 to 0.6 s.
+        // 10 to 40 rows for a motor or an axis; a throttle is slower: 0.2 to 0.6 s.
         ("late-input", Kind::Car) => Effect::new("input-delay", &[("delay", random.spread(20.0, 60.0) * period)]),
         ("late-input", _) => Effect::new("input-delay", &[("delay", random.spread(10.0, 40.0) * period)]),
         ("late-sensor", _) => {
@@ -300,7 +301,7 @@ fn beyond(name: &str, nominal: &Nominal, random: &mut Random) -> Option<Effect> 
             let output = if kind == Kind::ClosedAxis { 0 } else { random.whole(0, names.len() as u64 - 1) as usize };
             Effect::on("sensor-delay", names[output].0, &[("delay", random.spread(10.0, 60.0) * period)])
         }
-        // A fifth to more than half of what the records drive with.
+        // A fifth to more than half of the drive's effort in the records.
         ("heavy-friction", Kind::Motor) => Effect::new("coulomb-friction", &[("torque", random.spread(0.6, 3.0))]),
         ("heavy-friction", _) => Effect::new("coulomb-friction", &[("force", random.spread(25.0, 80.0))]),
         ("far-gain", _) => {
@@ -313,7 +314,7 @@ fn beyond(name: &str, nominal: &Nominal, random: &mut Random) -> Option<Effect> 
     Some(found)
 }
 
-/// The range of an output in the records of `excitation`, of which biases and drifts are a share.
+/// The range of an output in the records of `excitation`. Biases and drifts are shares of it.
 fn typical(output: &str) -> f64 {
     match output {
         "i_d" | "i_q" => 20.0,
@@ -327,16 +328,16 @@ fn typical(output: &str) -> f64 {
 }
 
 fn parameter_error(nominal: &Nominal, random: &mut Random) -> Effect {
-    // Those that a record of this plant moves by more than its noise.
+    // The parameters with an effect on a record of this plant that is larger than the noise.
     let names: &[&'static str] = match nominal.kind {
         Kind::Motor => &["phase_resistance", "phase_inductance", "flux_linkage", "inertia"],
-        // Third gear stands in one training record and in one for validation.
+        // Third gear occurs in one training record and in one validation record.
         Kind::Car => &["mass", "driveshaft_stiffness", "engine_inertia", "torque_lag", "drag_area", "gear_ratios[3]"],
         Kind::OpenAxis | Kind::ClosedAxis => &["mass", "viscous_friction", "force_gain"],
     };
     let name = random.one_of(names);
     let tolerance = nominal.tolerance.iter().find(|(known, _)| *known == name).map(|(_, tolerance)| *tolerance);
-    // Beyond 2 sigma is a cause: from 4 on there is no doubt. An exact parameter is off by per cents.
+    // An error beyond 2 sigma is a cause: from 4 on it is unambiguous. The error of an exact parameter is some per cent.
     let factor = match tolerance {
         Some(sigma) => off(random, 4.0 * sigma, (8.0 * sigma).min(0.6)),
         None if name == "force_gain" => off(random, OF_FORCE.0, OF_FORCE.1),
@@ -388,14 +389,14 @@ fn of_motor(name: &str, nominal: &Nominal, random: &mut Random) -> Effect {
         "torque-ripple" => Effect::new("torque-ripple", &[("amplitude", random.spread(0.01, 0.06))]),
         "magnetic-saturation" => Effect::new("magnetic-saturation", &[("saturation_current", random.spread(25.0, 70.0))]),
         "resistance-heating" => {
-            // Some 300 A^2 on average: 1.5 r 300 W times this many K/W is 30 to 100 K.
+            // About 300 A^2 on average: 1.5 r 300 W times this thermal resistance in K/W is 30 to 100 K.
             let kelvin = random.uniform(30.0, 100.0);
             let resistance = kelvin / (1.5 * of("phase_resistance") * 300.0);
             let time = random.uniform(0.4, 1.5);
             Effect::new("resistance-heating", &[("thermal_resistance", resistance), ("thermal_time_constant", time)])
         }
         "inverter-dead-time" => Effect::new("inverter-dead-time", &[("voltage_loss", random.spread(0.2, 2.0))]),
-        // The records ask for up to 60 V of EMF: see excitation::motor. Below this they are cut.
+        // The records need up to 60 V of EMF: see excitation::motor. With this limit they are clipped.
         "voltage-limit" => Effect::new("voltage-limit", &[("limit", random.uniform(25.0, 42.0))]),
         "angle-offset" => Effect::new("angle-offset", &[("angle", random.sign() * random.spread(0.01, 0.1))]),
         "angle-eccentricity" => Effect::new("angle-eccentricity", &[("amplitude", random.sign() * random.spread(0.01, 0.08))]),
@@ -407,7 +408,7 @@ fn of_car(name: &str, nominal: &Nominal, random: &mut Random) -> Effect {
     match name {
         "backlash" => Effect::new("backlash", &[("gap", random.spread(0.015, 0.08))]),
         "clutch-stiffening" => {
-            // At the twist of 120 N m the cubic term is 0.4 to 1.5 times the linear one.
+            // At the twist for 120 N m the cubic term is 0.4 to 1.5 times the linear one.
             let k = nominal.parameters.get("clutch_stiffness");
             let twist = 120.0 / k;
             Effect::new("clutch-stiffening", &[("cubic_stiffness", random.uniform(0.4, 1.5) * k / (twist * twist))])

@@ -1,15 +1,15 @@
-//! How the plants are driven: as a bench, a track and a controller would, from the noise-free readings.
+//! The excitation of the plants, as on a bench, on a track or by a controller, from the noise-free readings.
 //!
-//! In: a nominal plant and a stream of random numbers. Out: inputs row by row. A drive never knows the effects.
+//! In: a nominal plant and a stream of random numbers. Out: inputs row by row. A drive does not depend on the effects.
 
 use crate::draw::Nominal;
 use crate::plant::{Kind, Start};
 use crate::random::Random;
 
-/// Inputs of a row from the readings just before it.
+/// Computes the inputs of a row from the readings just before it.
 pub type Drive = Box<dyn FnMut(usize, &[f64]) -> Vec<f64>>;
 
-/// The drive of one record, and its start. Records of a car differ by gear.
+/// The drive of one record, and its start. Records of a car have different gears.
 pub fn excitation(nominal: &Nominal, gear: usize, random: Random) -> (Start, Drive) {
     match nominal.kind {
         Kind::Motor => (Start::Rest, motor(nominal, random)),
@@ -30,7 +30,7 @@ impl Steps {
         Steps { until: 0, value: 0.0 }
     }
 
-    /// The value at a row; a new one is drawn when its rows (at least 1) are over.
+    /// The value at a row; a new random value is drawn after its number of rows (at least 1).
     fn at(&mut self, row: usize, random: &mut Random, rows: (f64, f64), value: impl FnOnce(&mut Random) -> f64) -> f64 {
         if row >= self.until {
             self.until = row + (random.uniform(rows.0, rows.1) as usize).max(1);
@@ -40,20 +40,20 @@ impl Steps {
     }
 }
 
-/// Four quadrants under a speed and current controller, with steps of load, steps of i_d, and a binary sequence on both voltages, so that the
-/// voltages carry more than the controller's answer. A third of the speeds are slow, for what happens near reversal.
+/// Four quadrants with a speed and current controller, with steps of load, steps of i_d, and a binary sequence on both voltages, so that the voltages
+/// contain more than the response of the controller. A third of the speeds are slow, for the effects near reversal.
 fn motor(nominal: &Nominal, mut random: Random) -> Drive {
     let of = |name| nominal.parameters.get(name);
     let (r, l, lambda, pairs, inertia) =
         (of("phase_resistance"), of("phase_inductance"), of("flux_linkage"), of("pole_pairs"), of("inertia"));
     let period = nominal.period;
     let torque_constant = 1.5 * pairs * lambda;
-    // 60 V of EMF: with the drop and the cross coupling of 36 A well below 270 V/sqrt 3.
+    // 60 V of EMF: with the voltage drop and the cross coupling of 36 A this is well below 270 V/sqrt 3.
     let top = 60.0 / (pairs * lambda);
     let (speed_rate, current_rate) = (60.0, 700.0);
     let speed_gain = inertia * speed_rate / torque_constant;
     let (mut speed_sum, mut d_sum, mut q_sum) = (0.0, 0.0, 0.0);
-    // Every second speed is backward, so that a short record too has both directions.
+    // Every second speed is backward, so that a short record also contains both directions.
     let mut sense = random.sign();
     let (mut reference, mut load, mut direct) = (Steps::new(), Steps::new(), Steps::new());
     let (mut d_binary, mut q_binary) = (Steps::new(), Steps::new());
@@ -111,7 +111,7 @@ fn car(nominal: &Nominal, gear: usize, mut random: Random) -> (Start, Drive) {
     (Start::Rolling(speed), Box::new(drive))
 }
 
-/// Pulses of the command in both directions, turned back when the axis has gone far.
+/// Pulses of the command in both directions; the direction is reversed if the axis has moved far.
 fn pulses(mut random: Random) -> Drive {
     let mut pulse = Steps::new();
     Box::new(move |row, read| {
@@ -125,7 +125,7 @@ fn pulses(mut random: Random) -> Drive {
     })
 }
 
-/// Trapezoids of speed between random places, some of them slow, with rests between.
+/// Trapezoids of speed between random positions, some of them slow, with rests between them.
 fn trapezoids(nominal: &Nominal, mut random: Random) -> Drive {
     let (period, rows) = (nominal.period, nominal.rows);
     let mut reference = vec![0.0; 100];
@@ -133,13 +133,13 @@ fn trapezoids(nominal: &Nominal, mut random: Random) -> Drive {
     while reference.len() < rows {
         let target = random.uniform(-0.15, 0.15);
         let distance = (target - place).abs();
-        // The command limit of 10 V carries 110 kg at 2 m/s^2 even with the smallest force gain.
+        // The command limit of 10 V is sufficient for 110 kg at 2 m/s^2, even with the smallest force gain.
         let acceleration = random.uniform(0.5, 1.5);
         let slow = random.uniform(0.0, 1.0) < 0.3;
         let cruise = if slow { random.uniform(0.01, 0.04) } else { random.uniform(0.08, 0.3) };
         let speed = f64::min(cruise, (distance * acceleration).sqrt());
         let (ramp, flat) = (speed / acceleration, (distance / speed - speed / acceleration).max(0.0));
-        // A slow move is cut short: it shall not fill the record.
+        // A slow move is shortened, so that it does not fill the record.
         let last = if slow { f64::min(2.0 * ramp + flat, 1.2) } else { 2.0 * ramp + flat };
         let steps = (last / period) as usize;
         for step in 1..=steps {

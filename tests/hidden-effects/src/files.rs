@@ -1,12 +1,12 @@
-//! Plant files and records, as docs/book/src/reference/plants.md 1 has them.
+//! Plant files and records, in the format of docs/book/src/reference/plants.md 1.
 //!
-//! In: plants, effects and records. Out: text. Writes to no file.
+//! In: plants, effects and records. Out: text. It writes no file.
 
 use std::fmt::Write;
 
 use crate::plant::{Effect, Kind, Parameters, Record};
 
-/// A plant file. `start` gives true start values of outputs; without it the record's first row counts, noise and all.
+/// A plant file. `start` gives true start values of outputs; without it the first row of the record is used, including its noise.
 pub fn plant_file(
     kind: Kind,
     parameters: &Parameters,
@@ -20,7 +20,7 @@ pub fn plant_file(
         text.push_str(&line);
         text.push('\n');
     };
-    // `{:?}` of an f64 is the shortest decimal that reads back to the same bits, and always a TOML float.
+    // The format `{:?}` of an f64 is the shortest decimal that reads back to the same bits, and always a TOML float.
     for (name, value) in &parameters.values {
         line(format!("{name} = {value:?}"));
     }
@@ -36,12 +36,12 @@ pub fn plant_file(
         tolerance.iter().for_each(|(name, value)| line(format!("{name} = {value:?}")));
     }
     let outputs = || kind.outputs().iter().map(|(name, _)| name);
-    // Noise of 0 is noise of which nothing is said.
+    // A noise of 0 means that no noise is stated.
     line("\n[noise]".to_string());
     outputs().zip(noise).filter(|(_, sigma)| **sigma > 0.0).for_each(|(name, sigma)| line(format!("{name} = {sigma:?}")));
     if let Some(start) = start {
         line("\n[initial]".to_string());
-        // A command follows from reference and position; it has no start of its own.
+        // A command follows from reference and position, so it has no separate start.
         outputs()
             .zip(start)
             .filter(|(name, _)| **name != "command")
@@ -59,7 +59,7 @@ pub fn plant_file(
 /// A record as CSV. Rows listed in `left_out` and outputs listed in `without` are absent.
 pub fn record(kind: Kind, record: &Record, left_out: &[std::ops::Range<usize>], without: &[String]) -> String {
     let signals: Vec<_> = kind.inputs().iter().chain(kind.outputs()).collect();
-    // The command of an axis is an output in closed loop and an input in open loop, without which there is no record.
+    // The command of an axis is an output in closed loop and an input in open loop. Without an input there is no record.
     let inputs = kind.inputs().len();
     let is_kept = |(place, (name, _)): (usize, &&(&str, &str))| place < inputs || without.iter().all(|out| out != name);
     let kept: Vec<bool> = signals.iter().enumerate().map(is_kept).collect();
@@ -73,7 +73,7 @@ pub fn record(kind: Kind, record: &Record, left_out: &[std::ops::Range<usize>], 
     let columns = record.inputs.iter().chain(&record.outputs).zip(&kept).filter(|(_, kept)| **kept);
     let columns: Vec<&Vec<f64>> = columns.map(|(column, _)| column).collect();
     for row in (0..columns[0].len()).filter(|row| !left_out.iter().any(|lost| lost.contains(row))) {
-        // Division keeps the decimals short where the rate is a whole number of hertz.
+        // Division keeps the decimals short if the rate is an integer number of hertz.
         write!(text, "{}", row as f64 / (1.0 / record.period).round()).expect("a string takes text");
         columns.iter().for_each(|column| write!(text, ",{}", column[row]).expect("a string takes text"));
         text.push('\n');
@@ -81,7 +81,7 @@ pub fn record(kind: Kind, record: &Record, left_out: &[std::ops::Range<usize>], 
     text
 }
 
-/// The columns of these outputs in a CSV that `rsm simulate` wrote.
+/// The columns of these outputs in a CSV of `rsm simulate`.
 pub fn outputs(kind: Kind, text: &str) -> Result<Vec<Vec<f64>>, String> {
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
     let header: Vec<&str> = lines.next().ok_or("the file is empty")?.split(',').collect();

@@ -1,46 +1,46 @@
-//! Integration of a smooth flow that changes its law at known surfaces (contact, reversal, slip).
+//! Integration of a piecewise smooth flow, which changes its law at known surfaces (contact, reversal, slip).
 //!
-//! In: the derivative under a regime, and the regime of a state. Out: the state some time later. The step is Dormand and Prince's pair with control by
-//! error; a step in which the regime changes is halved until the surface stands within 1e-12 of the step, so no step crosses a kink. Never a
-//! fixed step.
+//! In: the derivative in a regime, and the regime of a state. Out: the state some time later. The method is the pair of Dormand and Prince with error
+//! control. A step in which the regime changes is halved until the surface is located to 1e-12 of the step, so no step crosses a kink. The step is
+//! never fixed.
 
-/// States of the largest plant with every extra state.
+/// The number of states of the largest plant with every extra state.
 pub const STATES: usize = 14;
 
-/// A state; what a plant does not use stays 0.
+/// A state; entries that a plant does not use stay 0.
 pub type State = [f64; STATES];
 
-/// A flow whose inputs are held.
+/// A flow with constant inputs.
 pub trait Flow {
-    /// The law that holds at a state. The derivative is smooth while it stays.
+    /// The law that applies at a state. The derivative is smooth within one regime.
     fn regime(&self, y: &State) -> u8;
-    /// dy/dt under a regime, also a little beyond its end.
+    /// The derivative dy/dt in a regime, also slightly beyond its end.
     fn derivative(&self, y: &State, regime: u8) -> State;
-    /// The size of each state: what an error is compared with where the state itself is near 0.
+    /// The scale of each state: errors are compared with it if the state itself is near 0.
     fn scale(&self) -> &State;
 }
 
-/// Relative error of a step. Records are noisy to 1e-6 of their range at the finest (an axis of 0.2 m, 2e-7 m), and errors of
-/// some 1e4 steps add up.
+/// The relative error of a step. The noise of records is at least 1e-6 of their range (an axis of 0.2 m, 2e-7 m), and the errors of about 1e4 steps
+/// add up.
 const TOLERANCE: f64 = 1e-10;
 
-/// The step is carried from one call to the next.
+/// The step length, which is kept from one call to the next.
 #[derive(Debug, Clone)]
 pub struct Stepper {
     step: f64,
 }
 
 impl Stepper {
-    /// Starts with a step of this size.
+    /// Starts with this step length.
     pub fn new(step: f64) -> Self {
         Stepper { step }
     }
 
-    /// Moves the state by `duration` seconds.
+    /// Advances the state by `duration` seconds.
     pub fn advance(&mut self, flow: &impl Flow, y: &mut State, duration: f64) {
         let mut left = duration;
         let mut regime = flow.regime(y);
-        // Rounding leaves a part of 1e-12 of a held interval over; nothing happens in it.
+        // Rounding leaves a remainder of 1e-12 of an interval, which is negligible.
         while left > 1e-12 * duration {
             let step = self.step.min(left);
             let (next, error) = dormand_prince(flow, y, regime, step);
@@ -54,7 +54,7 @@ impl Stepper {
             if flow.regime(&next) == regime {
                 *y = next;
                 left -= step;
-                // A step cut short by the end of the interval says nothing about the next one.
+                // A step that was shortened by the end of the interval gives no information about the next one.
                 if step == self.step || factor < 1.0 {
                     self.step = step * factor;
                 }
@@ -79,8 +79,8 @@ impl Stepper {
     }
 }
 
-/// One step of order 5 and its error in units of the tolerance, by the pair of J. Dormand and P. Prince, "A family of embedded Runge-Kutta
-/// formulae", J. Comp. Appl. Math. 6 (1980), table 2.
+/// One step of order 5 and its error in units of the tolerance, by the pair of J. Dormand and P. Prince, "A family of embedded Runge-Kutta formulae",
+/// J. Comp. Appl. Math. 6 (1980), table 2.
 fn dormand_prince(flow: &impl Flow, y: &State, regime: u8, h: f64) -> (State, f64) {
     const A: [[f64; 6]; 6] = [
         [1.0 / 5.0, 0.0, 0.0, 0.0, 0.0, 0.0],
@@ -90,7 +90,7 @@ fn dormand_prince(flow: &impl Flow, y: &State, regime: u8, h: f64) -> (State, f6
         [9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0, 0.0],
         [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
     ];
-    // Order 5 less order 4.
+    // The weights of order 5 minus those of order 4.
     const E: [f64; 7] = [71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0];
     let mut k = [[0.0; STATES]; 7];
     k[0] = flow.derivative(y, regime);
@@ -118,7 +118,7 @@ fn dormand_prince(flow: &impl Flow, y: &State, regime: u8, h: f64) -> (State, f6
 mod tests {
     use super::*;
 
-    /// A ball on a spring floor: x'' = -9 below 0 contact adds -1e4 x - 20 x'.
+    /// A ball on a floor with a spring: x'' = -9; in contact, below 0, -1e4 x - 20 x' is added.
     struct Ball;
 
     impl Flow for Ball {
@@ -143,7 +143,7 @@ mod tests {
         let fall = (2.0_f64 * 2.0 / 9.0).sqrt();
         let mut stepper = Stepper::new(0.1);
         stepper.advance(&Ball, &mut y, fall - 1e-3);
-        // 2 - 4.5 (fall - 0.001)^2, exact for a method of order 5.
+        // The value 2 - 4.5 (fall - 0.001)^2 is exact for a method of order 5.
         assert!((y[0] - (2.0 - 4.5 * (fall - 1e-3).powi(2))).abs() < 1e-14);
         stepper.advance(&Ball, &mut y, 1e-3 + 2e-3);
         // In contact: the closed form of the damped oscillator about -9e-4 from x = 0, x' = -9 fall, 2 ms later.

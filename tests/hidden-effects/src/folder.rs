@@ -1,6 +1,6 @@
-//! A case as a folder: nominal.toml, train-*.csv, validate-*.csv, truth.json, and what the judge alone needs.
+//! A case as a folder: nominal.toml, train-*.csv, validate-*.csv, truth.json, and files that only the evaluation needs.
 //!
-//! In: a case. Out: files. A diagnosis is given the nominal file and the records; truth.json and the folder `judge` are not for it.
+//! In: a case. Out: files. A diagnosis gets the nominal file and the records, but not truth.json and the folder `judge`.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use crate::files;
 use crate::judge;
 use crate::plant::{self, Effect};
 
-/// Where the files of a case stand.
+/// The paths of the files of a case.
 #[derive(Debug, Clone)]
 pub struct Folder {
     /// The nominal plant.
@@ -30,7 +30,7 @@ fn write(path: &Path, text: &str) -> Result<(), String> {
     std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Writes a case into a folder of its own, in place of what stood there.
+/// Writes a case into a separate folder, and replaces its previous contents.
 pub fn write_case(case: &Case, parent: &Path, seed: u64) -> Result<Folder, String> {
     let folder = parent.join(&case.name);
     if folder.exists() {
@@ -83,12 +83,12 @@ fn truth(case: &Case, seed: u64) -> Value {
     })
 }
 
-/// The mean square of what a simulation misses of the exact validation records, in units of noise, over rows and outputs.
+/// The mean square error of a simulation for the exact validation records, in units of noise, over rows and outputs.
 pub fn missed(case: &Case, simulated: &[Vec<Vec<f64>>]) -> f64 {
     let mut sum = 0.0;
     let mut count = 0.0;
     for (run, outputs) in case.validate.iter().zip(simulated) {
-        // What a coarse sensor would have read without noise.
+        // The reading of a coarse sensor without noise.
         let mut exact = run.exact.clone();
         plant::quantise(&case.truth, &mut exact);
         for ((truth, simulated), sigma) in exact.outputs.iter().zip(outputs).zip(&case.nominal.noise) {

@@ -1,7 +1,7 @@
-//! Is an answer right?
+//! Decides whether an answer is correct.
 //!
-//! In: a case and the JSON of `rsm diagnose` (docs/book/src/reference/formats.md 4.3). Out: right or wrong with the reason, and errors of parameters. Knows the truth, and the
-//! causes that leave the same trace. A missing key is a wrong answer, never a crash.
+//! In: a case and the JSON of `rsm diagnose` (docs/book/src/reference/formats.md 4.3). Out: correct or wrong with the reason, and errors of
+//! parameters. It uses the truth, and the causes with the same effect on the records. A missing key is a wrong answer, never a crash.
 
 use serde_json::Value;
 
@@ -10,18 +10,18 @@ use crate::case::{Case, Family};
 use crate::plant::{Effect, Kind};
 use crate::reliability::Named;
 
-/// What is thought of an answer.
+/// The evaluation of an answer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judgement {
-    /// Verdict and causes, both.
+    /// Whether verdict and causes are both correct.
     pub right: bool,
     /// `explained: backlash, headwind`
     pub answer: String,
-    /// Relative errors of the parameters of causes that were named exactly, with their names.
+    /// Relative errors of the parameters of correctly named causes, with their names.
     pub errors: Vec<(String, f64)>,
-    /// Of those, how many truths lie in the interval given.
+    /// The number of these whose true value is within the given interval.
     pub covered: usize,
-    /// Causes named, each with its confidence.
+    /// The named causes, each with its confidence.
     pub named: Vec<Named>,
 }
 
@@ -30,12 +30,14 @@ pub fn name(effect: &Effect) -> String {
     effect.which.map_or_else(|| effect.kind.to_string(), |(_, which)| format!("{}:{which}", effect.kind))
 }
 
-/// Sets of causes that leave the trace of this one, beside itself: docs/book/src/reference/plants.md 3, last part, and what follows from the equations.
+/// Other sets of causes with the same effect on the records as this one: docs/book/src/reference/plants.md 3, last part, and consequences of the
+/// equations.
 fn aliases(kind: Kind, effect: &Effect) -> Vec<Vec<&'static str>> {
     let this = name(effect);
-    // A torque against the wheel, a climb and rolling resistance are one term while the car rolls forward, as it does in every case.
+    // A torque against the wheel, a climb and rolling resistance are one term while the car rolls forward, which it does in every case.
     let rolling = ["brake-drag", "road-grade", "parameter-error:grade", "parameter-error:rolling_resistance_1"];
-    // The command enters by gain times force_gain alone. In open loop the plant is linear from rest, so the position's gain is the same again.
+    // The command acts only through the product of gain and force_gain. In open loop the plant is linear and starts at rest, so the gain of the
+    // position has the same effect.
     let pushing: &[&str] = match kind {
         Kind::OpenAxis => &["input-gain", "parameter-error:force_gain", "sensor-gain:position"],
         Kind::ClosedAxis => &["input-gain", "parameter-error:force_gain"],
@@ -47,7 +49,8 @@ fn aliases(kind: Kind, effect: &Effect) -> Vec<Vec<&'static str>> {
             sets.extend(group.iter().filter(|other| **other != this).map(|other| vec![*other]));
         }
     }
-    // Of forces and mass an axis shows the ratios alone: a mass that is off is a gain of the command that is off, with frictions that calibration or their own number moves along.
+    // An axis shows only the ratios of forces and mass: an error of the mass is equivalent to an error of the command's gain, with frictions that
+    // change by calibration or by their own number.
     if this == "parameter-error:mass" {
         sets.push(vec!["input-gain"]);
         sets.push(vec!["parameter-error:force_gain"]);
@@ -55,28 +58,28 @@ fn aliases(kind: Kind, effect: &Effect) -> Vec<Vec<&'static str>> {
     if matches!(kind, Kind::OpenAxis | Kind::ClosedAxis) && pushing.contains(&this.as_str()) {
         sets.push(vec!["parameter-error:mass"]);
     }
-    // Two levels are their mean and half their difference, as long as the viscous part is the nominal one.
+    // Two levels are equivalent to their mean and half their difference, as long as the viscous part is the nominal one.
     if effect.kind == "asymmetric-friction" && effect.values.iter().all(|(name, _)| !name.starts_with("viscous")) {
         sets.push(vec!["constant-load", "coulomb-friction"]);
     }
     sets
 }
 
-/// The name in lists of a cause of an answer.
+/// The name in lists of a cause in an answer.
 pub(crate) fn named(cause: &Value) -> String {
     let kind = cause["kind"].as_str().unwrap_or("?");
     let which = cause["parameter"].as_str().or(cause["output"].as_str());
     which.map_or_else(|| kind.to_string(), |which| format!("{kind}:{which}"))
 }
 
-/// A cause found: its name and the names that it cannot be told from.
+/// A named cause, with the names of the causes that cannot be distinguished from it.
 struct Found<'j> {
     name: String,
     twins: Vec<&'j str>,
     parameters: &'j Value,
-    /// All that is said of it.
+    /// The whole entry of the answer.
     cause: &'j Value,
-    /// Files of the records in which alone it acts.
+    /// The files of the records, if it acts only in these.
     only_in: Vec<&'j str>,
 }
 
@@ -96,10 +99,11 @@ fn found(answer: &Value) -> Vec<Found<'_>> {
     causes.iter().map(one).collect()
 }
 
-/// The longest list of twins that still says something. The longest that docs/book/src/reference/plants.md names has three.
+/// The largest useful number of indistinguishable causes. docs/book/src/reference/plants.md names at most three.
 const TWINS: usize = 3;
 
-/// Whether these causes are the truth: each of the truth is named, or a set of its aliases is, or a cause names it among its few twins; and nothing else is named.
+/// Whether these causes are the truth: for each true cause, it is named, or a set of its aliases is named, or a named cause lists it among its few
+/// equivalents; and nothing else is named.
 fn same(case: &Case, found: &[Found<'_>]) -> bool {
     let mut open: Vec<&Found<'_>> = found.iter().collect();
     for cause in &case.causes {
@@ -122,7 +126,8 @@ fn same(case: &Case, found: &[Found<'_>]) -> bool {
     open.is_empty()
 }
 
-/// Whether a cause is the effect of the one record that has one, said to be of that record: by its name, a name of the same trace, or as one of few twins.
+/// Whether a cause is the effect of the one record that has it, and is reported for that record: by its name, by a name with the same effect, or as
+/// one of few equivalents.
 fn is_own(case: &Case, found: &Found<'_>) -> bool {
     let Some((file, effect)) = &case.own else { return false };
     let this = name(effect);
@@ -132,7 +137,8 @@ fn is_own(case: &Case, found: &Found<'_>) -> bool {
     named && found.only_in.len() == 1 && found.only_in[0].ends_with(file.as_str())
 }
 
-/// Whether a cause that is named is in the truth by its own name, or is one of several that are the truth together. Of causes that leave one trace each has a part of the probability: being named for another is not being right.
+/// Whether a named cause is in the truth by its own name, or is one of several that are the truth together. Causes with the same effect share the
+/// probability: a cause that is named instead of another one does not count as correct.
 fn is_true(case: &Case, cause: &Found<'_>, all: &[Found<'_>]) -> bool {
     let is_named = |name: &&str| all.iter().any(|found| found.name == *name);
     if case.own.is_some() {
@@ -145,7 +151,7 @@ fn is_true(case: &Case, cause: &Found<'_>, all: &[Found<'_>]) -> bool {
     })
 }
 
-/// Judges an answer. `words` is all that the command said, JSON included.
+/// Evaluates an answer. `words` is the whole output of the command, including the JSON.
 pub fn judge(case: &Case, answer: &Value, words: &str) -> Judgement {
     let verdict = answer["verdict"].as_str().unwrap_or("no verdict");
     let found = found(answer);
@@ -161,7 +167,7 @@ pub fn judge(case: &Case, answer: &Value, words: &str) -> Judgement {
             let told = case.damage.as_ref().is_some_and(|damage| bench::is_told(damage, &names, answer));
             verdict != "unexplained" && told && found.iter().all(|it| it.cause["kind"] == "data-fault")
         }
-        // Causes that help may be named beside it (docs/book/src/reference/formats.md 4.3).
+        // Causes that contribute may also be named (docs/book/src/reference/formats.md 4.3).
         Family::Outside => verdict == "unexplained",
         Family::Records => verdict == "explained" && found.len() == 1 && is_own(case, &found[0]),
         _ => verdict == "explained" && same(case, &found),
@@ -192,7 +198,7 @@ pub fn judge(case: &Case, answer: &Value, words: &str) -> Judgement {
     Judgement { right, answer, errors, covered, named: named.collect() }
 }
 
-/// Kinds of effects that an extended plant file holds and the answer names neither as causes nor as helpers.
+/// The kinds of effects in an extended plant file that the answer names neither as causes nor as helpers.
 pub fn unnamed(extended: &str, answer: &Value) -> Vec<String> {
     let mut named: Vec<String> = ["causes", "helpers"]
         .iter()
@@ -211,7 +217,7 @@ pub fn unnamed(extended: &str, answer: &Value) -> Vec<String> {
     .collect()
 }
 
-/// Whether the truth lies in the interval given; of a phase any of its turns.
+/// Whether the true value is within the given interval; for a phase, modulo a full turn.
 pub(crate) fn covers(parameter: &str, truth: f64, given: &Value) -> bool {
     let (Some(low), Some(high)) = (given["low"].as_f64(), given["high"].as_f64()) else { return false };
     let turns: &[f64] = if parameter == "phase" { &[-1.0, 0.0, 1.0] } else { &[0.0] };
@@ -221,7 +227,7 @@ pub(crate) fn covers(parameter: &str, truth: f64, given: &Value) -> bool {
     })
 }
 
-/// The relative error; of a phase the angle in radians, of an amplitude its size (a negative one is half a turn of phase).
+/// The relative error; for a phase the angle in radians, for an amplitude its magnitude (a negative amplitude is half a turn of the phase).
 fn error(cause: &Effect, parameter: &str, truth: f64, value: f64, all: &Value) -> f64 {
     if cause.kind == "cogging-torque" {
         let half_turn =
@@ -290,7 +296,7 @@ mod tests {
         };
         let causes = json!([{ "kind": "headwind", "confidence": 0.5 }, { "kind": "brake-drag", "confidence": 0.2 }]);
         assert_eq!(right("driveline-brake-drag", &causes), [false, true]);
-        // The same trace, another name: its confidence is to have room for it.
+        // Another name with the same effect: the confidence must allow for it.
         let grade = json!([{ "kind": "parameter-error", "parameter": "grade", "indistinguishable_from": ["brake-drag"] }]);
         assert_eq!(right("driveline-brake-drag", &grade), [false]);
     }

@@ -1,11 +1,12 @@
-//! Records with hidden effects, to judge a diagnosis by.
+//! Records with hidden effects, for the evaluation of a diagnosis.
 //!
 //! ```text
 //!   seed -> Case (true plant, nominal file, excitations) -> records with noise -> folder -> rsm diagnose -> judge -> table
 //! ```
 //!
-//! The plants of docs/book/src/reference/plants.md, written a second time from that text alone: the motor in the frame of the stator, the driveline with twists, steps
-//! controlled by error, kinks located. No crate of ours is imported, so an error of our crates cannot stand on both sides of a comparison.
+//! The plants of docs/book/src/reference/plants.md, implemented a second time from that text alone: the motor in the stator frame, the driveline with
+//! twists, steps with error control, located kinks. No crate of the project is imported, so an error of these crates cannot be on both sides of a
+//! comparison.
 
 pub mod axis;
 pub mod bench;

@@ -1,7 +1,7 @@
-//! `hidden-effects`: makes records with hidden effects and judges a diagnosis by them.
+//! `hidden-effects`: generates records with hidden effects and evaluates a diagnosis of them.
 //!
-//! In: words, the command `rsm`, a folder to write to. Out: tables on standard output, progress on standard error; status 0 when every threshold was
-//! reached, 1 when not, 2 for words that it does not know. Writes nowhere but into that folder.
+//! In: arguments, the command `rsm`, an output folder. Out: tables on standard output, progress on standard error; status 0 if every threshold was
+//! reached, 1 if not, 2 for unknown arguments. It writes only into that folder.
 
 mod report;
 mod surface_table;
@@ -37,14 +37,14 @@ usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] 
        hidden-effects surfaces --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside|swept] [--case NAME] [--quick]
            surfaces against new data with something hidden in them, as many seeds from the first on";
 
-/// What the words say.
+/// The arguments.
 struct Words {
     rsm: PathBuf,
     out: PathBuf,
     seed: u64,
     seeds: u64,
     choice: Choice,
-    /// The plants of examples/plants, in place of those that are built in.
+    /// Use the plants of examples/plants instead of the built-in ones.
     new_plants: bool,
 }
 
@@ -118,7 +118,7 @@ fn write(path: &Path, text: &str) -> Result<(), String> {
     std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// The cases that the words ask for.
+/// The requested cases.
 fn asked(words: &Words) -> impl Iterator<Item = Case> {
     cases(words.seed, words.choice.clone())
 }
@@ -133,7 +133,7 @@ fn make(words: &Words) -> Result<bool, String> {
     if made == 0 { Err("no such case".to_string()) } else { Ok(true) }
 }
 
-/// Outputs of `rsm simulate`, or what it said.
+/// The outputs of `rsm simulate`, or its message.
 fn simulate(
     rsm: &Path,
     kind: hidden_effects::plant::Kind,
@@ -151,15 +151,15 @@ fn simulate(
     files::outputs(kind, &text)
 }
 
-/// The mean square that a plant file misses of the exact validation records.
+/// The mean square error of a plant file for the exact validation records.
 fn missed(rsm: &Path, case: &Case, folder: &Folder, plant: &Path) -> Result<f64, String> {
     let to = folder.extended.with_file_name("simulated.csv");
     let runs = folder.exact.iter().map(|record| simulate(rsm, case.truth.kind, plant, record, &to));
     Ok(folder::missed(case, &runs.collect::<Result<Vec<_>, _>>()?))
 }
 
-/// The gain of the extension found over the gain of the true one; both are shares of the squared error of the nominal file that go away, in simulations
-/// from the true start against the records without noise.
+/// The gain of the found extension divided by the gain of the true one. A gain is the share of the nominal file's squared error that is removed, in
+/// simulations from the true start, compared with the records without noise.
 fn gain_share(rsm: &Path, case: &Case, folder: &Folder, extension: &Path) -> Result<f64, String> {
     let nominal = missed(rsm, case, folder, &folder.nominal)?;
     let best = 1.0 - missed(rsm, case, folder, &folder.extended)? / nominal;
@@ -167,7 +167,7 @@ fn gain_share(rsm: &Path, case: &Case, folder: &Folder, extension: &Path) -> Res
     Ok(found / best)
 }
 
-/// `rsm diagnose` on a case, as JSON.
+/// Calls `rsm diagnose` for a case, with JSON output.
 fn command(words: &Words, folder: &Folder, out: &Path) -> Command {
     let mut diagnose = Command::new(&words.rsm);
     diagnose.arg("diagnose").arg(&folder.nominal).arg("--json").arg("--out").arg(out);
@@ -206,7 +206,7 @@ fn diagnose(words: &Words, case: &Case, folder: &Folder) -> Result<Line, String>
                     }));
             }
         }
-        // Without an answer nothing is right; the reason stands in the table.
+        // Without an answer the case is wrong; the table shows the reason.
         Err(error) => {
             let said = if said.trim().is_empty() { error.to_string() } else { first_line(&said) };
             line.judgement.answer = format!("{}: {said}", run.status);
@@ -236,7 +236,7 @@ fn judge_all(words: &Words) -> Result<bool, String> {
     Ok(report.held())
 }
 
-/// Intervals against the truth.
+/// Compares intervals with the true values.
 fn coverage(words: &Words) -> Result<bool, String> {
     let mut all = Coverage::default();
     for seed in words.seed..words.seed + words.seeds {
@@ -266,7 +266,7 @@ fn coverage(words: &Words) -> Result<bool, String> {
     Ok(all.held())
 }
 
-/// Every effect alone, against `rsm simulate`.
+/// Compares every single effect with `rsm simulate`.
 fn verify(words: &Words) -> Result<bool, String> {
     let folder = words.out.join("verify");
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;

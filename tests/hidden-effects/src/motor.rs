@@ -1,13 +1,14 @@
-//! The motor, in the frame of the stator.
+//! The motor, in the stator frame.
 //!
-//! docs/book/src/reference/plants.md writes (17) and (18) in the rotor's frame. With complex numbers, i = i_d + j i_q there and s = i exp(j th_e) here,
+//! In docs/book/src/reference/plants.md, (17) and (18) are in the rotor frame. With complex numbers, i = i_d + j i_q there and s = i exp(j th_e)
+//! here,
 //!
 //! ```text
 //! L ds/dt = v exp(j th_e) - r s - j w_e lambda exp(j th_e),
 //! ```
 //!
-//! so nothing is coupled, and what docs/book/src/reference/plants.md has in rotor coordinates is turned at the ends: voltages in, currents out. In: voltages as recorded
-//! and the load torque. Out: currents as recorded and the speed.
+//! so nothing is coupled. Quantities that docs/book/src/reference/plants.md has in rotor coordinates are rotated at the interfaces: voltages in,
+//! currents out. In: voltages as recorded and the load torque. Out: currents as recorded and the speed.
 
 use crate::flow::{Flow, STATES, State, Stepper};
 use crate::plant::{Delay, Plant, Truth};
@@ -16,7 +17,7 @@ const ALPHA: usize = 0;
 const BETA: usize = 1;
 const SPEED: usize = 2;
 const ANGLE: usize = 3;
-/// Of the second inertia, where there is one.
+/// For the second inertia, if there is one.
 const LOAD_SPEED: usize = 4;
 const TWIST: usize = 5;
 const HEAT: usize = 6;
@@ -30,7 +31,7 @@ struct Law {
     lambda: f64,
     pairs: f64,
     inertia: f64,
-    // The catalogue; absent effects have the value that leaves the formula as it is.
+    // Effects of the catalogue; an absent effect has the value that does not change the formula.
     coulomb: f64,
     forward: f64,
     backward: f64,
@@ -58,19 +59,19 @@ struct Law {
     stiffness: f64,
     damping: f64,
     lags: Vec<Option<f64>>,
-    // Outside it.
+    // Effects outside the catalogue.
     unbalance: f64,
     sag: f64,
     flywheel: f64,
     grip: f64,
     friction_swing: f64,
     friction_period: f64,
-    /// Held: voltages as recorded, load torque.
+    /// Constant inputs: voltages as recorded, load torque.
     voltage: (f64, f64),
     load: f64,
 }
 
-/// A motor under way.
+/// A running motor.
 pub struct Motor {
     law: Law,
     y: State,
@@ -79,7 +80,7 @@ pub struct Motor {
 }
 
 impl Motor {
-    /// At rest, without current, at angle 0.
+    /// A motor at rest, without current, at angle 0.
     pub fn new(truth: &Truth, period: f64) -> Self {
         let of = |name| truth.parameters.get(name);
         let viscous = of("viscous_friction");
@@ -130,17 +131,17 @@ impl Motor {
     }
 }
 
-/// The size of currents, speeds, angles, twists and temperatures of such a motor. A twist is a hundredth of a radian.
+/// The scales of currents, speeds, angles, twists and temperatures of such a motor. A twist is a hundredth of a radian.
 const SCALE: State = [10.0, 10.0, 100.0, 10.0, 100.0, 0.01, 10.0, 10.0, 10.0, 100.0, 1.0, 1.0, 1.0, 1.0];
 
 impl Law {
-    /// exp(j th_e)
+    /// The rotation exp(j th_e).
     fn rotor(&self, y: &State) -> (f64, f64) {
         let (sin, cos) = (self.pairs * y[ANGLE]).sin_cos();
         (cos, sin)
     }
 
-    /// The angle by which the recorded frame is off.
+    /// The error of the recorded frame's angle.
     fn delta(&self, y: &State) -> f64 {
         self.offset + self.eccentricity * y[ANGLE].sin()
     }
@@ -155,9 +156,9 @@ impl Law {
         self.lambda * (1.0 + self.ripple * (6.0 * self.pairs * y[ANGLE]).cos())
     }
 
-    /// Everything that resists at the rotor, but what twists a shaft or is written as load.
+    /// All resisting torques at the rotor, except those of a shaft and the load.
     fn friction(&self, w: f64, angle: f64, time: f64) -> f64 {
-        // w_s = 1 rad/s.
+        // With w_s = 1 rad/s.
         let sign = w.tanh();
         let (level, viscous) =
             if w < 0.0 { (self.backward, self.viscous_backward) } else { (self.forward, self.viscous_forward) };
@@ -172,16 +173,16 @@ impl Law {
             - self.cogging * (self.cycles * angle + self.phase).sin()
     }
 
-    /// What the sensors read of a state.
+    /// The sensor readings of a state.
     fn read(&self, y: &State) -> [f64; 3] {
-        // From the stator into the recorded frame: exp(-j (th_e + delta)).
+        // From the stator frame into the recorded frame: exp(-j (th_e + delta)).
         let (sin, cos) = (self.pairs * y[ANGLE] + self.delta(y)).sin_cos();
         [cos * y[ALPHA] + sin * y[BETA], cos * y[BETA] - sin * y[ALPHA], y[SPEED]]
     }
 }
 
 impl Flow for Law {
-    /// The sense of rotation: friction that differs by direction has a kink there.
+    /// The direction of rotation: friction that depends on the direction has a kink at reversal.
     fn regime(&self, y: &State) -> u8 {
         u8::from(y[SPEED] < 0.0)
     }
@@ -191,7 +192,7 @@ impl Flow for Law {
         let (cos, sin) = self.rotor(y);
         let square = y[ALPHA] * y[ALPHA] + y[BETA] * y[BETA];
 
-        // The voltage that acts, in the frame of the stator.
+        // The acting voltage, in the stator frame.
         let (sin_in, cos_in) = (self.pairs * y[ANGLE] + self.delta(y)).sin_cos();
         let (v_d, v_q) = (self.gain * self.voltage.0, self.gain * self.voltage.1);
         let radius = v_d.hypot(v_q);
@@ -200,7 +201,7 @@ impl Flow for Law {
         let v_alpha = back * (cos_in * v_d - sin_in * v_q) - lost * y[ALPHA];
         let v_beta = back * (sin_in * v_d + cos_in * v_q) - lost * y[BETA];
 
-        // 0.00393 1/K: copper, as docs/book/src/reference/plants.md has it.
+        // The temperature coefficient 0.00393 1/K of copper, as in docs/book/src/reference/plants.md.
         let hot = self.r * (1.0 + 0.00393 * y[HEAT]);
         let inductance = self.l / (1.0 + square / (self.saturation * self.saturation));
         let emf = self.pairs * y[SPEED] * self.flux(y);
@@ -219,7 +220,7 @@ impl Flow for Law {
             rest -= self.load;
         }
         if self.flywheel > 0.0 {
-            // Carried along by dry friction, which grips within 1 rad/s.
+            // The flywheel is driven by dry friction, which has its full value above about 1 rad/s.
             let carried = self.grip * (y[SPEED] - y[LOAD_SPEED]).tanh();
             dy[LOAD_SPEED] = carried / self.flywheel;
             rest -= carried;

@@ -1,13 +1,13 @@
-//! Disturbances that the catalogue does not have.
+//! Disturbances that are not in the catalogue.
 //!
-//! In: a name, a plant, a stream of random numbers. Out: their magnitudes, large enough to leave structure that no entry of the catalogue explains; and what
-//! those that stand in the readings alone do to them. What acts in a plant stands in the plant's own file.
+//! In: a name, a plant, a stream of random numbers. Out: their magnitudes, large enough to leave structure that no entry of the catalogue explains;
+//! and the changes of those that affect only the readings. Disturbances inside a plant are in the plant's own file.
 
 use crate::draw::Nominal;
 use crate::plant::{Effect, Kind, Record, Truth};
 use crate::random::Random;
 
-/// All, with the plant on which they stand.
+/// All disturbances, with their plants.
 pub const ALL: [(Kind, &str); 13] = [
     (Kind::Motor, "phase-unbalance"),
     (Kind::Motor, "bus-sag"),
@@ -28,11 +28,11 @@ pub const ALL: [(Kind, &str); 13] = [
 pub fn disturbance(name: &str, nominal: &Nominal, random: &mut Random) -> Effect {
     let of = |name| nominal.parameters.get(name);
     match name {
-        // One winding with a bad joint: the resistance differs along two axes of the stator, a current at twice the electrical frequency.
+        // One winding with a bad joint: the resistance differs along two axes of the stator, which gives a current at twice the electrical frequency.
         "phase-unbalance" => Effect::new("phase-unbalance", &[("share", random.uniform(0.15, 0.4))]),
-        // A supply that gives way with the square of the current: 5 to 15 % at 30 A.
+        // A supply whose voltage decreases with the square of the current: 5 to 15 % at 30 A.
         "bus-sag" => Effect::new("bus-sag", &[("per_square_ampere", random.uniform(0.05, 0.15) / 900.0)]),
-        // A second inertia held by dry friction: carried along when slow, left behind when fast.
+        // A second inertia coupled by dry friction: it follows slow motions and slips in fast ones.
         "slipping-flywheel" => {
             let values = [("inertia", of("inertia") * random.uniform(0.4, 1.2)), ("torque", random.uniform(0.4, 1.5))];
             Effect::new("slipping-flywheel", &values)
@@ -46,37 +46,38 @@ pub fn disturbance(name: &str, nominal: &Nominal, random: &mut Random) -> Effect
             ];
             Effect::new("emi-bursts", &values)
         }
-        // A speed sensor whose wheel has teeth of uneven pitch: a wave of the rotor's angle in its readings, half to one and a half times the noise, of an order that no winding has.
+        // A speed sensor whose wheel has teeth of uneven pitch: a wave of the rotor's angle in its readings, half to one and a half times the noise,
+        // with an order that no winding has.
         "pole-wheel" => {
             let amplitude = nominal.noise[2] * random.uniform(0.45, 1.5);
             Effect::new("pole-wheel", &[("amplitude", amplitude), ("order", random.whole(5, 40) as f64 + 0.5)])
         }
-        // An accelerometer on a soft bracket.
+        // An accelerometer on a flexible bracket.
         "mount-resonance" => Effect::new(
             "mount-resonance",
             &[("frequency", random.uniform(5.0, 12.0)), ("damping_ratio", random.uniform(0.03, 0.1))],
         ),
-        // From a moment on the car rolls several times harder.
+        // From a random instant on, the rolling resistance is several times higher.
         "tyre-burst" => Effect::new("tyre-burst", &[("times", random.uniform(3.0, 6.0)), ("time", random.uniform(8.0, 20.0))]),
-        // A road that goes up and down.
+        // A road with hills.
         "rolling-hills" => {
             Effect::new("rolling-hills", &[("slope", random.uniform(0.01, 0.04)), ("wavelength", random.uniform(60.0, 200.0))])
         }
-        // An intake that breathes better at some speeds than at others.
+        // An intake with better filling at some speeds than at others.
         "intake-resonance" => {
             Effect::new("intake-resonance", &[("share", random.uniform(0.08, 0.25)), ("period", random.uniform(80.0, 160.0))])
         }
-        // Friction with memory: the force is built up over millimetres, not at once.
+        // Friction with memory: the force increases over millimetres, not at once.
         "hysteresis" => {
             Effect::new("hysteresis", &[("force", random.uniform(8.0, 25.0)), ("length", random.uniform(0.01, 0.04))])
         }
-        // A force with the square of the position, 10 to 40 N at 0.15 m.
+        // A force proportional to the square of the position, 10 to 40 N at 0.15 m.
         "square-spring" => Effect::new("square-spring", &[("stiffness", random.uniform(10.0, 40.0) / 0.0225)]),
-        // Viscous friction that swells and shrinks as a lubricant is carried round.
+        // Viscous friction that increases and decreases with the circulation of a lubricant.
         "breathing-friction" => {
             Effect::new("breathing-friction", &[("share", random.uniform(0.3, 0.7)), ("period", random.uniform(1.0, 3.0))])
         }
-        // An interpolated encoder whose error repeats with its scale.
+        // An interpolated encoder with an error that is periodic in its scale.
         "scale-error" => Effect::on(
             "scale-error",
             "position",
@@ -92,7 +93,7 @@ fn interference(truth: &Truth) -> Option<(f64, f64, f64)> {
     Some((of("amplitude")?, of("frequency")?, of("every")?))
 }
 
-/// The share of the time in which it bursts.
+/// The share of time with bursts.
 const BURSTING: f64 = 0.4;
 
 /// An uneven wheel: (amplitude, order).
@@ -101,7 +102,7 @@ fn wheel(truth: &Truth) -> Option<(f64, f64)> {
     Some((of("amplitude")?, of("order")?))
 }
 
-/// What comes in between plant and record: interference on `i_q`, the wheel of the speed sensor. `exact` is what no sensor has read yet.
+/// The disturbances between plant and record: interference on `i_q`, the wheel of the speed sensor. `exact` is the record before any sensor.
 pub fn on_readings(truth: &Truth, exact: &Record, record: &mut Record) {
     if let Some((amplitude, frequency, every)) = interference(truth) {
         for (row, value) in record.outputs[1].iter_mut().enumerate() {
@@ -120,7 +121,7 @@ pub fn on_readings(truth: &Truth, exact: &Record, record: &mut Record) {
     }
 }
 
-/// Root mean square of that over the noise.
+/// The root mean square of these, divided by the noise.
 pub fn signal_on_readings(truth: &Truth, nominal: &Nominal) -> f64 {
     let bursts = interference(truth).map_or(0.0, |(amplitude, ..)| amplitude * (0.5 * BURSTING).sqrt() / nominal.noise[1]);
     bursts.max(wheel(truth).map_or(0.0, |(amplitude, _)| amplitude * 0.5_f64.sqrt() / nominal.noise[2]))

@@ -1,6 +1,6 @@
-//! What a true plant is: its kind, its parameters, its effects, and how it is run along a record.
+//! A true plant: its kind, its parameters, its effects, and its simulation along a record.
 //!
-//! In: numbers by the names of docs/book/src/reference/plants.md. Out: columns of a record without noise. Never reads a file.
+//! In: numbers with the names of docs/book/src/reference/plants.md. Out: columns of a record without noise. It reads no file.
 
 use crate::axis::Axis;
 use crate::car::Car;
@@ -13,9 +13,9 @@ pub enum Kind {
     Motor,
     /// `driveline`
     Car,
-    /// `servo-axis` that is given a command
+    /// `servo-axis` with a command as its input
     OpenAxis,
-    /// `servo-axis` that is given a reference
+    /// `servo-axis` with a reference as its input
     ClosedAxis,
 }
 
@@ -50,14 +50,14 @@ impl Kind {
     }
 }
 
-/// A number by name, or the five gear ratios.
+/// Parameters by name, and the five gear ratios.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameters {
     /// In the order of the file.
     pub values: Vec<(&'static str, f64)>,
-    /// Of a driveline, else empty.
+    /// For a driveline, else empty.
     pub gear_ratios: Vec<f64>,
-    /// Of a closed loop: the controller differences the position.
+    /// For a closed loop: the controller differentiates the position.
     pub velocity_from_difference: bool,
 }
 
@@ -65,7 +65,7 @@ impl Parameters {
     /// The value of a parameter; `gear_ratios[3]` is the ratio of third gear.
     ///
     /// # Panics
-    /// For a name that the plant does not have: names stand in this package alone.
+    /// For a name that the plant does not have: names are used only in this package.
     pub fn get(&self, name: &str) -> f64 {
         if let Some(gear) = gear(name) {
             return self.gear_ratios[gear - 1];
@@ -73,10 +73,10 @@ impl Parameters {
         self.values.iter().find(|(known, _)| *known == name).unwrap_or_else(|| panic!("no parameter {name}")).1
     }
 
-    /// Gives a parameter another value.
+    /// Sets a parameter.
     ///
     /// # Panics
-    /// As `get`.
+    /// Like `get`.
     pub fn set(&mut self, name: &str, value: f64) {
         if let Some(gear) = gear(name) {
             self.gear_ratios[gear - 1] = value;
@@ -86,24 +86,24 @@ impl Parameters {
     }
 }
 
-/// The gear of which a name is the ratio.
+/// The gear, if a name is that of a gear ratio.
 fn gear(name: &str) -> Option<usize> {
     name.strip_prefix("gear_ratios[")?.strip_suffix(']')?.parse().ok()
 }
 
-/// An effect, of the catalogue or outside it.
+/// An effect, from the catalogue or outside it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Effect {
-    /// Its name in docs/book/src/reference/plants.md, or a name of ours.
+    /// Its name in docs/book/src/reference/plants.md, or a name of this package.
     pub kind: &'static str,
-    /// `parameter` or `output`, and which.
+    /// `parameter` or `output`, and its name.
     pub which: Option<(&'static str, &'static str)>,
     /// Its parameters.
     pub values: Vec<(&'static str, f64)>,
 }
 
 impl Effect {
-    /// An effect without a name in it.
+    /// An effect without a parameter or output.
     pub fn new(kind: &'static str, values: &[(&'static str, f64)]) -> Self {
         Effect { kind, which: None, values: values.to_vec() }
     }
@@ -117,13 +117,13 @@ impl Effect {
 /// A true plant.
 #[derive(Debug, Clone)]
 pub struct Truth {
-    /// Which plant.
+    /// The kind of plant.
     pub kind: Kind,
-    /// True values; a `parameter-error` is in them already.
+    /// True values; they already include a `parameter-error`.
     pub parameters: Parameters,
-    /// What the catalogue knows.
+    /// Effects of the catalogue.
     pub effects: Vec<Effect>,
-    /// What it does not.
+    /// Effects outside the catalogue.
     pub outside: Vec<Effect>,
 }
 
@@ -134,7 +134,7 @@ impl Truth {
         effect.values.iter().find(|(known, _)| *known == name).map(|(_, value)| *value)
     }
 
-    /// The same, with what leaves a formula as it is where the effect is absent.
+    /// The same, or the value that does not change a formula if the effect is absent.
     pub fn or(&self, kind: &str, name: &str, absent: f64) -> f64 {
         self.effect(kind, name).unwrap_or(absent)
     }
@@ -150,22 +150,22 @@ impl Truth {
     }
 }
 
-/// What a plant starts from: the truth of the outputs, before any sensor.
+/// The start of a plant: the true outputs, before any sensor.
 #[derive(Debug, Clone, Copy)]
 pub enum Start {
     /// At rest, without current.
     Rest,
-    /// At a road speed, as docs/book/src/reference/plants.md 2.2 has it, under the first throttle.
+    /// At a road speed, as in docs/book/src/reference/plants.md 2.2, with the first throttle.
     Rolling(f64),
 }
 
-/// A plant that is run from row to row.
+/// A plant that is advanced from row to row.
 pub trait Plant {
-    /// Holds inputs from now on.
+    /// Sets inputs that are constant from now on.
     fn hold(&mut self, inputs: &[f64]);
-    /// Moves on by a period.
+    /// Advances by a period.
     fn advance(&mut self, period: f64);
-    /// The outputs now, behind lags but before the other sensor effects.
+    /// The current outputs, after lags but before the other sensor effects.
     fn outputs(&self) -> Vec<f64>;
 }
 
@@ -174,14 +174,14 @@ pub trait Plant {
 pub struct Record {
     /// Seconds between rows.
     pub period: f64,
-    /// A column an input.
+    /// One column for each input.
     pub inputs: Vec<Vec<f64>>,
-    /// A column an output, without noise.
+    /// One column for each output, without noise.
     pub outputs: Vec<Vec<f64>>,
 }
 
-/// Runs a true plant. `drive` gives the inputs of a row from the outputs just read, as a controller or a driver would; in closed loop the
-/// outputs that it sees lack the command, which follows from the input.
+/// Simulates a true plant. `drive` computes the inputs of a row from the last outputs, like a controller or a driver. In closed loop it gets the
+/// outputs without the command, which follows from the input.
 pub fn run(truth: &Truth, start: Start, period: f64, rows: usize, drive: &mut dyn FnMut(usize, &[f64]) -> Vec<f64>) -> Record {
     let first = drive(0, &vec![0.0; truth.kind.outputs().len()]);
     let mut plant: Box<dyn Plant> = match truth.kind {
@@ -200,7 +200,7 @@ pub fn run(truth: &Truth, start: Start, period: f64, rows: usize, drive: &mut dy
         let outputs = sensed(truth, &plant.outputs(), row as f64 * period);
         record.outputs.iter_mut().zip(outputs).for_each(|(column, value)| column.push(value));
         match &late {
-            // A reading that is late by so many rows and a rest of a period was taken so long before the end of one.
+            // A reading that is delayed by whole rows and a rest of a period was taken this rest before the end of a period.
             Some(it) if it.rest > 0.0 => {
                 plant.advance(period - it.rest);
                 on_the_way.push(plant.outputs()[it.output]);
@@ -222,16 +222,16 @@ pub fn run(truth: &Truth, start: Start, period: f64, rows: usize, drive: &mut dy
     record
 }
 
-/// A sensor that is late.
+/// A delayed sensor.
 struct Late {
     output: usize,
     rows: usize,
-    /// In seconds.
+    /// The rest in seconds.
     rest: f64,
 }
 
 fn late(truth: &Truth, effect: &Effect, period: f64) -> Late {
-    // An input that is late too would change its value on the way.
+    // A delayed input would change its value within this time.
     assert!(truth.effect("input-delay", "delay").is_none(), "an input and a sensor that are both late are not built");
     let output = truth.kind.outputs().iter().position(|(name, _)| effect.which == Some(("output", name))).expect("an output");
     let delay = effect.values[0].1;
@@ -240,7 +240,7 @@ fn late(truth: &Truth, effect: &Effect, period: f64) -> Late {
     Late { output, rows: rows as usize, rest: if rest > 1e-9 * period { rest } else { 0.0 } }
 }
 
-/// What sensors without memory make of outputs, in the order of the list. Rounding comes later, after the noise.
+/// The effects of sensors without memory on outputs, in the order of the list. Rounding comes later, after the noise.
 fn sensed(truth: &Truth, outputs: &[f64], time: f64) -> Vec<f64> {
     let mut read = outputs.to_vec();
     for effect in truth.effects.iter().chain(&truth.outside) {
@@ -251,7 +251,7 @@ fn sensed(truth: &Truth, outputs: &[f64], time: f64) -> Vec<f64> {
             "sensor-gain" => value * read[index],
             "sensor-bias" => read[index] + value,
             "sensor-drift" => read[index] + value * time,
-            // A scale with an error that repeats: y = x + a sin(2 pi x/p), of an interpolated encoder.
+            // A scale with a periodic error: y = x + a sin(2 pi x/p), of an interpolated encoder.
             "scale-error" => read[index] + value * (std::f64::consts::TAU * read[index] / effect.values[1].1).sin(),
             _ => read[index],
         };
@@ -259,7 +259,7 @@ fn sensed(truth: &Truth, outputs: &[f64], time: f64) -> Vec<f64> {
     read
 }
 
-/// Rounds what a coarse sensor reads to multiples of its step.
+/// Rounds the readings of a coarse sensor to multiples of its step.
 pub fn quantise(truth: &Truth, record: &mut Record) {
     for effect in truth.effects.iter().filter(|effect| effect.kind == "sensor-quantisation") {
         let output = effect.which.map(|(_, output)| output);
@@ -269,7 +269,7 @@ pub fn quantise(truth: &Truth, record: &mut Record) {
     }
 }
 
-/// The first input, `delay` seconds late: what acts in the two parts of a period.
+/// The first input, delayed by `delay` seconds: its values in the two parts of a period.
 #[derive(Debug, Clone)]
 pub struct Delay {
     /// Whole periods.
@@ -280,19 +280,19 @@ pub struct Delay {
 }
 
 impl Delay {
-    /// A delay of so many seconds at a sampling period.
+    /// A delay in seconds, for a sampling period.
     pub fn new(delay: f64, period: f64) -> Self {
-        // A delay of 3 periods written as a decimal must not become 2.9999: a billionth of a period is rounding.
+        // A delay of 3 periods as a decimal must not become 2.9999: a billionth of a period is rounding.
         let whole = (delay / period + 1e-9).floor();
         Delay { whole: whole as usize, rest: (delay - whole * period).max(0.0), history: vec![] }
     }
 
-    /// A new value from now on.
+    /// Sets a new value.
     pub fn push(&mut self, value: Vec<f64>) {
         self.history.push(value);
     }
 
-    /// The parts of the period that begins now: how long, and what acts.
+    /// The parts of the period that begins now: length and value.
     pub fn parts(&self, period: f64) -> Vec<(f64, Vec<f64>)> {
         // Before the record the input had its first value.
         let ago = |rows: usize| self.history[(self.history.len() - 1).saturating_sub(rows)].clone();

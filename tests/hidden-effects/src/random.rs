@@ -1,15 +1,15 @@
-//! Random numbers of this package alone, so that no change of a library moves a case.
+//! Random numbers of this package only, so that a change of a library changes no case.
 //!
-//! In: a seed and the name of a case. Out: uniform and normal numbers, the same on every machine. Never the clock.
+//! In: a seed and the name of a case. Out: uniform and normal numbers, the same on every machine. The clock is never used.
 
-/// xoshiro256++ (D. Blackman, S. Vigna, "Scrambled linear pseudorandom number generators", ACM TOMS 47, 2021), seeded by splitmix64.
+/// The generator xoshiro256++ (D. Blackman, S. Vigna, "Scrambled linear pseudorandom number generators", ACM TOMS 47, 2021), seeded by splitmix64.
 #[derive(Debug, Clone)]
 pub struct Random {
     state: [u64; 4],
 }
 
 impl Random {
-    /// A stream of its own for every name: a case added to a list moves no other.
+    /// A separate stream for every name: a case added to a list changes no other.
     pub fn new(seed: u64, name: &str) -> Self {
         // FNV-1a, 64 bits: offset basis and prime as published (G. Fowler, L. Noll, K. Vo).
         let hash = name.bytes().fold(0xcbf29ce484222325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100000001b3));
@@ -35,21 +35,21 @@ impl Random {
 
     /// Uniform in `[low, high)`.
     pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
-        // 53 bits: every multiple of 2^-53 in [0, 1) is as likely.
+        // 53 bits: every multiple of 2^-53 in [0, 1) has the same probability.
         low + (high - low) * ((self.next() >> 11) as f64 / (1_u64 << 53) as f64)
     }
 
-    /// Uniform in the logarithm: a magnitude whose order is not known.
+    /// Uniform in the logarithm, for a magnitude of unknown order.
     pub fn spread(&mut self, low: f64, high: f64) -> f64 {
         self.uniform(low.ln(), high.ln()).exp()
     }
 
-    /// A whole number of `low..=high`.
+    /// An integer from `low..=high`.
     pub fn whole(&mut self, low: u64, high: u64) -> u64 {
         low + (self.uniform(0.0, (high - low + 1) as f64) as u64).min(high - low)
     }
 
-    /// One of these.
+    /// One of the choices.
     pub fn one_of<T: Copy>(&mut self, choices: &[T]) -> T {
         choices[self.whole(0, choices.len() as u64 - 1) as usize]
     }
@@ -59,7 +59,7 @@ impl Random {
         self.one_of(&[1.0, -1.0])
     }
 
-    /// Standard normal, by the polar method (G. Marsaglia, T. Bray, SIAM Review 6, 1964); the second number of a pair is dropped.
+    /// Standard normal, by the polar method (G. Marsaglia, T. Bray, SIAM Review 6, 1964); the second number of a pair is not used.
     pub fn normal(&mut self) -> f64 {
         loop {
             let (x, y) = (self.uniform(-1.0, 1.0), self.uniform(-1.0, 1.0));
@@ -92,7 +92,8 @@ mod tests {
         let noise = Random::new(1, "noise").noise(40000, 2.0, 0.6);
         let mean_square = noise.iter().map(|e| e * e).sum::<f64>() / 40000.0;
         let lag_one = noise.windows(2).map(|e| e[0] * e[1]).sum::<f64>() / 39999.0;
-        // Standard error of the mean square of 40000 samples with correlation 0.6: 4 sqrt(2/40000 (1+0.36)/(1-0.36)) = 0.041; four of it.
+        // The standard error of the mean square of 40000 samples with correlation 0.6 is 4 sqrt(2/40000 (1+0.36)/(1-0.36)) = 0.041; the limit is four
+        // of it.
         assert!((mean_square - 4.0).abs() < 0.17, "{mean_square}");
         assert!((lag_one / mean_square - 0.6).abs() < 0.02, "{lag_one}");
     }

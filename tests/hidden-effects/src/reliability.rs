@@ -1,36 +1,36 @@
-//! Is confidence a probability? Of causes named at 0.9, nine of ten must be right.
+//! Checks that a confidence is a probability: of causes named with 0.9, nine of ten must be correct.
 //!
-//! In: confidences of causes that were named, each with whether it is in the truth. Out: a table of bins with counts, mean confidence, share right and its binomial interval; and whether any bin contradicts its
-//! confidence. Judges no answer itself.
+//! In: confidences of named causes, each with whether it is in the truth. Out: a table of bins with counts, mean confidence, share of correct causes
+//! and its binomial interval; and whether any bin contradicts its confidence. It does not evaluate answers.
 
 use std::fmt;
 
 /// Lower ends of the bins.
 const BINS: [f64; 6] = [0.0, 0.1, 0.3, 0.6, 0.8, 0.95];
 
-/// 95 % of a normal distribution lie within so many standard deviations.
+/// 95 % of a normal distribution are within this number of standard deviations.
 const WITHIN: f64 = 1.96;
 
-/// A cause that was named.
+/// A named cause.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Named {
-    /// What the answer says of it.
+    /// The confidence that the answer gives.
     pub confidence: f64,
     /// Whether it is in the truth.
     pub right: bool,
-    /// What the answer says of the cause and those which it does not tell from it, together.
+    /// The confidence that the answer gives for the cause and those it cannot distinguish from it, together.
     pub confidence_of_any: f64,
     /// Whether one of these is in the truth.
     pub any_right: bool,
 }
 
 impl Named {
-    /// The causes of a list, each together with those that the answer does not tell from it.
+    /// The causes of a list, each together with those that the answer cannot distinguish from it.
     pub fn together(list: &[Named]) -> Vec<Named> {
         list.iter().map(|it| Named { confidence: it.confidence_of_any, right: it.any_right, ..*it }).collect()
     }
 
-    /// A cause of an answer. Without a confidence it claims to be sure; without one for its equals too, they add nothing to it.
+    /// A cause of an answer. Without a confidence it counts as certain; without a confidence of its equivalents, they add nothing to it.
     pub fn of(cause: &serde_json::Value, right: bool, any_right: bool) -> Self {
         let confidence = cause["confidence"].as_f64().unwrap_or(1.0);
         Named { confidence, right, confidence_of_any: cause["confidence_of_any"].as_f64().unwrap_or(confidence), any_right }
@@ -40,19 +40,19 @@ impl Named {
 /// Causes in a range of confidences.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bin {
-    /// The range.
+    /// The lower end of the range.
     pub from: f64,
-    /// See `from`.
+    /// The upper end of the range.
     pub to: f64,
-    /// How many causes.
+    /// The number of causes.
     pub count: usize,
-    /// How many of them are right.
+    /// The number of correct causes.
     pub right: usize,
     /// Their mean confidence.
     pub said: f64,
 }
 
-/// The share that so many of so many do not rule out, 95 % (E. B. Wilson, 1927).
+/// The shares that are compatible with `right` of `count`, at 95 % (E. B. Wilson, 1927).
 pub fn wilson(right: usize, count: usize) -> (f64, f64) {
     let n = count as f64;
     let (share, z2) = (right as f64 / n, WITHIN * WITHIN);
@@ -62,12 +62,12 @@ pub fn wilson(right: usize, count: usize) -> (f64, f64) {
 }
 
 impl Bin {
-    /// The share right that the count does not rule out.
+    /// The shares of correct causes that are compatible with the count.
     pub fn interval(&self) -> (f64, f64) {
         wilson(self.right, self.count)
     }
 
-    /// Whether the causes may be right as often as they say.
+    /// Whether the causes may be correct as often as their confidence states.
     pub fn holds(&self) -> bool {
         let (low, high) = self.interval();
         low <= self.said && self.said <= high
@@ -79,12 +79,13 @@ impl Bin {
 pub struct Reliability(pub Vec<Named>);
 
 impl Reliability {
-    /// Bins that hold causes.
+    /// Bins that contain causes.
     pub fn bins(&self) -> Vec<Bin> {
         bins(&self.0)
     }
 
-    /// Whether no bin is right less often than it says, as far as its count shows. A cause that is right more often than it says misleads nobody, and shows in the table.
+    /// Whether, as far as its count shows, no bin is correct less often than its confidence states. A cause that is correct more often than stated
+    /// misleads nobody; it is visible in the table.
     pub fn held(&self) -> bool {
         let not_too_sure = |list: &[Named]| bins(list).iter().all(|bin| bin.interval().1 >= bin.said);
         not_too_sure(&self.0) && not_too_sure(&Named::together(&self.0))
@@ -148,7 +149,7 @@ mod tests {
         assert!(Reliability(of(0.9, 18, 2)).held());
         assert!(!Reliability(of(0.9, 10, 10)).held());
         assert!(Reliability(of(0.05, 10, 10)).held() && !Reliability(of(0.05, 10, 10)).bins()[0].holds());
-        // 52 of 63 wrong at 0.99.
+        // 52 of 63 are wrong at 0.99.
         assert!(!Reliability([of(0.99, 11, 52), of(0.2, 5, 20)].concat()).held());
     }
 

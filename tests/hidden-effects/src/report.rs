@@ -1,6 +1,6 @@
-//! The table: a line a case, a line a family, and whether the thresholds were reached.
+//! The table: one line for each case, one line for each family, and whether the thresholds were reached.
 //!
-//! In: judgements. Out: text. Judges no case itself.
+//! In: evaluations. Out: text. It does not evaluate cases.
 
 use std::fmt;
 
@@ -8,13 +8,13 @@ use hidden_effects::case::{Case, Family};
 use hidden_effects::judge::Judgement;
 use hidden_effects::reliability::Reliability;
 
-/// Largest median of the relative errors of parameters, and largest value that nine of ten may have.
+/// The largest permitted median of the relative errors of parameters, and the largest permitted value for nine of ten.
 const MEDIAN_ERROR: f64 = 0.03;
 const NINTH_DECILE: f64 = 0.10;
-/// Least mean share of the gain that the true extension gives.
+/// The smallest permitted mean share of the gain of the true extension.
 const GAIN_SHARE: f64 = 0.95;
 
-/// A case, judged.
+/// An evaluated case.
 pub(crate) struct Line {
     family: Family,
     name: String,
@@ -25,14 +25,14 @@ pub(crate) struct Line {
 }
 
 impl Line {
-    /// A case without an answer yet: wrong.
+    /// A case without an answer: wrong.
     pub(crate) fn new(case: &Case, seconds: f64) -> Self {
-        // What is not explained gains nothing.
+        // A case that is not explained has no gain.
         let gain_share = (!case.causes.is_empty()).then_some(0.0);
         Line { gain_share, ..Line::of(case.family, &case.name, case.signal_to_noise, seconds) }
     }
 
-    /// The same of a case of which no gain is measured.
+    /// The same for a case whose gain is not measured.
     pub(crate) fn of(family: Family, name: &str, signal_to_noise: f64, seconds: f64) -> Self {
         let judgement = Judgement { right: false, answer: String::new(), errors: vec![], covered: 0, named: vec![] };
         Line { family, name: name.to_string(), signal_to_noise, seconds, judgement, gain_share: None }
@@ -66,7 +66,7 @@ pub(crate) struct Report {
     pub(crate) lines: Vec<Line>,
 }
 
-/// Figures of a family.
+/// The figures of a family.
 struct Figures {
     right: usize,
     total: usize,
@@ -77,7 +77,7 @@ struct Figures {
     seconds: f64,
 }
 
-/// The value below which `share` of a sorted list lies; of an even number the lower one.
+/// The value below which `share` of a sorted list is; for an even number, the lower one.
 fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let last = sorted.len().checked_sub(1)?;
     Some(sorted[(share * last as f64) as usize])
@@ -91,7 +91,7 @@ impl Report {
         errors.sort_by(f64::total_cmp);
         let mut seconds: Vec<f64> = lines.iter().map(|line| line.seconds).collect();
         seconds.sort_by(f64::total_cmp);
-        // A share above 1 (less error than the true extension leaves in another simulation) is no merit.
+        // A share above 1 (a smaller error than the true extension has in another simulation) is not counted as better.
         let shares: Vec<f64> = lines.iter().filter_map(|line| line.gain_share).map(|share| share.clamp(0.0, 1.0)).collect();
         let covered: usize = lines.iter().map(|line| line.judgement.covered).sum();
         let mean = |sum: f64, count: usize| (count > 0).then(|| sum / count as f64);
@@ -110,7 +110,8 @@ impl Report {
         Reliability(self.lines.iter().flat_map(|line| line.judgement.named.clone()).collect())
     }
 
-    /// Whether every family reached its thresholds, and no bin of confidences is right less often than it says. Time is printed and not judged: it depends on the machine.
+    /// Whether every family reached its thresholds, and no bin of confidences is correct less often than stated. The time is printed but has no
+    /// limit, because it depends on the machine.
     pub(crate) fn held(&self) -> bool {
         let families =
             Family::ALL.into_iter().filter_map(|family| Some((family, self.figures(family)?))).all(|(family, figures)| {
@@ -185,7 +186,7 @@ mod tests {
         assert!(!held(vec![line(false, 0.01, 1.0)]));
         assert!(!held(vec![line(true, 0.05, 1.0)]));
         assert!(!held(vec![line(true, 0.01, 0.9)]));
-        // Nine of ten right is enough for pairs; one far parameter in ten is too much only when it is two.
+        // Nine of ten correct is sufficient for pairs. One distant parameter in ten is accepted, two are not.
         let mut ten: Vec<Line> = (0..10).map(|_| line(true, 0.01, 1.0)).collect();
         ten[0] = line(false, 0.5, 0.9);
         assert!(held(ten));

@@ -1,6 +1,6 @@
-//! `hidden-effects surfaces`: makes cases, runs `rsm diagnose MODEL.toml --data` on each, compares with the truth.
+//! `hidden-effects surfaces`: generates cases, runs `rsm diagnose MODEL.toml --data` on each, and compares with the truth.
 //!
-//! In: words. Out: a line a case that went wrong, then a table of rates. Never stops at a case.
+//! In: arguments. Out: a line for each wrong case, then a table of rates. It continues after a failed case.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -11,10 +11,11 @@ use hidden_effects::surfaces::judge::{Judgement, judge};
 use hidden_effects::surfaces::{Case, FAMILIES, cases};
 use serde_json::Value;
 
-/// Rates that are asked for, in the order of the families. Of three causes at once nothing is asked: a rate of some tens of cases is shown, and scatters by a twentieth.
+/// The required rates, in the order of the families. For three causes at once there is no requirement: the rate of some tens of cases is printed,
+/// with a standard error of a twentieth.
 const REACH: [f64; 6] = [0.95, 0.95, 0.85, 0.0, 0.90, 0.90];
 
-/// Cases of a family but the singles in the quick subset; of sweeps each lack once.
+/// The number of cases of a family in the quick subset, except for the singles; for sweeps, one of each kind.
 const QUICK: usize = 3;
 const QUICK_SWEPT: usize = 5;
 
@@ -57,7 +58,7 @@ fn words(mut words: impl Iterator<Item = String>) -> Result<Words, String> {
     Ok(found)
 }
 
-/// What one case came to.
+/// The result of one case.
 struct Line {
     family: &'static str,
     judgement: Judgement,
@@ -79,7 +80,7 @@ fn run_rsm(rsm: &Path, arguments: &[&str], folder: &Path) -> Result<Value, Strin
         .map_err(|_| String::from_utf8_lossy(&run.stderr).lines().next().unwrap_or("no answer").to_string())
 }
 
-/// The share of the nominal file's squared error, on unseen rows without noise, that the extended file takes away.
+/// The share of the nominal file's squared error, on unseen rows without noise, that the extended file removes.
 fn gain_share(rsm: &Path, case: &Case, folder: &Path) -> Result<f64, String> {
     let answer = run_rsm(rsm, &["eval", "found/extended.toml", "--surface", "y", "--data", "unseen.csv", "--json"], folder)?;
     let values: Vec<f64> = answer["values"].as_array().into_iter().flatten().filter_map(Value::as_f64).collect();
@@ -118,7 +119,7 @@ fn median(values: &mut [f64]) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-/// Runs; true when every rate was reached.
+/// Runs the command. Returns whether every rate was reached.
 pub fn run(arguments: impl Iterator<Item = String>) -> Result<bool, String> {
     let words = words(arguments)?;
     let mut lines: Vec<Line> = Vec::new();
@@ -128,7 +129,7 @@ pub fn run(arguments: impl Iterator<Item = String>) -> Result<bool, String> {
                 continue;
             }
             let all = cases(seed, Some(family));
-            // Every cause alone, and the first of each other family: some seconds.
+            // Every cause alone, and the first cases of each other family: some seconds.
             let quick = if family == "swept" { QUICK_SWEPT } else { QUICK };
             let count = if words.quick && family != FAMILIES[0] { quick.min(all.len()) } else { all.len() };
             for case in all.into_iter().take(count) {

@@ -1,6 +1,6 @@
-//! The command on the plants of `examples/plants/`: cases, answers, the comparison of two simulations, and the records that the examples have.
+//! The command for the plants of `examples/plants/`: cases, answers, the comparison of two simulations, and the records of the examples.
 //!
-//! In: words, the command `rsm`. Out: tables. Writes into the folder of `--out` alone.
+//! In: arguments, the command `rsm`. Out: tables. It writes only into the folder of `--out`.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -93,7 +93,7 @@ pub(crate) fn make(words: &Words) -> Result<bool, String> {
     if made == 0 { Err("no such case".to_string()) } else { Ok(true) }
 }
 
-/// Asks `rsm diagnose` about every case.
+/// Runs `rsm diagnose` for every case.
 pub(crate) fn judge_all(words: &Words) -> Result<bool, String> {
     let mut report = Report::default();
     for seed in words.seed..words.seed + words.seeds {
@@ -114,7 +114,7 @@ pub(crate) fn judge_all(words: &Words) -> Result<bool, String> {
             let output = String::from_utf8_lossy(&run.stdout);
             match serde_json::from_str(&output) {
                 Ok(answer) => line.judgement = judge::judge(&case, &answer),
-                // Without an answer nothing is right; the reason stands in the table.
+                // Without an answer the case is wrong; the table shows the reason.
                 Err(error) => {
                     let said = String::from_utf8_lossy(&run.stderr);
                     let said = said.trim().lines().next().map_or(error.to_string(), str::to_string);
@@ -132,7 +132,7 @@ pub(crate) fn judge_all(words: &Words) -> Result<bool, String> {
     Ok(report.held())
 }
 
-/// Every effect alone at every place, against `rsm simulate`.
+/// Compares every single effect at every place with `rsm simulate`.
 pub(crate) fn verify(words: &Words) -> Result<bool, String> {
     let folder = words.out.join("verify");
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;

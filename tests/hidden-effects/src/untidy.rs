@@ -1,37 +1,37 @@
-//! Records less tidy than a bench's: rows that a logger lost, channels that nobody recorded, noise that is not normal or not even.
+//! Irregular records: rows that a logger lost, channels that were not recorded, noise that is not normal or not constant.
 //!
-//! In: what is asked for, a record's rows, a stream of random numbers of its own. Out: which rows are lost, and what the noise of a row is multiplied by. The same case with and
-//! without it has the same truth and the same normal numbers.
+//! In: the requested irregularities, a record's rows, a separate stream of random numbers. Out: the lost rows, and the factor of the noise for each
+//! row. A case has the same truth and the same normal numbers with and without irregularities.
 
 use std::ops::Range;
 
 use crate::random::Random;
 
-/// A gap is of one row up to so many.
+/// The largest number of rows in a gap.
 const LONGEST_GAP: u64 = 3;
 
-/// The deviation of an outlier over that of the others.
+/// The deviation of an outlier, relative to that of the others.
 const OUTLIER: f64 = 20.0;
 
-/// What is asked for; nothing by default.
+/// The requested irregularities; none by default.
 #[derive(Debug, Clone, Default)]
 pub struct Untidy {
-    /// One row in so many is lost, in gaps of one to three rows.
+    /// One of this number of rows is lost, in gaps of one to three rows.
     pub lost: Option<usize>,
-    /// The noise's standard deviation grows by so many times itself from a reading of 0 to the largest one.
+    /// The noise's standard deviation increases by this multiple of itself from a reading of 0 to the largest one.
     pub growing: Option<f64>,
-    /// The noise is Student's t with so many degrees of freedom (more than 2), of the same standard deviation.
+    /// The noise is Student's t with this number of degrees of freedom (more than 2), with the same standard deviation.
     pub tails: Option<f64>,
     /// This share of the readings has noise of `OUTLIER` times the usual deviation.
     pub outliers: Option<f64>,
-    /// The logger starts so many rows late: records begin in motion.
+    /// The logger starts this number of rows late, so records begin in motion.
     pub late: usize,
-    /// Outputs that no record holds.
+    /// Outputs that are in no record.
     pub without: Vec<String>,
 }
 
 impl Untidy {
-    /// The rows of a record that are lost. The first and the last stay.
+    /// The lost rows of a record. The first and the last are kept.
     pub fn lost_rows(&self, rows: usize, random: &mut Random) -> Vec<Range<usize>> {
         let mut lost = Vec::new();
         let Some(every) = self.lost else { return lost };
@@ -49,7 +49,7 @@ impl Untidy {
         }
     }
 
-    /// What the noise of each row is multiplied by, from the exact readings and the largest one of all records: a sensor has one law, whatever the record.
+    /// The factor of the noise for each row, from the exact readings and the largest one of all records: a sensor has one law for all records.
     pub fn factors(&self, exact: &[f64], largest: f64, random: &mut Random) -> Vec<f64> {
         let largest = largest.max(f64::MIN_POSITIVE);
         let factor = |value: &f64| {
@@ -57,7 +57,7 @@ impl Untidy {
             let far = self.outliers.is_some_and(|share| random.uniform(0.0, 1.0) < share);
             let grown = if far { OUTLIER * grown } else { grown };
             let Some(freedom) = self.tails else { return grown };
-            // A normal number over the root of chi squared/freedom; its variance is freedom/(freedom - 2).
+            // A normal number divided by the root of chi squared/freedom; its variance is freedom/(freedom - 2).
             let chi: f64 = (0..freedom as usize).map(|_| random.normal().powi(2)).sum();
             grown * ((freedom - 2.0) / chi).sqrt()
         };
@@ -74,7 +74,7 @@ mod tests {
         let untidy = Untidy { lost: Some(97), ..Untidy::default() };
         let lost = untidy.lost_rows(97_000, &mut Random::new(1, "lost"));
         let rows: usize = lost.iter().map(ExactSizeIterator::len).sum();
-        // 500 gaps of 2 rows: three standard deviations of their sum, 0.82 a gap, and of their distances.
+        // 500 gaps of 2 rows: three standard deviations of their sum, 0.82 for each gap, and of their distances.
         assert!((rows as f64 - 1000.0).abs() < 100.0, "{rows}");
         assert!(lost.iter().all(|it| (1..=3).contains(&it.len()) && it.start > 0 && it.end < 97_000));
     }
@@ -86,7 +86,7 @@ mod tests {
         let outliers = Untidy { outliers: Some(0.01), ..Untidy::default() };
         let far =
             outliers.factors(&vec![1.0; 40_000], 1.0, &mut Random::new(3, "o")).iter().filter(|it| **it == OUTLIER).count();
-        // 400, and four times the root of that.
+        // The expected number is 400; the limit is four times its root.
         assert!((320..=480).contains(&far), "{far}");
         let tails = Untidy { tails: Some(5.0), ..Untidy::default() };
         let mut random = Random::new(2, "t");
@@ -97,9 +97,9 @@ mod tests {
             sum += square;
             far += usize::from(square > 25.0);
         }
-        // Student's t with 5 degrees of freedom has a kurtosis of 9: the error of the mean square is sqrt(8/40000) = 0.014, four of it.
+        // Student's t with 5 degrees of freedom has a kurtosis of 9: the error of the mean square is sqrt(8/40000) = 0.014; the limit is four of it.
         assert!((sum / 40_000.0 - 1.0).abs() < 0.057, "{sum}");
-        // Beyond 5 standard deviations normal noise is once in two million.
+        // Beyond 5 standard deviations, normal noise occurs once in two million.
         assert!(far > 20, "{far}");
     }
 }

@@ -1,7 +1,7 @@
-//! Every effect of the catalogue, without noise, for a comparison with another simulation of the same text.
+//! Every effect of the catalogue, without noise, for comparison with another simulation of the same text.
 //!
-//! In: a seed. Out: plant files with one effect each, records that this package's plants made of them, and the distance of another simulation from
-//! those records in units of the sensors' noise.
+//! In: a seed. Out: plant files with one effect each, records of this package's plants with it, and the distance of another simulation from these
+//! records in units of the sensors' noise.
 
 use crate::draw::{self, Nominal};
 use crate::excitation::excitation;
@@ -14,14 +14,14 @@ use crate::random::Random;
 pub struct Check {
     /// `pmac coulomb-friction`
     pub name: String,
-    /// Which plant.
+    /// The plant.
     pub kind: Kind,
     /// The file, with the effect.
     pub plant_file: String,
     /// The record, without noise.
     pub record: Record,
     noise: Vec<f64>,
-    /// Steps of a coarse sensor, by output.
+    /// The step of a coarse sensor, for each output.
     steps: Vec<Option<f64>>,
     /// The largest difference between this record and the one without the effect, in units of noise.
     pub visible: f64,
@@ -33,15 +33,15 @@ impl Check {
         files::record(self.kind, &self.record, &[], &[])
     }
 
-    /// Whether an effect changes the plant, and not only what its sensors read or a number of the file.
+    /// Whether an effect changes the plant, and not only the readings of its sensors or a number of the file.
     pub fn is_structural(&self) -> bool {
         !["nominal", "sensor", "parameter-error"].iter().any(|word| self.name.contains(word))
     }
 
-    /// The largest distance that two right simulations may have, in units of noise.
+    /// The largest permitted distance of two correct simulations, in units of noise.
     ///
-    /// A tenth is what a halved step may move an output by, where a simulation has a fixed step. No diagnosis sees
-    /// it: a hundred rows as far apart are one squared standard deviation, where a cause has to gain tens. A hundredfold finer tolerance here moves no figure by 1e-4.
+    /// For a simulation with a fixed step, halving the step may change an output by a tenth. A diagnosis cannot detect this: a hundred rows with this
+    /// distance are one squared standard deviation, and a cause must gain tens. A tolerance a hundred times smaller here changes no figure by 1e-4.
     pub fn allowed(&self) -> f64 {
         0.1
     }
@@ -63,7 +63,7 @@ fn largest(
     for (index, (name, _)) in kind.outputs().iter().enumerate() {
         for (row, (one, other)) in ours[index].iter().zip(&others[index]).enumerate() {
             let mut apart = (one - other).abs();
-            // Two simulations may round a value on the edge to either side: a whole step says nothing, more says something.
+            // Two simulations may round a value at the edge to either side: a difference of exactly one step is not an error, a larger one is.
             if let Some(step) = steps[index] {
                 apart = apart.min((apart - step).abs());
             }
@@ -76,7 +76,8 @@ fn largest(
     worst
 }
 
-/// Each plant without effects, then with every one. `quick` cuts the records to an eighth, those of a motor to a half: in less it need not reverse.
+/// Each plant without effects, then with every effect. `quick` cuts the records to an eighth, those of a motor to a half: a shorter record may have
+/// no reversal.
 pub fn checks(seed: u64, quick: bool) -> Vec<Check> {
     let mut checks = vec![];
     for kind in [Kind::Motor, Kind::Car, Kind::OpenAxis, Kind::ClosedAxis] {
@@ -131,7 +132,7 @@ fn run(truth: &Truth, nominal: &Nominal, gear: usize, random: &Random) -> Record
     plant::run(truth, start, nominal.period, nominal.rows, &mut drive)
 }
 
-/// Another plant under the inputs of a record.
+/// Simulates another plant with the inputs of a record.
 pub fn again(truth: &Truth, record: &Record, nominal: &Nominal, gear: usize, random: &Random) -> Record {
     let (start, _) = excitation(nominal, gear, random.clone());
     let mut inputs = |row: usize, _: &[f64]| record.inputs.iter().map(|column| column[row]).collect();

@@ -1,9 +1,9 @@
-//! Mutants that no test can notice, because they mean the same: each is argued in a comment beside its line.
+//! Mutants that no test can detect, because they do not change the meaning: a comment beside the line gives the argument for each of them.
 //!
-//! The comment names the change in backquotes after the word mutant, and says why: "// mutant `< to <=`: at equality both branches give the same
-//! number". It stands on the line of the change or in the comment right above it. An argument that a test refutes is an error.
+//! The comment names the change in backquotes after the word mutant, and gives the reason: "// mutant `< to <=`: at equality both branches give the
+//! same number". It is on the line of the change, or in the comment directly above it. An argument that a test refutes is an error.
 
-/// Whether the comments at a line (counted from 1) argue that a change is none.
+/// Whether the comments at a line (counted from 1) argue that a change has no effect.
 pub(crate) fn is_argued(lines: &[&str], line: usize, change: &str) -> bool {
     let wanted = format!("mutant `{change}`");
     let at = line - 1;

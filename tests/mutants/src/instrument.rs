@@ -1,11 +1,11 @@
-//! A source file with all its mutants in it, each behind a switch.
+//! A source file that contains all its mutants, each with a switch.
 //!
-//! In: the text of a source file, the number of the first mutant, the numbers that did not compile. Out: the text with the switches, and the
-//! mutants. A mutant is one change of meaning: `a < b` becomes `if on(7) { a <= b } else { a < b }`. The changed branch holds the original
-//! operands without switches, since one mutant is on at a time; so a file grows by its depth, not exponentially (mutant schemata,
-//! Untch, Offutt and Harrold 1993).
+//! In: the text of a source file, the number of the first mutant, the numbers that did not compile. Out: the text with the switches, and the mutants.
+//! A mutant is one change of meaning: `a < b` becomes `if on(7) { a <= b } else { a < b }`. The changed branch contains the original operands without
+//! switches, because only one mutant is active at a time. So the size of a file grows with the depth of its expressions, not exponentially (mutant
+//! schemata, Untch, Offutt and Harrold 1993).
 //!
-//! Never changed: tests, constants' own values (their uses are), patterns, types, attributes, and what stands inside macros.
+//! Never changed: tests, the values of constants (their uses are changed), patterns, types, attributes, and the arguments of macros.
 
 use std::collections::BTreeSet;
 
@@ -18,20 +18,20 @@ use syn::{BinOp, Expr, Lit, ReturnType, Stmt, Type, UnOp, parse_quote};
 /// One change of meaning.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Mutant {
-    /// Its switch.
+    /// The number of its switch.
     pub(crate) number: usize,
-    /// From the root of the workspace.
+    /// The path from the root of the workspace.
     pub(crate) file: String,
     /// Line and column, counted from 1, in the original.
     pub(crate) line: usize,
     pub(crate) column: usize,
-    /// The function that holds it.
+    /// The function that contains it.
     pub(crate) function: String,
-    /// As an argument of equivalence names it: `< to <=`.
+    /// The change as a comment names it: `< to <=`.
     pub(crate) change: String,
 }
 
-/// The text of a file with its mutants, and the number after its last, which does not depend on what is left out.
+/// The text of a file with its mutants, and the number after the last one. This number does not depend on the omitted mutants.
 pub(crate) fn instrument(
     text: &str,
     file: &str,
@@ -53,7 +53,7 @@ struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    /// The switch of a new mutant; `None` where it is known not to compile.
+    /// The switch of a new mutant; `None` if it is known not to compile.
     fn switch(&mut self, span: Span, change: &str) -> Option<Expr> {
         let number = self.next;
         self.next += 1;
@@ -72,12 +72,12 @@ impl Writer<'_> {
         Some(parse_quote!(crate::mutant_switch::on(#number)))
     }
 
-    /// Wraps `now` (which may hold switches already) so that each change has a switch.
+    /// Wraps `now`, which may already contain switches, so that each change has a switch.
     fn offer(&mut self, now: &mut Expr, span: Span, changes: Vec<(String, Expr)>) {
         for (change, changed) in changes {
             if let Some(on) = self.switch(span, &change) {
                 let plain = std::mem::replace(now, Expr::PLACEHOLDER);
-                // In brackets, since at the start of a block `if c { 1.0 } else { 2.0 } / x` is a statement and a remainder.
+                // In parentheses, because at the start of a block `if c { 1.0 } else { 2.0 } / x` is a statement followed by other tokens.
                 *now = parse_quote!((if #on { (#changed) } else { (#plain) }));
             }
         }
@@ -86,7 +86,7 @@ impl Writer<'_> {
     fn body(&mut self, output: &ReturnType, block: &mut syn::Block, name: &syn::Ident) {
         let outer = std::mem::replace(&mut self.function, name.to_string());
         let mut values = results(output);
-        // A body that is the value already would be changed to itself.
+        // A body that is already the value would not be changed.
         if let [Stmt::Expr(only, None)] = block.stmts.as_slice() {
             values.retain(|value| quiet(value) != quiet(only));
         }
@@ -134,7 +134,7 @@ impl VisitMut for Writer<'_> {
         }
     }
 
-    // Values that the compiler must know, and what is no expression.
+    // Values that the compiler must know, and code that is not an expression.
     fn visit_type_mut(&mut self, _: &mut Type) {}
     fn visit_pat_mut(&mut self, _: &mut syn::Pat) {}
     fn visit_attribute_mut(&mut self, _: &mut syn::Attribute) {}
@@ -197,7 +197,7 @@ impl VisitMut for Writer<'_> {
         let plain = expression.clone();
         match expression {
             Expr::Lit(_) => {}
-            // The left side of an assignment is a place.
+            // The left side of an assignment must stay a place expression.
             Expr::Assign(assign) => return self.visit_expr_mut(&mut assign.right),
             Expr::Binary(binary) if is_assigning(&binary.op) => {
                 let op_span = binary.op.span();
@@ -205,7 +205,7 @@ impl VisitMut for Writer<'_> {
                 let changes = binary_changes(&plain);
                 return self.offer(expression, op_span, changes);
             }
-            // What is borrowed mutably, dereferenced or indexed must stay a place.
+            // An operand that is borrowed mutably, dereferenced or indexed must stay a place expression.
             Expr::Reference(reference) if reference.mutability.is_some() => {
                 return visit_mut::visit_expr_mut(self, &mut reference.expr);
             }
@@ -231,7 +231,7 @@ impl VisitMut for Writer<'_> {
                 let changes = method_changes(call);
                 self.offer(expression, call.method.span(), changes);
             }
-            // A constant by its name: its uses are changed, since its own value is needed when the crate is compiled.
+            // A constant used by its name: the use is changed, because the value itself is needed when the crate is compiled.
             Expr::Path(path) if path.path.segments.last().is_some_and(|segment| is_constant(&segment.ident.to_string())) => {
                 let change = format!("{} doubled", quiet(&plain));
                 self.offer(expression, span, vec![(change, parse_quote!(crate::mutant_switch::Doubled::doubled(#plain)))]);
@@ -250,7 +250,7 @@ fn takes_all(pattern: &syn::Pat) -> bool {
     }
 }
 
-/// `let` inside a condition binds names for what follows: it must stay where it is.
+/// `let` inside a condition binds names for the code after it, so it must stay in place.
 fn holds_let(expression: &Expr) -> bool {
     match expression {
         Expr::Let(_) => true,
@@ -266,7 +266,7 @@ fn is_test(attributes: &[syn::Attribute]) -> bool {
     })
 }
 
-/// More than one letter, none of them small, and not what doubling leaves as it is.
+/// More than one letter, no lower-case letter, and not a constant that is unchanged by doubling.
 fn is_constant(name: &str) -> bool {
     !["INFINITY", "NEG_INFINITY", "NAN"].contains(&name)
         && name.len() > 1
@@ -325,7 +325,7 @@ fn binary_changes(plain: &Expr) -> Vec<(String, Expr)> {
         .collect()
 }
 
-/// Twice the number and none; 0 becomes 1. Whole numbers go up and down by one.
+/// Twice the number, and 0; 0 becomes 1. Integers are increased and decreased by one.
 fn literal_changes(literal: &Lit) -> Vec<(String, Expr)> {
     match literal {
         Lit::Float(float) => {
@@ -355,7 +355,7 @@ fn literal_changes(literal: &Lit) -> Vec<(String, Expr)> {
     }
 }
 
-/// Methods that have an opposite, and outward steps that are left out.
+/// Methods that have an opposite, and calls that are omitted.
 fn method_changes(call: &syn::ExprMethodCall) -> Vec<(String, Expr)> {
     const OPPOSITES: [(&str, &str); 8] = [
         ("min", "max"),
@@ -388,7 +388,7 @@ fn method_changes(call: &syn::ExprMethodCall) -> Vec<(String, Expr)> {
     changes
 }
 
-/// What a function could return without having worked.
+/// Values that a function could return without doing its work.
 fn results(output: &ReturnType) -> Vec<Expr> {
     let ReturnType::Type(_, kind) = output else { return vec![parse_quote!(())] };
     let Type::Path(path) = kind.as_ref() else { return Vec::new() };
@@ -405,7 +405,7 @@ fn results(output: &ReturnType) -> Vec<Expr> {
     }
 }
 
-/// Tokens as text without spaces between them.
+/// Tokens as text, without spaces.
 fn quiet(tokens: &impl ToTokens) -> String {
     tokens.to_token_stream().to_string().replace(' ', "")
 }
@@ -429,7 +429,7 @@ mod tests {
         for mutant in &mutants {
             assert_eq!(text.matches(&format!("on({}usize)", mutant.number)).count(), 1, "{text}");
         }
-        // The branch of `* to /` holds the sum as it was.
+        // The branch of `* to /` contains the sum unchanged.
         assert!(text.contains("(a + 2.0) / a"), "{text}");
         syn::parse_file(&text).expect("what is printed is read again");
     }

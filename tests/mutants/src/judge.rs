@@ -1,8 +1,8 @@
-//! Which mutants do the tests notice?
+//! Determines which mutants the tests detect.
 //!
-//! In: test programs and mutants. Out: for each mutant the test that fails, or that none does. Every test is run once without a mutant, which tells its time and
-//! the switches that it reaches; then each mutant is run against the tests that reach it, the quickest first, until one fails. A test that takes far
-//! longer than without the mutant has noticed it too: an endless loop is a change of meaning.
+//! In: test programs and mutants. Out: for each mutant the test that fails, or that none does. Every test is run once without a mutant, to measure
+//! its time and to record the switches that it reaches. Then each mutant is run against the tests that reach it, the fastest first, until one fails.
+//! A test that takes much longer than without the mutant has also detected it: an endless loop is a change of meaning.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// A test may take this many times its time without a mutant, and never less than the floor: a loaded machine is several times slower for seconds.
+/// The time limit of a test: this multiple of its time without a mutant, and never less than the floor. A loaded machine is several times slower for
+/// seconds.
 const PATIENCE: u32 = 20;
 const FLOOR: Duration = Duration::from_secs(20);
 
@@ -23,13 +24,13 @@ pub(crate) struct Test {
     reaches: Vec<usize>,
 }
 
-/// What became of a mutant.
+/// The result for a mutant.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Fate {
-    /// The test that noticed it.
+    /// The test that detected it.
     Killed(String),
     Survived,
-    /// No test runs this place at all.
+    /// No test executes this code.
     NotReached,
 }
 
@@ -49,7 +50,7 @@ pub(crate) fn names(programs: &[PathBuf], folder: &Path) -> Result<Vec<(PathBuf,
     Ok(names)
 }
 
-/// Tests with their times and what they reach.
+/// Runs the tests, and returns their times and the switches that they reach.
 pub(crate) fn survey(names: &[(PathBuf, String)], folder: &Path, scratch: &Path) -> Result<Vec<Test>, String> {
     let tests = Mutex::new(Vec::new());
     let failed = Mutex::new(Vec::new());
@@ -79,7 +80,7 @@ pub(crate) fn survey(names: &[(PathBuf, String)], folder: &Path, scratch: &Path)
     Ok(tests)
 }
 
-/// The fate of each of the numbers; `progress` hears of each as it is known.
+/// The result for each of the numbers; `progress` is called for each as soon as it is known.
 pub(crate) fn judge(
     tests: &[Test],
     numbers: &[usize],
@@ -128,7 +129,7 @@ fn end(child: &mut Child) {
 
 fn command(program: &Path, folder: &Path) -> Command {
     let mut command = Command::new(program);
-    // Output is thrown away: a pipe that nobody reads would block a test that prints much.
+    // The output is discarded: if nobody reads a pipe, a test with much output would block.
     command
         .current_dir(folder)
         .env("CARGO_MANIFEST_DIR", folder)
@@ -138,7 +139,7 @@ fn command(program: &Path, folder: &Path) -> Command {
     command
 }
 
-/// Does the work of each index, on as many threads as there are cores, or as `RSM_MUTANTS_THREADS` says.
+/// Does the work for each index, with as many threads as there are cores, or as many as `RSM_MUTANTS_THREADS` gives.
 fn in_parallel(count: usize, work: impl Fn(usize) + Sync) {
     let next = AtomicUsize::new(0);
     let wanted = std::env::var("RSM_MUTANTS_THREADS").ok().and_then(|text| text.parse().ok());

@@ -1,8 +1,8 @@
-//! `cargo xtask mutants`: which changes of meaning do the tests of a package not notice?
+//! `cargo xtask mutants`: finds changes of meaning that the tests of a package do not detect.
 //!
-//! In: a package, files of it. Out: a table of mutants by file, the survivors by line, exit status 1 where one survived without an argument. All mutants of a run
-//! are compiled at once, each behind a switch, so a mutant costs the tests that reach it and no compilation; cargo-mutants compiles each one by itself, which
-//! takes some 20 s a mutant in rsm-core and days for all files.
+//! In: a package and files of it. Out: a table of mutants by file, and the surviving mutants by line; exit status 1 if one survived without an
+//! argument. All mutants of a run are compiled at once, each with a switch, so a mutant costs only the run of the tests that reach it, and no
+//! compilation. cargo-mutants compiles each mutant separately, which takes about 20 s per mutant in rsm-core, and days for all files.
 
 mod argued;
 mod instrument;
@@ -34,7 +34,7 @@ usage: mutants --root WORKSPACE --scratch FOLDER [--package NAME] [--file PART] 
   --list            names the mutants, runs no test
 A mutant that means the same is argued in a comment on its line or right above: // mutant `< to <=`: why no test can notice it";
 
-/// The files whose meaning is promised: each change in them must be noticed by the package's own tests.
+/// The files whose behaviour is guaranteed: the package's own tests must detect each change in them.
 const FILES: &[(&str, &[&str])] = &[
     (
         "rsm-core",
@@ -142,7 +142,7 @@ fn request(mut words: impl Iterator<Item = String>) -> Result<Request, String> {
     Ok(request)
 }
 
-/// Whether every mutant of a package was noticed or argued.
+/// Whether every mutant of a package was detected or has an argument.
 fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String> {
     let files = files(request, package, listed)?;
     if files.is_empty() {
@@ -168,7 +168,7 @@ fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String
         mutants.iter().for_each(|mutant| println!("{}", told(mutant)));
         return Ok(true);
     }
-    // Of a sample first the tests of its own files, and all others only where these leave something: most of the time goes into running every test once.
+    // For a sample, the tests of its own files run first, and the others only if mutants remain: running every test once takes most of the time.
     let names = judge::names(&built.programs, &built.folder)?;
     let modules: Vec<String> = files.iter().map(|file| module(file, package)).collect();
     let all_at_once = request.sample.is_none() && !request.near;
@@ -213,11 +213,11 @@ fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String
     Ok(report(package, &by_number, &fates, &texts))
 }
 
-/// Which of so many: spread evenly, or drawn from a seed.
+/// Selects `count` of `all`: evenly spread, or at random from a seed.
 fn sample(all: usize, count: usize, seed: Option<u64>) -> Vec<usize> {
     let count = count.min(all);
     let Some(mut state) = seed else { return (0..count).map(|k| k * all / count).collect() };
-    // SplitMix64 (Steele, Lea, Flood 2014): any seed does, 0 too.
+    // SplitMix64 (Steele, Lea, Flood 2014): any seed is suitable, also 0.
     let mut next = || {
         state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = state;
@@ -231,7 +231,7 @@ fn sample(all: usize, count: usize, seed: Option<u64>) -> Vec<usize> {
     drawn
 }
 
-/// The table by file; whether nothing is left to do.
+/// Prints the table by file. Returns whether nothing remains to be done.
 fn report(
     package: &str,
     mutants: &BTreeMap<usize, &Mutant>,
@@ -253,7 +253,7 @@ fn report(
         row.all += 1;
         let argued = argued::is_argued(&lines(&texts[&mutant.file]), mutant.line, &mutant.change);
         match fate {
-            // Two changes of one line and kind cannot be told apart by the comment: only one that names them all is refuted.
+            // The comment does not distinguish two changes of the same kind in one line, so an argument is refuted only if all of them are detected.
             Fate::Killed(test) => {
                 row.killed += 1;
                 let alike = mutants
@@ -282,7 +282,7 @@ fn report(
     total.left == 0 && refuted.is_empty()
 }
 
-/// How the names of the unit tests of a file begin: `src/plant/verdict.rs` has those of `plant::verdict::`.
+/// The prefix of the names of a file's unit tests: `src/plant/verdict.rs` has those of `plant::verdict::`.
 fn module(file: &str, package: &str) -> String {
     let inside = file.strip_prefix(package).and_then(|rest| rest.strip_prefix("/src/")).unwrap_or(file);
     let path = inside.trim_end_matches(".rs").trim_end_matches("/mod");
@@ -302,7 +302,7 @@ fn texts(root: &Path, files: &[String]) -> Result<BTreeMap<String, String>, Stri
     files.iter().map(|name| Ok((name.clone(), read(name)?))).collect()
 }
 
-/// The listed files of a package that are asked for. Files of tests alone are none of them.
+/// The listed files of a package that are requested. Files with only tests are not included.
 fn files(request: &Request, package: &str, listed: &[&str]) -> Result<Vec<String>, String> {
     let mut found = Vec::new();
     let mut folders = vec![request.root.join(package).join("src")];
@@ -348,7 +348,7 @@ mod tests {
         assert!(one.len() == 30 && one.windows(2).all(|pair| pair[0] < pair[1]) && one[29] < 1000);
         assert_eq!(one, sample(1000, 30, Some(1)));
         assert_ne!(one, other);
-        // Every one may be drawn.
+        // Every index can be selected.
         let mut seen: Vec<usize> = (0..60).flat_map(|seed| sample(20, 3, Some(seed))).collect();
         seen.sort_unstable();
         seen.dedup();

@@ -1,7 +1,7 @@
-//! A copy of the workspace in which one package has all its mutants, and its test programs.
+//! A copy of the workspace in which one package contains all its mutants, and its test programs.
 //!
-//! In: the root of the workspace, a package, its files to change. Out: the mutants that compile and the test programs. The copy stays under the target folder, so
-//! that a second run compiles only what has changed. The workspace itself is never written.
+//! In: the root of the workspace, a package, its files to change. Out: the mutants that compile, and the test programs. The copy stays in the target
+//! folder, so a second run compiles only changed files. The workspace itself is never written.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use syn::visit::{self, Visit};
 
 use crate::instrument::{Mutant, instrument};
 
-/// Rounds of compiling: each leaves out the mutants that the compiler refused. Type errors hide errors of borrowing, and those hide others.
+/// The number of compilation rounds: each omits the mutants that the compiler refused. Type errors hide borrowing errors, and these hide others.
 const ROUNDS: usize = 20;
 
 /// A package with its mutants.
@@ -26,10 +26,10 @@ pub(crate) struct Built {
     pub(crate) folder: PathBuf,
 }
 
-/// What is compiled.
+/// The targets to compile.
 #[derive(Clone, Copy)]
 pub(crate) struct Targets {
-    /// The unit tests of the library alone.
+    /// Only the unit tests of the library.
     pub(crate) unit: bool,
     /// Without optimisation. Most unit tests take seconds without it, and a package with its switches takes minutes to optimise.
     pub(crate) plain: bool,
@@ -37,7 +37,7 @@ pub(crate) struct Targets {
 
 /// Copies, changes and compiles.
 pub(crate) fn build(root: &Path, scratch: &Path, package: &str, files: &[String], targets: Targets) -> Result<Built, String> {
-    // One folder deeper than the copy stands what the tests read beside the workspace.
+    // The copy is in a subfolder, so that the files that the tests read beside the workspace can be beside the copy.
     let tree = scratch.join("tree").join("workspace");
     let beside = scratch.join("tree").join("shared");
     if let Ok(shared) = root.join("../shared").canonicalize()
@@ -81,7 +81,7 @@ pub(crate) fn build(root: &Path, scratch: &Path, package: &str, files: &[String]
     Err(format!("after {ROUNDS} rounds some mutants still do not compile"))
 }
 
-/// What git tracks, and what it does not ignore.
+/// The files that git tracks or does not ignore.
 fn sources(root: &Path) -> Result<BTreeSet<String>, String> {
     let output = Command::new("git")
         .args(["ls-files", "--cached", "--others", "--exclude-standard", "-z"])
@@ -92,7 +92,7 @@ fn sources(root: &Path) -> Result<BTreeSet<String>, String> {
     Ok(text.split('\0').filter(|name| !name.is_empty() && root.join(name).is_file()).map(str::to_owned).collect())
 }
 
-/// Writes only what differs, so that cargo sees what has changed.
+/// Writes a file only if it differs, so that cargo detects exactly the changes.
 fn write(file: &Path, text: &[u8]) -> Result<(), String> {
     if std::fs::read(file).is_ok_and(|old| old == text) {
         return Ok(());
@@ -103,7 +103,7 @@ fn write(file: &Path, text: &[u8]) -> Result<(), String> {
         .map_err(|error| format!("{}: {error}", file.display()))
 }
 
-/// Removes from the copy what is no source any more.
+/// Removes from the copy the files that are no longer source files.
 fn forget_others(tree: &Path, folder: &Path, sources: &BTreeSet<String>, package: &str) -> Result<(), String> {
     let ours = format!("{package}/src/mutant_switch.rs");
     for entry in std::fs::read_dir(folder).map_err(|error| error.to_string())?.flatten() {
@@ -121,10 +121,10 @@ fn forget_others(tree: &Path, folder: &Path, sources: &BTreeSet<String>, package
     Ok(())
 }
 
-/// A place at which the compiler found an error: file from the root, line, column.
+/// The position of a compiler error: file from the root, line, column.
 type Place = (String, usize, usize);
 
-/// What the compiler made and said: test programs, and errors with their words and places.
+/// The result of the compiler: test programs, and errors with their messages and positions.
 struct Compiled {
     programs: Vec<PathBuf>,
     errors: Vec<(String, Vec<Place>)>,
@@ -145,7 +145,7 @@ fn compile(tree: &Path, scratch: &Path, package: &str, of: Targets) -> Result<Co
         .args(targets)
         .current_dir(tree)
         .env("CARGO_TARGET_DIR", scratch.join("build"))
-        // A changed program has code that a lint refuses: unused results, comparisons that are always true.
+        // A changed program contains code that a lint refuses: unused results, comparisons that are always true.
         .env("RUSTFLAGS", "--cap-lints allow")
         .stderr(Stdio::piped())
         .output()
@@ -162,8 +162,8 @@ fn compile(tree: &Path, scratch: &Path, package: &str, of: Targets) -> Result<Co
         }
         let found = &message["message"];
         if message["reason"] == "compiler-message" && found["level"] == "error" {
-            // The error's own place first, then the labels beside it, then its notes: a value that a left-out assignment should have given back is moved twice
-            // elsewhere, and only a note names the assignment.
+            // The error's own position first, then its labels, then its notes. For example, without an assignment a value is moved twice elsewhere,
+            // and only a note names the assignment.
             let mut places: Vec<(bool, Place)> = spans(found);
             places.sort();
             places.extend(found["children"].as_array().into_iter().flatten().flat_map(spans));
@@ -179,7 +179,7 @@ fn compile(tree: &Path, scratch: &Path, package: &str, of: Targets) -> Result<Co
     Ok(Compiled { programs, errors })
 }
 
-/// The places that a message names, each with whether it stands beside the main one.
+/// The positions in a message, each with whether it is secondary.
 fn spans(message: &Value) -> Vec<(bool, Place)> {
     let place = |span: &Value| {
         let number = |key: &str| span[key].as_u64().unwrap_or(0) as usize;
@@ -189,7 +189,7 @@ fn spans(message: &Value) -> Vec<(bool, Place)> {
     message["spans"].as_array().into_iter().flatten().map(place).collect()
 }
 
-/// The mutants that the errors are about.
+/// The mutants that cause the errors.
 fn refused(tree: &Path, files: &[String], errors: &[(String, Vec<Place>)]) -> Result<BTreeSet<usize>, String> {
     let mut switches: BTreeMap<&String, Vec<Switch>> = BTreeMap::new();
     for name in files {
@@ -233,7 +233,7 @@ fn range(item: &impl Spanned) -> Range {
     [(span.start().line, span.start().column + 1), (span.end().line, span.end().column + 1)]
 }
 
-/// A switch in changed text: where its changed branch stands, and the whole.
+/// A switch in the changed text: the range of its changed branch, and the range of the whole.
 struct Switch {
     number: usize,
     changed: Range,

@@ -1,4 +1,4 @@
-//! The shipped records run, and so does the measured EMPS axis, in closed loop under its own column names.
+//! The shipped records, and the measured EMPS axis in closed loop with its own column names.
 
 use rsm_core::source::Source;
 use rsm_diagnose::plant::inverse::{Friction, Motion, Regression};
@@ -19,17 +19,17 @@ fn every_shipped_plant_runs_along_its_record() {
         let outputs = run(&file, &record);
         assert!(outputs.values.iter().all(|values| values.len() == record.rows()), "{name}");
         if name == "pmac" {
-            // The plant does not enforce the current limit (20); a record that is shipped keeps it.
+            // The plant does not enforce the current limit (20); the shipped record must satisfy it.
             let (i_d, i_q) = (outputs.of("i_d").unwrap(), outputs.of("i_q").unwrap());
             assert!(i_d.iter().zip(i_q).all(|(i_d, i_q)| i_d.hypot(*i_q) < 60.0));
         }
     }
 }
 
-/// The measured axis under our column names; `None`, said loudly, without the data.
+/// The measured axis with our column names; `None` with a message if the data are missing.
 ///
-/// Its pulses are volts that the experimenters added to what the controller said. The controller says velocity_gain * position_gain volts for a metre of the reference,
-/// so that a pulse is a change of the reference; the recorded voltage already holds it.
+/// Its pulses are voltages that the experimenters added to the controller's output. The controller's output changes by velocity_gain * position_gain
+/// volts for one metre of the reference, so a pulse is equivalent to a change of the reference. The recorded voltage already contains it.
 fn emps(name: &str, file: &PlantFile) -> Option<Record> {
     let folder = super::folder("emps")?;
     let renamed = plant("emps", "");
@@ -45,7 +45,7 @@ fn emps(name: &str, file: &PlantFile) -> Option<Record> {
     Some(record)
 }
 
-/// Root mean square of a difference, over that of the first.
+/// The root mean square of a difference, divided by that of the first signal.
 fn relative(measured: &[f64], simulated: &[f64]) -> f64 {
     let error: f64 = measured.iter().zip(simulated).map(|(a, b)| (a - b) * (a - b)).sum();
     (error / measured.iter().map(|a| a * a).sum::<f64>()).sqrt()
@@ -53,7 +53,7 @@ fn relative(measured: &[f64], simulated: &[f64]) -> f64 {
 
 #[test]
 fn the_measured_axis_is_followed_better_with_its_friction() {
-    // Published: Fc = 20.3935 N, offset -3.1648 N.
+    // Published values: Fc = 20.3935 N, offset -3.1648 N.
     let friction = effect("coulomb-friction", "force = 20.3935") + &effect("constant-load", "force = -3.1648");
     for (name, allowed) in [("emps_train.csv", 0.055), ("emps_test_pulses.csv", 0.062)] {
         let mut errors = Vec::new();
@@ -67,8 +67,8 @@ fn the_measured_axis_is_followed_better_with_its_friction() {
             "{name}: relative error of the command {:.4} nominal, {:.4} with the published friction",
             errors[0], errors[1]
         );
-        // Measured 0.0503 and 0.0564, a tenth above: the authors report 4.1 and 6.0 % by their own filtered comparison of forces; an unfiltered closed loop has
-        // the measured noise on top. With the pulses as newtons in place of volts, or left out, it is 0.37.
+        // The limits are a tenth above the measured 0.0503 and 0.0564. The authors report 4.1 and 6.0 % for their filtered comparison of forces; an
+        // unfiltered closed loop also contains the measured noise. With the pulses in newtons instead of volts, or without them, the result is 0.37.
         assert!(errors[1] < allowed && errors[1] < 0.5 * errors[0], "{errors:?}");
     }
 }
@@ -76,7 +76,7 @@ fn the_measured_axis_is_followed_better_with_its_friction() {
 /// Published: mass, viscous friction, dry friction and offset from the training record; then mass, and viscous and dry friction forward and backward.
 const PUBLISHED: [&[f64]; 2] = [&[95.1089, 203.5034, 20.3935, -3.1648], &[95.154, 166.7061, 20.1440, 240.4236, 20.6277]];
 
-/// The inverse model step by step, fitted to the training record, with its relative error on the other one, in per cent.
+/// The inverse model step by step, fitted to the training record, with its relative error on the other record, in per cent.
 fn regressions(file: &PlantFile, training: &Record, pulses: &Record) -> Vec<(Friction, Regression, f64)> {
     let gain = file.parameters.number("force_gain");
     let [training, pulses] = [training, pulses].map(|record| Motion::of(record, file.kind).unwrap());
@@ -92,7 +92,7 @@ fn regressions(file: &PlantFile, training: &Record, pulses: &Record) -> Vec<(Fri
 fn the_inverse_model_of_the_measured_axis_has_the_published_errors_step_by_step() {
     let file = plant("servo-axis", "");
     let (Some(training), Some(pulses)) = (emps("emps_train.csv", &file), emps("emps_test_pulses.csv", &file)) else { return };
-    // Per cent on the pulse record, which no regression has seen: 5.98 is published, the others are known to a tenth.
+    // Per cent on the pulse record, which no regression has used: 5.98 is published, the others are known to a tenth.
     let steps = [17.9, 8.2, 6.0, 5.4];
     let mut fits = Vec::new();
     for ((friction, fit, unseen), expected) in regressions(&file, &training, &pulses).into_iter().zip(steps) {
@@ -100,12 +100,13 @@ fn the_inverse_model_of_the_measured_axis_has_the_published_errors_step_by_step(
             "EMPS {friction:?}: {:.2} % on the training record, {unseen:.2} % under the pulses",
             100.0 * fit.relative_error
         );
-        // How a decimation treats the ends of a record is worth a few hundredths, and nobody has published theirs.
+        // The treatment of the ends of a record by a decimation changes the result by a few hundredths, and is not published.
         assert!((unseen - expected).abs() < 0.1, "{friction:?}: {unseen}");
         fits.push(fit);
     }
     for (fit, published, error) in [(&fits[2], PUBLISHED[0], 4.0834), (&fits[3], PUBLISHED[1], 3.1117)] {
-        // The same ends: the axis accelerates from rest in the first rows. They move the friction by 0.5 %, the offset by 0.6 % and the error by 0.15 points.
+        // The same reason: the axis accelerates from rest in the first rows. These change the friction by 0.5 %, the offset by 0.6 % and the error
+        // by 0.15 points.
         assert!((100.0 * fit.relative_error - error).abs() < 0.2, "{}", fit.relative_error);
         for (found, published) in fit.coefficients.iter().zip(published) {
             assert!((found / published - 1.0).abs() < 0.01, "{found} {published}");
@@ -122,20 +123,22 @@ fn the_diagnosis_of_the_measured_axis_names_its_friction_and_nothing_that_is_not
     let options = Options { threads: 2, progress: &|_| {} };
     let found = diagnose(&file, &[training], &[pulses], &options).unwrap();
     super::tell("EMPS, judged under the pulses", &found);
-    // A trajectory that repeats is no block that occurs twice: all rows count.
+    // A repeated trajectory is not a duplicated block: all rows are used.
     assert!(found.findings.iter().all(|it| !it.what.contains("block")), "{:?}", found.findings);
-    // One friction that holds the dry one, the offset and the asymmetry; no stribeck-friction, no sensor, no gear.
+    // One friction that includes the dry friction, the offset and the asymmetry; no stribeck-friction, no sensor, no gear.
     assert_eq!(super::kinds(&found), ["asymmetric-friction"]);
     let number = |name: &str| found.entries().next().unwrap().parameters.iter().find(|it| it.name == name).unwrap().value;
-    // Published, by the inverse model of filtered positions; a free run weighs the slow rows more: 1.3 % between the two here, three times that allowed.
+    // Published values, from the inverse model with filtered positions. A free run gives more weight to the slow rows: the two differ by 1.3 % here;
+    // the limit is three times that.
     let published =
         [("forward", 20.1440), ("backward", 20.6277), ("viscous_forward", 166.7061), ("viscous_backward", 240.4236)];
     for (name, value) in published {
         assert!((number(name) / value - 1.0).abs() < 0.04, "{name} {}", number(name));
     }
-    // What the axis does under the pulses (a flexibility, its authors say) no entry explains: it is not called explained.
+    // No entry explains the motion under the pulses (a flexibility, according to the authors), so the verdict is not explained.
     assert_eq!(found.verdict, Verdict::Unexplained);
-    // Free run and inverse model fall together, step by step: 8.2, 6.0 and 5.4 % by sharp signs, here with the rounded ones of the plant.
+    // The errors of free run and inverse model decrease together, step by step: 8.2, 6.0 and 5.4 % with sharp signs, here with the rounded signs of
+    // the plant.
     let names: Vec<String> = found.steps.iter().map(|it| it.causes.join(" ")).collect();
     assert_eq!(names, ["", "coulomb-friction", "coulomb-friction constant-load", "asymmetric-friction"]);
     for (step, expected) in found.steps[1..].iter().zip([0.082, 0.060, 0.054]) {
@@ -146,7 +149,7 @@ fn the_diagnosis_of_the_measured_axis_names_its_friction_and_nothing_that_is_not
             assert!(after.rmse < 0.95 * before.rmse, "{before:?} {after:?}");
         }
     }
-    // docs/book/src/results/measured.md, line by line.
+    // The lines of docs/book/src/results/measured.md.
     let lines = [
         "| mass and viscous friction, calibrated | {} um | {} V | {} % | {} % |",
         "| and dry friction | {} um | {} V | {} % | {} % |",
@@ -165,7 +168,7 @@ fn the_diagnosis_of_the_measured_axis_names_its_friction_and_nothing_that_is_not
     );
     let left = found.steps.last().unwrap().errors[0].noise_ratio;
     prose::tells("(confidence {}): the remaining error is {} times the encoder's noise floor.", &[friction.confidence, left]);
-    // The energy that is left on the records that were fitted, in the unit of the ranking: squared standard deviations of the noise.
+    // The energy that remains on the fitted records, in the unit of the ranking: squared standard deviations of the noise.
     let (next, would_take) = &found.remaining[0];
     assert!(*would_take < 0.05 * found.left.excess * rows as f64, "{next} {would_take} {}", found.left.excess);
     prose::tells(
@@ -182,7 +185,8 @@ fn from_command_to_position_the_measured_axis_is_followed_within_the_published_e
     let (training, test) = (record("emps_train.csv"), record("emps_test_pulses.csv"));
     assert_eq!(training.drive, Drive::Open);
     let found = free_run::axis_free_runs(&file, &training, &test).unwrap();
-    // A linear state space has 5.5 mm on the test record, a network of transfer functions and nonlinearities 2.64 (M. Forgione, D. Piga, dynoNet, 2021).
+    // A linear state-space model has 5.5 mm on the test record, a network of transfer functions and nonlinearities 2.64 (M. Forgione, D. Piga,
+    // dynoNet, 2021).
     let lines = [
         "| training record, all parameters and the initial state fitted to it | {} mm |",
         "| test record under pulses, all parameters from the training record, the initial state fitted | {} mm |",
@@ -192,7 +196,7 @@ fn from_command_to_position_the_measured_axis_is_followed_within_the_published_e
     for (line, (_, error)) in lines.iter().zip(&found.errors) {
         prose::tells(line, &[1e3 * error]);
     }
-    // The drift is what the training record tells: without it the same plant is more than a millimetre off there.
+    // The drift comes from the training record: without it the error of the same plant there is more than a millimetre.
     let mut still = file.clone();
     still.effects.retain(|it| it.description.kind != "load-drift");
     let without = free_run::fitted(&still, &[&training], [5e-8; rsm_sim::kind::OUTPUTS], 1).unwrap();
@@ -214,7 +218,7 @@ fn from_command_to_position_the_measured_axis_is_followed_within_the_published_e
     );
 }
 
-/// Mean force of the drive while the reference goes forward at its steady speed, and that speed, in N and m/s.
+/// The mean force of the drive while the reference moves forward at its steady speed, and that speed, in N and m/s.
 fn at_steady_speed(file: &PlantFile, name: &str) -> Option<(f64, f64)> {
     let source = Source::read(&super::folder("emps")?.join(name)).unwrap();
     let numbers = ["t_s", "q_ref_m", "u_V"].map(str::to_string).to_vec();
@@ -223,7 +227,7 @@ fn at_steady_speed(file: &PlantFile, name: &str) -> Option<(f64, f64)> {
     let speed = |row: usize| (reference[row + 1] - reference[row - 1]) / (time[row + 1] - time[row - 1]);
     let rows = 1..table.rows() - 1;
     let steady = rows.clone().map(speed).fold(0.0, f64::max);
-    // The reference has seven digits: a difference over two rows is off by 1e-4 m/s at most.
+    // The reference has seven digits: a difference over two rows has an error of at most 1e-4 m/s.
     let held: Vec<f64> = rows.filter(|row| (speed(*row) - steady).abs() < 1e-4).map(|row| command[row]).collect();
     let gain = file.parameters.number("force_gain");
     Some((gain * held.iter().sum::<f64>() / held.len() as f64, steady))

@@ -1,7 +1,7 @@
-//! A motor of constant inductance against a measured flux map: the q axis of a machine with its rotor locked, its drive holding i_d = 0. The machine is integrated here,
-//! from the map, by code that shares nothing with the plants.
+//! A motor of constant inductance, compared with a measured flux map: the q axis of a machine with a locked rotor, whose drive keeps i_d = 0. The
+//! machine is integrated here, from the map, by code that shares nothing with the plants.
 //!
-//! The map was mirrored by its authors: only i_q >= 0 is used, with psi_q odd, so that no mirror pair stands on both sides of a split.
+//! The authors mirrored the map: only i_q >= 0 is used, with psi_q odd, so that no mirror pair is on both sides of a split.
 
 use crate::random::Random;
 use rsm_core::source::Source;
@@ -18,11 +18,11 @@ struct Map {
     psi_q: Vec<f64>,
     /// psi_d without current.
     magnets: f64,
-    /// From -20 A.
+    /// The first value belongs to -20 A.
     psi_d_of_i_d: Vec<f64>,
 }
 
-/// Step of the map's grid, in A.
+/// The step of the map's grid, in A.
 const GRID: f64 = 2.0;
 
 impl Map {
@@ -42,13 +42,13 @@ impl Map {
     }
 }
 
-/// An odd flux at a current, and its derivative: a cubic between the points, with the slopes of their neighbours (E. Catmull, R. Rom, 1974).
+/// An odd flux at a current, and its derivative: a cubic between the points, with slopes from their neighbours (E. Catmull, R. Rom, 1974).
 fn at(values: &[f64], current: f64) -> (f64, f64) {
     let last = values.len() - 1;
     let size = current.abs().min(GRID * last as f64 - 1e-9);
     let k = (size / GRID) as usize;
     let t = size / GRID - k as f64;
-    // Before the first point stands its mirror, behind the last the line goes on.
+    // The neighbour before the first point is its mirror; after the last point the line continues.
     let before = if k == 0 { -values[1] } else { values[k - 1] };
     let behind = if k + 2 > last { 2.0 * values[last] - values[last - 1] } else { values[k + 2] };
     let (a, b) = (values[k], values[k + 1]);
@@ -58,17 +58,18 @@ fn at(values: &[f64], current: f64) -> (f64, f64) {
     (if current < 0.0 { -value } else { value }, slope)
 }
 
-/// Of the README of the data: the stator's resistance, in ohm.
+/// The stator's resistance, in ohm, from the README of the data.
 const RESISTANCE: f64 = 0.63;
 
-/// The rotor is locked: the dynamometer holds it. So much inertia turns by less than 1e-3 rad/s in a record.
+/// The dynamometer locks the rotor. With this inertia it turns by less than 1e-3 rad/s in a record.
 const LOCKED: f64 = 1e6;
 
-/// Sub-steps of a millisecond: the fastest rate is that of the current's control, 300/s, and 0.03 of it a sub-step leaves nothing to be seen.
+/// Sub-steps per millisecond. The fastest rate is that of the current control, 300/s; with 0.03 of its time constant in each sub-step, the error is
+/// negligible.
 const SUBSTEPS: usize = 10;
 
-/// A record of 1.5 s at 1 kHz with the rotor locked: a current control that follows random currents up to a largest one, by voltages that it holds for a row. What is
-/// not asked here is what the magnets' flux does with i_q: it turns the rotor.
+/// A record of 1.5 s at 1 kHz with a locked rotor: a current control follows random currents up to a largest one, with a voltage that is constant for
+/// each row. The torque of the magnets' flux with i_q is not part of this test: it would turn the rotor.
 fn recorded(map: &Map, largest: f64, seed: u64, file: &PlantFile) -> Record {
     let mut random = Random::new(seed);
     let mut text = "time[s],v_q[V],load_torque[N*m],i_q[A]\n".to_string();
@@ -77,7 +78,7 @@ fn recorded(map: &Map, largest: f64, seed: u64, file: &PlantFile) -> Record {
         if row % 60 == 20 {
             target = largest * (2.0 * random.uniform() - 1.0);
         }
-        // 300/s times the inductance at the current.
+        // The control gain is 300/s times the inductance at the current.
         let voltage = 300.0 * at(&map.psi_q, current).1 * (target - current) + RESISTANCE * current;
         // The noise of a drive: 20 mA.
         text += &format!("{},{voltage},0,{}\n", f64::from(row) / 1000.0, current + 0.02 * random.normal());
@@ -92,7 +93,7 @@ fn recorded(map: &Map, largest: f64, seed: u64, file: &PlantFile) -> Record {
     record(&text, file)
 }
 
-/// The motor as its data sheet might have it: the inductance at the smallest current of the map.
+/// The motor as in a data sheet: the inductance at the smallest current of the map.
 fn nominal(map: &Map) -> PlantFile {
     let text = format!(
         "format = 1\nplant = \"pmac\"\n[parameters]\nphase_resistance = {RESISTANCE}\nphase_inductance = {}\nflux_linkage = {}\n\
@@ -109,9 +110,9 @@ fn a_constant_inductance_against_the_flux_map_is_saturation() {
     let Some(map) = Map::read() else { return };
     let file = nominal(&map);
     let training = [1, 2].map(|seed| recorded(&map, 14.0, seed, &file));
-    // Judged up to currents that training has not reached: there the law is extrapolated.
+    // Validated up to currents above those of the training: there the law is extrapolated.
     let validation = [recorded(&map, 22.0, 3, &file)];
-    // And once more up to the currents of the training, on a record that nothing has seen.
+    // And a test up to the currents of the training, on a record that was not used before.
     let test = [recorded(&map, 14.0, 4, &file)];
     let options = Options { threads: 2, progress: &|_| {} };
     let found = diagnose_and_test(&file, &training, &validation, &test, &options).unwrap();
@@ -121,7 +122,7 @@ fn a_constant_inductance_against_the_flux_map_is_saturation() {
     let above = found.error_breakdown.before.iter().find(|it| it.region == "current above 12 A").unwrap();
     let current = found.entries().next().unwrap().parameters[0].value;
     prose::tells("`magnetic-saturation`, {} A, nothing else.", &[current]);
-    // What is left up to 22 A is the law's misfit of a third there.
+    // The remaining error up to 22 A is the misfit of the law, a third there.
     prose::tells(
         "After training up to 14 A, it removes {} % of the squared error of the current on a test record up to 14 A ({} to {} A) and {} % on one up to 22 A ({} to {} A). \
          Of the error, {} % is above 12 A, in {} % of the rows.",
@@ -136,21 +137,22 @@ fn a_constant_inductance_against_the_flux_map_is_saturation() {
             100.0 * above.share_of_rows,
         ],
     );
-    // The law that is nearest to the map's own inductance has 6.36 A over 26 A (the test below); a free run weighs currents by their time, here 14 A at most.
+    // The law that is nearest to the map's own inductance has 6.36 A over 26 A (the test below). A free run weights currents by their duration, here
+    // at most 14 A.
     assert!((current / 6.36 - 1.0).abs() < 0.12, "{current}");
-    // The law leaves up to a seventh of the inductance: structure that no entry explains, and the verdict says so.
+    // The law has errors of up to a seventh of the inductance. No entry explains this structure, and the verdict reports it.
     assert_eq!(found.verdict, Verdict::Unexplained);
 }
 
 #[test]
 fn the_law_of_saturation_holds_on_the_q_axis_up_to_half_the_current_and_not_on_the_d_axis() {
     let Some(map) = Map::read() else { return };
-    // Inductances between the points of the map, at the middle of their currents.
+    // Inductances between the points of the map, for the middle of their currents.
     let between = |values: &[f64]| -> Vec<f64> { values.windows(2).map(|w| (w[1] - w[0]) / GRID).collect() };
     let measured = between(&map.psi_q);
     let law = |inductance: f64, saturation: f64, current: f64| inductance / (1.0 + (current / saturation).powi(2));
     let middle = |k: usize| GRID * (k as f64 + 0.5);
-    // The nearest law in least squares, over a grid of both numbers: half a per cent of each.
+    // The nearest law in least squares, from a grid over both numbers with steps of half a per cent.
     let error = |inductance: f64, saturation: f64| -> f64 {
         measured.iter().enumerate().map(|(k, value)| (value - law(inductance, saturation, middle(k))).powi(2)).sum()
     };
@@ -173,8 +175,8 @@ fn the_law_of_saturation_holds_on_the_q_axis_up_to_half_the_current_and_not_on_t
         if middle(k) <= 15.0 {
             within = within.max(100.0 * off.abs());
         }
-        // A constant inductance is wrong by a factor of ten at 25 A. The law keeps within a sixth up to 13 A and falls a third short at 25 A: iron that is full still has the
-        // inductance of air.
+        // A constant inductance is wrong by a factor of ten at 25 A. The law is within a sixth up to 13 A and a third too low at 25 A, because
+        // saturated iron still has the inductance of air.
         assert!(off.abs() < if middle(k) < 14.0 { 0.17 } else { 0.4 }, "{k}: {off}");
     }
     let last = measured[measured.len() - 1];
@@ -189,7 +191,7 @@ fn the_law_of_saturation_holds_on_the_q_axis_up_to_half_the_current_and_not_on_t
             inductance / last,
         ],
     );
-    // The magnets saturate the d axis by themselves: its inductance is largest at +5 A. The law is even and has its largest at 0.
+    // The magnets saturate the d axis even without current: its inductance is largest at +5 A. The law is even and has its largest value at 0.
     let d = between(&map.psi_d_of_i_d);
     let largest = d.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).map(|(k, _)| -20.0 + middle(k)).unwrap();
     println!("  d axis: {:.4} H at -1 A, {:.4} H at {largest} A, {:.4} H at 19 A", d[9], d[12], d[19]);

@@ -1,4 +1,4 @@
-//! Measured data: an axis, the flux map of a motor, the rolling records of an outrunner. Read where they stand, never copied.
+//! Measured data: an axis, the flux map of a motor, the rolling records of an outrunner. They are read in their folder and never copied.
 
 mod emps;
 mod flux_map;
@@ -9,12 +9,12 @@ use rsm_diagnose::plant::Diagnosis;
 
 use crate::folders::shared as folder;
 
-/// The kinds of causes and helpers, the strongest first: beside a real machine's unknown parts a right cause may be no more than a helper.
+/// The kinds of causes and helpers, the strongest first. For a real machine with unknown parts, a correct cause may be only a helper.
 fn kinds(found: &Diagnosis) -> Vec<&'static str> {
     found.entries().map(|cause| cause.kind).collect()
 }
 
-/// What was found, for whoever runs the tests with their output.
+/// Prints the result, for test runs with visible output.
 fn tell(what: &str, found: &Diagnosis) {
     println!("{what}: {:?}, gain {:.4}, stopped {:?}", found.verdict, found.gain, found.stopped);
     for it in &found.refused {

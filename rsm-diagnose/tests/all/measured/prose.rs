@@ -1,18 +1,19 @@
-//! Figures of measured.md beside the run that they tell of: a sentence is found by its words, its numbers are compared with what was measured.
+//! Compares the figures of measured.md with the run that they describe: a sentence is found by its words, and its numbers are compared with the
+//! measured values.
 //!
-//! In: a sentence with `{}` where its figures stand, the measured values in their order. Out: nothing, or a failure that prints the sentence as it ought to be.
+//! In: a sentence with `{}` in place of its figures, the measured values in order. Out: nothing, or a failure that prints the correct sentence.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// A figure as it is printed: its value and its decimals.
+/// A printed figure: its value and its number of decimals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Printed {
     value: f64,
     decimals: usize,
 }
 
-/// A number at the beginning of a text, and what stands behind it.
+/// A number at the beginning of a text, and the text after it.
 fn printed(text: &str) -> Option<(Printed, &str)> {
     let digits = text.strip_prefix('-').unwrap_or(text);
     let whole = digits.bytes().take_while(u8::is_ascii_digit).count();
@@ -24,7 +25,7 @@ fn printed(text: &str) -> Option<(Printed, &str)> {
     Some((Printed { value: text[..length].parse().ok()?, decimals: fraction }, &text[length..]))
 }
 
-/// The figures at the places `{}` of a sentence; `None` where the text does not have it.
+/// The figures at the places `{}` of a sentence; `None` if the text does not contain the sentence.
 fn figures(text: &str, sentence: &str) -> Option<Vec<Printed>> {
     let mut parts = sentence.split("{}");
     let first = parts.next().filter(|first| !first.is_empty()).expect("a sentence begins with words");
@@ -55,7 +56,7 @@ fn is_told(text: &str, sentence: &str, values: &[f64]) -> Result<(), String> {
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let stated = figures(&text, sentence).ok_or_else(|| format!("measured.md has no sentence \"{sentence}\""))?;
     assert_eq!(stated.len(), values.len(), "a value for each figure of \"{sentence}\"");
-    // Half a unit of the last digit is rounding; as much again is left for a sine of another library.
+    // Half a unit of the last digit is rounding; the other half is a margin for the sine of another library.
     let is_near = |(stated, value): (&Printed, &f64)| (stated.value - value).abs() <= 10_f64.powi(-(stated.decimals as i32));
     if stated.iter().zip(values).all(is_near) {
         return Ok(());
@@ -63,7 +64,8 @@ fn is_told(text: &str, sentence: &str, values: &[f64]) -> Result<(), String> {
     Err(format!("measured.md does not say what is measured, {values:?}: \"{}\"", filled(sentence, &stated, values)))
 }
 
-/// Compares a sentence of measured.md with what was measured: each figure within a unit of its last digit. Line breaks of the file are spaces.
+/// Compares a sentence of measured.md with the measured values: each figure must be within a unit of its last digit. Line breaks of the file count as
+/// spaces.
 pub(super) fn tells(sentence: &str, values: &[f64]) {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/book/src/results/measured.md");
     let text = std::fs::read_to_string(&page).unwrap_or_else(|error| panic!("{}: {error}", page.display()));
@@ -77,6 +79,6 @@ fn a_figure_that_is_not_what_was_measured_is_refused_with_the_sentence_as_it_oug
     let wrong = is_told(text, "It weighs {} N, and {} %", &[9.83, -2.0]).unwrap_err();
     assert!(wrong.ends_with("\"It weighs 9.83 N, and -2 %\""), "{wrong}");
     assert!(is_told(text, "It weighs {} kg", &[9.81]).is_err());
-    // Words that stand twice are those with numbers where the sentence has them.
+    // If the words occur twice, the place with numbers in the places of the figures is used.
     assert_eq!(is_told("the gain is large; the gain is 4.", "the gain is {}.", &[4.0]), Ok(()));
 }

@@ -1,4 +1,4 @@
-//! The rolling records of an outrunner under a constant voltage: what repeats with its rotation, in both of them.
+//! The rolling records of an outrunner with a constant voltage: the signals that repeat with its rotation, in both records.
 
 use rsm_core::source::Source;
 use rsm_diagnose::plant::rotation::wave;
@@ -9,7 +9,7 @@ use rsm_sim::record::Record;
 
 use super::prose;
 
-/// Angle, speed and current as logged, row by row: their instants jitter, which an order of rotation does not mind.
+/// Angle, speed and current as logged, row by row. Their instants have jitter, which has no effect on an order of rotation.
 struct Rolling {
     angle: Vec<f64>,
     speed: Vec<f64>,
@@ -27,7 +27,7 @@ impl Rolling {
         Some(Rolling { angle, speed, current, voltage })
     }
 
-    /// Its first rows as a record of a motor under voltage, at the logger's 1 ms.
+    /// Its first rows as a record of a motor with a given voltage, at the logger's 1 ms.
     fn record(&self, plant: &PlantFile, rows: usize) -> Record {
         let mut text = "time[s],v_q[V],load_torque[N*m],angle[rad],i_q[A],speed[rad/s]\n".to_string();
         for row in 0..rows {
@@ -46,8 +46,8 @@ fn outrunner() -> PlantFile {
 fn the_waves_of_the_rotation_are_those_of_the_motor_in_both_records() {
     let (Some(one), Some(other)) = (Rolling::read("rolling_1.csv"), Rolling::read("rolling_2.csv")) else { return };
     let both = [&one, &other];
-    // Speed: 12 is once an electrical revolution, 24 twice, 18 neither: it is of the stator's teeth. 1 and 2 are of the shaft or the encoder. Current: 12, and its third and sixth
-    // multiples. Everything else in either is below a fiftieth of the variance.
+    // Speed: 12 is once per electrical revolution, 24 twice; 18 is neither and comes from the stator's teeth. 1 and 2 come from the shaft or the
+    // encoder. Current: 12, and its third and sixth multiples. Everything else in either is below a fiftieth of the variance.
     let waves =
         |name: &str, order: u32| both.map(|it| wave(&it.angle, if name == "speed" { &it.speed } else { &it.current }, order));
     let mut held = Vec::new();
@@ -56,8 +56,8 @@ fn the_waves_of_the_rotation_are_those_of_the_motor_in_both_records() {
         for &order in orders {
             let waves = waves(name, order);
             println!("{name} at {order} a revolution: {waves:?}");
-            // 30 revolutions each: what is the motor's is the same in both, to a fifth of its amplitude and to 20 degrees (12 in the current drifts by 19: with the
-            // temperature or the start, it is not told).
+            // 30 revolutions each: properties of the motor are the same in both, to a fifth of the amplitude and to 20 degrees. (12 in the current
+            // drifts by 19; whether this is due to the temperature or the start is not known.)
             assert!((waves[0].amplitude / waves[1].amplitude - 1.0).abs() < 0.2, "{name} {order} {waves:?}");
             let turn = (waves[0].phase - waves[1].phase).rem_euclid(std::f64::consts::TAU);
             assert!(turn.min(std::f64::consts::TAU - turn) < 20.0_f64.to_radians(), "{name} {order} {waves:?}");
@@ -77,13 +77,14 @@ fn the_waves_of_the_rotation_are_those_of_the_motor_in_both_records() {
         "There are two records of {} revolutions at {} rad/s. Both contain the same waves that repeat with the rotation: four of the speed make up {} % of its variance, three of the current {} %",
         &[turned(&one).min(turned(&other)), speed, held[0], held[1]],
     );
-    // What the waves would do by the numbers of the plant file.
+    // The effects of the waves, calculated with the numbers of the plant file.
     let plant = outrunner();
     let [resistance, inductance, flux, inertia] =
         ["phase_resistance", "phase_inductance", "flux_linkage", "inertia"].map(|name| plant.parameters.number(name));
     let flux = plant.parameters.number("pole_pairs") * flux;
     let reactance = |order: u32| f64::from(order) * speed * inductance;
-    // Of a voltage that a wave of the speed induces, in A; torque that turns the rotor so, in N m; a voltage behind a wave of the current, in V.
+    // For a wave of the speed: the current of its induced voltage, in A, and the torque that causes it, in N m. For a wave of the current: the
+    // voltage that causes it, in V.
     let induced = |order: u32| flux * waves("speed", order)[0].amplitude / resistance.hypot(reactance(order));
     let cogging = inertia * 18.0 * speed * waves("speed", 18)[0].amplitude;
     let friction = 1.5 * flux * mean(&one.current).abs();
@@ -103,14 +104,14 @@ fn the_diagnosis_finds_the_cogging_of_one_record_and_names_nothing_absurd_in_the
     let (Some(one), Some(other)) = (Rolling::read("rolling_1.csv"), Rolling::read("rolling_2.csv")) else { return };
     let plant = outrunner();
     let speed = one.speed.iter().sum::<f64>().abs() / one.speed.len() as f64;
-    // A third of each, ten revolutions: on seven, the amplitude of the second is seven times that of the first, with other companions. The example
-    // `measured` writes the same rows.
+    // A third of each record, ten revolutions. On seven, the amplitude of the second is seven times that of the first, with other accompanying
+    // effects. The example `measured` writes the same rows.
     let [one, other] = [one, other].map(|it| it.record(&plant, 1300));
     let options = Options { threads: 2, progress: &|_| {} };
     let diagnosed = |training: &Record, validation: &Record| {
         let found = diagnose(&plant, std::slice::from_ref(training), std::slice::from_ref(validation), &options).unwrap();
         super::tell("rolling", &found);
-        // docs/book/src/results/measured.md: not explained, and no cause.
+        // As in docs/book/src/results/measured.md: not explained, and no cause.
         assert!(found.verdict == Verdict::Unexplained && found.causes.is_empty(), "{:?} {:?}", found.verdict, found.causes);
         found
     };
@@ -142,10 +143,10 @@ fn the_diagnosis_finds_the_cogging_of_one_record_and_names_nothing_absurd_in_the
             bias.value,
         ],
     );
-    // A gain of the current's sensor that no sensor has.
+    // A gain of the current sensor that is not plausible.
     let refused = straight.refused.iter().find(|it| it.cause == "sensor-gain:i_q").unwrap();
     prose::tells("A gain of {} of the current's sensor is refused as implausible.", &[number_in(&refused.why)]);
-    // Where the error of the current stands: 12 waves a revolution.
+    // The location of the error of the current: 12 waves per revolution.
     let line = straight.error_breakdown.before.iter().find(|it| it.output == 1 && it.region.starts_with("a line at")).unwrap();
     prose::tells(
         "most of the error of the current is a spectral line at {} Hz, {} waves a revolution.",

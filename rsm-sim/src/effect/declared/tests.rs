@@ -1,4 +1,4 @@
-//! Units and parts of declarations, by hand.
+//! Units and parts of declarations, compared with values worked out by hand.
 
 use super::*;
 
@@ -17,7 +17,7 @@ fn a_unit_is_that_of_the_body_or_of_what_is_named() {
         assert_eq!([on(unit, rotor, None), on(unit, carriage, None)], [of_rotor, of_carriage]);
     }
     assert_eq!([PlantKind::Driveline, carriage].map(|plant| on(Unit::Gap, plant, None)), ["rad", "m"]);
-    // An output, a parameter, and nothing.
+    // An output, a parameter, and no subject.
     assert_eq!(on(Unit::OfSubject, carriage, Some("position")), "m");
     assert_eq!(on(Unit::OfSubjectPerSecond, carriage, Some("position")), "m/s");
     assert_eq!(on(Unit::OfSubject, carriage, Some("mass")), "kg");
@@ -31,7 +31,7 @@ fn a_part_is_an_entry_with_the_one_number_of_its_effect() {
         let entry = Part::new("coulomb-friction", 2.5).entry(plant).unwrap();
         assert_eq!((entry.description.kind, entry.arguments.numbers), ("coulomb-friction", vec![(name, 2.5)]));
     }
-    // Of an effect with several numbers the first.
+    // For an effect with several numbers, the value is that of the first number.
     assert_eq!(Part::new("backlash", 0.1).entry(PlantKind::ServoAxis).unwrap().arguments.numbers, [("gap", 0.1)]);
     assert!(Part::new("no-such-effect", 1.0).entry(PlantKind::Pmac).is_none());
 }

@@ -1,6 +1,7 @@
-//! One case: inputs, design, the true response, what is hidden in it with its size, the noise, the nominal file.
+//! One case: inputs, design, the true response, the hidden causes with their magnitudes, the noise, the nominal file.
 //!
-//! In: a seed, a name, what is to be hidden. Out: [`Case`]. Every effect moves the response by one to four standard deviations of the noise, as a root mean square. Never looks at an answer.
+//! In: a seed, a name, the causes to hide. Out: [`Case`]. Every effect changes the response by one to four standard deviations of the noise, as a
+//! root mean square. It never uses an answer.
 
 use super::files::{model_file, table, term_name};
 use super::polynomial::{Input, Powers, fit, monomial, up_to, value};
@@ -77,7 +78,7 @@ struct World {
 }
 
 impl World {
-    /// The true response at coded inputs, z the coded extra column.
+    /// The true response at coded inputs; z is the coded additional column.
     fn response(&self, x: &[f64], z: f64) -> f64 {
         let mut y = value(&self.truth, x);
         if let Some((_, terms)) = &self.extra {
@@ -94,7 +95,7 @@ impl World {
         y
     }
 
-    /// What is read where the truth is this.
+    /// The readings for a true point.
     fn read(&self, x: &[f64]) -> Vec<f64> {
         let mut natural: Vec<f64> = self.inputs.iter().zip(x).map(|(input, x)| input.natural(*x)).collect();
         if let Some((input, gain, bias)) = self.sensor {
@@ -104,7 +105,7 @@ impl World {
     }
 }
 
-/// The case of a name with these things hidden in it.
+/// The case of a name with these hidden causes.
 pub fn make(seed: u64, name: &str, hidden: &[Hidden]) -> Case {
     let random = &mut Random::new(seed, name);
     let has = |it: Hidden| hidden.contains(&it);
@@ -115,7 +116,7 @@ pub fn make(seed: u64, name: &str, hidden: &[Hidden]) -> Case {
         .map(|(name, unit, low, high)| Input { name, unit, range: [low, high] })
         .collect();
     let order = random.whole(1, if count == 2 { 3 } else { 2 }) as u32;
-    // Sensors of inputs show themselves in curvature or in several slopes only.
+    // Sensor errors of inputs are visible only with curvature or with several slopes.
     let order = if has(Hidden::InputGain) || has(Hidden::InputBias) { order.max(2) } else { order };
     let mut powers = up_to(count, order);
     let scale = random.spread(0.5, 200.0);
@@ -133,7 +134,7 @@ pub fn make(seed: u64, name: &str, hidden: &[Hidden]) -> Case {
     let points = design(random, count, rows);
     let spread = root_mean_square(points.iter().map(|x| value(&truth[1..], x)));
     let sigma = spread * random.uniform(0.01, 0.05);
-    // Each hidden effect moves the response by so much, as a root mean square.
+    // The effect of each hidden cause on the response, as a root mean square.
     let strength = |random: &mut Random| sigma * random.spread(1.0, 4.0);
     let mut truths = Vec::new();
     let mut world =
@@ -144,7 +145,7 @@ pub fn make(seed: u64, name: &str, hidden: &[Hidden]) -> Case {
         let within = order >= 2 && random.whole(0, 1) == 1;
         let of_order = |order: u32| up_to(count, order).into_iter().filter(move |powers| powers.iter().sum::<u32>() == order);
         let candidates: Vec<Powers> = of_order(if within { order } else { order + 1 }).collect();
-        // A square or a cube needs levels enough to be seen, which the composite design has up to the second power only.
+        // A square or a cube needs a sufficient number of levels. The composite design has them only up to the second power.
         let visible: Vec<&Powers> = candidates.iter().filter(|powers| powers.iter().all(|power| *power <= 2)).collect();
         let chosen = visible[random.whole(0, visible.len() as u64 - 1) as usize].clone();
         let size = root_mean_square(points.iter().map(|x| monomial(&chosen, x)));
@@ -176,7 +177,7 @@ pub fn make(seed: u64, name: &str, hidden: &[Hidden]) -> Case {
         truth.clone()
     };
     let evidence = fitted.then_some((rows_of_file, residual_sd));
-    // Columns beside: one that may act, one of blocks.
+    // Additional columns: one that may have an effect, one with blocks.
     let temperature = Input { name: "temperature", unit: "degC", range: [15.0, 45.0] };
     let z: Vec<f64> = (0..rows).map(|_| random.uniform(-1.0, 1.0)).collect();
     let with_extra = has(Hidden::MissingInput) || random.whole(0, 1) == 1;
@@ -195,7 +196,7 @@ pub fn make(seed: u64, name: &str, hidden: &[Hidden]) -> Case {
     let with_blocks = has(Hidden::Blocks) || random.whole(0, 1) == 1;
     let offsets: Vec<f64> = if has(Hidden::Blocks) {
         let size = strength(random);
-        // Spread apart by construction: two at least differ by twice the size.
+        // Offsets that differ by construction: at least two differ by twice the size.
         let mut offsets: Vec<f64> =
             (0..levels).map(|k| size * (if k % 2 == 0 { -1.0 } else { 1.0 } + random.uniform(-0.3, 0.3))).collect();
         if random.whole(0, 1) == 1 {
@@ -251,20 +252,20 @@ pub fn make(seed: u64, name: &str, hidden: &[Hidden]) -> Case {
         let input = random.whole(0, count as u64 - 1) as usize;
         world.outside = Some((random.whole(0, 2), input, 1.0, random.uniform(0.0, 6.0)));
     }
-    // The response as it was.
+    // The true response.
     let colour = if has(Hidden::Following) { random.uniform(0.55, 0.85) } else { 0.0 };
     let mut noise = random.noise(rows, sigma, colour);
     if has(Hidden::Following) {
         truths.push(Truth { label: "correlated-errors".into(), number: None });
     }
-    // Outside effects show themselves along an axis only where there are points along it.
+    // Effects outside the catalogue along an axis are visible only if there are points along it.
     let points = if has(Hidden::Outside) {
         (0..rows).map(|_| (0..count).map(|_| random.uniform(-1.0, 1.0)).collect()).collect()
     } else {
         points
     };
     if let Some((kind, input, _, at)) = world.outside {
-        // What counts is the part that no polynomial of the next order imitates.
+        // Only the part that no polynomial of the next order can approximate counts.
         let shape: Vec<f64> = points.iter().map(|x| world.response(x, 0.0) - value(&world.truth, x)).collect();
         let imitating = up_to(count, order + 1);
         let coefficients = fit(&imitating, &points, &shape);
@@ -315,7 +316,7 @@ pub fn make(seed: u64, name: &str, hidden: &[Hidden]) -> Case {
     }
     let read: Vec<Vec<f64>> = points.iter().map(|x| world.read(x)).collect();
     let data = table(&inputs, &read, &y, with_extra.then_some((&temperature, &z[..])), with_blocks.then_some(&block_of[..]));
-    // Unseen rows, read by the same sensors, without drift and blocks.
+    // Unseen rows, from the same sensors, without drift and blocks.
     let unseen_points: Vec<Vec<f64>> = (0..60).map(|_| (0..count).map(|_| random.uniform(-0.9, 0.9)).collect()).collect();
     let unseen_z: Vec<f64> = (0..60).map(|_| random.uniform(-1.0, 1.0)).collect();
     let exact: Vec<f64> =

@@ -1,6 +1,6 @@
 //! The files of a case as text.
 //!
-//! In: inputs, terms, rows. Out: a model file, a table. Writes every number so that it reads back the same.
+//! In: inputs, terms, rows. Out: a model file, a table. Every number is written so that it reads back the same.
 
 use std::fmt::Write as _;
 
@@ -39,7 +39,7 @@ pub fn model_file(inputs: &[Input], terms: &[(Powers, f64)], evidence: Option<(u
     text
 }
 
-/// New data: inputs, response, perhaps a further column and blocks.
+/// New data: inputs, response, and optionally another column and blocks.
 pub fn table(
     inputs: &[Input],
     rows: &[Vec<f64>],

@@ -1,23 +1,23 @@
-//! Whether a diagnosis of a surface is right.
+//! Decides whether a diagnosis of a surface is correct.
 //!
-//! In: a case and the JSON of `rsm diagnose`. Out: [`Judgement`]. Right means: the verdict, and every hidden cause named or listed as not to be told from a named one, and nothing else named. Of a disturbance outside
-//! the catalogue only the verdict counts.
+//! In: a case and the JSON of `rsm diagnose`. Out: [`Judgement`]. A correct answer has the correct verdict, names every hidden cause or lists it as
+//! indistinguishable from a named one, and names nothing else. For a disturbance outside the catalogue only the verdict counts.
 
 use serde_json::Value;
 
 use super::Case;
 use crate::reliability::Named;
 
-/// What is said of one answer.
+/// The evaluation of one answer.
 #[derive(Debug, Clone, Default)]
 pub struct Judgement {
-    /// Verdict and causes.
+    /// Whether verdict and causes are correct.
     pub right: bool,
     /// The answer in short.
     pub answer: String,
-    /// For each number that was hidden: relative error, and whether the interval holds it.
+    /// For each hidden number: the relative error, and whether the interval contains the true value.
     pub numbers: Vec<(f64, bool)>,
-    /// Causes named, each with its confidence.
+    /// The named causes, each with its confidence.
     pub named: Vec<Named>,
 }
 
@@ -30,7 +30,7 @@ fn label(cause: &Value) -> String {
     }
 }
 
-/// Judges.
+/// Evaluates an answer.
 pub fn judge(case: &Case, answer: &Value) -> Judgement {
     let empty = Vec::new();
     let causes = answer["causes"].as_array().unwrap_or(&empty);
@@ -40,7 +40,7 @@ pub fn judge(case: &Case, answer: &Value) -> Judgement {
         let rivals = causes[cause]["indistinguishable_from"].as_array();
         labels[cause] == truth || rivals.is_some_and(|it| it.iter().any(|rival| rival.as_str() == Some(truth)))
     };
-    // Each truth takes a cause of its own: those named outright first.
+    // Each true cause is assigned to a separate named cause; those with its own name first.
     let mut free: Vec<usize> = (0..causes.len()).collect();
     let mut found = 0;
     let mut numbers = Vec::new();
@@ -55,7 +55,7 @@ pub fn judge(case: &Case, answer: &Value) -> Judgement {
                     if let (Some(x), Some(low), Some(high)) =
                         (number["value"].as_f64(), number["low"].as_f64(), number["high"].as_f64())
                     {
-                        // Of a gain the distance from 1 is the cause.
+                        // For a gain, the difference from 1 is the cause.
                         let size = if name == "gain" { value - 1.0 } else { value };
                         numbers.push((((x - value) / size).abs(), low <= value && value <= high));
                     }

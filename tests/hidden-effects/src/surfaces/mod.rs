@@ -1,12 +1,15 @@
-//! Surfaces with something hidden in their new data: model files and CSV files, made by code that shares nothing with the diagnosis.
+//! Surfaces with hidden causes in their new data: model files and CSV files, from code that shares nothing with the diagnosis.
 //!
-//! In: a seed and the name of a case. Out: [`Case`]: a nominal model file, new data, unseen data, what was hidden. The nominal coefficients are exact (a published file, without evidence) or fitted
-//! here to rows with noise (evidence with their number). Never the clock; the same seed gives the same files.
+//! In: a seed and the name of a case. Out: [`Case`]: a nominal model file, new data, unseen data, the hidden causes. The nominal coefficients are
+//! exact (a published file, without evidence) or fitted here to rows with noise (evidence with their number). The clock is never used; the same seed
+//! gives the same files.
 //!
-//! A few pairs are drawn that their data cannot show, and count as wrong when one cause is named for two. With t the place in the run order from 0 to 1: a bias b and a drift d (t - 1/2) are b - d/2 + d t, so for b
-//! within its standard error of d/2 they are the one drift d t that begins at the right value. A file without a term c m had taken up c times the constant part p of m: what is left, c (m - p) + b, is for b near c p the
-//! term alone, c m, which a file that never saw it lacks. And a step at the first run of a block that reaches to the end is the offset of that block: one column. Only the last is told by a rival in
-//! `indistinguishable_from`, as it is one cause for one; the others are about one of 100 pairs, and stay in the table as misses.
+//! In a few pairs, the data cannot show both causes; such a case counts as wrong if one cause is named for the two. Let t be the position in the run
+//! order from 0 to 1. A bias b and a drift d (t - 1/2) are together b - d/2 + d t. If b is within its standard error of d/2, this is a single drift d
+//! t that begins at the correct value. A file that was fitted without a term c m contains c times the constant part p of m. What remains is c (m -
+//! p) + b; for b near c p this is the term alone, c m, as in a file that was fitted without this effect. A step at the first run of a block that
+//! reaches to the end is the offset of that block: both have the same column. Only in the last case a rival in `indistinguishable_from` counts as
+//! correct, because it is one cause for one. The others are about one of 100 pairs, and count as misses in the table.
 
 mod draw;
 mod files;
@@ -19,34 +22,34 @@ use swept::Lack;
 
 use crate::random::Random;
 
-/// What can be hidden.
+/// A hidden cause.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hidden {
-    /// A term of the order of the file, or one above.
+    /// A term of the order of the file, or of the next one.
     MissingTerm,
-    /// A column acts, alone or also with an input.
+    /// A column has an effect, alone or also with an input.
     MissingInput,
-    /// The response moves with the run order.
+    /// The response changes with the run order.
     Drift,
-    /// The response jumps at a run.
+    /// The response has a step at a run.
     Step,
     /// Levels of a column have offsets.
     Blocks,
-    /// The response's sensor.
+    /// A gain error of the response's sensor.
     ResponseGain,
-    /// The response's sensor.
+    /// A bias of the response's sensor.
     ResponseBias,
-    /// An input's sensor.
+    /// A gain error of an input's sensor.
     InputGain,
-    /// An input's sensor.
+    /// A bias of an input's sensor.
     InputBias,
     /// One to four gross errors.
     Outliers,
-    /// Noise that follows the response.
+    /// Noise that increases with the response.
     GrowingNoise,
-    /// Noise that follows itself.
+    /// Correlated noise.
     Following,
-    /// A sine, a kink or a bump: in no catalogue.
+    /// A sine, a kink or a bump: not in the catalogue.
     Outside,
 }
 
@@ -68,12 +71,12 @@ const SINGLES: [(&str, Hidden); 12] = [
     ("following", Hidden::Following),
 ];
 
-/// A cause that was hidden, as lists of causes write it, with the number that a diagnosis should find.
+/// A hidden cause in the form of lists of causes, with the number that a diagnosis should find.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Truth {
     /// KIND, or KIND:NAME.
     pub label: String,
-    /// The name of the number and its value; none where there is no single one.
+    /// The name of the number and its value; `None` if there is no single one.
     pub number: Option<(&'static str, f64)>,
 }
 
@@ -82,9 +85,9 @@ pub struct Truth {
 pub struct Case {
     /// Its name.
     pub name: String,
-    /// The verdict that is right.
+    /// The correct verdict.
     pub verdict: &'static str,
-    /// What was hidden.
+    /// The hidden causes.
     pub truths: Vec<Truth>,
     /// The nominal model file.
     pub model: String,
@@ -92,9 +95,9 @@ pub struct Case {
     pub data: String,
     /// Unseen data, with noise.
     pub unseen: String,
-    /// The response of the unseen rows without noise, as the faulty sensors of the new data would have it.
+    /// The response of the unseen rows without noise, as read by the faulty sensors of the new data.
     pub exact: Vec<f64>,
-    /// The nominal model there.
+    /// The nominal model at these rows.
     pub nominal: Vec<f64>,
     /// Whether an extended model file can be better than the nominal one.
     pub in_file: bool,
@@ -129,17 +132,18 @@ pub fn cases(seed: u64, family: Option<&str>) -> Vec<Case> {
     cases
 }
 
-/// Different causes that do not say the same: offsets of blocks, a missing input whose reference value nobody knows, a step and a bias of the response all shift the response as a whole.
+/// Different causes without equivalent effects: offsets of blocks, a missing input with an unknown reference value, a step and a bias of the response
+/// all shift the whole response.
 fn several(random: &mut Random, count: usize) -> Vec<Hidden> {
     const SHIFTS: [Hidden; 4] = [Hidden::Blocks, Hidden::MissingInput, Hidden::Step, Hidden::ResponseBias];
-    // One line of a sensor: gain and bias apart need a range around zero, which few have.
+    // Both belong to the straight line of a sensor: to distinguish gain and bias, the range must include zero, which few ranges do.
     const LINES: [[Hidden; 2]; 2] = [[Hidden::ResponseGain, Hidden::ResponseBias], [Hidden::InputGain, Hidden::InputBias]];
     const ORDER: [Hidden; 4] = [Hidden::Drift, Hidden::Step, Hidden::Blocks, Hidden::Following];
     let mut chosen: Vec<Hidden> = Vec::new();
     while chosen.len() < count {
         let hidden = random.one_of(&SINGLES).1;
         let clash = |group: &[Hidden]| group.contains(&hidden) && chosen.iter().any(|other| group.contains(other));
-        // Noise of both kinds at once, or drift under correlated noise, is asked of nobody in a hundred rows.
+        // Both kinds of noise at once, or a drift with correlated noise, cannot be distinguished in a hundred rows.
         let noises = [Hidden::GrowingNoise, Hidden::Following];
         if !chosen.contains(&hidden)
             && !clash(&SHIFTS)

@@ -1,7 +1,7 @@
-//! Polynomials in coded inputs, and a fit of them, of this package alone.
+//! Polynomials in coded inputs and a fit of them, only for this package.
 //!
-//! In: inputs with ranges, terms with coefficients, rows. Out: values; coefficients by least squares. Shares nothing with rsm-fit: plain f64, normal equations by Gauss and Jordan with pivoting, which
-//! random designs on -1..1 up to third order allow.
+//! In: inputs with ranges, terms with coefficients, rows. Out: values; coefficients by least squares. It shares nothing with rsm-fit: plain f64 and
+//! normal equations by Gauss and Jordan with pivoting, which is sufficient for random designs on -1..1 up to third order.
 
 /// An input.
 #[derive(Debug, Clone)]
@@ -15,13 +15,13 @@ pub struct Input {
 }
 
 impl Input {
-    /// -1..1 over the range.
+    /// Codes a value: -1..1 over the range.
     pub fn coded(&self, value: f64) -> f64 {
         let [low, high] = self.range;
         (2.0 * value - low - high) / (high - low)
     }
 
-    /// Back.
+    /// The inverse of `coded`.
     pub fn natural(&self, x: f64) -> f64 {
         let [low, high] = self.range;
         low + (high - low) * (x + 1.0) / 2.0
@@ -41,7 +41,7 @@ pub fn value(terms: &[(Powers, f64)], x: &[f64]) -> f64 {
     terms.iter().map(|(powers, coefficient)| coefficient * monomial(powers, x)).sum()
 }
 
-/// All powers of so many inputs up to an order, in no order that matters.
+/// All powers of this number of inputs up to an order. Their order has no meaning.
 pub fn up_to(inputs: usize, order: u32) -> Vec<Powers> {
     let mut all: Vec<Powers> = vec![Vec::new()];
     for _ in 0..inputs {

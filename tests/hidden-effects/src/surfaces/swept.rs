@@ -1,7 +1,7 @@
-//! Runs in the order in which a machine makes them: sweeps, maps row by row, trips. What the surface lacks there makes errors that follow each other, as slow noise does.
+//! Runs in the order of a machine: sweeps, maps row by row, trips. A missing term then gives correlated errors, like slow noise.
 //!
-//! In: a seed, a name, what is lacking. Out: [`Case`]. Where something is lacking that no term of the catalogue is, `unexplained` is right; where the noise follows itself and has nothing to do with the
-//! inputs, it is the cause. Never looks at an answer.
+//! In: a seed, a name, the missing part. Out: [`Case`]. If something is missing that is not a term of the catalogue, `unexplained` is correct. If the
+//! noise is correlated and independent of the inputs, it is the cause. It never uses an answer.
 
 use std::f64::consts::TAU;
 
@@ -10,25 +10,25 @@ use super::polynomial::{Input, Powers, fit, monomial, up_to, value};
 use super::{Case, Truth};
 use crate::random::Random;
 
-/// What the surface of the file lacks, or what the noise is like.
+/// The missing part of the file's surface, or the kind of noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lack {
-    /// A cogging map: one to eight waves of a turn, orders 5 to 50, along sweeps over the angle.
+    /// A cogging map: one to eight waves per revolution, orders 5 to 50, along sweeps over the angle.
     Teeth,
-    /// A map row by row, all powers of the fourth and fifth order missing.
+    /// A map row by row, with all powers of fourth and fifth order missing.
     Order,
-    /// A trip: the inputs wander, the response has a bend or waves over one of them.
+    /// A trip: the inputs change slowly, and the response has a bend or waves over one of them.
     Trip,
-    /// Nothing, along any of these ways, with even noise.
+    /// Nothing is missing, for any of these orders of runs, with independent noise.
     Nothing,
-    /// Nothing, with noise that follows itself.
+    /// Nothing is missing, with correlated noise.
     Noise,
 }
 
 const ANGLE: Input = Input { name: "angle", unit: "rad", range: [0.0, TAU] };
 const CURRENT: Input = Input { name: "current", unit: "A", range: [-12.0, 20.0] };
 
-/// Coded points in the order of the runs: the first input passes through its range again and again, or both wander.
+/// Coded points in the order of the runs: the first input passes through its range repeatedly, or both change slowly.
 fn way(random: &mut Random, lack: Lack) -> Vec<Vec<f64>> {
     let kind = match lack {
         Lack::Teeth => 0,
@@ -38,7 +38,7 @@ fn way(random: &mut Random, lack: Lack) -> Vec<Vec<f64>> {
     };
     match kind {
         0 => {
-            // Sweeps there and back at levels of the second input, a step of the angle a row.
+            // Sweeps in both directions at levels of the second input, with one step of the angle per row.
             let (sweeps, rows) = (random.whole(5, 8), random.whole(110, 180));
             let at = |sweep: u64, row: u64| if sweep.is_multiple_of(2) { row } else { rows - 1 - row };
             let level = |sweep: u64| 2.0 * sweep as f64 / (sweeps - 1) as f64 - 1.0;
@@ -53,7 +53,7 @@ fn way(random: &mut Random, lack: Lack) -> Vec<Vec<f64>> {
         _ => {
             let rows = random.whole(400, 900);
             let phases: Vec<[f64; 2]> = (0..6).map(|_| [random.uniform(2.0, 14.0), random.uniform(0.0, TAU)]).collect();
-            // Three swings of each input, of times that have no ratio.
+            // Three oscillations of each input, with incommensurable periods.
             let swings = |of: &[[f64; 2]], t: f64| of.iter().map(|[times, at]| (TAU * times * t + at).sin()).sum::<f64>() / 3.0;
             let point = |k: u64| {
                 let t = k as f64 / rows as f64;
@@ -64,7 +64,7 @@ fn way(random: &mut Random, lack: Lack) -> Vec<Vec<f64>> {
     }
 }
 
-/// The part of a shape that the terms of the file, and those of the next order, do not imitate, with a root mean square of one.
+/// The part of a shape that the terms of the file and of the next order cannot approximate, with a root mean square of one.
 fn lacking(order: u32, points: &[Vec<f64>], shape: &dyn Fn(&[f64]) -> f64) -> Vec<f64> {
     let values: Vec<f64> = points.iter().map(|x| shape(x)).collect();
     let imitating = up_to(2, order + 1);
@@ -111,7 +111,7 @@ pub fn make(seed: u64, name: &str, lack: Lack) -> Case {
         points.iter().zip(&extra).zip(&noise).map(|((x, extra), noise)| value(&truth, x) + strength * extra + noise).collect();
     let read: Vec<Vec<f64>> =
         points.iter().map(|x| inputs.iter().zip(x).map(|(input, x)| input.natural(*x)).collect()).collect();
-    // The same way once more, with noise of its own.
+    // The same runs once more, with different noise.
     let again = random.noise(points.len(), sigma, colour);
     let exact: Vec<f64> = points.iter().zip(&extra).map(|(x, extra)| value(&truth, x) + strength * extra).collect();
     let unseen: Vec<f64> = exact.iter().zip(&again).map(|(y, noise)| y + noise).collect();

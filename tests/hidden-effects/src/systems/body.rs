@@ -1,11 +1,12 @@
-//! Bodies and joints with the effects that can stand on them.
+//! Bodies and joints with the effects that are possible on them.
 //!
-//! In: numbers of effects, and what the equations of a plant say of a body. Out: its acceleration. Formulas: docs/book/src/reference/plants.md, sections 3 and 4.5.
+//! In: numbers of effects, and the data of a body from the equations of a plant. Out: its acceleration. Formulas: docs/book/src/reference/plants.md,
+//! sections 3 and 4.5.
 
 use super::{Site, SiteKind, Slots, TIME, Truth};
 use crate::flow::State;
 
-/// What hangs behind a spring, with a share of the inertia.
+/// The part behind a spring, with a share of the inertia.
 #[derive(Debug, Clone)]
 struct Far {
     ratio: f64,
@@ -18,7 +19,7 @@ struct Far {
 /// A rotation or a translation.
 #[derive(Debug, Clone)]
 pub struct Body {
-    /// Speed below which the sign of a friction is smoothed.
+    /// The speed below which the sign of a friction is smoothed.
     width: f64,
     coulomb: f64,
     asymmetric: Option<[f64; 2]>,
@@ -43,13 +44,13 @@ pub struct Motion {
     pub speed: f64,
     /// The inertia of the site, which an effect may split.
     pub inertia: f64,
-    /// What turns with it rigidly.
+    /// The inertia that rotates with it rigidly.
     pub beside: f64,
     /// The sum of efforts, without the load.
     pub effort: f64,
     /// A load against forward motion.
     pub load: f64,
-    /// The viscous friction that the equations have.
+    /// The viscous friction of the equations.
     pub viscous: f64,
     /// The effort of the drive.
     pub drive: f64,
@@ -92,7 +93,7 @@ impl Body {
         }
     }
 
-    /// What was split off starts with the body.
+    /// The split-off part starts together with the body.
     pub fn start(&self, position: f64, speed: f64, y: &mut State) {
         if let Some(far) = &self.far {
             y[far.position] = position;
@@ -113,7 +114,7 @@ impl Body {
         sum
     }
 
-    /// The acceleration; writes the rates of what was split off.
+    /// The acceleration. Also writes the rates of the split-off part.
     pub fn acceleration(&self, motion: &Motion, y: &State, dy: &mut State) -> f64 {
         let Motion { position, speed, inertia, beside, .. } = *motion;
         let time = y[TIME];
@@ -130,7 +131,7 @@ impl Body {
         (effort - spring) / ((1.0 - far.ratio) * inertia + beside)
     }
 
-    /// Usual sizes of what was split off.
+    /// The usual magnitudes of the split-off part.
     pub fn scale(&self, site: &Site, scale: &mut State) {
         if let Some(far) = &self.far {
             scale[far.position] = 0.01 * site.position;
@@ -145,7 +146,7 @@ pub struct Joint {
     gap: f64,
     cubic: f64,
     capacity: f64,
-    /// Level, stiffness and state of a friction beside the spring.
+    /// Level, stiffness and state index of a friction parallel to the spring.
     bristle: Option<(f64, f64, usize)>,
 }
 
@@ -173,7 +174,7 @@ impl Joint {
         }
     }
 
-    /// The effort, from twist and rate, under a regime; writes the rate of the bristle.
+    /// The effort from twist and rate, in a regime. Also writes the rate of the bristle.
     pub fn effort(&self, law: impl Fn(f64, f64) -> f64, twist: f64, rate: f64, regime: u8, y: &State, dy: &mut State) -> f64 {
         let (pressed, damped) = match regime {
             0 => (0.0, 0.0),
@@ -188,7 +189,7 @@ impl Joint {
         effort.clamp(-self.capacity, self.capacity)
     }
 
-    /// Usual sizes of its states.
+    /// The usual magnitudes of its states.
     pub fn scale(&self, site: &Site, scale: &mut State) {
         if let Some((_, _, bend)) = self.bristle {
             scale[bend] = 0.01 * site.position;

@@ -1,11 +1,11 @@
-//! Cases on the plants of `examples/plants/`: what is hidden, how large, and the records.
+//! Cases on the plants of `examples/plants/`: the hidden causes, their magnitudes, and the records.
 //!
-//! In: a seed. Out: cases by family. A case depends on the seed and its own name alone.
+//! In: a seed. Out: cases by family. A case depends only on the seed and on its own name.
 //!
-//! How large a cause is: it moves an output by 3 to 30 times the noise (root mean square over a record, at the output where that is largest, inputs and parameters the same), and at least
-//! once the noise remains of it after everything else has been chosen as well as it can be: parameters within 2.5 of their tolerances, starts, numbers of the other causes of the case. Where
-//! less remains, the case is drawn again with causes that move twice as much, and then four times, and so on. What then still leaves nothing is another name of the calibration, and is not
-//! asked.
+//! The magnitude of a cause: it changes an output by 3 to 30 times the noise (root mean square over a record, at the output where this is largest,
+//! with the same inputs and parameters). A change of at least the noise itself must remain after everything else has been chosen optimally:
+//! parameters within 2.5 of their tolerances, starts, and the numbers of the other causes of the case. If less remains, the case is drawn again with
+//! twice, then four times the magnitude, and so on. A cause of which nothing remains even then is equivalent to a calibration, and is not tested.
 
 use std::ops::Range;
 
@@ -17,19 +17,19 @@ use crate::plant::Record;
 use crate::random::Random;
 use crate::untidy::Untidy;
 
-/// What a cause moves, in units of noise.
+/// The change by a cause, in units of noise.
 const VISIBLE: (f64, f64) = (3.0, 30.0);
 
-/// What remains of it at least.
+/// The smallest remaining part of it.
 const REMAINS: f64 = 1.0;
 
-/// Draws of a case before it is given up.
+/// The number of draws after which a case is abandoned.
 const ATTEMPTS: usize = 8;
 
 /// Records for training and for validation.
 const RUNS: (usize, usize) = (3, 2);
 
-/// Pairs whose places differ.
+/// Pairs with different places.
 const PAIRS: [(&str, [(&str, &str); 2]); 18] = [
     ("gear-motor", [("coulomb-friction", "shaft"), ("inverter-dead-time", "armature")]),
     ("gear-motor", [("quadratic-drag", "shaft"), ("sensor-lag", "current")]),
@@ -51,13 +51,13 @@ const PAIRS: [(&str, [(&str, &str); 2]); 18] = [
     ("quadrotor-pitch", [("coulomb-friction", "body"), ("sensor-gain", "pitch_rate")]),
 ];
 
-/// Nulls of each plant.
+/// The number of cases without an effect for each plant.
 const NULLS: usize = 2;
 
-/// What is in no file.
+/// Disturbances that are in no file.
 const OUTSIDE: [&str; 2] = ["gusts", "change"];
 
-/// Kinds that are looked for although an output is missing, by plant; a plant with one output has none.
+/// Kinds that are tested with a missing output, for each plant; a plant with one output has none.
 const MISSING: [(&str, [&str; 4]); 5] = [
     ("gear-motor", ["coulomb-friction", "input-gain", "constant-load", "quadratic-drag"]),
     ("coupled-tanks", ["leak", "overflow", "input-dead-band", "input-delay"]),
@@ -66,7 +66,7 @@ const MISSING: [(&str, [&str; 4]); 5] = [
     ("quadrotor-pitch", ["quadratic-drag", "constant-load", "input-delay", "input-bias"]),
 ];
 
-/// An effect of each plant that must be found under noise that is not Gaussian.
+/// An effect of each plant that must be found with noise that is not Gaussian.
 const UNDER_NOISE: [(&str, &str); 6] = [
     ("gear-motor", "coulomb-friction"),
     ("coupled-tanks", "leak"),
@@ -76,7 +76,7 @@ const UNDER_NOISE: [(&str, &str); 6] = [
     ("quadrotor-pitch", "quadratic-drag"),
 ];
 
-/// Of the quick subset.
+/// The quick subset.
 const QUICK: [&str; 6] = [
     "gear-motor-coulomb-friction",
     "coupled-tanks-leak",
@@ -86,51 +86,51 @@ const QUICK: [&str; 6] = [
     "road-vehicle-outside-gusts",
 ];
 
-/// What a case is made from.
+/// The plan of a case.
 #[derive(Debug, Clone)]
 pub struct Plan {
     /// `gear-motor-coulomb-friction`
     pub name: String,
-    /// Which plant.
+    /// The plant.
     pub system: &'static System,
-    /// What is hidden.
+    /// The family of the hidden cause.
     pub family: Family,
-    /// Kinds, each with the places that it may have.
+    /// Kinds, each with its possible places.
     effects: Vec<(&'static str, Vec<&'static str>)>,
     outside: Option<&'static str>,
-    /// An output that is drawn is missing.
+    /// A random output is missing.
     lacks_output: bool,
     noise: Option<Noise>,
     spoiled: Option<Spoiled>,
 }
 
-/// Which cases are asked for.
+/// The requested cases.
 #[derive(Debug, Clone, Default)]
 pub struct Choice {
-    /// Of this family only.
+    /// Only this family.
     pub family: Option<Family>,
-    /// Of this name only, or all whose names begin so: `gear-motor-*`.
+    /// Only the case with this name, or all whose names begin like this: `gear-motor-*`.
     pub name: Option<String>,
-    /// Of the quick subset only.
+    /// Only the quick subset.
     pub quick: bool,
-    /// Rows of every record, in place of the plant's own.
+    /// The number of rows of every record, instead of the plant's own.
     pub rows: Option<usize>,
-    /// Correlation of the noise from row to row, in place of one that is drawn.
+    /// The correlation of the noise from row to row, instead of a random one.
     pub colour: Option<f64>,
-    /// The plant file states the noise times this; 0: it states none.
+    /// The factor between the noise that the plant file states and the true noise; 0: it states none.
     pub stated: Option<f64>,
-    /// What records have less tidy than a bench's.
+    /// Irregularities of the records.
     pub untidy: Untidy,
 }
 
-/// One record: noisy for the diagnosis, without noise for the judge.
+/// One record: with noise for the diagnosis, without noise for the evaluation.
 #[derive(Debug, Clone)]
 pub struct Run {
-    /// As sensors give it.
+    /// The record with sensor noise.
     pub noisy: Record,
-    /// Without noise, as sensors would read it.
+    /// The record without noise, as the sensors would read it.
     pub exact: Trace,
-    /// Rows that the file lacks.
+    /// Rows that are missing in the file.
     pub left_out: Vec<Range<usize>>,
 }
 
@@ -139,33 +139,33 @@ pub struct Run {
 pub struct Case {
     /// `gear-motor-coulomb-friction`
     pub name: String,
-    /// What is hidden.
+    /// The family of the hidden cause.
     pub family: Family,
-    /// The plant as the nominal file has it: parameters off within their tolerances, no cause.
+    /// The plant of the nominal file: parameters with errors within their tolerances, no cause.
     pub file: Truth,
-    /// What is true.
+    /// The true plant.
     pub truth: Truth,
-    /// True noise, by output.
+    /// The true noise, for each output.
     pub noise: Vec<f64>,
-    /// The same as traces are compared by: infinite where no record holds the output.
+    /// The noise for the comparison of records: infinite if no record contains the output.
     pub seen: Vec<f64>,
-    /// What the file says of it.
+    /// The noise that the file states.
     pub stated: Vec<f64>,
-    /// Outputs that no record holds.
+    /// Outputs that are in no record.
     pub without: Vec<String>,
-    /// What a logger did.
+    /// The damage by a logger.
     pub damage: Option<Damage>,
     /// Training records.
     pub train: Vec<Run>,
     /// Validation records.
     pub validate: Vec<Run>,
-    /// What the causes move together in the first training record, in units of noise, at the output where it is largest.
+    /// The change of the first training record by all causes together, in units of noise, at the output where it is largest.
     pub signal_to_noise: f64,
-    /// What remains of the one that remains least.
+    /// The remaining part of the cause with the smallest remaining part.
     pub remains: f64,
 }
 
-/// All plans: singles of every kind on every plant, at a place that is drawn; the other families.
+/// All plans: single effects of every kind on every plant, at a random place; and the other families.
 pub fn plans() -> Vec<Plan> {
     let mut plans = vec![];
     for system in ALL {
@@ -212,7 +212,8 @@ pub fn plans() -> Vec<Plan> {
     plans
 }
 
-/// The cases of a seed. Their records are made when the iterator comes to them. What no draw can show is left out; `told` hears of it.
+/// The cases of a seed. The records of a case are computed when the iterator reaches it. A case that no draw can make visible is omitted, and `told`
+/// is called with a message.
 pub fn cases(seed: u64, choice: Choice, told: impl Fn(&str)) -> impl Iterator<Item = Case> {
     let is_chosen = {
         let choice = choice.clone();
@@ -232,7 +233,7 @@ pub fn cases(seed: u64, choice: Choice, told: impl Fn(&str)) -> impl Iterator<It
     })
 }
 
-/// A record's drive, always the same from a stream.
+/// The drive of a record, always the same for the same stream.
 fn driven(system: &System, stream: &Random) -> (Vec<f64>, Drive) {
     (system.drive)(stream.clone(), system.period)
 }
@@ -250,7 +251,7 @@ fn again(truth: &Truth, like: &Trace) -> Record {
     record
 }
 
-/// Root mean square of a difference at the output where it is largest, in units of noise.
+/// The root mean square of a difference at the output where it is largest, in units of noise.
 fn apart(one: &Record, other: &Record, noise: &[f64]) -> f64 {
     let of = |output: usize| {
         let pairs = one.outputs[output].iter().zip(&other.outputs[output]);
@@ -260,7 +261,7 @@ fn apart(one: &Record, other: &Record, noise: &[f64]) -> f64 {
     (0..noise.len()).map(of).fold(0.0, f64::max)
 }
 
-/// A cause of the size that moves an output by so many times the noise along a record of the bare plant, or as much as it can.
+/// A cause with the magnitude that changes an output by `target` times the noise along a record of the bare plant, or as much as possible.
 fn sized(bare: &Truth, like: &Trace, noise: &[f64], kind: &str, at: &str, target: f64, random: &Random) -> Cause {
     let of = |size: f64| draw::cause(bare.system, kind, at, size, random.clone());
     let moved = |size: f64| {
@@ -284,7 +285,7 @@ fn draw_case(plan: &Plan, seed: u64, attempt: usize, choice: &Choice) -> Option<
     let mut random = Random::new(seed, &format!("{} {attempt}", plan.name));
     let system = plan.system;
     let rows = choice.rows.unwrap_or(system.rows);
-    // Good sensors and poor ones.
+    // Good and poor sensors.
     let poor = random.spread(0.7, 2.0);
     let noise: Vec<f64> = system.outputs.iter().map(|it| poor * it.noise).collect();
     let mut without = choice.untidy.without.clone();
@@ -312,7 +313,7 @@ fn draw_case(plan: &Plan, seed: u64, attempt: usize, choice: &Choice) -> Option<
         let own = Random::new(random.whole(0, u64::from(u32::MAX)), "cause");
         let cause = sized(&bare, &like, &seen, kind, at, target, &own);
         if *kind == "parameter-error" {
-            // The file keeps the drawn value, exactly: the error is what the cause says and no tolerance on top of it.
+            // The file keeps the drawn value exactly: the error is only that of the cause, without a tolerance.
             let place = bare.place(at);
             file.parameters[place] = bare.parameters[place];
         }
@@ -322,7 +323,7 @@ fn draw_case(plan: &Plan, seed: u64, attempt: usize, choice: &Choice) -> Option<
     let traces: Vec<Trace> = streams.iter().map(|stream| trace(&truth, stream, rows)).collect();
     let first = &traces[..1];
     let signal_to_noise = apart(&first[0].record, &again(&bare, &first[0]), &seen);
-    // What remains when one is left out, the others free.
+    // The remaining part if one cause is omitted and the others are free.
     let mut remains = f64::INFINITY;
     for left_out in 0..truth.causes.len().max(usize::from(plan.outside.is_some())) {
         let mut others = truth.causes.clone();
@@ -334,7 +335,7 @@ fn draw_case(plan: &Plan, seed: u64, attempt: usize, choice: &Choice) -> Option<
             return None;
         }
     }
-    // A third of the cases has coloured noise, by output.
+    // A third of the cases has correlated noise, for each output separately.
     let colours: Vec<f64> =
         noise.iter().map(|_| if random.uniform(0.0, 1.0) < 0.33 { random.uniform(0.3, 0.8) } else { 0.0 }).collect();
     let largest: Vec<f64> = (0..noise.len())
@@ -344,7 +345,7 @@ fn draw_case(plan: &Plan, seed: u64, attempt: usize, choice: &Choice) -> Option<
         .iter()
         .zip(traces)
         .map(|(stream, exact)| {
-            // Sensors that round or clip do so with the noise in it.
+            // Sensors that round or clip do this with the noisy value.
             let (start, mut drive) = driven(system, stream);
             let mut noisy = run::run(&truth, &start, rows, &mut drive);
             let mut own = Random::new(random.clone().whole(0, u64::from(u32::MAX)), "untidy");
@@ -390,11 +391,11 @@ fn draw_case(plan: &Plan, seed: u64, attempt: usize, choice: &Choice) -> Option<
     })
 }
 
-/// A force that is in no file, of a size as for a cause.
+/// A force that is in no file, with a magnitude as for a cause.
 fn outside(kind: &str, system: &'static System, bare: &Truth, like: &Trace, noise: &[f64], random: &mut Random) -> Cause {
     let seconds = like.record.period * like.record.inputs[0].len() as f64;
     let target = random.spread(2.0 * VISIBLE.0, VISIBLE.1);
-    // Waves of a few seconds in a record: fast enough for no drift, slow enough to move something.
+    // Waves of a few seconds in a record: too fast for a drift, and slow enough to have an effect.
     let hertz: Vec<f64> = (0..3).map(|_| random.spread(8.0, 40.0) / seconds).collect();
     let row = random.whole(3, 7) * (like.record.inputs[0].len() as u64 / 10);
     let sense = random.sign();
@@ -462,7 +463,7 @@ mod tests {
         assert_eq!(of("gear-motor-noise-tails-coulomb-friction").truth.causes.len(), 1);
         let swapped = of("coupled-tanks-data-swapped");
         let (noisy, exact) = (&swapped.validate[0].noisy.outputs, &swapped.validate[0].exact.record.outputs);
-        // Two levels that are 50 times the noise apart.
+        // Two levels that differ by 50 times the noise.
         assert!((noisy[0][300] - exact[1][300]).abs() < 10.0 * swapped.noise[0]);
         let stuck = of("road-vehicle-data-stuck");
         let damage = stuck.damage.as_ref().expect("it is spoiled");
@@ -477,7 +478,7 @@ mod tests {
             cases(seed, choice, |name| panic!("{name} does not show")).next().expect("a case of this name")
         };
         let case = of(3);
-        // The cause was sized along a record of the bare plant; records of the true one differ by what the drive makes of it.
+        // The magnitude of the cause was set along a record of the bare plant; in records of the true plant the drive changes it.
         assert!((0.7 * VISIBLE.0..1.4 * VISIBLE.1).contains(&case.signal_to_noise), "{}", case.signal_to_noise);
         assert!(case.remains >= REMAINS && case.remains <= case.signal_to_noise);
         assert_eq!(case.train[0].noisy.outputs, of(3).train[0].noisy.outputs);

@@ -56,7 +56,7 @@ impl CoupledTanks {
     }
 }
 
-/// Speed of the water under a head (E. Torricelli, 1643), linear in it within 2 mm.
+/// The speed of the water for a head (E. Torricelli, 1643), linear in the head within 2 mm.
 fn torricelli(head: f64) -> f64 {
     (2.0 * 9.80665_f64).sqrt() * head / (head * head + 0.002 * 0.002).powf(0.25)
 }
@@ -84,7 +84,7 @@ impl Law for CoupledTanks {
     }
 }
 
-/// Steps of the pump; it is turned down before the first tank is full and up before it is empty.
+/// Steps of the pump. It is reduced before the first tank is full, and increased before it is empty.
 fn drive(mut random: Random, period: f64) -> (Vec<f64>, Drive) {
     let start = vec![random.uniform(0.15, 0.3), random.uniform(0.05, 0.12)];
     let mut pump = Steps::new();

@@ -1,7 +1,7 @@
-//! Which effects stand where on the plants of `examples/plants/`, and how large they are drawn.
+//! The possible effects at each place of the plants of `examples/plants/`, and their random magnitudes.
 //!
-//! In: a plant, a place, a size between 0 and 1, a stream of random numbers. Out: the numbers of an effect. At size 1 an effect is as large as anything that works there; how large
-//! a case has it is chosen by what it moves (`cases.rs`).
+//! In: a plant, a place, a size between 0 and 1, a stream of random numbers. Out: the numbers of an effect. At size 1 an effect is as large as the
+//! usual quantities at its place. The size in a case follows from the change that it causes (`cases.rs`).
 
 use super::{Cause, Input, Output, Site, SiteKind, System};
 use crate::random::Random;
@@ -20,7 +20,7 @@ const TURNS: [&str; 12] = [
     "stribeck-friction",
     "windage",
 ];
-/// Of a translation without a position.
+/// For a translation without a position.
 const MOVES: [&str; 6] =
     ["asymmetric-friction", "constant-load", "coulomb-friction", "load-drift", "quadratic-drag", "stribeck-friction"];
 const COMMANDS: [&str; 8] = [
@@ -44,7 +44,7 @@ const READS: [&str; 8] = [
     "sensor-quantisation",
 ];
 
-/// Every effect of the catalogue at every place of a plant where it can stand: kind and place.
+/// Every effect of the catalogue at every place of a plant where it is possible: kind and place.
 pub fn everywhere(system: &System) -> Vec<(&'static str, &'static str)> {
     let mut list = vec![];
     for site in system.sites {
@@ -57,7 +57,7 @@ pub fn everywhere(system: &System) -> Vec<(&'static str, &'static str)> {
             SiteKind::Heat => &["leak", "radiation"],
             SiteKind::Vehicle => &["brake-drag", "headwind", "tyre-slip"],
         };
-        // Only a driven body has a torque of its drive that could ripple.
+        // Only a driven body has a drive torque that can have a ripple.
         let is_driven = !(system.name == "two-mass-drive" && site.name == "load");
         list.extend(kinds.iter().filter(|kind| is_driven || **kind != "combustion-ripple").map(|kind| (*kind, site.name)));
     }
@@ -71,14 +71,15 @@ pub fn everywhere(system: &System) -> Vec<(&'static str, &'static str)> {
     list
 }
 
-/// Whether a case may hide an effect there; what is left out stands in the comments.
+/// Whether a case may hide an effect there; comments give the reasons for exceptions.
 pub fn is_asked(system: &System, kind: &str, at: &str) -> bool {
     if let Some(input) = system.inputs.iter().find(|it| it.name == at) {
-        // A throttle acts one way. A measured disturbance has no dead band, limit or power law; its scale is that of its sensor, offset and all.
+        // A throttle acts in one direction. A measured disturbance has no dead band, limit or power law; its scale is that of its sensor, including
+        // the offset.
         return match kind {
             "throttle-nonlinearity" => input.commands && input.range.0 >= 0.0,
             "input-bias" | "input-gain" | "input-delay" | "input-lag" => true,
-            // 8 N of thrust are far from a dead band.
+            // A thrust of 8 N is far from a dead band.
             "input-dead-band" => input.commands && input.range.0 <= 0.0,
             _ => input.commands,
         };
@@ -86,11 +87,11 @@ pub fn is_asked(system: &System, kind: &str, at: &str) -> bool {
     if let Some(output) = system.outputs.iter().find(|it| it.name == at) {
         return kind != "sensor-lost-sign" || output.range.0 < 0.0;
     }
-    // The same law under two names.
+    // The same law with two names.
     kind != "windage"
 }
 
-/// An effect at a place, of a size in (0, 1].
+/// An effect at a place, with a size in (0, 1].
 ///
 /// # Panics
 /// For a place or a kind that the plant does not have: both come from `everywhere`.
@@ -149,14 +150,14 @@ fn on_site(kind: &str, site: &Site, size: f64, seconds: f64, random: &mut Random
         }
         "backlash" => vec![("gap", position * size)],
         "clutch-stiffening" => vec![("cubic_stiffness", 2.0 * some / position.powi(3))],
-        // Beyond twice a usual effort nothing slips.
+        // Above twice a usual effort nothing slips.
         "clutch-slip" => vec![("capacity", 2.0 * effort * (1.0 - 0.85 * size))],
         "hysteresis" => vec![("level", some), ("stiffness", some / (position * random.uniform(0.05, 0.2)))],
-        // Of a winding: a usual voltage is its effort, a usual current its speed.
+        // For a winding, the usual voltage is its effort and the usual current its speed.
         "inverter-dead-time" => vec![("voltage_loss", 0.5 * some)],
         "magnetic-saturation" => vec![("saturation_current", speed / size)],
         "resistance-heating" => vec![
-            // 150 K at size 1, under the usual voltage at the usual current.
+            // 150 K at size 1, with the usual voltage and the usual current.
             ("thermal_resistance", 150.0 * size / (effort * speed * 0.4)),
             ("thermal_time_constant", seconds * random.spread(0.1, 0.4)),
         ],
@@ -199,7 +200,7 @@ fn on_output(kind: &str, output: &Output, size: f64, system: &System, random: &m
         "sensor-drift" => vec![("rate", random.sign() * 0.5 * size * spread / seconds)],
         "sensor-delay" => vec![("delay", 40.0 * size * system.period)],
         "sensor-lag" => vec![("time_constant", 40.0 * size * system.period)],
-        // A step of 10 times the noise moves a reading by 3 times the noise.
+        // A step of 10 times the noise changes a reading by 3 times the noise.
         "sensor-quantisation" => vec![("step", output.noise * 100.0 * size)],
         "sensor-limit" => vec![("low", low + 0.4 * size * spread), ("high", high - 0.4 * size * spread)],
         "sensor-lost-sign" => vec![],

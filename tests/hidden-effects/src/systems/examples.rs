@@ -1,15 +1,16 @@
-//! The records of `examples/plants/`: each with something hidden in it, the same on every machine.
+//! The records of `examples/plants/`: each with a hidden cause, the same on every machine.
 //!
-//! In: nothing. Out: names and texts of files. What is hidden stands in the README of each example.
+//! In: nothing. Out: names and texts of files. The README of each example names the hidden cause.
 
 use super::{ALL, Cause, System, Truth, files, run};
 use crate::plant::Record;
 use crate::random::Random;
 
-/// Significant digits of a record: the last is below a hundredth of any noise, and far above what mathematical functions of two machines differ by.
+/// The significant digits of a record: the last digit is below a hundredth of any noise, and far above the differences between mathematical functions
+/// of two machines.
 const DIGITS: usize = 6;
 
-/// What is hidden on each plant.
+/// The hidden causes of each plant.
 fn hidden(system: &System) -> Vec<Cause> {
     match system.name {
         "gear-motor" => vec![Cause::new("coulomb-friction", "shaft", &[("torque", 0.35)])],
@@ -21,12 +22,12 @@ fn hidden(system: &System) -> Vec<Cause> {
     }
 }
 
-/// What is hidden in the record of an example.
+/// The true plant of an example.
 pub fn truth(system: &'static System) -> Truth {
     Truth { causes: hidden(system), ..Truth::nominal(system) }
 }
 
-/// A record as its sensors give it; the second is one for validation.
+/// A record as its sensors read it; the second one is for validation.
 pub fn record(system: &'static System, number: u64) -> Record {
     let truth = truth(system);
     let name = format!("{} example {number}", system.name);
@@ -58,7 +59,7 @@ mod tests {
     fn records_of_the_examples_are_those_that_this_package_makes() {
         let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/plants");
         for (name, text) in files() {
-            // The largest that a record in the repository may be.
+            // The largest permitted size of a record in the repository.
             assert!(text.len() < 200_000, "{name} has {} bytes", text.len());
             let found = std::fs::read_to_string(folder.join(&name)).unwrap_or_else(|error| panic!("{name}: {error}"));
             assert!(found == text, "{name} is stale: `cargo run -p hidden-effects -- examples --out examples/plants`");

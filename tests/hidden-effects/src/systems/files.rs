@@ -1,13 +1,14 @@
-//! Plant files of format 2 and records, as docs/book/src/reference/plants.md 4 has them.
+//! Plant files of format 2 and records, in the format of docs/book/src/reference/plants.md 4.
 //!
-//! In: a true or a nominal plant, records. Out: text. Writes to no file.
+//! In: a true or a nominal plant, records. Out: text. It writes no file.
 
 use std::fmt::Write;
 
 use super::{Cause, System, Truth};
 use crate::plant::Record;
 
-/// A plant file: parameters of a truth, the sites of the example, and these effects. `start` gives true outputs at the start; without it the first row of a record counts.
+/// A plant file: the parameters of a plant, the sites of the example, and these effects. `start` gives true outputs at the start; without it the
+/// first row of a record is used.
 pub fn plant_file(truth: &Truth, noise: &[f64], start: Option<&[f64]>, effects: &[Cause]) -> String {
     let system = truth.system;
     let mut text = format!("format = 2\nmodel = \"{}.mo\"\n\n[parameters]\n", system.name);
@@ -15,7 +16,7 @@ pub fn plant_file(truth: &Truth, noise: &[f64], start: Option<&[f64]>, effects: 
         if !heading.is_empty() {
             write!(text, "\n[{heading}]\n").expect("a string takes text");
         }
-        // `{:?}` of an f64 is the shortest decimal that reads back to the same bits, and always a TOML float.
+        // The format `{:?}` of an f64 is the shortest decimal that reads back to the same bits, and always a TOML float.
         lines.for_each(|(name, value)| writeln!(text, "{name} = {value:?}").expect("a string takes text"));
     };
     table("", &mut system.parameters.iter().zip(&truth.parameters).map(|(it, value)| (it.0, *value)));
@@ -41,7 +42,7 @@ pub fn plant_file(truth: &Truth, noise: &[f64], start: Option<&[f64]>, effects: 
     text
 }
 
-/// A record as CSV. `digits` rounds the numbers to so many significant digits. Outputs listed in `without` and rows in `left_out` are absent.
+/// A record as CSV. `digits` rounds the numbers to this number of significant digits. Outputs listed in `without` and rows in `left_out` are absent.
 pub fn record(
     system: &System,
     record: &Record,
@@ -56,7 +57,7 @@ pub fn record(
     columns.iter().for_each(|((name, unit), _)| write!(text, ",{name}[{unit}]").expect("a string takes text"));
     text.push('\n');
     for row in (0..record.inputs[0].len()).filter(|row| !left_out.iter().any(|it| it.contains(row))) {
-        // Division keeps the decimals short where the rate is a whole number of hertz.
+        // Division keeps the decimals short if the rate is an integer number of hertz.
         let period = record.period;
         let time = if period < 1.0 { row as f64 / (1.0 / period).round() } else { row as f64 * period };
         write!(text, "{time}").expect("a string takes text");
@@ -70,12 +71,12 @@ pub fn record(
     text
 }
 
-/// Rounded to so many significant digits.
+/// A number rounded to this number of significant digits.
 fn short(value: f64, digits: usize) -> f64 {
     format!("{value:.*e}", digits - 1).parse().expect("a number that was just written")
 }
 
-/// The columns of the outputs in a CSV that `rsm simulate` wrote.
+/// The columns of the outputs in a CSV of `rsm simulate`.
 pub fn outputs(system: &System, text: &str) -> Result<Vec<Vec<f64>>, String> {
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
     let header: Vec<&str> = lines.next().ok_or("the file is empty")?.split(',').collect();

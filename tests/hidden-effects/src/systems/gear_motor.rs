@@ -51,7 +51,7 @@ struct GearMotor {
     resistance: f64,
     inductance: f64,
     torque_constant: f64,
-    /// Of the rotor, at the output shaft.
+    /// The inertia of the rotor, at the output shaft.
     reflected: f64,
     gear_ratio: f64,
     load_inertia: f64,
@@ -59,7 +59,7 @@ struct GearMotor {
     shaft: Body,
     dead_time: f64,
     saturation_current: f64,
-    /// Thermal resistance, time constant, state.
+    /// Thermal resistance, time constant, state index.
     heating: Option<(f64, f64, usize)>,
     outside: Outside,
     current: usize,
@@ -102,7 +102,7 @@ impl Law for GearMotor {
     fn rates(&self, inputs: &[f64], y: &State, _regime: u8, dy: &mut State) {
         let (i, w, angle) = (y[self.current], y[self.speed], y[self.angle]);
         let warm = self.heating.map_or(0.0, |(.., state)| y[state]);
-        // Copper.
+        // The temperature coefficient of copper.
         let resistance = self.resistance * (1.0 + 0.00393 * warm);
         if let Some((kelvin_per_watt, time_constant, state)) = self.heating {
             dy[state] = (kelvin_per_watt * resistance * i * i - warm) / time_constant;
@@ -136,7 +136,7 @@ impl Law for GearMotor {
     }
 }
 
-/// Steps of the voltage both ways, a third of them slow, a binary sequence on top; steps of the load.
+/// Steps of the voltage in both directions, a third of them slow, with an additional binary sequence; steps of the load.
 fn drive(mut random: Random, period: f64) -> (Vec<f64>, Drive) {
     let (mut voltage, mut binary, mut load) = (Steps::new(), Steps::new(), Steps::new());
     let mut sense = random.sign();

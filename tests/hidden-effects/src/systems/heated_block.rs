@@ -101,7 +101,7 @@ impl Law for HeatedBlock {
     }
 }
 
-/// Steps of the power, and a room that is warmed and cools again.
+/// Steps of the power, and a room that warms up and cools down.
 fn drive(mut random: Random, period: f64) -> (Vec<f64>, Drive) {
     let room = random.uniform(291.0, 295.0);
     let (swing, seconds) = (random.uniform(1.0, 2.0), random.uniform(1200.0, 3000.0));

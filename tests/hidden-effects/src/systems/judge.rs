@@ -1,7 +1,8 @@
-//! Is an answer about a plant of `examples/plants/` right?
+//! Decides whether an answer about a plant of `examples/plants/` is correct.
 //!
-//! In: a case and the JSON of `rsm diagnose` (docs/book/src/reference/formats.md 4.3). Out: right or wrong with the reason, and errors of numbers. A cause is expected by its kind and the
-//! place where it stands. Another set of causes is right too if it leaves the same trace: it is simulated and refitted, no list says so.
+//! In: a case and the JSON of `rsm diagnose` (docs/book/src/reference/formats.md 4.3). Out: correct or wrong with the reason, and errors of numbers.
+//! A cause is expected with its kind and its place. Another set of causes is also correct if it has the same effect on the records: it is simulated
+//! and refitted, not looked up in a list.
 
 use serde_json::Value;
 
@@ -13,22 +14,23 @@ use crate::case::Family;
 use crate::judge::{Judgement, covers};
 use crate::reliability::Named;
 
-/// Two explanations are one when their traces differ by less than this, in units of noise: root mean square over all records at the output where they differ most.
+/// Two explanations are equivalent if their records differ by less than this, in units of noise: root mean square over all records at the output
+/// where they differ most.
 ///
-/// A fifth of the noise is what a sensor's data sheet does not promise either; a cause that shows at 1 to 30 times the noise is not lost in it.
+/// A fifth of the noise is below the accuracy in a sensor's data sheet. A cause that is visible at 1 to 30 times the noise is well above it.
 pub const SAME: f64 = 0.2;
 
-/// The longest list of equals that still says something.
+/// The largest useful number of equivalent causes in a list.
 const EQUALS: usize = 4;
 
-/// A cause of an answer: with its numbers, its equals, and all that is said of it.
+/// A cause of an answer, with its numbers, its equivalents, and the whole entry of the answer.
 struct Found<'j> {
     cause: Cause,
     equals: Vec<&'j str>,
     said: &'j Value,
 }
 
-/// The place that an answer names, by any of the keys that a cause has; where it names none, the only one of this plant where the kind can stand.
+/// The place that an answer names, with any of the possible keys; if it names none, the only place of this plant where the kind is possible.
 fn place(system: &System, said: &Value, kind: &str) -> String {
     let named = ["at", "site", "output", "parameter", "input"].iter().find_map(|key| said[*key].as_str());
     let mut possible = draw::everywhere(system).into_iter().filter(|it| it.0 == kind).map(|it| it.1);
@@ -59,20 +61,20 @@ fn found<'j>(system: &System, answer: &'j Value) -> Vec<Found<'j>> {
     answer["causes"].as_array().into_iter().flatten().map(one).collect()
 }
 
-/// Whether a list of equals names a cause, by kind and place, or by its kind where that has one place only.
+/// Whether a list of equivalents names a cause, by kind and place, or only by its kind if that has one place only.
 fn names(system: &System, equals: &[&str], cause: &Cause) -> bool {
     let places = draw::everywhere(system).iter().filter(|it| it.0 == cause.kind).count();
     let full = cause.name();
     equals.iter().any(|it| *it == full || places == 1 && *it == cause.kind)
 }
 
-/// One law under two names.
+/// Whether two causes are the same law with two names.
 fn is_one(one: &Cause, other: &Cause) -> bool {
     let kind = |it: &Cause| if it.kind == "windage" { "quadratic-drag".to_string() } else { it.kind.clone() };
     kind(one) == kind(other) && one.at == other.at
 }
 
-/// Whether the answer names each true cause, or an equal of it that it lists, and nothing else.
+/// Whether the answer names each true cause, or lists it as an equivalent, and names nothing else.
 fn is_named(case: &Case, found: &[Found<'_>]) -> bool {
     let system = case.truth.system;
     let mut open: Vec<&Found<'_>> = found.iter().collect();
@@ -85,7 +87,8 @@ fn is_named(case: &Case, found: &[Found<'_>]) -> bool {
     open.is_empty()
 }
 
-/// Whether the causes of an answer leave the trace of the truth, as well as they can: no more causes than the truth has, refitted along its records.
+/// The misfit of the causes of an answer, refitted to the true training records, if it is so small that the two explanations are equivalent. `None`
+/// if it is larger, or if the answer has more causes than the truth.
 fn is_same_trace(case: &Case, found: &[Found<'_>]) -> Option<f64> {
     if found.is_empty() || found.len() > case.truth.causes.len() {
         return None;
@@ -102,13 +105,13 @@ fn is_same_trace(case: &Case, found: &[Found<'_>]) -> Option<f64> {
     (misfit < SAME).then_some(misfit)
 }
 
-/// Whether an answer tells what the logger did.
+/// Whether an answer reports the damage by the logger.
 fn is_told(case: &Case, answer: &Value) -> bool {
     let names: Vec<&str> = case.truth.system.outputs.iter().map(|it| it.name).collect();
     case.damage.as_ref().is_some_and(|damage| bench::is_told(damage, &names, answer))
 }
 
-/// Whether an answer tells every true cause as a finding about the data: a reading that ends at a value is clipped, whoever clips it.
+/// Whether an answer reports every true cause as a finding about the data: a reading with a limit is clipped, whatever the reason.
 fn is_told_as_data(case: &Case, answer: &Value) -> bool {
     let is_told = |cause: &Cause| {
         let findings = answer["data"].as_array();
@@ -123,7 +126,7 @@ fn list(found: &[Found<'_>]) -> String {
     found.iter().map(|it| it.cause.name()).collect::<Vec<_>>().join(", ")
 }
 
-/// Judges an answer.
+/// Evaluates an answer.
 pub fn judge(case: &Case, answer: &Value) -> Judgement {
     let verdict = answer["verdict"].as_str().unwrap_or("no verdict");
     let found = found(case.truth.system, answer);
@@ -164,7 +167,7 @@ pub fn judge(case: &Case, answer: &Value) -> Judgement {
                 errors.push((name, f64::INFINITY));
                 continue;
             };
-            // A phase and a rest are measured against a turn and against the distance that they shift: they have no scale of their own.
+            // A phase is compared with a turn, and a rest with the distance that they shift: they have no scale of their own.
             let error = match number.as_str() {
                 "phase" => {
                     let turn = (value - truth + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
@@ -185,7 +188,7 @@ pub fn judge(case: &Case, answer: &Value) -> Judgement {
     Judgement { right, answer: words, errors, covered, named: named.collect() }
 }
 
-/// What an error of a number is compared with: the number, or for a position or a temperature the range of its site; for a gain or an exponent what it differs from 1.
+/// The scale of an error: the number itself; for a position or a temperature the range of its site; for a gain or an exponent its difference from 1.
 fn scale(case: &Case, cause: &Cause, number: &str, truth: f64) -> f64 {
     match (number, case.truth.system.site(&cause.at)) {
         ("rest" | "ambient" | "level_limit", Some(site)) => site.speed.max(site.position.min(10.0)),
@@ -219,14 +222,14 @@ mod tests {
                 && !right("unexplained", cause("shaft"))
                 && !right("explained", cause("armature"))
         );
-        // The only place where it can stand, and the site's own key.
+        // The only possible place, and the key of the site.
         assert!(right("explained", json!([{ "kind": "coulomb-friction", "parameters": { "torque": number(torque) } }])));
         assert!(right(
             "explained",
             json!([{ "kind": "coulomb-friction", "site": "shaft", "parameters": { "torque": number(torque) } }])
         ));
         assert!(right("explained", json!([{ "kind": "load-drift", "at": "shaft", "equals": ["coulomb-friction:shaft"] }])));
-        // Another law, simulated and refitted, leaves another trace.
+        // Another law, simulated and refitted, does not reproduce the records.
         assert!(!right(
             "explained",
             json!([{ "kind": "constant-load", "at": "shaft", "parameters": { "torque": number(torque) } }])

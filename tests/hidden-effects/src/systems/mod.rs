@@ -1,7 +1,7 @@
-//! Six more plants, which a diagnosis knows from a text and a plant file alone: `examples/plants/`.
+//! Six more plants, which a diagnosis gets only as a text and a plant file: `examples/plants/`.
 //!
-//! In: the equations of those texts and the effects of docs/book/src/reference/plants.md, written a second time by hand. Out: records, with anything hidden in them. No text is read
-//! to simulate: an error of the compiler of texts cannot stand on both sides of a comparison.
+//! In: the equations of those texts and the effects of docs/book/src/reference/plants.md, implemented a second time by hand. Out: records with hidden
+//! causes. No text is read for the simulation, so an error of the compiler of texts cannot be on both sides of a comparison.
 
 pub mod body;
 pub mod cases;
@@ -23,15 +23,15 @@ pub mod verify;
 use crate::flow::{STATES, State};
 use crate::random::Random;
 
-/// The state that is the time of the record.
+/// The index of the state that is the time of the record.
 pub const TIME: usize = STATES - 1;
 
-/// What a site is.
+/// The kind of a site.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SiteKind {
-    /// A body that turns.
+    /// A rotating body.
     Rotation,
-    /// A body that moves on a line.
+    /// A body that moves along a line.
     Translation,
     /// A spring between two bodies.
     Joint,
@@ -45,18 +45,18 @@ pub enum SiteKind {
     Vehicle,
 }
 
-/// A place of a plant where an effect can stand, and how large things are there.
+/// A place of a plant where effects are possible, and the usual magnitudes there.
 #[derive(Debug)]
 pub struct Site {
     /// Its name in the plant file.
     pub name: &'static str,
-    /// What it is.
+    /// Its kind.
     pub kind: SiteKind,
-    /// A usual effort or flow, in the unit of its balance; of a winding a usual voltage.
+    /// A usual effort or flow, in the unit of its balance; for a winding a usual voltage.
     pub effort: f64,
-    /// A usual speed; of a winding a usual current; of a store the range of its level.
+    /// A usual speed; for a winding a usual current; for a store the range of its level.
     pub speed: f64,
-    /// A usual position or twist; of a store its highest level. 0 where the site has no position.
+    /// A usual position or twist; for a store its highest level. 0 if the site has no position.
     pub position: f64,
     /// Its inertia or capacity.
     pub inertia: f64,
@@ -69,9 +69,9 @@ pub struct Input {
     pub name: &'static str,
     /// Its unit in a record.
     pub unit: &'static str,
-    /// The range in which it is driven.
+    /// The range of the excitation.
     pub range: (f64, f64),
-    /// Whether it commands an actuator, which may have a dead band or a limit; else it is a disturbance that somebody measures.
+    /// Whether it commands an actuator, which may have a dead band or a limit; otherwise it is a measured disturbance.
     pub commands: bool,
 }
 
@@ -84,28 +84,28 @@ pub struct Output {
     pub unit: &'static str,
     /// Standard deviation of its sensor.
     pub noise: f64,
-    /// A usual range of it.
+    /// Its usual range.
     pub range: (f64, f64),
 }
 
-/// Inputs of a row from the readings just before it.
+/// Computes the inputs of a row from the readings just before it.
 pub type Drive = Box<dyn FnMut(usize, &[f64]) -> Vec<f64>>;
 
-/// A plant, as its text and its plant file have it.
+/// A plant, with the data of its text and its plant file.
 pub struct System {
     /// The folder in `examples/plants/`, and the name of the text in it.
     pub name: &'static str,
-    /// The text, for those who diagnose.
+    /// The text, for the diagnosis.
     pub text: &'static str,
-    /// The plant file, likewise.
+    /// The plant file, for the diagnosis.
     pub file: &'static str,
     /// Inputs.
     pub inputs: &'static [Input],
     /// Outputs.
     pub outputs: &'static [Output],
-    /// Parameters, with values of the plant file.
+    /// Parameters, with the values of the plant file.
     pub parameters: &'static [(&'static str, f64)],
-    /// Relative standard deviations of some.
+    /// Relative standard deviations of some parameters.
     pub tolerance: &'static [(&'static str, f64)],
     /// Sites.
     pub sites: &'static [Site],
@@ -113,11 +113,11 @@ pub struct System {
     pub period: f64,
     /// Rows of a record.
     pub rows: usize,
-    /// The plant with its effects; extra states take slots.
+    /// Builds the plant with its effects; extra states take slots.
     pub build: fn(&Truth, &mut Slots) -> Box<dyn Law>,
     /// True outputs at the start, and the inputs, from a stream of random numbers.
     pub drive: fn(Random, f64) -> (Vec<f64>, Drive),
-    /// What a disturbance that no file has may do: the parameter that changes at an instant.
+    /// The parameter that changes at an instant, for a disturbance that is in no file.
     pub changes: &'static str,
 }
 
@@ -128,7 +128,7 @@ impl std::fmt::Debug for System {
 }
 
 impl System {
-    /// The place of an output.
+    /// The index of an output.
     pub fn output(&self, name: &str) -> Option<usize> {
         self.outputs.iter().position(|it| it.name == name)
     }
@@ -138,13 +138,13 @@ impl System {
         self.sites.iter().find(|it| it.name == name)
     }
 
-    /// The plant file from its sites on: what it says beside numbers.
+    /// The plant file from its sites on: everything except the numbers.
     pub fn sites_text(&self) -> &'static str {
         self.file.find("[sites.").map_or("", |from| &self.file[from..])
     }
 }
 
-/// All.
+/// All plants.
 pub const ALL: [&System; 6] = [
     &gear_motor::SYSTEM,
     &coupled_tanks::SYSTEM,
@@ -186,59 +186,59 @@ impl Cause {
 /// A true plant.
 #[derive(Debug, Clone)]
 pub struct Truth {
-    /// Which plant.
+    /// The plant.
     pub system: &'static System,
-    /// Values of its parameters, in their order, before any `parameter-error`.
+    /// Values of its parameters, in order, before any `parameter-error`.
     pub parameters: Vec<f64>,
-    /// What the catalogue knows.
+    /// Effects of the catalogue.
     pub causes: Vec<Cause>,
-    /// What it does not: `gusts` and `change`.
+    /// Effects outside it: `gusts` and `change`.
     pub outside: Vec<Cause>,
 }
 
 impl Truth {
-    /// As the plant file has it.
+    /// The plant with the values of the plant file.
     pub fn nominal(system: &'static System) -> Self {
         let parameters = system.parameters.iter().map(|it| it.1).collect();
         Truth { system, parameters, causes: vec![], outside: vec![] }
     }
 
-    /// The place of a parameter.
+    /// The index of a parameter.
     ///
     /// # Panics
-    /// For a name that the plant does not have: names stand in this package alone.
+    /// For a name that the plant does not have: names are used only in this package.
     pub fn place(&self, name: &str) -> usize {
         self.system.parameters.iter().position(|it| it.0 == name).unwrap_or_else(|| panic!("no parameter {name}"))
     }
 
-    /// The value of a parameter, with the error that a cause gives it.
+    /// The value of a parameter, including the error by a cause.
     pub fn get(&self, name: &str) -> f64 {
         let errors = self.causes.iter().rev().filter(|it| it.kind == "parameter-error" && it.at == name);
         errors.filter_map(|it| it.get("value")).next().unwrap_or_else(|| self.parameters[self.place(name)])
     }
 
-    /// A number of an effect at a place, if it stands there.
+    /// A number of an effect at a place, if it is there.
     pub fn effect(&self, at: &str, kind: &str, number: &str) -> Option<f64> {
         self.causes.iter().chain(&self.outside).find(|it| it.kind == kind && it.at == at)?.get(number)
     }
 
-    /// The same, with what leaves a formula as it is where the effect is absent.
+    /// The same, or the value that does not change a formula if the effect is absent.
     pub fn or(&self, at: &str, kind: &str, number: &str, absent: f64) -> f64 {
         self.effect(at, kind, number).unwrap_or(absent)
     }
 }
 
-/// Places of states: the plant's own first, then those of its effects.
+/// Indices of states: first the plant's own, then those of its effects.
 #[derive(Debug, Default)]
 pub struct Slots {
     taken: usize,
 }
 
 impl Slots {
-    /// The next one.
+    /// The next free index.
     ///
     /// # Panics
-    /// When all are taken: no case has so many effects.
+    /// If none is free: no case has so many effects.
     pub fn take(&mut self) -> usize {
         assert!(self.taken < TIME, "more states than a flow has");
         self.taken += 1;
@@ -248,17 +248,17 @@ impl Slots {
 
 /// The equations of a plant with its effects.
 pub trait Law {
-    /// States at the start, from true outputs and the inputs that act.
+    /// States at the start, from true outputs and the acting inputs.
     fn start(&self, outputs: &[f64], inputs: &[f64], y: &mut State);
-    /// Derivatives under the inputs that act.
+    /// Derivatives with the acting inputs.
     fn rates(&self, inputs: &[f64], y: &State, regime: u8, dy: &mut State);
     /// True outputs.
     fn outputs(&self, y: &State) -> Vec<f64>;
-    /// Which piece of a law with jumps holds.
+    /// The piece that applies, for a law with jumps.
     fn regime(&self, _y: &State) -> u8 {
         0
     }
-    /// Usual sizes of the states.
+    /// The usual magnitudes of the states.
     fn scale(&self, scale: &mut State);
 }
 
@@ -272,7 +272,7 @@ pub struct Outside {
 }
 
 impl Outside {
-    /// Of a truth.
+    /// The disturbances of a true plant.
     pub fn new(truth: &Truth) -> Self {
         let of = |kind: &str| truth.outside.iter().find(|it| it.kind == kind);
         let number = |it: &Cause, name: &str| it.get(name).unwrap_or(0.0);
@@ -282,16 +282,16 @@ impl Outside {
         }
     }
 
-    /// An effort that comes and goes: three waves of time.
+    /// A changing effort: three waves of time.
     pub fn gust(&self, time: f64) -> f64 {
         let Some((amplitude, hertz)) = self.gusts else { return 0.0 };
         let wave = |(place, hertz): (usize, &f64)| (std::f64::consts::TAU * hertz * time + place as f64).sin();
         amplitude * hertz.iter().enumerate().map(wave).sum::<f64>()
     }
 
-    /// What a parameter is multiplied by: from an instant on it is another one.
+    /// The factor of the changed parameter: from an instant on it has another value.
     pub fn factor(&self, time: f64) -> f64 {
-        // The instant is that of a row, and no step goes across a row.
+        // The instant is that of a row, and no step crosses a row.
         self.change.map_or(1.0, |(factor, from)| if time < from - 1e-9 { 1.0 } else { factor })
     }
 }
@@ -303,12 +303,12 @@ pub struct Steps {
 }
 
 impl Steps {
-    /// Nothing yet.
+    /// Without a value yet.
     pub fn new() -> Self {
         Steps { until: 0, value: 0.0 }
     }
 
-    /// The value at a row; a new one is drawn when its rows (at least 1) are over.
+    /// The value at a row; a new random value is drawn after its number of rows (at least 1).
     pub fn at(&mut self, row: usize, random: &mut Random, rows: (f64, f64), value: impl FnOnce(&mut Random) -> f64) -> f64 {
         if row >= self.until {
             self.until = row + (random.uniform(rows.0, rows.1) as usize).max(1);
@@ -317,7 +317,7 @@ impl Steps {
         self.value
     }
 
-    /// A new value at the next row.
+    /// Requests a new value at the next row.
     pub fn end(&mut self) {
         self.until = 0;
     }

@@ -1,6 +1,6 @@
 //! `examples/plants/quadrotor-pitch`: the pitch axis of a quadrotor in a gimbal.
 //!
-//! In: thrusts that are asked of front and rear rotors. Out: pitch rate and pitch.
+//! In: demanded thrusts of front and rear rotors. Out: pitch rate and pitch.
 
 use super::body::{Body, Motion};
 use super::{Drive, Input, Law, Output, Outside, Site, SiteKind, Slots, Steps, System, TIME, Truth};
@@ -100,7 +100,7 @@ impl Law for QuadrotorPitch {
     }
 }
 
-/// Pitch angles both ways under a controller of the attitude, a binary sequence on each pair of rotors.
+/// Pitch angles in both directions with an attitude controller, and a binary sequence on each pair of rotors.
 fn drive(mut random: Random, period: f64) -> (Vec<f64>, Drive) {
     let (mut target, mut front, mut rear, mut lift) = (Steps::new(), Steps::new(), Steps::new(), Steps::new());
     let ms = 0.001 / period;
@@ -110,7 +110,7 @@ fn drive(mut random: Random, period: f64) -> (Vec<f64>, Drive) {
         let rear = rear.at(row, &mut random, (25.0 * ms, 150.0 * ms), |it| 0.3 * it.sign());
         let lift = lift.at(row, &mut random, (500.0 * ms, 2000.0 * ms), |it| it.uniform(5.0, 7.0));
         let (rate, pitch) = (read[0], read[1]);
-        // 6 rad/s and half of critical damping, for 0.015 kg m^2 on two arms of 0.2 m.
+        // The controller has 6 rad/s and half of critical damping, for 0.015 kg m^2 on two arms of 0.2 m.
         let half = (0.54 * (target - pitch) - 0.11 * rate) / 0.4;
         vec![lift + half.clamp(-1.0, 1.0) + front, lift - half.clamp(-1.0, 1.0) + rear]
     };

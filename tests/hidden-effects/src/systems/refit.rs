@@ -1,7 +1,9 @@
-//! Can another explanation leave the same trace? Traces are compared after everything that a diagnosis may choose was chosen.
+//! Decides whether another explanation has the same effect on the records. Records are compared after an optimal choice of everything that a
+//! diagnosis may choose.
 //!
-//! In: records without noise, a plant with a nominal file, causes with first numbers; the noise of an output that nobody recorded is infinite. Out: the least misfit, over the parameters within their tolerance, the starts of the records and the
-//! numbers of the causes, by the method of K. Levenberg, 1944, with differences. No list of effects that look alike: what looks alike is found by simulating it.
+//! In: records without noise, a plant with a nominal file, causes with first numbers; the noise of an output that was not recorded is infinite. Out:
+//! the smallest misfit over the parameters within their tolerance, the starts of the records and the numbers of the causes, by the method of K.
+//! Levenberg, 1944, with finite differences. There is no list of similar effects: similarity is determined by simulation.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -11,34 +13,35 @@ use crate::plant::Record;
 /// A record without noise, and the true outputs at its start.
 #[derive(Debug, Clone)]
 pub struct Trace {
-    /// The record, with what all sensors do but noise.
+    /// The record, with all sensor effects except noise.
     pub record: Record,
     /// Outputs at the start, before any sensor.
     pub start: Vec<f64>,
 }
 
-/// How far a parameter may be moved, in its standard deviations: beyond 2 a cause begins (docs/book/src/reference/formats.md 4.3), and an estimate errs.
+/// The permitted change of a parameter, in its standard deviations: beyond 2 it is a cause (docs/book/src/reference/formats.md 4.3), and an estimate
+/// has an error.
 const FREE: f64 = 2.5;
 
-/// Rows of a record that are compared.
+/// The number of compared rows of a record.
 const COMPARED: usize = 400;
 
-/// Steps of the method: each halves a misfit at least, or the next ones would not either.
+/// The number of steps of the method. If a step does not at least halve a misfit, further steps would not either.
 const STEPS: usize = 8;
 
-/// The best that an explanation can do.
+/// The best result of an explanation.
 #[derive(Debug, Clone)]
 pub struct Fitted {
-    /// Root mean square over the rows at the output where it is largest, in units of noise.
+    /// The root mean square over the rows at the output where it is largest, in units of noise.
     pub misfit: f64,
-    /// The causes with the numbers that give it.
+    /// The causes with the numbers of this result.
     pub causes: Vec<Cause>,
 }
 
-/// What may be chosen.
+/// An unknown of the fit.
 #[derive(Debug, Clone, Copy)]
 enum Unknown {
-    /// A parameter with a tolerance: its place, its standard deviation.
+    /// A parameter with a tolerance: its index, its standard deviation.
     Parameter(usize, f64),
     /// The start of an output: record, output.
     Start(usize, usize),
@@ -54,9 +57,9 @@ struct Problem<'a> {
     unknowns: Vec<Unknown>,
 }
 
-/// Numbers that are moved by a sum; all others are moved by a factor and keep their sign.
+/// Numbers that are changed by a sum; all others are changed by a factor and keep their sign.
 const BY_A_SUM: [&str; 5] = ["phase", "rest", "low", "high", "ambient"];
-/// Numbers that are not moved: whole ones, and one of which a trace is no smooth function.
+/// Numbers that are not changed: integers, and one of which a record is not a smooth function.
 const FIXED: [&str; 2] = ["cycles", "step"];
 
 impl Problem<'_> {
@@ -83,7 +86,7 @@ impl Problem<'_> {
         truth
     }
 
-    /// Misfits of a record in units of noise, by output, at the rows compared. What cannot be simulated is infinitely far.
+    /// Misfits of a record in units of noise, for each output, at the compared rows. A simulation that fails has an infinite misfit.
     fn misfits(&self, values: &[f64], which: usize) -> Vec<Vec<f64>> {
         let trace = &self.traces[which];
         let truth = self.truth(values);
@@ -134,7 +137,8 @@ fn worst(misfits: &[Vec<Vec<f64>>]) -> f64 {
     (0..outputs).map(of).fold(0.0, f64::max)
 }
 
-/// The least misfit of a nominal file with these causes to traces; their numbers are first guesses. It stops where the misfit is below `enough`.
+/// The smallest misfit of a nominal file with these causes for these records; the numbers of the causes are first guesses. It stops when the misfit
+/// is below `enough`.
 pub fn refit(file: &Truth, causes: &[Cause], traces: &[Trace], noise: &[f64], enough: f64) -> Fitted {
     let system = file.system;
     let is_error = |name: &str| causes.iter().any(|it| it.kind == "parameter-error" && it.at == name);
@@ -223,7 +227,7 @@ pub fn refit(file: &Truth, causes: &[Cause], traces: &[Trace], noise: &[f64], en
     Fitted { misfit: worst(&misfits), causes: problem.truth(&values).causes }
 }
 
-/// Solves a symmetric positive system of which the lower half is given, by A.-L. Cholesky's factors. A column that hangs on the others stays where it is.
+/// Solves a symmetric positive system, given by its lower half, with the factors of A.-L. Cholesky. The unknown of a dependent column is not changed.
 fn solve(mut a: Vec<Vec<f64>>, right: &[f64]) -> Vec<f64> {
     let n = right.len();
     for i in 0..n {
@@ -291,7 +295,7 @@ mod tests {
 
     #[test]
     fn a_system_of_three_is_solved() {
-        // (2 1 0; 1 3 1; 0 1 4) times (1, -2, 3).
+        // The product of (2 1 0; 1 3 1; 0 1 4) and (1, -2, 3).
         let a = vec![vec![2.0, 0.0, 0.0], vec![1.0, 3.0, 0.0], vec![0.0, 1.0, 4.0]];
         let x = solve(a, &[0.0, -2.0, 10.0]);
         assert!(x.iter().zip([1.0, -2.0, 3.0]).all(|(x, wanted)| (x - wanted).abs() < 1e-12), "{x:?}");

@@ -1,6 +1,7 @@
 //! `examples/plants/road-vehicle`: longitudinal motion of a car.
 //!
-//! In: torque at the wheels and slope of the road. Out: speed. The state is the speed of the wheels; where tyres slip, the speed of the car is another one.
+//! In: torque at the wheels and slope of the road. Out: speed. The state is the speed of the wheels; with tyre slip, the speed of the car is
+//! different.
 
 use super::body::{Body, Motion};
 use super::{Drive, Input, Law, Output, Outside, Site, SiteKind, Slots, Steps, System, TIME, Truth};
@@ -49,7 +50,7 @@ struct RoadVehicle {
     motion: Body,
     brake: f64,
     wind: f64,
-    /// Stiffness and state of tyres that slip.
+    /// Stiffness and state index of tyres with slip.
     tyre: Option<(f64, usize)>,
     outside: Outside,
     wheel: usize,

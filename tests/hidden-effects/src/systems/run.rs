@@ -1,6 +1,6 @@
-//! A plant along a record: inputs through their effects, the equations, sensors.
+//! A plant along a record: inputs with their effects, the equations, sensors.
 //!
-//! In: a true plant and what drives it. Out: columns without noise, and what sensors make of them. Steps are controlled by error: `flow.rs`.
+//! In: a true plant and its drive. Out: columns without noise, and with the sensor effects. Steps have error control: `flow.rs`.
 
 use super::{Cause, Drive, Law, Slots, System, TIME, Truth};
 use crate::flow::{Flow, STATES, State, Stepper};
@@ -15,7 +15,7 @@ enum OnInput {
     Throttle(f64),
     DeadBand(f64),
     Limit(f64, f64),
-    /// Time constant and state.
+    /// Time constant and state index.
     Lag(f64, usize),
 }
 
@@ -27,7 +27,7 @@ enum OnOutput {
     Drift(f64),
 }
 
-/// A plant with all that acts on it.
+/// A plant with all its effects.
 struct Flowing {
     law: Box<dyn Law>,
     inputs: Vec<Vec<OnInput>>,
@@ -49,7 +49,7 @@ impl Flowing {
         acting
     }
 
-    /// What enters each lag of an input.
+    /// Writes the rates of the lags of inputs.
     fn lagged(&self, y: &State, dy: &mut State) {
         for (held, effects) in self.held.iter().zip(&self.inputs) {
             let mut u = *held;
@@ -102,7 +102,7 @@ impl Flow for Flowing {
     }
 }
 
-/// A sensor that is late: the output, whole rows, and a rest in seconds.
+/// A delayed sensor: the output, whole rows, and a rest in seconds.
 struct Late {
     output: usize,
     rows: usize,
@@ -148,7 +148,7 @@ fn on_outputs(truth: &Truth) -> Vec<(usize, OnOutput)> {
 fn late(truth: &Truth, period: f64) -> Option<Late> {
     let cause = truth.causes.iter().find(|it| it.kind == "sensor-delay")?;
     let delay = cause.get("delay")?;
-    // A delay of 3 periods written as a decimal must not become 2.9999: a billionth of a period is rounding.
+    // A delay of 3 periods as a decimal must not become 2.9999: a billionth of a period is rounding.
     let rows = (delay / period + 1e-9).floor();
     let rest = delay - rows * period;
     Some(Late {
@@ -158,7 +158,7 @@ fn late(truth: &Truth, period: f64) -> Option<Late> {
     })
 }
 
-/// What sensors make of outputs before the noise.
+/// The effects of sensors on outputs, before the noise.
 fn sensed(effects: &[(usize, OnOutput)], mut read: Vec<f64>, time: f64) -> Vec<f64> {
     for (output, effect) in effects {
         let value = &mut read[*output];
@@ -171,7 +171,7 @@ fn sensed(effects: &[(usize, OnOutput)], mut read: Vec<f64>, time: f64) -> Vec<f
     read
 }
 
-/// Runs a true plant from true outputs. `drive` gives the inputs of a row from the true outputs just before it, as a controller would.
+/// Simulates a true plant from true outputs. `drive` computes the inputs of a row from the last true outputs, like a controller.
 pub fn run(truth: &Truth, start: &[f64], rows: usize, drive: &mut Drive) -> Record {
     let system: &System = truth.system;
     let period = system.period;
@@ -199,7 +199,7 @@ pub fn run(truth: &Truth, start: &[f64], rows: usize, drive: &mut Drive) -> Reco
     let first = drive(0, start);
     let mut flowing = Flowing { law, inputs, lags, held: first.clone(), scale };
     let mut y = [0.0; STATES];
-    // Lags start in balance: the value that enters each.
+    // Lags start in equilibrium, with the value of their input.
     for (held, effects) in flowing.held.iter().zip(&flowing.inputs) {
         let mut u = *held;
         for effect in effects {
@@ -268,14 +268,14 @@ pub fn run(truth: &Truth, start: &[f64], rows: usize, drive: &mut Drive) -> Reco
     record
 }
 
-/// Another plant under the inputs of a record, from true outputs.
+/// Simulates another plant with the inputs of a record, from true outputs.
 pub fn again(truth: &Truth, start: &[f64], inputs: &[Vec<f64>]) -> Record {
     let columns = inputs.to_vec();
     let mut drive: Drive = Box::new(move |row, _| columns.iter().map(|column| column[row]).collect());
     run(truth, start, inputs[0].len(), &mut drive)
 }
 
-/// What coarse, short and blind sensors make of readings, noise and all.
+/// Applies the effects of coarse, limited and blind sensors to noisy readings.
 pub fn finish(truth: &Truth, record: &mut Record) {
     for cause in &truth.causes {
         let Some(output) = truth.system.output(&cause.at) else { continue };

@@ -1,6 +1,6 @@
-//! Tanks and heat capacities with the effects that can stand on them.
+//! Tanks and heat capacities with the effects that are possible on them.
 //!
-//! In: numbers of effects. Out: the flow that they add. Formulas: docs/book/src/reference/plants.md, section 4.5.
+//! In: numbers of effects. Out: the additional flow. Formulas: docs/book/src/reference/plants.md, section 4.5.
 
 use super::{Site, Truth};
 
@@ -27,10 +27,10 @@ impl Store {
         }
     }
 
-    /// What flows in beside the equations.
+    /// The inflow in addition to that of the equations.
     pub fn flow(&self, content: f64, capacity: f64) -> f64 {
         let leak = self.conductance * (content - self.rest);
-        // 10 ms to settle.
+        // A time constant of 10 ms.
         let over = capacity * (content - self.rim).max(0.0) / 0.01;
         let radiated = self.radiation * (content.powi(4) - self.surroundings.powi(4));
         -leak - over - radiated

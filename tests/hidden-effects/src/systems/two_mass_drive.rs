@@ -1,6 +1,6 @@
-//! `examples/plants/two-mass-drive`: a motor turns a load through a shaft that twists.
+//! `examples/plants/two-mass-drive`: a motor drives a load through an elastic shaft.
 //!
-//! In: torque. Out: speeds of motor and load, angle of the load. The states are those two speeds, the angle of the motor and that of the load.
+//! In: torque. Out: speeds of motor and load, angle of the load. The states are the two speeds, the angle of the motor and that of the load.
 
 use super::body::{Body, Joint, Motion};
 use super::{Drive, Input, Law, Output, Outside, Site, SiteKind, Slots, Steps, System, TIME, Truth};
@@ -141,7 +141,7 @@ impl Law for TwoMassDrive {
     }
 }
 
-/// Speeds both ways, a third of them slow, under a soft controller of the speed; a binary sequence of torque on top.
+/// Speeds in both directions, a third of them slow, with a soft speed controller, and an additional binary sequence of torque.
 fn drive(mut random: Random, period: f64) -> (Vec<f64>, Drive) {
     let (mut target, mut binary) = (Steps::new(), Steps::new());
     let mut sense = random.sign();

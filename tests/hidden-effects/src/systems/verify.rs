@@ -1,6 +1,7 @@
-//! Every effect at every place of the plants of `examples/plants/`, without noise, for a comparison with another simulation of the same text.
+//! Every effect at every place of the plants of `examples/plants/`, without noise, for comparison with another simulation of the same text.
 //!
-//! In: a seed. Out: plant files with one effect each, records that this package's plants made of them, and the distance of another simulation from those records in units of noise.
+//! In: a seed. Out: plant files with one effect each, records of this package's plants with it, and the distance of another simulation from these
+//! records in units of noise.
 
 use super::{ALL, System, Truth, draw, files, run};
 use crate::plant::Record;
@@ -11,19 +12,19 @@ use crate::random::Random;
 pub struct Check {
     /// `gear-motor, coulomb-friction:shaft`
     pub name: String,
-    /// Which plant.
+    /// The plant.
     pub system: &'static System,
     /// The file, with the effect.
     pub plant_file: String,
     /// The record, without noise.
     pub record: Record,
-    /// Step of a coarse sensor, by output.
+    /// The step of a coarse sensor, for each output.
     steps: Vec<Option<f64>>,
     /// The largest difference between this record and the one without the effect, in units of noise.
     pub visible: f64,
 }
 
-/// The largest distance that two right simulations may have, in units of noise: as for the other plants, see `verification::Check::allowed`.
+/// The largest permitted distance of two correct simulations, in units of noise: as for the other plants, see `verification::Check::allowed`.
 pub const ALLOWED: f64 = 0.1;
 
 impl Check {
@@ -43,7 +44,7 @@ fn largest(system: &System, ours: &[Vec<f64>], others: &[Vec<f64>], steps: &[Opt
     for (place, output) in system.outputs.iter().enumerate() {
         for (row, (one, other)) in ours[place].iter().zip(&others[place]).enumerate() {
             let mut apart = (one - other).abs();
-            // Two simulations may round a value on the edge to either side: a whole step says nothing, more says something.
+            // Two simulations may round a value at the edge to either side: a difference of exactly one step is not an error, a larger one is.
             if let Some(step) = steps[place] {
                 apart = apart.min((apart - step).abs());
             }
@@ -56,7 +57,7 @@ fn largest(system: &System, ours: &[Vec<f64>], others: &[Vec<f64>], steps: &[Opt
     worst
 }
 
-/// Each plant without effects, then with every one at every place. `quick` cuts the records to an eighth.
+/// Each plant without effects, then with every effect at every place. `quick` cuts the records to an eighth.
 pub fn checks(seed: u64, quick: bool) -> Vec<Check> {
     let mut checks = vec![];
     for system in ALL {
@@ -77,7 +78,7 @@ fn check(system: &'static System, effect: Option<(&str, &str)>, seed: u64, quick
     let rows = if quick { system.rows / 8 } else { system.rows };
     let (start, mut drive) = (system.drive)(random, system.period);
     let mut record = run::run(&truth, &start, rows, &mut drive);
-    // A file says what the sensors read at the start; what rounds or clips tells no truth and is left out.
+    // A file gives the sensor readings at the start. Values of a sensor that rounds or clips are not true, so they are omitted.
     let read: Vec<f64> = record.outputs.iter().map(|column| column[0]).collect();
     run::finish(&truth, &mut record);
     let without = run::again(&bare, &start, &record.inputs);
