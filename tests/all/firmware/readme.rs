@@ -86,12 +86,20 @@ fn with_lines(text: &str, lines: &[String]) -> String {
     kept.collect()
 }
 
+/// The tables of a page that have one of these lines, for `cargo xtask bench loops`.
+fn tables(text: &str, lines: &[String]) -> Vec<String> {
+    let paragraphs = text.split("\n\n");
+    paragraphs.filter(|it| it.lines().any(|row| lines.iter().any(|line| line == row))).map(|it| format!("{it}\n")).collect()
+}
+
 #[test]
 fn the_readme_tells_the_costs_of_the_budget_and_the_sizes_of_the_states() {
     let _alone = PAGE.lock().unwrap_or_else(PoisonError::into_inner);
     bless_page();
     let text = std::fs::read_to_string(page()).expect("the README");
-    for line in lines() {
+    let lines = lines();
+    tables(&text, &lines).iter().for_each(|table| println!("{table}"));
+    for line in lines {
         assert!(
             text.lines().any(|found| found == line),
             "{}: expected the line `{line}`; run with RSM_BLESS=1",
