@@ -245,7 +245,7 @@ fn the_surfaces_err_and_cost_what_the_budget_and_the_book_say() {
             assert!(readme.contains(&figure), "README.md must say `{figure}`");
         }
     }
-    println!("{text}\n{rows}");
+    println!("{text}\n{TITLES}\n{}\n{rows}", "| --- ".repeat(TITLES.matches(" |").count()) + "|");
     let path = example().join("budget.txt");
     if std::env::var_os("RSM_BLESS").is_some() && builds::emulated() {
         std::fs::write(&path, &text).expect("the budget can be written");
@@ -256,10 +256,13 @@ fn the_surfaces_err_and_cost_what_the_budget_and_the_book_say() {
         assert!(same, "{}: no line agrees with `{line}`", path.display());
     }
     let book = std::fs::read_to_string(cases::root().join("docs/book/src/results/demo.md")).expect("a page of the book");
-    for row in rows.lines() {
+    for row in std::iter::once(TITLES).chain(rows.lines()) {
         assert!(book.lines().any(|line| line == row), "docs/book/src/results/demo.md must have the line\n{row}");
     }
 }
+
+/// The titles of the table in the book.
+const TITLES: &str = "| controller | angle, deg: mean / p99 / largest | torque, N m: mean / p99 | instructions, mean | instructions, most | flash, bytes |";
 
 /// Whole numbers are equal; errors may differ by the last digit that is printed, because the angles come from the C library.
 fn agrees(allowed: &str, found: &str) -> bool {

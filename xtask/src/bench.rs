@@ -14,10 +14,15 @@ const SECONDS: u32 = 10;
 /// Times, then prints the tables.
 pub(crate) fn run(words: &[&str]) -> bool {
     if words == ["loops"] {
-        let tests =
-            ["every_step_costs_the_same_for_every_input", "the_firmware_in_rust_has_the_bits", "the_surfaces_err_and_cost"];
+        let tests = [
+            "every_step_costs_the_same_for_every_input",
+            "the_firmware_in_rust_has_the_bits",
+            "the_readme_tells_the_costs",
+            "the_surfaces_err_and_cost",
+        ];
         let mut loops = cargo(&["test", "--quiet", "--workspace", "--test", "across", "--"]);
-        loops.args(tests).arg("--nocapture");
+        // One after another, so that their lines do not mix.
+        loops.args(tests).args(["--nocapture", "--test-threads", "1"]);
         let mut run = Run::new();
         run.command("loops", loops);
         federation::add(&mut run, SECONDS);

@@ -227,7 +227,8 @@ pub fn emulate_with(program: &Path, speed: &str, word: &str) -> Vec<String> {
     lines(&mut qemu)
 }
 
-fn lines(command: &mut Command) -> Vec<String> {
+/// The lines that a command prints.
+pub fn lines(command: &mut Command) -> Vec<String> {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{command:?}: {}\n{said}", output.status);

@@ -3,6 +3,7 @@
 pub mod builds;
 mod faults;
 mod image;
+mod linked;
 mod readme;
 mod rig;
 mod rust;
@@ -254,7 +255,7 @@ fn the_steps_on_a_cortex_m4f_have_no_branch_and_call_evaluators_only() {
     assert_eq!(branches("f", &lines), [&lines[1], &lines[4], &lines[6]]);
 }
 
-/// The allowed cost of a step, `budget.txt`: a line for each step and optimisation level with instructions and bytes of stack; and a line for each object and level with bytes of flash and RAM.
+/// The allowed cost of a step, `budget.txt`: a line for each step and optimisation level with instructions, with bytes of stack and with bytes of flash; and a line for each object and level with bytes of flash and RAM.
 #[test]
 fn every_step_costs_the_same_for_every_input_and_no_more_than_its_budget() {
     if !builds::emulated() {
@@ -279,7 +280,16 @@ fn every_step_costs_the_same_for_every_input_and_no_more_than_its_budget() {
             found.push((format!("{step} {level} instructions"), kinds.keys().copied().collect()));
         }
         for (object, step) in STEPS {
+            // The evaluators are inlined, and the constants follow the instructions: frame and section of the step are all that it takes.
+            let functions = builds::cortex_functions(&build.object(object));
+            let (_, lines) = functions.iter().find(|(function, _)| function == step).expect("the step");
+            let calls: Vec<&String> = lines.iter().filter(|line| line.starts_with("-> ") || line.starts_with("bl")).collect();
+            assert!(calls.is_empty(), "{level}: {step} calls functions, whose stack and flash are not counted: {calls:?}");
             found.push((format!("{step} {level} stack"), vec![build.stack(object, step)]));
+            found.push((
+                format!("{step} {level} flash"),
+                vec![builds::cortex_section(&build.object(object), &format!(".text.{step}"))],
+            ));
         }
         for interrupt in image::INTERRUPTS {
             found.push((format!("{interrupt} {level} stack"), vec![build.stack(builds::IMAGE, interrupt)]));
@@ -291,7 +301,7 @@ fn every_step_costs_the_same_for_every_input_and_no_more_than_its_budget() {
     }
     found.sort();
     let mut text = String::from(
-        "# What the steps may cost on a Cortex-M4F: instructions of a call, evaluators included, the same for every input; bytes of stack of a call; bytes of flash and RAM of an object.\n\
+        "# What the steps may cost on a Cortex-M4F: instructions of a call, evaluators included, the same for every input; bytes of stack of a call; bytes of flash of a step; bytes of flash and RAM of an object.\n\
          # Counted by tests/all/firmware; RSM_BLESS=1 writes it. arm-none-eabi-gcc 12.2, the evaluators in f32.\n",
     );
     for (name, numbers) in &found {

@@ -18,24 +18,28 @@ fn budget(name: &str, level: &str, what: &str) -> String {
     line.unwrap_or_else(|| panic!("budget.txt has no line `{name}`")).trim().to_string()
 }
 
-/// The instructions of a step in Rust.
-fn in_rust(step: &str) -> String {
+/// A number of the budget in Rust.
+fn in_rust(name: &str, what: &str) -> String {
     let budget = std::fs::read_to_string(builds::firmware().join("rust/budget.txt")).expect("the budget in Rust");
-    let line = budget.lines().find_map(|line| line.strip_prefix(step)?.strip_prefix(' '));
-    line.unwrap_or_else(|| panic!("rust/budget.txt has no line `{step}`")).trim().to_string()
+    let name = format!("{name} {what} ");
+    let line = budget.lines().find_map(|line| line.strip_prefix(name.as_str()));
+    line.unwrap_or_else(|| panic!("rust/budget.txt has no line `{name}`")).trim().to_string()
+}
+
+/// The numbers at both levels in C, then that in Rust.
+fn row(name: &str, what: &str) -> String {
+    let [o2, os] = ["-O2", "-Os"].map(|level| budget(name, level, what));
+    format!("{o2} | {os} | {}", in_rust(name, what))
 }
 
 /// The lines of the tables, as they must stand.
 fn lines() -> Vec<String> {
-    let levels = ["-O2", "-Os"];
     let costs = STEPS.map(|(_, step)| {
-        let [instructions, stack] =
-            ["instructions", "stack"].map(|what| levels.map(|level| budget(step, level, what)).join(" | "));
-        format!("| `{step}` | {instructions} | {} | {stack} |", in_rust(step))
+        let rows = ["instructions", "stack", "flash"].map(|what| row(step, what));
+        format!("| `{step}` | {} |", rows.join(" | "))
     });
     let interrupts = INTERRUPTS.into_iter().chain(["both-interrupts"]);
-    let interrupts =
-        interrupts.map(|name| format!("| `{name}` | {} |", levels.map(|level| budget(name, level, "stack")).join(" | ")));
+    let interrupts = interrupts.map(|name| format!("| `{name}` | {} |", row(name, "stack")));
     // Words of 4 bytes only, in Rust and in C: neither has padding.
     let states = [
         ("motor_reference_state", size_of::<ReferenceState>()),
@@ -82,12 +86,20 @@ fn with_lines(text: &str, lines: &[String]) -> String {
     kept.collect()
 }
 
+/// The tables of a page that have one of these lines, for `cargo xtask bench loops`.
+fn tables(text: &str, lines: &[String]) -> Vec<String> {
+    let paragraphs = text.split("\n\n");
+    paragraphs.filter(|it| it.lines().any(|row| lines.iter().any(|line| line == row))).map(|it| format!("{it}\n")).collect()
+}
+
 #[test]
 fn the_readme_tells_the_costs_of_the_budget_and_the_sizes_of_the_states() {
     let _alone = PAGE.lock().unwrap_or_else(PoisonError::into_inner);
     bless_page();
     let text = std::fs::read_to_string(page()).expect("the README");
-    for line in lines() {
+    let lines = lines();
+    tables(&text, &lines).iter().for_each(|table| println!("{table}"));
+    for line in lines {
         assert!(
             text.lines().any(|found| found == line),
             "{}: expected the line `{line}`; run with RSM_BLESS=1",

@@ -63,10 +63,11 @@ impl Default for Between {
     }
 }
 
-/// Every 0.1 ms, with the higher priority.
+/// Every 0.1 ms, with the higher priority. `inline(never)`, so that its frame of the stack has a name of its own, which a test reads.
 ///
 /// # Safety
 /// No other than this interrupt calls it.
+#[inline(never)]
 pub unsafe fn current_interrupt(state: &mut CurrentState, drive: &Drive, between: &Between, board: &mut impl Bridge) {
     // SAFETY: the references' interrupt is the only writer, and cannot run in between.
     let reference = unsafe { between.reference.take() };
@@ -97,10 +98,11 @@ pub struct Slow {
     pub periods_before: u32,
 }
 
-/// Every millisecond, with the lower priority. Feeds the watchdog if the currents were controlled in the meantime.
+/// Every millisecond, with the lower priority. Feeds the watchdog if the currents were controlled in the meantime. `inline(never)` as above.
 ///
 /// # Safety
 /// No other than this interrupt calls it.
+#[inline(never)]
 pub unsafe fn reference_interrupt(state: &mut Slow, drive: &Drive, between: &Between, board: &mut impl Driver) {
     // SAFETY: the only reader; the writer comes every 0.1 ms.
     let seen = unsafe { between.seen.take() };

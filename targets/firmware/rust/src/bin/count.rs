@@ -7,7 +7,7 @@ use core::panic::PanicInfo;
 
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hprintln};
-use firmware::{board, nominal};
+use firmware::{board, nominal, stack};
 use motor_loop::{CurrentState, Demand, Measured, ReferenceState, References, currents, references};
 use throttle_loop::raw::{Counts, RawState, Scaling, raw_step};
 use throttle_loop::{Inputs, State, step};
@@ -65,6 +65,43 @@ fn main() -> ! {
             black_box(raw_step(black_box(&mut raw), black_box(&Scaling::BOARD), black_box(&counts)));
         });
         print("throttle_raw_step", raw_cost);
+    }
+    let measured = Measured { currents_a: [0.0; 3], angle_turns: 0.0, speed_rad_s: 0.0, bus_voltage_v: 270.0 };
+    let demand = Demand { torque_nm: 9.0, speed_rad_s: 600.0, bus_voltage_v: 270.0, voltage_share: 0.5 };
+    let inputs = Inputs { pedal: 0.5, speed_m_s: 5.0, gear: 2, clutch: false };
+    let counts = Counts { pedal: 2000, plate: 1000, speed: 800, lines: 2 };
+    let none = stack::used_by(|| {
+        black_box(&drive);
+    });
+    let bytes = [
+        ("nothing", none),
+        (
+            "motor_references",
+            stack::used_by(|| {
+                black_box(references(black_box(&mut outer), black_box(&drive), black_box(&demand)));
+            }),
+        ),
+        (
+            "motor_currents",
+            stack::used_by(|| {
+                black_box(currents(black_box(&mut inner), black_box(&drive), black_box(&wanted), black_box(&measured)));
+            }),
+        ),
+        (
+            "throttle_step",
+            stack::used_by(|| {
+                black_box(step(black_box(&mut state), black_box(&inputs)));
+            }),
+        ),
+        (
+            "throttle_raw_step",
+            stack::used_by(|| {
+                black_box(raw_step(black_box(&mut raw), black_box(&Scaling::BOARD), black_box(&counts)));
+            }),
+        ),
+    ];
+    for (step, bytes) in bytes {
+        hprintln!("{} stack {}", step, bytes);
     }
     debug::exit(debug::EXIT_SUCCESS);
     loop {}

@@ -4,7 +4,7 @@
 //! have the result of the references before the outer step, or of those after it; the outer one must have the result of the samples before or after the inner step. Under `-icount shift=6` an instruction takes
 //! 64 ns and a tick 40 ns, so every instruction is tested.
 //!
-//! Out: a line "at ADDRESS" for every address at which the outer interrupt was interrupted, then the counts.
+//! Out: a line "at ADDRESS" for every address at which the outer interrupt was interrupted, then the counts, the floating-point context, and bytes of stack.
 #![no_std]
 #![no_main]
 
@@ -17,7 +17,7 @@ use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hprintln};
 use firmware::image::{Between, Bridge, Driver, PERIODS, Slow, current_interrupt, reference_interrupt};
 use firmware::own::Own;
-use firmware::{board, nominal};
+use firmware::{board, nominal, stack};
 use motor_loop::{Command, CurrentState, Direction, Drive, Measured};
 use throttle_loop::raw::Counts;
 
@@ -159,7 +159,6 @@ fn inner(state: &mut CurrentState, drive: &Drive, held: &mut Held) {
     unsafe { current_interrupt(state, drive, &BETWEEN, held) };
 }
 
-#[inline(never)]
 fn outer(state: &mut Slow, drive: &Drive, held: &mut Held) {
     // SAFETY: the one caller; what interrupts it takes what is between by its handovers.
     unsafe { reference_interrupt(state, drive, &BETWEEN, held) };
@@ -198,6 +197,7 @@ fn main() -> ! {
     // SAFETY: no interrupt is enabled.
     unsafe { *INNER.of() = Some(Inner { state: start.fast.clone(), after, drive, held }) };
     let mut trials = 0u32;
+    let top = stack::paint();
     // Without and with a watchdog to be fed.
     for periods_before in [BEFORE, BEFORE - PERIODS] {
         start.slow.periods_before = periods_before;
@@ -218,20 +218,22 @@ fn main() -> ! {
             ticks += 1;
         }
     }
+    let stack = stack::used(top);
     for (k, _) in MARKED.iter().enumerate().filter(|(_, mark)| mark.load(Relaxed) != 0) {
         hprintln!("at {:x}", 2 * k);
     }
     let [hits, wrong, extended] = [&HITS, &WRONG, &EXTENDED].map(|count| count.load(Relaxed));
     let [before, after] = [&FOLLOWED[0], &FOLLOWED[1]].map(|count| count.load(Relaxed));
     hprintln!(
-        "trials {} hits {} before {} after {} wrong {} extended {} fpccr {:08x}",
+        "trials {} hits {} before {} after {} wrong {} extended {} fpccr {:08x} stack {}",
         trials,
         hits,
         before,
         after,
         wrong,
         extended,
-        board::fpccr()
+        board::fpccr(),
+        stack
     );
     debug::exit(debug::EXIT_SUCCESS);
     loop {}
