@@ -14,7 +14,7 @@ const PAGES: [(&str, &[&str]); 13] = [
     ("constrain.md", &["toml"]),
     ("cortex-m.md", &["sh"]),
     // The Rust of `design.md`, `fit.md` and `embed-rust.md` is compiled as documentation tests of the crates `rsm` and `rsm-macros`.
-    ("design.md", &["toml", "sh", "toml", "sh", "rust"]),
+    ("design.md", &["toml", "sh", "toml", "sh", "sh", "rust"]),
     ("diagnose-plant.md", &["toml", "sh"]),
     ("diagnose-surface.md", &["sh"]),
     ("embed-c.md", &["sh", "c", "c"]),
@@ -77,6 +77,9 @@ fn the_guides_to_fits_constraints_and_designs_do_what_they_say() {
     write("optimal.toml", &block("design.md", 2));
     let text = run(&block("design.md", 3), folder.path());
     assert!(text.contains("40 runs"), "{text}");
+    // The design that is made, and the file of its runs.
+    let text = run(&block("design.md", 4), folder.path());
+    assert!(text.contains("dynamometer, optimal: 40 runs") && text.contains("plan.csv: 40 runs"), "{text}");
 }
 
 /// A C program whose `main` runs some statements of a guide after a few of its own.

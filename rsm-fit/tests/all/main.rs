@@ -4,6 +4,7 @@ mod analysis;
 mod constraint_family;
 mod constraints;
 mod data;
+mod evaluation;
 mod folders;
 mod forms;
 mod honest;
