@@ -271,7 +271,8 @@ fn a_region_with_a_condition_and_blocks_has_the_numbers_of_another_computation()
 
 #[test]
 fn the_power_of_a_factorial_is_that_of_its_closed_form() {
-    // Sixteen runs of 2^4, first order: variance 1/16, 11 degrees of freedom. An effect of two standard deviations is a coefficient of one: noncentrality 4.
+    // Sixteen runs of 2^4, first order: variance 1/16, 11 degrees of freedom. An effect of two standard deviations is a coefficient of one:
+    // noncentrality 4.
     let factors = ["a", "b", "c", "d"].map(|name| Factor::at(name, "1", [-1.0, 1.0]));
     let found = Experiment::full_factorial(factors).order(1).evaluate().unwrap();
     assert_eq!(found.freedom.residual, 11);

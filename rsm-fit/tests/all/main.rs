@@ -12,6 +12,7 @@ mod in_memory;
 mod ladder;
 mod nist;
 mod optimal;
+mod optimise;
 mod plans;
 mod real;
 mod recursive;

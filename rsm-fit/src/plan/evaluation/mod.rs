@@ -1,10 +1,10 @@
 //! The evaluation of a design before it is run: what its runs can determine, for the terms of a model.
 //!
-//! In: a [`DesignSpecification`] (factors, terms, region) and [`Runs`]. Out: an [`Evaluation`]. No response is needed. The definitions are those of the
-//! search for optimal designs: rows of coded terms, contrasts of blocks after them, the same region and the same moments.
+//! In: a [`DesignSpecification`] (factors, terms, region) and [`Runs`]. Out: an [`Evaluation`]. No response is needed. The definitions are those of
+//! the search for optimal designs: rows of coded terms, contrasts of blocks after them, the same region and the same moments.
 //!
-//! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, chapter 8 (efficiencies, scaled variance, alias matrix); Kiefer, Wolfowitz
-//! 1960 (the bound of G); Zahran, Anderson-Cook, Myers 2003 (fraction of design space); Marquardt 1970 (variance inflation).
+//! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, chapter 8 (efficiencies, scaled variance, alias matrix); Kiefer,
+//! Wolfowitz 1960 (the bound of G); Zahran, Anderson-Cook, Myers 2003 (fraction of design space); Marquardt 1970 (variance inflation).
 
 mod basis;
 mod power;

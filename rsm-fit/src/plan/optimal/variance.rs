@@ -1,15 +1,15 @@
 //! The variance of a prediction over the region: its value, and its maximum.
 //!
-//! In: a [`Space`] and the inverse of X'X for its terms. Out: f'(X'X)^-1 f, in units of the variance of the noise. Along a line it is a polynomial, so
-//! the maximum along a line is exact. The maximum over the region is the best of many searches from different points; nothing proves it.
+//! In: a [`Space`] and the inverse of X'X for its terms. Out: f'(X'X)^-1 f, in units of the variance of the noise. Along a line it is a polynomial,
+//! so the maximum along a line is exact. The maximum over the region is the best of many searches from different points; nothing proves it.
 
 use super::exchange::{Measure, Task, directions};
 use super::space::Space;
 use crate::plan::design::Criterion;
 
 /// The number of searches from the largest values at the runs and at random points, each, and of searches from points spread over the region. On the
-/// 29 published designs of `tests/all/evaluation.rs`, whose maxima are certified, they find every maximum; 48 spread points along factors alone missed
-/// one by 0.3 %.
+/// 29 published designs of `tests/all/evaluation.rs`, whose maxima are certified, they find every maximum; 48 spread points along factors alone
+/// missed one by 0.3 %.
 const FROM_LARGEST: usize = 48;
 const FROM_SPREAD: usize = 192;
 
