@@ -32,8 +32,8 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 
 use commands::equations::{effects, inspect, linearise};
 use commands::{
-    check, completions, cosim, demo, design, diagnose, emit, eval, experiment, federate, fit, import, man, simulate, stream,
-    sweep,
+    check, completions, cosim, demo, design, diagnose, emit, eval, experiment, federate, fit, import, man, optimise, simulate,
+    stream, sweep,
 };
 
 /// Fits response surfaces to measured data, emits them as Rust or C, and diagnoses simulations.
@@ -57,6 +57,8 @@ enum Command {
     Fit(fit::Arguments),
     /// Evaluate a surface with the interpreter
     Eval(eval::Arguments),
+    /// Find the best settings for several responses of a model, or a front of them
+    Optimise(optimise::Arguments),
     /// Check a model file and certify range and rounding error of its surfaces
     Check(check::Arguments),
     /// Emit evaluators as Rust or C
@@ -97,6 +99,7 @@ fn main() -> ExitCode {
         Command::Experiment(arguments) => experiment::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
+        Command::Optimise(arguments) => optimise::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Emit(arguments) => emit::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),

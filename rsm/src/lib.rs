@@ -74,7 +74,8 @@ pub use rsm_core::source::{Faults, Source};
 pub use rsm_core::{certificate, compile, emit, lower};
 pub use rsm_diagnose::{plant, surface};
 pub use rsm_fit::fit::{Outcome, fit};
-pub use rsm_fit::plan::{Alpha, Experiment, Factor, Plan};
+pub use rsm_fit::optimise::{Front, Goal, Optimum, Study};
+pub use rsm_fit::plan::{Alpha, Evaluation, Experiment, Factor, Plan, Runs};
 pub use rsm_fit::spec::{Constraint, Specification};
 pub use rsm_fit::{Fit, Input, Refused, Response, Select, Verdict};
 pub use rsm_sim::equation_plant;
@@ -96,4 +97,6 @@ mod guides {
     struct EmbedRust;
     #[doc = include_str!("../../docs/book/src/guides/fit.md")]
     struct Fit;
+    #[doc = include_str!("../../docs/book/src/guides/optimise.md")]
+    struct Optimise;
 }

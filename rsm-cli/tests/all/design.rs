@@ -164,3 +164,89 @@ fn a_fraction_tells_its_aliases_and_screening_and_sobol_have_their_runs() {
     written("design = \"latin-hypercube\"\ncriterion = \"maximin\"\nruns = 20", &["a", "b", "c"]);
     assert_eq!(json(&design(&["--json"]))["runs"], 20);
 }
+
+#[test]
+fn a_design_is_evaluated_in_words_and_as_json() {
+    let here = folder();
+    let factor = |name: &str| format!("[factors.{name}]\nunit = \"1\"\nrange = [-1, 1]\n");
+    let specification = format!(
+        "format = 1\nplan = \"p\"\nseed = 1\ndesign = \"central-composite\"\nalpha = \"rotatable\"\ncentre_points = 5\n{}{}",
+        factor("a"),
+        factor("b")
+    );
+    std::fs::write(here.path().join("plan.toml"), specification).unwrap();
+    let design = |words: &[&str]| rsm(&[&["design", "plan.toml"], words].concat(), here.path());
+    let output = design(&["--evaluate"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text_of(&output));
+    let words = text(&output.stdout);
+    for expected in [
+        "p, central-composite: 13 runs of 9 points, 6 parameters\n",
+        "7 of the residual, 3 of lack of fit, 4 of pure error\n",
+        "leverage: mean 0.462, largest 0.625 of runs",
+        "a^2      0.14375     1.017",
+        "a: +1.50 a^3, +0.50 a*b^2\n",
+    ] {
+        assert!(words.contains(expected), "{expected}: {words}");
+    }
+    let found = json(&design(&["--evaluate", "--json"]));
+    assert_eq!(
+        keys(&found),
+        [
+            "aliases",
+            "dependent",
+            "design",
+            "efficiency",
+            "file",
+            "freedom",
+            "leverage",
+            "parameters",
+            "plan",
+            "points",
+            "prediction",
+            "rank",
+            "runs",
+            "runs_outside",
+            "terms",
+            "terms_of_model"
+        ]
+    );
+    assert_eq!(keys(&found["efficiency"]), ["a", "d", "g", "i"]);
+    assert_eq!(keys(&found["prediction"]), ["at", "max", "mean", "quantiles", "sample"]);
+    assert_eq!(keys(&found["terms"][1]), ["estimable", "power", "powers", "term", "variance", "vif"]);
+    assert!((found["leverage"]["largest"].as_f64().unwrap() - 0.625).abs() < 1e-12);
+    // The plan is written too, if a place is given; its file has the same numbers.
+    assert!(!here.path().join("plan.csv").exists());
+    let written = json(&design(&["--evaluate", "--json", "--out", "plan.csv"]));
+    assert_eq!(written, found);
+    let read = json(&design(&["--evaluate", "plan.csv", "--json"]));
+    assert_eq!((&read["file"], &read["design"]), (&"plan.csv".into(), &serde_json::Value::Null));
+    assert_eq!((&read["terms"], &read["leverage"]), (&found["terms"], &found["leverage"]));
+}
+
+#[test]
+fn runs_that_determine_too_little_are_a_negative_answer_and_bad_ones_are_refused() {
+    let here = folder();
+    let factor = |name: &str| format!("[factors.{name}]\nunit = \"1\"\nlevels = [-1, 1]\n");
+    let specification = format!("format = 1\nplan = \"p\"\nseed = 1\n{}{}", factor("a"), factor("b"));
+    std::fs::write(here.path().join("plan.toml"), specification).unwrap();
+    let design = |words: &[&str]| rsm(&[&["design", "plan.toml"], words].concat(), here.path());
+    let output = design(&["--evaluate"]);
+    let words = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(words.contains("the runs determine 4 of 6 parameters") && words.contains("    a^2 = 1\n    b^2 = 1\n"), "{words}");
+    assert!(words.contains("these terms cannot be estimated: 1, a^2, b^2\n"), "{words}");
+    std::fs::write(here.path().join("runs.csv"), "run[1],a[1],b[m]\n1,0,0\n").unwrap();
+    let output = design(&["--evaluate", "runs.csv"]);
+    assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
+    assert!(text_of(&output).starts_with("runs.csv:1: column 3 `b`: "), "{}", text_of(&output));
+    for words in [&["--evaluate", "runs.csv", "--out", "x.csv"][..], &["--evaluate", "runs.csv", "--augment", "runs.csv"], &[]]
+    {
+        let output = design(words);
+        assert_eq!(output.status.code(), Some(2), "{words:?}");
+        assert!(!here.path().join("x.csv").exists());
+    }
+}
+
+fn text_of(output: &std::process::Output) -> String {
+    text(&output.stderr)
+}

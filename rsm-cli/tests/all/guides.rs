@@ -8,13 +8,13 @@ const DATA: &str = "torque[N*m],speed[rpm],angle[deg]\n0,6500,14.1\n0,7500,34.8\
                     5,7000,25.8\n0,7000,24.7\n10,7000,32.2\n";
 
 /// The languages of the blocks of each page, in order. A new block needs a test, here or where the comment says.
-const PAGES: [(&str, &[&str]); 13] = [
+const PAGES: [(&str, &[&str]); 14] = [
     // Its commands test the project itself: `the_commands_for_a_new_effect_exist`.
     ("add-effect.md", &["sh"]),
     ("constrain.md", &["toml"]),
     ("cortex-m.md", &["sh"]),
-    // The Rust code of `design.md`, `fit.md` and `embed-rust.md` is compiled as documentation tests of the crates `rsm` and `rsm-macros`.
-    ("design.md", &["toml", "sh", "toml", "sh", "rust"]),
+    // The Rust code of `design.md`, `fit.md`, `optimise.md` and `embed-rust.md` is compiled as documentation tests of the crates `rsm` and `rsm-macros`.
+    ("design.md", &["toml", "sh", "toml", "sh", "sh", "rust"]),
     ("diagnose-plant.md", &["toml", "sh"]),
     ("diagnose-surface.md", &["sh"]),
     ("embed-c.md", &["sh", "c", "c"]),
@@ -23,6 +23,7 @@ const PAGES: [(&str, &[&str]); 13] = [
     ("federation.md", &["sh", "sh", "sh", "sh", "sh"]),
     ("fit.md", &["toml", "sh", "rust", "rust"]),
     ("import.md", &["sh"]),
+    ("optimise.md", &["toml", "sh", "sh", "rust"]),
     ("own-plant.md", &["modelica", "toml", "sh", "sh", "toml", "toml", "sh", "sh", "c", "sh"]),
     // The test is `the_guide_to_sweeps_does_what_it_says`, except for the last block, which installs packages and starts hosts. The command of its
     // last line is tested in `sweep.rs`.
@@ -78,6 +79,23 @@ fn the_guides_to_fits_constraints_and_designs_do_what_they_say() {
     write("optimal.toml", &block("design.md", 2));
     let text = run(&block("design.md", 3), folder.path());
     assert!(text.contains("40 runs"), "{text}");
+    // The design that is made, and the file of its runs.
+    let text = run(&block("design.md", 4), folder.path());
+    assert!(text.contains("dynamometer, optimal: 40 runs") && text.contains("plan.csv: 40 runs"), "{text}");
+}
+
+#[test]
+fn the_guide_to_best_settings_does_what_it_says() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(of_the_project("examples/tyre/tyre.toml"), folder.path().join("tyre.toml")).unwrap();
+    // The study of the guide is that of the example.
+    assert_eq!(block("optimise.md", 0), read("examples/tyre/goals.toml"));
+    std::fs::write(folder.path().join("goals.toml"), block("optimise.md", 0)).unwrap();
+    let text = run(&block("optimise.md", 1), folder.path());
+    assert!(text.contains("total desirability 0.58") && text.contains("of 32 searches ended there"), "{text}");
+    run(&block("optimise.md", 2), folder.path());
+    let front = std::fs::read_to_string(folder.path().join("front.csv")).unwrap();
+    assert!(front.starts_with("silica[1],silane[1],sulphur[1],abrasion[1],"), "{front}");
 }
 
 /// A C program whose `main` runs some statements of a guide, between statements of the test.

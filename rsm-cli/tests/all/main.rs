@@ -13,6 +13,7 @@ mod libhelics;
 mod limits;
 mod made_up_runs;
 mod motor;
+mod optimise;
 mod pages;
 mod ports;
 mod readme;

@@ -5,11 +5,11 @@
 
 use rsm_core::source::{Collector, Fault, Faults};
 
-use super::Plan;
 use super::design::{Condition, Criterion, Design, Factor, MOST_RUNS, Optimum};
 use super::points::{box_behnken_groups, rotatable_alpha};
 use super::rules::{MOST_FACTORS, MOST_ORDER, check_names, check_size};
 use super::spec::{DesignSpecification, IN_MEMORY};
+use super::{Evaluation, Plan, Runs};
 use crate::design::{count_of_terms, monomials_up_to};
 use crate::spec::MOST_TERMS;
 use crate::units;
@@ -253,6 +253,43 @@ impl Experiment {
         let mut faults = Collector::new();
         let specification = self.specification(&mut faults);
         Plan::make(&faults.finish(Some(specification))?)
+    }
+
+    /// Evaluates the design that [`Experiment::plan`] makes, for the terms up to [`Experiment::order`].
+    ///
+    /// # Errors
+    /// Those of [`Experiment::plan`] and of [`DesignSpecification::evaluate`].
+    ///
+    /// ```
+    /// use rsm_fit::plan::{Alpha, Experiment, Factor};
+    ///
+    /// let factors = [Factor::within("torque", "N*m", [0.0, 20.0]), Factor::within("speed", "rad/s", [400.0, 800.0])];
+    /// let found = Experiment::central_composite(factors, Alpha::Rotatable).centre_points(5).evaluate()?;
+    /// assert_eq!((found.runs, found.parameters, found.freedom.pure_error), (13, 6, 4));
+    /// assert!((found.leverage.largest - 0.625).abs() < 1e-12); // the corners and the axial points
+    /// assert!((found.terms[1].vif.unwrap() - 1.0).abs() < 1e-12); // torque is orthogonal to all other terms
+    /// # Ok::<(), rsm_core::source::Faults>(())
+    /// ```
+    pub fn evaluate(&self) -> Result<Evaluation, Faults> {
+        let mut faults = Collector::new();
+        let specification = self.specification(&mut faults);
+        let specification = faults.finish(Some(specification))?;
+        specification.evaluate(&Runs::of(&Plan::make(&specification)?))
+    }
+
+    /// Evaluates other runs for the factors and terms of this experiment.
+    ///
+    /// # Errors
+    /// Every fault of the settings, and those of [`DesignSpecification::evaluate`].
+    pub fn evaluate_runs(&self, runs: &Runs) -> Result<Evaluation, Faults> {
+        let mut faults = Collector::new();
+        let specification = self.specification(&mut faults);
+        let specification = faults.finish(Some(specification))?;
+        if let Some(point) = runs.points.iter().find(|point| point.len() != specification.factors.len()) {
+            let what = format!("a run has {} settings, expected one for each of {} factors", point.len(), self.factors.len());
+            return Err(Faults::one(at("", what)));
+        }
+        specification.evaluate(runs)
     }
 
     fn specification(&self, faults: &mut Collector) -> DesignSpecification {

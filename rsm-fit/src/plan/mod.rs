@@ -7,6 +7,7 @@
 //! including its start and its end, where they show such a drift (Montgomery, Design and Analysis of Experiments, 6.8).
 
 mod design;
+mod evaluation;
 mod experiment;
 mod fraction;
 mod kept;
@@ -27,6 +28,9 @@ use std::collections::BTreeSet;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
 pub use design::{Condition, Criterion, Design, Factor, MOST_RUNS, Optimum};
+pub use evaluation::{
+    Alias, AliasRow, Efficiency, Evaluation, Freedom, Leverage, PredictionVariance, Quantile, Relation, Runs, TermEvaluation,
+};
 pub use experiment::{Alpha, Experiment};
 pub use fraction::{Effect, Fraction};
 pub use kept::Kept;

@@ -14,6 +14,7 @@ use rsm_core::{compile, emit, lower};
 use rsm_diagnose::surface::data::NewData;
 use rsm_diagnose::surface::diagnose;
 use rsm_fit::fit::fit;
+use rsm_fit::optimise::Study;
 use rsm_fit::plan::{DesignSpecification, Plan};
 use rsm_fit::spec::Specification;
 use rsm_fit::table::{Table, Wanted};
@@ -172,6 +173,7 @@ pub fn all(root: &Path) -> Vec<Subject> {
             ),
             feed: design,
         },
+        Subject { name: "study", texts: files(root, &["rsm-fit/tests/cases/rejected-studies"], "toml", "study"), feed: study },
         Subject { name: "scenario", texts: files(root, &["examples/federation"], "toml", "scenario"), feed: scenario },
         Subject { name: "sweep", texts: files(root, &["rsm-sweep/tests/cases"], "toml", "sweep"), feed: sweep },
         Subject {
@@ -242,6 +244,19 @@ fn design(_: &Ground, text: &str, random: &mut Random) {
     {
         let _ = Plan::read(&Source::new("p.csv", plan.csv()))
             .unwrap_or_else(|faults| panic!("a plan that is not read again: {faults}"));
+    }
+}
+
+/// `rsm optimise`.
+fn study(ground: &Ground, text: &str, random: &mut Random) {
+    let Ok(mut study) = Study::from_source(Source::new("goals.toml", text)) else { return };
+    study.starts = 1;
+    // The responses of the model, under which most changed studies are valid.
+    for (wish, surface) in study.responses.iter_mut().zip(&ground.model.model().surfaces) {
+        wish.response.clone_from(&surface.name);
+    }
+    if random.below(8) == 0 {
+        let _ = (study.optimise(&ground.model), study.front(&ground.model, 4));
     }
 }
 

@@ -340,7 +340,7 @@ impl State {
 }
 
 /// The directions in which a run may move: along each factor, and along the faces of the region on which it lies.
-fn directions(space: &Space, point: &[f64]) -> Vec<Vec<f64>> {
+pub(super) fn directions(space: &Space, point: &[f64]) -> Vec<Vec<f64>> {
     let unit = |k: usize| (0..point.len()).map(|j| f64::from(u8::from(j == k))).collect::<Vec<f64>>();
     let mut directions: Vec<Vec<f64>> = (0..point.len()).map(unit).collect();
     if !space.is_continuous() {
@@ -387,12 +387,12 @@ fn orthonormal(normals: &[&[f64]]) -> Vec<Vec<f64>> {
 }
 
 /// The value of replacing one row by another.
-struct Measure {
+pub(super) struct Measure {
     /// The ratio of determinants is `rest + g' form g`,
-    rest: f64,
-    form: Vec<f64>,
+    pub(super) rest: f64,
+    pub(super) form: Vec<f64>,
     /// and the trace falls by `(loss - g' gain g)/ratio`; `None` for the determinant.
-    trace: Option<(f64, Vec<f64>)>,
+    pub(super) trace: Option<(f64, Vec<f64>)>,
 }
 
 impl Measure {
@@ -416,7 +416,7 @@ impl Measure {
         Measure { rest, form, trace }
     }
 
-    fn ratio(&self, row: &[f64]) -> f64 {
+    pub(super) fn ratio(&self, row: &[f64]) -> f64 {
         self.rest + dot(row, &times(&self.form, row))
     }
 
@@ -430,7 +430,7 @@ impl Measure {
     }
 
     /// The best point along a line, with its value.
-    fn along(&self, task: &Task<'_>, point: &[f64], direction: &[f64], block: usize) -> Option<(Vec<f64>, f64)> {
+    pub(super) fn along(&self, task: &Task<'_>, point: &[f64], direction: &[f64], block: usize) -> Option<(Vec<f64>, f64)> {
         let space = task.space;
         // Along a factor, the parameter is the setting itself, so that an end is exact and most of the rows are zero.
         let axis =

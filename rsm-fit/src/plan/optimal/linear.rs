@@ -67,7 +67,7 @@ pub(super) fn times(a: &[f64], v: &[f64]) -> Vec<f64> {
 }
 
 /// v . w.
-pub(super) fn dot(v: &[f64], w: &[f64]) -> f64 {
+pub(in crate::plan) fn dot(v: &[f64], w: &[f64]) -> f64 {
     v.iter().zip(w).map(|(v, w)| v * w).sum()
 }
 

@@ -13,6 +13,9 @@ pub(super) const ON_A_FACE: f64 = 1e-9;
 /// The number of points for moments without a formula. The error of the mean is about a hundredth, which is enough to choose between designs.
 const POINTS: usize = 8192;
 
+/// The number of combinations of levels up to which all of them are used in place of random points.
+const COMBINATIONS: usize = 65_536;
+
 /// The number of draws after which a region counts as empty.
 const DRAWS: usize = 200_000;
 
@@ -136,9 +139,7 @@ impl Space {
         let points = match &self.candidates {
             Some(candidates) => candidates,
             None => {
-                // A fixed stream, so that the criterion does not depend on the seed of the plan.
-                let mut random = Random::new(0);
-                drawn = (0..POINTS).map_while(|_| self.anywhere(&mut random)).collect();
+                drawn = self.drawn();
                 &drawn
             }
         };
@@ -150,6 +151,28 @@ impl Space {
             moments[i * q..i * q + p].copy_from_slice(&small[i * p..(i + 1) * p]);
         }
         (!points.is_empty()).then_some(moments)
+    }
+
+    /// Points that represent the region, each with the same share of it: the candidates, all combinations of a few levels, or the random points of
+    /// [`Space::moments`]. Empty if no point is in the region.
+    pub(in crate::plan) fn sample(&self) -> Vec<Vec<f64>> {
+        if let Some(candidates) = &self.candidates {
+            return candidates.clone();
+        }
+        let levels: Option<Vec<Vec<f64>>> = self.levels.iter().cloned().collect();
+        let combinations = |all: &Vec<Vec<f64>>| all.iter().fold(1usize, |count, levels| count.saturating_mul(levels.len()));
+        if let Some(levels) = levels.filter(|all| combinations(all) <= COMBINATIONS) {
+            let mut points = crate::plan::points::full_factorial(&levels);
+            points.retain(|point| self.holds(point));
+            return points;
+        }
+        self.drawn()
+    }
+
+    /// A fixed stream, so that a criterion does not depend on the seed of the plan.
+    fn drawn(&self) -> Vec<Vec<f64>> {
+        let mut random = Random::new(0);
+        (0..POINTS).map_while(|_| self.anywhere(&mut random)).collect()
     }
 
     /// The mean of a power of a factor.
@@ -164,7 +187,7 @@ impl Space {
     }
 
     /// Whether every factor may have any value within its ends.
-    pub(super) fn is_continuous(&self) -> bool {
+    pub(in crate::plan) fn is_continuous(&self) -> bool {
         self.candidates.is_none() && self.levels.iter().all(Option::is_none)
     }
 }

@@ -1,15 +1,18 @@
-//! `rsm design`: from a design specification to a plan in random run order.
+//! `rsm design`: from a design specification to a plan in random run order, or to its evaluation.
 //!
-//! In: a design specification. Out: a CSV `run[1],factor[unit],...`, whole or absent. The same specification gives the same bytes.
+//! In: a design specification. Out: a CSV `run[1],factor[unit],...`, whole or absent; with `--evaluate` what the runs can determine. The same
+//! specification gives the same bytes.
+
+mod evaluate;
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use rsm_core::source::Source;
-use rsm_fit::plan::{Design, DesignSpecification, Existing, Fraction, Plan};
+use rsm_fit::plan::{Design, DesignSpecification, Existing, Fraction, Plan, Runs};
 use serde_json::{Map, Value, json};
 
-use crate::outcome::{Answer, Outcome};
+use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
 #[derive(Args)]
@@ -17,11 +20,14 @@ pub struct Arguments {
     /// The design specification
     specification: PathBuf,
     /// The CSV file to write
-    #[arg(long)]
-    out: PathBuf,
+    #[arg(long, required_unless_present = "evaluate")]
+    out: Option<PathBuf>,
     /// A CSV file of runs that were already made, with the factors: an optimal design adds the best further runs
     #[arg(long)]
     augment: Option<PathBuf>,
+    /// Evaluate the design: what its runs can determine. With a CSV file: these runs in place of those of the specification
+    #[arg(long, value_name = "RUNS")]
+    evaluate: Option<Option<PathBuf>>,
     /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
@@ -30,10 +36,30 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Outcome {
     let folder = arguments.specification.parent().unwrap_or(Path::new(""));
     let specification = DesignSpecification::from_source_in(Source::read(&arguments.specification)?, folder)?;
-    let plan = match &arguments.augment {
+    if let Some(Some(runs)) = &arguments.evaluate {
+        if arguments.out.is_some() || arguments.augment.is_some() {
+            let what = "--evaluate: found a file of runs with --out or --augment; evaluated runs are not planned";
+            return Err(Refusal::new(format!("{what}\n  help: leave the file out to evaluate the design that is made")));
+        }
+        let evaluation = specification.evaluate(&Runs::read(runs, &specification)?)?;
+        return evaluate::print(&specification, &evaluation, Some(runs), arguments.json);
+    }
+    let existing = arguments.augment.as_ref().map(|done| Existing::read(done, &specification)).transpose()?;
+    let plan = match &existing {
         None => Plan::make(&specification)?,
-        Some(done) => Plan::augment(&specification, &Existing::read(done, &specification)?)?,
+        Some(done) => Plan::augment(&specification, done)?,
     };
+    if arguments.evaluate.is_some() {
+        let runs = existing.map_or_else(|| Runs::of(&plan), |existing| Runs::of_augmented(&plan, &existing));
+        // Evaluated first: if that is refused, no file is written.
+        let evaluation = specification.evaluate(&runs)?;
+        if let Some(out) = &arguments.out {
+            output::write_all(&[(out.clone(), plan.csv())])?;
+            tell!("{}: {} runs", out.display(), plan.runs.len());
+        }
+        return evaluate::print(&specification, &evaluation, None, arguments.json);
+    }
+    let Some(out) = &arguments.out else { return Err(Refusal::new("--out is missing")) };
     let fraction = match &specification.design {
         Design::FractionalFactorial(fraction) => Some(fraction),
         _ => None,
@@ -42,8 +68,8 @@ pub fn run(arguments: &Arguments) -> Outcome {
         let class = |class: &Vec<(u32, bool)>| class.iter().map(|effect| effect_name(&specification, *effect)).collect();
         fraction.aliases().iter().map(class).collect()
     };
-    output::write_all(&[(arguments.out.clone(), plan.csv())])?;
-    let out = arguments.out.display().to_string();
+    output::write_all(&[(out.clone(), plan.csv())])?;
+    let out = out.display().to_string();
     if arguments.json {
         let factors: Map<String, Value> = plan
             .factors
