@@ -1,23 +1,84 @@
 //! `cargo xtask bless`: writes anew everything that is generated and checked in. Look at the difference before committing it.
 //!
-//! Out: `generated/rust` and `generated/c` from `generated/coefficients`; golden files and instruction counts by running their tests with RSM_BLESS=1.
+//! Out: the coefficient files that tests make, then `generated/rust` and `generated/c` from them, then golden files and instruction counts. All but the
+//! second come from tests that run with `RSM_BLESS=1`.
 
 use crate::generated;
 use crate::stage::Run;
 use crate::test;
 use crate::workspace::cargo;
 
+/// The tests that write files when `RSM_BLESS` is set: parts of their names.
+const WRITERS: [&str; 11] = [
+    "driveline::",
+    "elementary::",
+    "emitted::",
+    "firmware::",
+    "made_up_runs::",
+    "measured_motor::",
+    "motor::",
+    "plans::",
+    "refused",
+    "rejected",
+    "tutorial::",
+];
+
+/// Of these, the tests that make coefficient files: everything else depends on what they write.
+const COEFFICIENTS: [&str; 2] = ["driveline::", "motor::"];
+
 /// Writes everything, in the order of dependence.
 pub(crate) fn run() -> bool {
-    let with_bless = |arguments: &[&str]| {
+    let with_bless = |arguments: &[&str], names: &[&str]| {
         let mut command = cargo(arguments);
-        command.env("RSM_BLESS", "1");
+        command.args(names.iter().take(1).map(|_| "--")).args(names).env("RSM_BLESS", "1");
         command
     };
     Run::new()
         .command("programs", test::programs())
+        .command("coefficients", with_bless(&["test", "-p", "rsm-cli", "--test", "all"], &COEFFICIENTS))
         .check("generated", generated::refresh)
-        .command("golden files", with_bless(&["test", "--workspace", "--exclude", "rsm-bench", "--no-fail-fast"]))
-        .command("instructions", with_bless(&["test", "-p", "rsm-bench"]))
+        .command(
+            "golden files",
+            with_bless(&["test", "--workspace", "--exclude", "rsm-bench", "--all-targets", "--no-fail-fast"], &WRITERS),
+        )
+        .command("instructions", with_bless(&["test", "-p", "rsm-bench"], &[]))
         .finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::{Path, PathBuf};
+
+    use super::*;
+    use crate::workspace::root;
+
+    fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+        for entry in std::fs::read_dir(folder).expect("a folder of the workspace").flatten() {
+            let (path, name) = (entry.path(), entry.file_name());
+            if path.is_dir() && name != "target" && !name.to_string_lossy().starts_with('.') {
+                sources(&path, found);
+            } else if path.extension().is_some_and(|it| it == "rs") {
+                found.push(path);
+            }
+        }
+    }
+
+    #[test]
+    fn every_file_that_reads_the_variable_is_among_the_writers() {
+        let mut found = Vec::new();
+        sources(&root(), &mut found);
+        // The test that compares refused texts is a function that the tests of several packages call.
+        let is_test = |path: &PathBuf| {
+            let own = path.strip_prefix(root()).unwrap_or(path);
+            !own.starts_with("xtask") && !own.starts_with("bench") && own != Path::new("tests/src/refused.rs")
+        };
+        let readers = found.into_iter().filter(is_test).filter(|path| {
+            std::fs::read_to_string(path).is_ok_and(|text| text.contains("var_os(\"RSM_BLESS\")"))
+        });
+        let readers: Vec<String> = readers.map(|path| path.to_string_lossy().replace(".rs", "::").replace('/', "::")).collect();
+        assert!(readers.len() > 5, "{readers:?}");
+        for reader in readers {
+            assert!(WRITERS.iter().any(|it| reader.contains(it)), "`WRITERS` lacks the tests of {reader}");
+        }
+    }
 }

@@ -11,25 +11,16 @@ use crate::{dask, generated, helics, hidden_effects, mutants, packages, publish}
 const WITHOUT_STD: [&str; 2] = ["motor-loop", "throttle-loop"];
 const BARE_METAL: &str = "thumbv7em-none-eabihf";
 
-/// Tests that read files or call compilers on emitted text: they do not depend on how this workspace is compiled, and ran before.
-const SAME_AT_ANY_LEVEL: [&str; 17] = [
-    "book::",
-    "documents::",
-    "layers::",
-    "names::",
-    "stale::",
-    "refuses::",
-    "warnings::",
-    "effects::",
-    "elementary::",
-    "gradients::",
-    "inlined::an_evaluator",
-    "inlined::options",
-    "inlined::infinities",
-    "inlined::self_tests",
-    "object_code::checked_in",
-    "object_code::emitted",
-    "object_code::barrier_costs_a_copy",
+/// The tests of the long matrix, by parts of their names: those that run code of this build, which the stage `test` has run at opt 0, and those that the
+/// stage `test` ignores because they take minutes at opt 0. All other tests of the target `across` read files, or call compilers on emitted text: they do
+/// not depend on how this workspace is compiled.
+const LONG_MATRIX: [&str; 6] = [
+    "bit_for_bit::macro_keeps_the_bits",
+    "bit_for_bit::all_back_ends_keep_the_bits",
+    "inlined::every_way_of_inlining",
+    "object_code::barrier_costs_next_to_nothing",
+    "reference_step::",
+    "of_the_steps_in_rust",
 ];
 
 /// The packages that hold emitted code or run it: the long matrix compiles them as a release does. The other libraries stay as the tests before have built them, which saves a second build of
@@ -66,7 +57,7 @@ pub(crate) fn run() -> bool {
         .command("hidden in surfaces", hidden_effects::quick_surfaces())
         // Do the tests notice changes of the code? A sample; all of it is `cargo xtask mutants`.
         .command("mutants", mutants::quick())
-        // The tests that are ignored above because they are slow at opt 0, and those again that run code of this build, here at opt 3.
+        // At opt 3: see `LONG_MATRIX`.
         .command("long matrix", {
             let mut test = cargo(&["test", "--workspace", "--test", "across", "--no-fail-fast"]);
             test.args(
@@ -75,8 +66,7 @@ pub(crate) fn run() -> bool {
                     .flat_map(|package| as_released(package))
                     .flat_map(|setting| ["--config".to_string(), setting]),
             );
-            test.args(["--", "--include-ignored"]);
-            test.args(SAME_AT_ANY_LEVEL.iter().flat_map(|name| ["--skip", name]));
+            test.args(["--", "--include-ignored"]).args(LONG_MATRIX);
             test
         })
         .command("docs", {
@@ -126,4 +116,71 @@ fn has_core(machine: &str) -> bool {
     output.is_ok_and(|output| {
         output.status.success() && std::path::Path::new(String::from_utf8_lossy(&output.stdout).trim()).is_dir()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::workspace::root;
+
+    /// The sources of the target `across`, by module: the path of a test begins with it.
+    fn across() -> Vec<(String, String)> {
+        let folder = root().join("tests/all");
+        let mut found = Vec::new();
+        let mut folders = vec![folder.clone()];
+        while let Some(inside) = folders.pop() {
+            for entry in std::fs::read_dir(inside).expect("a folder of tests").flatten() {
+                let path = entry.path();
+                if path.is_dir() {
+                    folders.push(path);
+                } else if path.extension().is_some_and(|it| it == "rs") {
+                    let name = path.strip_prefix(&folder).expect("a file inside").with_extension("");
+                    let module = name.to_string_lossy().replace('/', "::").replace("::mod", "");
+                    found.push((module, std::fs::read_to_string(&path).expect("a source")));
+                }
+            }
+        }
+        found
+    }
+
+    /// The paths of the tests of a module that the long matrix runs.
+    fn run_of<'a>(module: &str, source: &'a str) -> Vec<(&'a str, bool)> {
+        let mut found = Vec::new();
+        let mut is_test = false;
+        for line in source.lines() {
+            if line.trim() == "#[test]" {
+                is_test = true;
+            } else if let (true, Some(rest)) = (is_test, line.trim().strip_prefix("fn ")) {
+                let name = rest.split('(').next().unwrap_or_default();
+                let path = format!("{module}::{name}");
+                found.push((name, LONG_MATRIX.iter().any(|part| path.contains(part))));
+                is_test = false;
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn the_long_matrix_has_every_ignored_test_and_every_part_names_one() {
+        let sources = across();
+        assert!(sources.len() > 20);
+        for (module, source) in &sources {
+            let tests = run_of(module, source);
+            for (place, _) in source.match_indices("\n#[ignore") {
+                let name = source[place..].split("\nfn ").nth(1).and_then(|rest| rest.split('(').next()).unwrap_or_default();
+                assert!(tests.contains(&(name, true)), "`LONG_MATRIX` lacks {module}::{name}");
+            }
+            // Code of this build is called by these names.
+            for crate_name in ["through_the_macro", "motor_loop::{CurrentState, Demand", "motor_loop::references"] {
+                let is_run = tests.iter().any(|it| it.1) || module.ends_with("sequence");
+                assert!(!source.contains(crate_name) || is_run, "`LONG_MATRIX` has no test of {module}, which runs code of this build");
+            }
+        }
+        for part in LONG_MATRIX {
+            let one = |(module, source): &(String, String)| {
+                run_of(module, source).iter().any(|(name, _)| format!("{module}::{name}").contains(part))
+            };
+            assert!(sources.iter().any(one), "no test has a name with {part}");
+        }
+    }
 }
