@@ -381,7 +381,7 @@ fn what_is_not_proven_is_named() {
     let all: Vec<Found> = std::iter::once(broken).chain(unseen).collect();
     let told = NotProven::new(&case.task(), &case.claims(), &all, &rounds, 1.0, Stop::Program);
     assert_eq!((told.constraints.len(), told.work, told.constraints[0].seen), (1, 1.0, Some(-0.5)));
-    assert!(told.to_string().contains("broken, least seen -5.00e-1"), "{told}");
+    assert!(told.to_string().contains("broken, smallest value found -5.00e-1"), "{told}");
 }
 
 #[test]

@@ -165,7 +165,7 @@ fn an_inertia_that_is_a_part_of_what_moves_is_refused() {
     // Half of an equation is an equation too.
     assert_eq!(stands("0.5*(m + J/r^2)"), Ok(()));
     let told = stands("m").unwrap_err();
-    assert!(told.contains("the balance of line 10 holds `der(w)` times") && told.contains("is only a part of"), "{told}");
+    assert!(told.contains("the balance of line 10 contains `der(w)` times") && told.contains("is only a part of"), "{told}");
 }
 
 #[test]
