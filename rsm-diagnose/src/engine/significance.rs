@@ -171,8 +171,8 @@ pub(crate) fn best_gain_by_chance(trials: usize, numbers: usize) -> f64 {
     chi_squared_of((FALSE_ALARM / trials.max(1) as f64).ln(), numbers.max(1) as f64)
 }
 
-/// The value that the largest of many gains exceeds with the probability [`FALSE_ALARM`], estimated from some draws of the largest gain. A maximum has a
-/// Gumbel distribution (E. J. Gumbel, 1958). Few draws give its mean and standard deviation; a percentile would need many more.
+/// The value that the largest of many gains exceeds with the probability [`FALSE_ALARM`], estimated from some draws of the largest gain. A maximum
+/// has a Gumbel distribution (E. J. Gumbel, 1958). Few draws give its mean and standard deviation; a percentile would need many more.
 pub(crate) fn point_of_largest(largest: &[f64]) -> f64 {
     let n = largest.len().max(1) as f64;
     let mean = largest.iter().sum::<f64>() / n;

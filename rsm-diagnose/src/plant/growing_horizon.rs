@@ -77,8 +77,8 @@ fn rows_followed(whitened: &WhitenedResiduals, model: &Model) -> Option<Vec<usiz
     Some(each.collect())
 }
 
-/// The same, but each record grows at most by the factor `LARGEST_GROWTH` and never shrinks. If the plant cannot be simulated so far, half the growth is
-/// tried.
+/// The same, but each record grows at most by the factor `LARGEST_GROWTH` and never shrinks. If the plant cannot be simulated so far, half the growth
+/// is tried.
 fn extended_rows(whitened: &WhitenedResiduals, model: &Model, ends: &[usize]) -> Option<Vec<usize>> {
     let mut more = (LARGEST_GROWTH - 1) as f64;
     while more > LEAST_GROWTH {

@@ -67,7 +67,7 @@ impl Growth {
     }
 
     /// Divides the values of rows by the relative standard deviation of the noise there.
-    pub fn to_uniform_noise(&self, measured: &[f64], values: &mut [f64]) {
+    pub fn scale_to_uniform(&self, measured: &[f64], values: &mut [f64]) {
         for (value, size) in values.iter_mut().zip(sizes(measured)) {
             *value /= self.at(size);
         }
@@ -224,7 +224,7 @@ mod tests {
         assert!((growth.plain(20.0) / growth.plain(0.0) / 5.0 - 1.0).abs() < 0.3, "{growth:?}");
         let (measured, mut left) = record(6000, 2, |size| 0.1 * (1.0 + 0.2 * size));
         let before = left.iter().map(|it| it * it).sum::<f64>();
-        growth.to_uniform_noise(&measured, &mut left);
+        growth.scale_to_uniform(&measured, &mut left);
         // The usual deviation stays; 6000 rows of uneven squares know it to 3 %, and the law to as much.
         let after = left.iter().map(|it| it * it).sum::<f64>();
         assert!((after / before - 1.0).abs() < 0.12, "{after} {before}");

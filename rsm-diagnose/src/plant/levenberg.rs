@@ -415,7 +415,7 @@ mod tests {
         let mut to = model.clone();
         for (k, share) in [(0, 0.7), (1, -1.3), (2, 2.0)] {
             let unknown = &model.unknowns[k];
-            to.set(k, unknown.from_search_scale(unknown.to_search_scale(model.value(k)) + share * unknown.scale));
+            to.set(k, unknown.plant_value(unknown.to_search_scale(model.value(k)) + share * unknown.scale));
         }
         let simulated = whitened.run(&to).unwrap();
         let seen = whitened.changes(&fit.simulated, &simulated, 1.0);

@@ -129,7 +129,7 @@ impl Unknown {
 
     /// Converts a value of the search to the plant's value, within the bounds.
     #[must_use]
-    pub fn from_search_scale(&self, searched: f64) -> f64 {
+    pub fn plant_value(&self, searched: f64) -> f64 {
         let value = if self.logarithmic { searched.clamp(-700.0, 700.0).exp() } else { searched };
         value.max(self.low).min(self.high)
     }
@@ -276,7 +276,7 @@ impl Model {
         let mut moved = self.clone();
         for (&k, change) in unknowns.iter().zip(change) {
             let unknown = &self.unknowns[k];
-            moved.set(k, unknown.from_search_scale(unknown.to_search_scale(self.value(k)) + change));
+            moved.set(k, unknown.plant_value(unknown.to_search_scale(self.value(k)) + change));
         }
         moved
     }

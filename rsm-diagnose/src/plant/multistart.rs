@@ -77,7 +77,7 @@ pub fn line_search_escape(whitened: &WhitenedResiduals, fit: Fit, steps: usize, 
             // A step of one standard deviation with all else fixed changes the outputs by as much as the noise.
             let mut step = 1.0 / dot(&column.values, &column.values).sqrt();
             while step < LAST_STEP * unknown.scale {
-                for value in [unknown.from_search_scale(at - step), unknown.from_search_scale(at + step)] {
+                for value in [unknown.plant_value(at - step), unknown.plant_value(at + step)] {
                     let mut model = fit.model.clone();
                     model.set(k, value);
                     models.push(model);
@@ -236,7 +236,7 @@ pub fn basin_hopping(whitened: &WhitenedResiduals, fit: Fit, steps: usize, hops:
             for k in (0..model.unknowns.len()).filter(|k| of_last(from, *k)) {
                 let unknown = &from.unknowns[k];
                 let to = unknown.to_search_scale(from.value(k)) + HOPS[hop % HOPS.len()] * unknown.scale * random.normal();
-                model.set(k, unknown.from_search_scale(to));
+                model.set(k, unknown.plant_value(to));
             }
         }
         match levenberg::fit(whitened, model, steps) {

@@ -37,7 +37,7 @@ impl NoiseFloor {
         let growth = Growth::found(lists)?;
         let even = |(measured, left, _): &(&[f64], &[f64], &[bool])| {
             let mut left = left.to_vec();
-            growth.to_uniform_noise(measured, &mut left);
+            growth.scale_to_uniform(measured, &mut left);
             left
         };
         let even: Vec<Vec<f64>> = lists.iter().map(even).collect();

@@ -43,9 +43,9 @@ impl NoiseFloor {
     }
 
     /// Scales the values of rows to uniform noise, if the noise grows with the reading.
-    pub fn to_uniform_noise(&self, measured: &[f64], values: &mut [f64]) {
+    pub fn scale_to_uniform(&self, measured: &[f64], values: &mut [f64]) {
         if let Some(growth) = self.growth {
-            growth.to_uniform_noise(measured, values);
+            growth.scale_to_uniform(measured, values);
         }
     }
 

@@ -8,7 +8,7 @@ use super::checks::Finding;
 use super::levenberg::Fit;
 use super::model::Model;
 use super::prepared::Prepared;
-use super::tails::{OutputResidual, Tails, to_uniform_noise};
+use super::tails::{OutputResidual, Tails, scaled_to_uniform};
 use super::validation;
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::kind::OUTPUTS;
@@ -28,7 +28,7 @@ fn noise_distributions(
         for (prepared, simulated) in whitened.records.iter().zip(simulated) {
             let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
             let left = difference(prepared.measured(k), &simulated[k]);
-            even.push((prepared, k, to_uniform_noise(floor, prepared.measured(k), &left).0));
+            even.push((prepared, k, scaled_to_uniform(floor, prepared.measured(k), &left).0));
         }
         let mut lists: Vec<OutputResidual<'_>> = Vec::new();
         for (prepared, k, left) in &even {

@@ -121,7 +121,7 @@ impl RecordTrace<'_> {
             white.clear();
             for (k, output) in self.prepared.outputs.iter().enumerate() {
                 let mut values = outputs[*output].clone();
-                whitened.floors[*output].to_uniform_noise(self.prepared.measured(k), &mut values);
+                whitened.floors[*output].scale_to_uniform(self.prepared.measured(k), &mut values);
                 whitened.floors[*output].whiten(&values, &self.prepared.used[k], &mut white);
             }
             stack[self.first..self.first + white.len()].copy_from_slice(&white);

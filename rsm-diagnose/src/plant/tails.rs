@@ -174,7 +174,7 @@ impl Tails {
 
     /// The readings of a record with outliers moved towards their neighbours. `left` is the residual of a simulation.
     pub(super) fn corrected_readings(&self, measured: &[f64], left: &[f64], used: &[bool], law: &NoiseFloor) -> Vec<f64> {
-        let (even, uneven) = to_uniform_noise(law, measured, left);
+        let (even, uneven) = scaled_to_uniform(law, measured, left);
         let off = off_expected(&even, used, self.correlation);
         let Some(size) = deviation(&off).filter(|size| *size > 0.0) else { return measured.to_vec() };
         let scale = self.scale * size;
@@ -194,10 +194,10 @@ impl Tails {
 }
 
 /// The residual scaled to uniform noise if the noise grows with the reading, and the divisor of each row.
-pub(super) fn to_uniform_noise(floor: &NoiseFloor, measured: &[f64], left: &[f64]) -> (Vec<f64>, Vec<f64>) {
+pub(super) fn scaled_to_uniform(floor: &NoiseFloor, measured: &[f64], left: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let (mut even, mut units) = (left.to_vec(), vec![1.0; left.len()]);
-    floor.to_uniform_noise(measured, &mut even);
-    floor.to_uniform_noise(measured, &mut units);
+    floor.scale_to_uniform(measured, &mut even);
+    floor.scale_to_uniform(measured, &mut units);
     (even, units.into_iter().map(|unit| 1.0 / unit).collect())
 }
 

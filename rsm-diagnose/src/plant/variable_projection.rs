@@ -90,7 +90,7 @@ impl Problem for OwnParameters<'_> {
         for (&k, change) in self.own.iter().zip(step) {
             let unknown = &at.model.unknowns[k];
             let limit = if unknown.logarithmic { LARGEST_LOG_STEP } else { f64::INFINITY };
-            model.set(k, unknown.from_search_scale(unknown.to_search_scale(at.model.value(k)) + change.clamp(-limit, limit)));
+            model.set(k, unknown.plant_value(unknown.to_search_scale(at.model.value(k)) + change.clamp(-limit, limit)));
         }
         self.iterate(model)
     }

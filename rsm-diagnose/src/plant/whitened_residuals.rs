@@ -247,7 +247,7 @@ impl WhitenedResiduals {
                 difference.extend(
                     prepared.measured(k).iter().zip(values).map(|(measured, value)| measured - floor.mean_reading(*value)),
                 );
-                floor.to_uniform_noise(prepared.measured(k), &mut difference);
+                floor.scale_to_uniform(prepared.measured(k), &mut difference);
                 floor.whiten(&difference, &prepared.used[k], &mut stack);
             }
         }
@@ -264,7 +264,7 @@ impl WhitenedResiduals {
             difference.clear();
             difference.extend(from.iter().zip(to).map(|(from, to)| (to - from) / step));
             let floor = &self.floors[prepared.outputs[k]];
-            floor.to_uniform_noise(prepared.measured(k), &mut difference);
+            floor.scale_to_uniform(prepared.measured(k), &mut difference);
             floor.whiten(&difference, &prepared.used[k], &mut stack);
         }
         stack
@@ -326,9 +326,9 @@ impl WhitenedResiduals {
         for &(k, step) in wanted {
             let unknown = &model.unknowns[k];
             let at = unknown.to_search_scale(model.value(k));
-            let step = if unknown.from_search_scale(at + step) >= unknown.high { -step } else { step };
+            let step = if unknown.plant_value(at + step) >= unknown.high { -step } else { step };
             let mut other = model.clone();
-            other.set(k, unknown.from_search_scale(at + step));
+            other.set(k, unknown.plant_value(at + step));
             moved.push((k, step, other));
         }
         let mut jobs: Vec<(usize, &Model)> = Vec::new();
