@@ -20,11 +20,12 @@ use serde::Serialize;
 use crate::random::Random;
 use crate::statistics::Named;
 use descent::{Group, minimum, value};
-use limits::{Limit, Limits};
+use limits::Limits;
 use surfaces::Surfaces;
 
 pub use desirability::Goal;
 pub use front::Front;
+pub use limits::Limit;
 pub use study::{Study, Sum, Wish};
 
 /// Up to this part of the way to the best value, the logarithm of a desirability goes on along its tangent. A search begins with the first one.

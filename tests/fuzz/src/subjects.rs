@@ -15,7 +15,7 @@ use rsm_diagnose::surface::data::NewData;
 use rsm_diagnose::surface::diagnose;
 use rsm_fit::fit::fit;
 use rsm_fit::optimise::Study;
-use rsm_fit::plan::{DesignSpecification, Plan};
+use rsm_fit::plan::{DesignSpecification, Plan, Runs};
 use rsm_fit::spec::Specification;
 use rsm_fit::table::{Table, Wanted};
 use rsm_import::{File, Wishes};
@@ -244,6 +244,10 @@ fn design(_: &Ground, text: &str, random: &mut Random) {
     {
         let _ = Plan::read(&Source::new("p.csv", plan.csv()))
             .unwrap_or_else(|faults| panic!("a plan that is not read again: {faults}"));
+        // Larger ones take a second each.
+        if plan.runs.len() < 100 && specification.terms.len() < 30 {
+            let _ = specification.evaluate(&Runs::of(&plan));
+        }
     }
 }
 
