@@ -83,7 +83,7 @@ impl Rating {
 
 /// The result of a climb.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Climb {
+pub struct LadderModel {
     /// The chosen terms, in the order of the candidates.
     pub chosen: Vec<usize>,
     /// Their C.
@@ -125,7 +125,7 @@ pub(crate) fn most_terms(rows: usize) -> usize {
 }
 
 /// One climb: a growing problem, and the current order.
-struct Climber {
+struct Climbing {
     growing: Growing,
     rung: u32,
     most: usize,
@@ -136,7 +136,7 @@ impl Ladder<'_> {
     ///
     /// # Errors
     /// If the first-order columns are already linearly dependent: the data do not distinguish the inputs.
-    pub fn climb(&self, progress: &mut dyn FnMut(u32, usize, f64)) -> Result<Climb, Dependent> {
+    pub fn climb(&self, progress: &mut dyn FnMut(u32, usize, f64)) -> Result<LadderModel, Dependent> {
         let first = first_rung(self.terms);
         let lowest: Vec<usize> = (0..self.terms.len()).filter(|k| order(&self.terms[*k]) <= first).collect();
         Growing::of(self.fit, &lowest)?;
@@ -152,26 +152,26 @@ impl Ladder<'_> {
     }
 
     /// All climbs in parallel, one term at a time: that of the ladder's own rows, and one for each part that is left out.
-    fn ascend(&self, progress: &mut dyn FnMut(u32, usize, f64)) -> Result<Climb, Dependent> {
-        let climber = |fit: &Triangle, judging: Option<&Triangle>| {
+    fn ascend(&self, progress: &mut dyn FnMut(u32, usize, f64)) -> Result<LadderModel, Dependent> {
+        let climbing = |fit: &Triangle, judging: Option<&Triangle>| {
             let growing = judging.map_or_else(|| Growing::new(fit), |rows| Growing::judged_by(fit, rows));
-            Climber { growing, rung: first_rung(self.terms), most: most_terms(fit.rows()) }
+            Climbing { growing, rung: first_rung(self.terms), most: most_terms(fit.rows()) }
         };
         let mut own = None;
         let mut judging = Vec::new();
         for part in &self.judge.parts {
             match &part.fit {
-                None => own = Some(climber(self.fit, Some(&part.rows))),
-                Some(fit) => judging.push(climber(fit, Some(&part.rows))),
+                None => own = Some(climbing(self.fit, Some(&part.rows))),
+                Some(fit) => judging.push(climbing(fit, Some(&part.rows))),
             }
         }
-        let mut own = own.unwrap_or_else(|| climber(self.fit, None));
+        let mut own = own.unwrap_or_else(|| climbing(self.fit, None));
         let mut best: Option<(usize, Dd)> = None;
-        for climber in std::iter::once(&mut own).chain(&mut judging) {
-            self.start(climber)?;
+        for climbing in std::iter::once(&mut own).chain(&mut judging) {
+            self.start(climbing)?;
         }
         loop {
-            let judges = judging.iter().map(|climber| climber.growing.judged());
+            let judges = judging.iter().map(|climbing| climbing.growing.judged());
             let left: Dd = if judging.is_empty() { own.growing.judged() } else { judges.sum() };
             let rating = self.judge.rating(left);
             let size = own.growing.chosen().len();
@@ -179,23 +179,23 @@ impl Ladder<'_> {
             if best.is_none_or(|(_, least)| left.to_f64() < least.to_f64() * (1.0 - LEAST_GAIN)) {
                 best = Some((size, left));
             }
-            let went_on =
-                !rating.reaches(self.wanted) && std::iter::once(&mut own).chain(&mut judging).all(|climber| self.step(climber));
+            let went_on = !rating.reaches(self.wanted)
+                && std::iter::once(&mut own).chain(&mut judging).all(|climbing| self.step(climbing));
             if !went_on {
                 break;
             }
         }
         let (size, left) = best.expect("the first model was judged");
         let Rating { confidence, centred } = self.judge.rating(left);
-        Ok(Climb { chosen: own.growing.chosen()[..size].to_vec(), confidence, centred })
+        Ok(LadderModel { chosen: own.growing.chosen()[..size].to_vec(), confidence, centred })
     }
 
     /// The constant; without one (an odd surface), the first term.
-    fn start(&self, climber: &mut Climber) -> Result<(), Dependent> {
+    fn start(&self, climbing: &mut Climbing) -> Result<(), Dependent> {
         match (0..self.terms.len()).find(|k| order(&self.terms[*k]) == 0) {
-            Some(constant) => climber.growing.add(constant),
+            Some(constant) => climbing.growing.add(constant),
             None => {
-                self.step(climber);
+                self.step(climbing);
                 Ok(())
             }
         }
@@ -203,19 +203,19 @@ impl Ladder<'_> {
 
     /// Adds the term that reduces the residual most, from the lowest order that has one. False if there is none. Linearly dependent terms are
     /// skipped.
-    fn step(&self, climber: &mut Climber) -> bool {
-        if climber.growing.chosen().len() >= climber.most {
+    fn step(&self, climbing: &mut Climbing) -> bool {
+        if climbing.growing.chosen().len() >= climbing.most {
             return false;
         }
-        while climber.rung <= self.max_order {
-            let is_open = |k: &usize| order(&self.terms[*k]) <= climber.rung && !climber.growing.chosen().contains(k);
+        while climbing.rung <= self.max_order {
+            let is_open = |k: &usize| order(&self.terms[*k]) <= climbing.rung && !climbing.growing.chosen().contains(k);
             let open = (0..self.terms.len()).filter(is_open);
-            let gains = open.filter_map(|k| climber.growing.ahead(k).map(|(gain, _)| (k, gain.to_f64())));
+            let gains = open.filter_map(|k| climbing.growing.effect_of_adding(k).map(|(gain, _)| (k, gain.to_f64())));
             // The first of equals.
             let best = gains.reduce(|best, other| if other.1 > best.1 { other } else { best });
             match best {
-                Some((term, _)) => return climber.growing.add(term).is_ok(),
-                None => climber.rung += 1,
+                Some((term, _)) => return climbing.growing.add(term).is_ok(),
+                None => climbing.rung += 1,
             }
         }
         false
@@ -232,12 +232,12 @@ impl Ladder<'_> {
 
     /// Removes terms one at a time while C is still reached, the least important first. The constant is not a regressor and stays. Without any terms,
     /// C is 0.
-    fn prune(&self, climb: &mut Climb) {
+    fn prune(&self, climb: &mut LadderModel) {
         loop {
-            let without = |out: &usize| -> Option<Climb> {
+            let without = |out: &usize| -> Option<LadderModel> {
                 let chosen: Vec<usize> = climb.chosen.iter().copied().filter(|term| term != out).collect();
                 let rating = self.rating_of(&chosen).filter(|rating| rating.reaches(self.wanted))?;
-                Some(Climb { chosen, confidence: rating.confidence, centred: rating.centred })
+                Some(LadderModel { chosen, confidence: rating.confidence, centred: rating.centred })
             };
             let removable = climb.chosen.iter().filter(|term| order(&self.terms[**term]) > 0);
             let best = removable.filter_map(without).max_by(|a, b| a.confidence.total_cmp(&b.confidence));
@@ -248,7 +248,7 @@ impl Ladder<'_> {
 
     /// Replaces two terms by one, if C is still reached. Returns whether it did. Not tried if parts are left out in turn, because each trial would
     /// need one solution for each part.
-    fn exchange(&self, climb: &mut Climb) -> bool {
+    fn exchange(&self, climb: &mut LadderModel) -> bool {
         let regressors: Vec<usize> = climb.chosen.iter().copied().filter(|term| order(&self.terms[*term]) > 0).collect();
         let [Part { fit: None, rows }] = &self.judge.parts[..] else { return false };
         if climb.chosen.len() > MOST_FOR_EXCHANGE {
@@ -263,14 +263,14 @@ impl Ladder<'_> {
                     continue;
                 }
                 let others = (0..self.terms.len()).filter(|k| !rest.contains(k));
-                let left = others.filter_map(|k| growing.ahead(k).map(|(_, left)| (k, left)));
+                let left = others.filter_map(|k| growing.effect_of_adding(k).map(|(_, left)| (k, left)));
                 let Some((term, left)) = left.reduce(|best, other| if other.1 < best.1 { other } else { best }) else {
                     continue;
                 };
                 let rating = self.judge.rating(left);
                 if rating.reaches(self.wanted) {
                     let chosen = rest.into_iter().chain([term]).collect();
-                    *climb = Climb { chosen, confidence: rating.confidence, centred: rating.centred };
+                    *climb = LadderModel { chosen, confidence: rating.confidence, centred: rating.centred };
                     return true;
                 }
             }

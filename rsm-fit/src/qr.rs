@@ -218,7 +218,7 @@ impl Growing {
     /// The effect of adding a candidate: the reduction of the residual sum of squares of the fitted rows, and the sum of squares that would be left
     /// on the judge's rows. `None` if it is linearly dependent on the chosen ones.
     #[must_use]
-    pub fn ahead(&self, candidate: usize) -> Option<(Dd, Dd)> {
+    pub fn effect_of_adding(&self, candidate: usize) -> Option<(Dd, Dd)> {
         let (own, last) = self.last_with(candidate)?;
         let left = match (self.judging.get(candidate), self.judging.last()) {
             (Some(column), Some(response)) => {

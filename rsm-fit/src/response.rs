@@ -11,7 +11,7 @@ use crate::canonical;
 use crate::constrain::{self, Constrained, ConstraintStatistics};
 use crate::design::{self, Design};
 use crate::forms::{Forms, Taken};
-use crate::ladder::{Climb, first_rung};
+use crate::ladder::{LadderModel, first_rung};
 use crate::outcome::{Progress, ResponseOutcome};
 use crate::qr::{Dependent, Growing};
 use crate::search::{Found, Searcher};
@@ -29,7 +29,7 @@ fn is_held(statistics: &ResponseStatistics) -> bool {
 
 /// The result of a search as a choice.
 fn choice_of(found: &Found) -> Choice {
-    let climb = |(confidence, centred)| Climb { chosen: found.terms.clone(), confidence, centred };
+    let climb = |(confidence, centred)| LadderModel { chosen: found.terms.clone(), confidence, centred };
     Choice { terms: found.terms.clone(), by: found.by, climb: found.climb.map(climb) }
 }
 
@@ -148,7 +148,7 @@ impl Task<'_> {
         }
         let all = Design::new(surface, &self.inputs, terms);
         self.require_finite(&all)?;
-        let lot = match &self.specification.validation {
+        let random_split = match &self.specification.validation {
             Validation::Split(split) => Some((split.share, &self.validate_weights[..])),
             _ => None,
         };
@@ -160,7 +160,7 @@ impl Task<'_> {
             least_squares_only: !self.response.constraints.is_empty(),
             fit: &self.fit,
             validate: self.validate.as_ref(),
-            lot,
+            random_split,
         };
         let is_searched = Searcher::is_for(method, all.width(), self.fit.rows());
         let found = if is_searched { searcher.choose() } else { None };
@@ -181,7 +181,7 @@ impl Task<'_> {
             fit: &self.fit,
             triangle: &triangle,
             validate: self.validate.as_ref(),
-            lot,
+            random_split,
         };
         let name = surface.name.clone();
         let solved = match &found {
@@ -238,11 +238,11 @@ impl Task<'_> {
                 selection.cross_validated(chosen.terms.len())
             }
         };
-        let judging = self.judging(surface, &design, &statistics, &chosen, &cross);
-        if !judging.is_held {
-            statistics.cross_validation = judging.cross_validated.clone();
+        let quality = self.quality(surface, &design, &statistics, &chosen, &cross);
+        if !quality.is_held {
+            statistics.cross_validation = quality.cross_validated.clone();
         }
-        statistics.rows_used = judging.words(self, &chosen, taken.is_some());
+        statistics.rows_used = quality.words(self, &chosen, taken.is_some());
         let notes = Notes {
             surface,
             inputs: &self.inputs,
@@ -254,16 +254,16 @@ impl Task<'_> {
             is_shrunk: shrunk.is_some(),
             free_residual_sd: residual_sd,
             highest_order: all.terms().iter().map(|powers| design::order(powers)).max().unwrap_or(0),
-            explained: judging.explained,
+            explained: quality.explained,
             copies: &self.copies,
         };
         let Noted { mut warnings, is_lacking, serial } = notes.all();
-        if judging.explained.is_none() && chosen.by != ChosenBy::Nobody {
+        if quality.explained.is_none() && chosen.by != ChosenBy::Nobody {
             warnings.push(warnings::not_judged(&statistics.rows_used));
         }
         statistics.warnings = warnings;
         statistics.serial = serial;
-        let verdict = self.verdict(&statistics, &chosen, &judging, is_lacking);
+        let verdict = self.verdict(&statistics, &chosen, &quality, is_lacking);
         let rows_outside = self.rows_outside(&design);
         Ok(ResponseOutcome { name, verdict, rows_outside, statistics: Some(statistics), chosen_by: chosen.by })
     }
@@ -283,14 +283,14 @@ impl Task<'_> {
 
     /// The explained share on rows that were not used for any choice: test rows, otherwise validation rows if terms were given, otherwise
     /// cross-validation.
-    fn judging(
+    fn quality(
         &self,
         surface: &Surface,
         design: &Design,
         statistics: &ResponseStatistics,
         chosen: &Choice,
         cross: &dyn Fn() -> Option<(Judged, usize)>,
-    ) -> Judging {
+    ) -> Quality {
         let explained = |rows: &Option<Sample>| self.judged(surface, design, statistics, rows.as_ref()?)?.explained();
         let validated = explained(&self.validate);
         let centred = match chosen.by {
@@ -300,21 +300,21 @@ impl Task<'_> {
             ChosenBy::FittedRows | ChosenBy::Formula(_) => statistics.r2,
         };
         let is_held = is_held(statistics);
-        let mut judging = Judging { is_held, explained: None, centred, cross_validated: None };
+        let mut quality = Quality { is_held, explained: None, centred, cross_validated: None };
         if self.test.is_some() {
-            judging.explained = explained(&self.test);
+            quality.explained = explained(&self.test);
         } else if chosen.by != ChosenBy::Validation && self.validate.is_some() {
-            judging.explained = validated;
+            quality.explained = validated;
         } else if let Some((judged, parts)) = cross() {
-            judging.explained = judged.explained();
+            quality.explained = judged.explained();
             let errors = judged.statistics();
-            judging.cross_validated = errors.map(|errors| CrossValidation { errors, parts, r2: judged.explained() });
+            quality.cross_validated = errors.map(|errors| CrossValidation { errors, parts, r2: judged.explained() });
         }
         // Cross-validation is for the surface without constraints. The constrained surface explains at most as much as on fitted rows.
         if is_held && self.test.is_none() {
-            judging.explained = judging.explained.zip(statistics.r2).map(|(free, held)| free.min(held));
+            quality.explained = quality.explained.zip(statistics.r2).map(|(free, held)| free.min(held));
         }
-        judging
+        quality
     }
 
     /// The figures with constraints on the chosen terms; unchanged if the constraints are inactive.
@@ -409,7 +409,7 @@ impl Task<'_> {
         Err(Faults::one(self.fault(what).help(help)))
     }
 
-    fn verdict(&self, statistics: &ResponseStatistics, chosen: &Choice, judging: &Judging, is_lacking: bool) -> Verdict {
+    fn verdict(&self, statistics: &ResponseStatistics, chosen: &Choice, quality: &Quality, is_lacking: bool) -> Verdict {
         let Method::Ladder { confidence: wanted, .. } = self.response.method else { return Verdict::Fitted };
         let confidence = match (chosen.by, &statistics.validation, &chosen.climb) {
             (ChosenBy::Validation, Some(validation), _) => validation.confidence_c,
@@ -417,7 +417,7 @@ impl Task<'_> {
             _ => statistics.confidence_c,
         };
         let has_no_spread = self.fit.response.iter().all(|y| *y == self.fit.response[0]);
-        let criterion = Criterion { wanted, centred: judging.centred, explained: judging.explained, is_lacking, has_no_spread };
+        let criterion = Criterion { wanted, centred: quality.centred, explained: quality.explained, is_lacking, has_no_spread };
         verdict::of_ladder(confidence, &criterion)
     }
 
@@ -438,7 +438,7 @@ impl Task<'_> {
 }
 
 /// The quality of a surface on rows that were not used for any choice.
-struct Judging {
+struct Quality {
     /// Whether a constraint is active.
     is_held: bool,
     /// The explained share of the spread about the mean on those rows; `None` if there are none.
@@ -448,7 +448,7 @@ struct Judging {
     cross_validated: Option<CrossValidation>,
 }
 
-impl Judging {
+impl Quality {
     /// What the rows of a response were used for, in words.
     fn words(&self, task: &Task<'_>, chosen: &Choice, has_found_steps: bool) -> RowsUsed {
         let fitted = task.fit.rows();

@@ -9,7 +9,7 @@
 
 use crate::dd::Dd;
 use crate::design::Design;
-use crate::ladder::{Climb, Judge, Ladder, most_terms};
+use crate::ladder::{Judge, Ladder, LadderModel, most_terms};
 use crate::qr::{Compressed, Dependent, Growing, Triangle};
 use crate::random::Random;
 use crate::spec::{Method, PARTS};
@@ -147,7 +147,7 @@ pub(crate) struct Choice {
     pub terms: Vec<usize>,
     pub by: ChosenBy,
     /// C and C about the mean on the rows used for the choice; `None` if the terms were given.
-    pub climb: Option<Climb>,
+    pub climb: Option<LadderModel>,
 }
 
 /// The number of parts for a large problem.
@@ -178,15 +178,15 @@ pub(crate) struct Selection<'a> {
     /// Validation rows for the choice of a ladder.
     pub validate: Option<&'a Sample>,
     /// If the rows to fit and the validation rows were split from the same data: the share of the validation rows, and their weights.
-    pub lot: Option<(f64, &'a [f64])>,
+    pub random_split: Option<(f64, &'a [f64])>,
 }
 
 /// A progress function: order, number of terms, C.
-type Hears<'a> = &'a mut dyn FnMut(u32, usize, f64);
+type OnProgress<'a> = &'a mut dyn FnMut(u32, usize, f64);
 
 impl Selection<'_> {
     /// Chooses the terms.
-    pub(crate) fn choose(&self, progress: Hears<'_>) -> Result<Choice, Dependent> {
+    pub(crate) fn choose(&self, progress: OnProgress<'_>) -> Result<Choice, Dependent> {
         let Method::Ladder { .. } = self.method else {
             return Ok(Choice { terms: (0..self.design.width()).collect(), by: ChosenBy::Nobody, climb: None });
         };
@@ -204,7 +204,7 @@ impl Selection<'_> {
         Ok(Choice { terms: climb.chosen.clone(), by, climb: Some(climb) })
     }
 
-    fn climb(&self, fit: &Triangle, judge: &Judge, progress: Hears<'_>) -> Result<Climb, Dependent> {
+    fn climb(&self, fit: &Triangle, judge: &Judge, progress: OnProgress<'_>) -> Result<LadderModel, Dependent> {
         let Method::Ladder { max_order, confidence } = *self.method else { panic!("only a ladder climbs") };
         Ladder { fit, judge, terms: self.design.terms(), max_order, wanted: confidence }.climb(progress)
     }
@@ -257,7 +257,7 @@ impl Selection<'_> {
         }
         let quiet = &mut |_: u32, _: usize, _: f64| {};
         let is_ladder = matches!(self.method, Method::Ladder { .. });
-        match (self.validate, self.lot) {
+        match (self.validate, self.random_split) {
             // The rows to fit are the same in each round, as for the model. A part of the validation rows evaluates.
             (Some(validate), None) if is_ladder => {
                 let part_of = split::parts(&validate.groups, PARTS, 1);
@@ -278,7 +278,7 @@ impl Selection<'_> {
                 let count = part_of.iter().max().map_or(0, |most| most + 1);
                 let round = |part: usize| {
                     let rest = all.chosen(|row| part_of[row] != part);
-                    let is_aside = aside(&rest.groups, share, part as u64 + 2);
+                    let is_aside = held_out(&rest.groups, share, part as u64 + 2);
                     let (fit, choosing) = (rest.chosen(|row| !is_aside[row]), rest.chosen(|row| is_aside[row]));
                     let choosing = Sample { weights: Vec::new(), ..choosing };
                     if fit.rows() < 2 || choosing.rows() == 0 || most_terms(fit.rows()) < chosen {
@@ -334,7 +334,7 @@ fn sum(rounds: impl Iterator<Item = Option<Judged>>, count: usize) -> Option<(Ju
 }
 
 /// Marks the rows to set aside: groups in random order until the share is reached.
-pub(crate) fn aside(groups: &[usize], share: f64, seed: u64) -> Vec<bool> {
+pub(crate) fn held_out(groups: &[usize], share: f64, seed: u64) -> Vec<bool> {
     let mut order: Vec<usize> = groups.to_vec();
     order.sort_unstable();
     order.dedup();

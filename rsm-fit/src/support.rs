@@ -244,7 +244,7 @@ fn hull_normals(region: &Region, coded: &[Vec<Dd>], faces: usize) -> Option<Vec<
     while normals.len() < faces {
         let cut = |space: &HalfSpace| clipped(&polygon, space);
         let least = candidates.iter().min_by(|a, b| area(&cut(a)).total_cmp(&area(&cut(b))));
-        let Some(space) = least.filter(|space| area(&polygon) - area(&cut(space)) > WORTH * whole) else { break };
+        let Some(space) = least.filter(|space| area(&polygon) - area(&cut(space)) > LEAST_CUT * whole) else { break };
         polygon = cut(space);
         normals.push(space.normal.clone());
     }
@@ -252,7 +252,7 @@ fn hull_normals(region: &Region, coded: &[Vec<Dd>], faces: usize) -> Option<Vec<
 }
 
 /// A face that cuts off a smaller share of the box is not worth its operations.
-const WORTH: f64 = 1e-3;
+const LEAST_CUT: f64 = 1e-3;
 
 /// The part of a polygon in a half-space (Sutherland, Hodgman 1974).
 fn clipped(polygon: &[Point], space: &HalfSpace) -> Vec<Point> {

@@ -173,7 +173,7 @@ impl Notes<'_> {
         }
         let freedom = self.fit.rows().checked_sub(chosen.len() + 1).filter(|freedom| *freedom > 0)? as f64;
         let left = growing.residual_square().to_f64();
-        let gains = (chosen.len()..design.width()).filter_map(|k| Some((k, growing.ahead(k)?.0.to_f64())));
+        let gains = (chosen.len()..design.width()).filter_map(|k| Some((k, growing.effect_of_adding(k)?.0.to_f64())));
         let (term, gain) = gains.reduce(|best, other| if other.1 > best.1 { other } else { best })?;
         let t = (gain / ((left - gain).max(0.0) / freedom)).sqrt();
         // Corrected for the number of tested terms.

@@ -9,7 +9,7 @@
 //! ```
 //!
 //! Every vector begins with the number of its tick. A wrong number is an error, so no wrong record is written. The library notices most lost processes after 2 s. In all other cases a role
-//! ends when it has received nothing for the time [`Wish::silence`].
+//! ends when it has received nothing for the time [`Settings::silence`].
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -27,7 +27,7 @@ const RECORDER_AT: f64 = 0.00075;
 
 /// Which roles run here, and how.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Wish {
+pub struct Settings {
     /// Where the broker is.
     pub broker: Address,
     /// How the processes communicate.
@@ -83,12 +83,12 @@ impl Shared {
 /// Runs roles until all have ended. Each role has its own thread and its own connection to the broker. If one of them was lost, threads may still be blocked in the library. Then
 /// end the process by [`crate::helics::exit_without_destructors`] after the tables are written.
 #[must_use]
-pub fn run(library: &'static Library, roles: &[Role], wish: &Wish) -> Vec<Done> {
-    let watched: Vec<_> = roles.iter().map(|role| start(library, *role, wish)).collect();
-    watched.into_iter().map(|(shared, worker)| watch(&shared, &worker, wish)).collect()
+pub fn run(library: &'static Library, roles: &[Role], settings: &Settings) -> Vec<Done> {
+    let watched: Vec<_> = roles.iter().map(|role| start(library, *role, settings)).collect();
+    watched.into_iter().map(|(shared, worker)| watch(&shared, &worker, settings)).collect()
 }
 
-fn start(library: &'static Library, role: Role, wish: &Wish) -> (Arc<Shared>, std::thread::JoinHandle<()>) {
+fn start(library: &'static Library, role: Role, settings: &Settings) -> (Arc<Shared>, std::thread::JoinHandle<()>) {
     let done = Done {
         role,
         table: role.table(),
@@ -100,10 +100,10 @@ fn start(library: &'static Library, role: Role, wish: &Wish) -> (Arc<Shared>, st
     };
     let (start, moved, over) = (Instant::now(), AtomicU64::new(0), AtomicBool::new(false));
     let shared = Arc::new(Shared { start, moved, over, round_trips_ns: Mutex::default(), done: Mutex::new(done) });
-    let (wish, known) = (wish.clone(), Arc::clone(&shared));
+    let (settings, known) = (settings.clone(), Arc::clone(&shared));
     let worker = std::thread::spawn(move || {
-        let result = join(library, role, &wish).and_then(|(federate, ends)| {
-            let result = take_part(&federate, role, &wish, &ends, &known);
+        let result = join(library, role, &settings).and_then(|(federate, ends)| {
+            let result = take_part(&federate, role, &settings, &ends, &known);
             // Otherwise all others would wait for this role. After an error too: the broker would wait for it until its heartbeats are missing.
             if let Err(words) = &result {
                 known.with(|done| done.lost = Some(words.clone()));
@@ -120,7 +120,7 @@ fn start(library: &'static Library, role: Role, wish: &Wish) -> (Arc<Shared>, st
 }
 
 /// Waits for a worker as long as the simulated time advances.
-fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, wish: &Wish) -> Done {
+fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, settings: &Settings) -> Done {
     /// A hundredth of the shortest useful silence.
     const LOOK: Duration = Duration::from_millis(10);
     /// The longest time to wait for the end of a worker after an error. The state of the library is unknown then.
@@ -135,15 +135,18 @@ fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, wish: &Wish) -> 
         }
         let now = shared.start.elapsed();
         let moved = shared.moved.load(Ordering::Acquire);
-        if moved == 0 && now > wish.wait + wish.silence {
-            break Some(format!("the federation did not begin within {:.0} s: not all have joined", wish.wait.as_secs_f64()));
+        if moved == 0 && now > settings.wait + settings.silence {
+            break Some(format!(
+                "the federation did not begin within {:.0} s: not all have joined",
+                settings.wait.as_secs_f64()
+            ));
         }
-        if moved > 0 && now.saturating_sub(Duration::from_nanos(moved)) > wish.silence {
+        if moved > 0 && now.saturating_sub(Duration::from_nanos(moved)) > settings.silence {
             let tick = shared.with(|done| done.table.rows());
             break Some(format!(
                 "after tick {tick} the simulated time did not advance for {:.1} s: a peer or the broker at {} has ended or cannot be reached",
-                wish.silence.as_secs_f64(),
-                wish.broker
+                settings.silence.as_secs_f64(),
+                settings.broker
             ));
         }
         std::thread::sleep(LOOK);
@@ -163,16 +166,16 @@ fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, wish: &Wish) -> 
 ///
 /// # Errors
 /// It cannot listen; not all have joined in time.
-pub fn broker(library: &'static Library, federates: usize, wish: &Wish, begins: impl FnOnce()) -> Result<(), String> {
-    let broker = library.broker(wish.core, &wish.broker, federates)?;
-    let until = Instant::now() + wish.wait;
+pub fn broker(library: &'static Library, federates: usize, settings: &Settings, begins: impl FnOnce()) -> Result<(), String> {
+    let broker = library.broker(settings.core, &settings.broker, federates)?;
+    let until = Instant::now() + settings.wait;
     let mut begins = Some(begins);
     let (mut processes, mut gone) = (Vec::new(), None::<Instant>);
     while !broker.ended_within(Duration::from_millis(200))? {
-        if let Some(tell) = begins.take_if(|_| broker.has_begun()) {
-            tell();
+        if let Some(report) = begins.take_if(|_| broker.has_begun()) {
+            report();
             // Asked only once: for the library every query counts as activity, and more queries would keep it from noticing lost processes. Only with shared memory is it certain that the processes are on this host.
-            processes = if wish.core == Core::Ipc { broker.processes() } else { Vec::new() };
+            processes = if settings.core == Core::Ipc { broker.processes() } else { Vec::new() };
         }
         if processes.iter().any(|it| peers::is_gone(*it)) {
             let since = *gone.get_or_insert_with(Instant::now);
@@ -182,7 +185,7 @@ pub fn broker(library: &'static Library, federates: usize, wish: &Wish, begins: 
         }
         if begins.is_some() && Instant::now() > until {
             broker.disconnect();
-            return Err(format!("not all of {federates} federates have joined within {:.0} s", wish.wait.as_secs_f64()));
+            return Err(format!("not all of {federates} federates have joined within {:.0} s", settings.wait.as_secs_f64()));
         }
     }
     Ok(())
@@ -193,8 +196,8 @@ const NOTICED: Duration = Duration::from_millis(2500);
 
 /// The vectors that a role sends and receives.
 struct Ends {
-    tells: Option<Publication>,
-    hears: Vec<Subscription>,
+    published: Option<Publication>,
+    subscribed: Vec<Subscription>,
 }
 
 fn sample_name(side: Loop) -> String {
@@ -205,27 +208,31 @@ fn command_name(side: Loop) -> String {
     format!("{}/command", side.name())
 }
 
-fn join(library: &'static Library, role: Role, wish: &Wish) -> Result<(Federate, Ends), String> {
-    let until = Instant::now() + wish.wait;
-    if !library.has(wish.core) {
+fn join(library: &'static Library, role: Role, settings: &Settings) -> Result<(Federate, Ends), String> {
+    let until = Instant::now() + settings.wait;
+    if !library.has(settings.core) {
         return Err(format!(
             "{}: this build of HELICS has no core `{}`\n  help: use another core, or another build of HELICS",
             library.place.display(),
-            wish.core.name()
+            settings.core.name()
         ));
     }
-    if wish.core != Core::Ipc {
-        await_port(&wish.broker, until)?;
+    if settings.core != Core::Ipc {
+        await_port(&settings.broker, until)?;
     }
     let left = until.saturating_duration_since(Instant::now()).max(Duration::from_secs(1));
-    let federate = library.federate(&role.unique_name(), wish.core, &wish.broker, left)?;
+    let federate = library.federate(&role.unique_name(), settings.core, &settings.broker, left)?;
     let side = role.of_loop();
     let (sample, command) = (sample_name(side), command_name(side));
     let ends = match role {
-        Role::Plant(_) => Ends { tells: Some(federate.publication(&sample)?), hears: vec![federate.subscription(&command)?] },
-        Role::Step(_) => Ends { tells: Some(federate.publication(&command)?), hears: vec![federate.subscription(&sample)?] },
+        Role::Plant(_) => {
+            Ends { published: Some(federate.publication(&sample)?), subscribed: vec![federate.subscription(&command)?] }
+        }
+        Role::Step(_) => {
+            Ends { published: Some(federate.publication(&command)?), subscribed: vec![federate.subscription(&sample)?] }
+        }
         Role::Recorder(_) => {
-            Ends { tells: None, hears: vec![federate.subscription(&sample)?, federate.subscription(&command)?] }
+            Ends { published: None, subscribed: vec![federate.subscription(&sample)?, federate.subscription(&command)?] }
         }
     };
     Ok((federate, ends))
@@ -257,7 +264,7 @@ fn await_port(broker: &Address, until: Instant) -> Result<(), String> {
 }
 
 /// Sends a tick and its values.
-fn tell(federate: &Federate, to: Publication, tick: u64, values: &[f64]) -> Result<(), String> {
+fn publish_values(federate: &Federate, to: Publication, tick: u64, values: &[f64]) -> Result<(), String> {
     let mut vector = [0.0; WIDEST + 1];
     vector[0] = tick as f64;
     vector[1..=values.len()].copy_from_slice(values);
@@ -265,7 +272,7 @@ fn tell(federate: &Federate, to: Publication, tick: u64, values: &[f64]) -> Resu
 }
 
 /// Receives the values of a tick.
-fn hear(federate: &Federate, from: Subscription, what: &str, tick: u64, values: &mut [f64]) -> Result<(), String> {
+fn receive(federate: &Federate, from: Subscription, what: &str, tick: u64, values: &mut [f64]) -> Result<(), String> {
     let mut vector = [0.0; WIDEST + 1];
     let length = federate.read(from, &mut vector)?;
     if length != values.len() + 1 {
@@ -278,16 +285,16 @@ fn hear(federate: &Federate, from: Subscription, what: &str, tick: u64, values: 
     Ok(())
 }
 
-fn take_part(federate: &Federate, role: Role, wish: &Wish, ends: &Ends, shared: &Shared) -> Result<(), String> {
+fn take_part(federate: &Federate, role: Role, settings: &Settings, ends: &Ends, shared: &Shared) -> Result<(), String> {
     federate.enter()?;
     shared.with(|done| done.began = true);
     shared.note_move();
     let began = Instant::now();
     let side = role.of_loop();
-    let result = match (role, ends.tells) {
-        (Role::Plant(_), Some(tells)) => plant(federate, side, wish.run, tells, ends.hears[0], shared),
-        (Role::Step(_), Some(tells)) => step(federate, side, wish.run.ticks, tells, ends.hears[0], shared),
-        _ => recorder(federate, side, wish.run.ticks, &ends.hears, shared),
+    let result = match (role, ends.published) {
+        (Role::Plant(_), Some(published)) => plant(federate, side, settings.run, published, ends.subscribed[0], shared),
+        (Role::Step(_), Some(published)) => step(federate, side, settings.run.ticks, published, ends.subscribed[0], shared),
+        _ => recorder(federate, side, settings.run.ticks, &ends.subscribed, shared),
     };
     let seconds = began.elapsed().as_secs_f64();
     shared.with(|done| done.steps_per_second = done.table.rows() as f64 / seconds);
@@ -298,13 +305,13 @@ fn plant(
     federate: &Federate,
     side: Loop,
     run: Run,
-    tells: Publication,
-    hears: Subscription,
+    published: Publication,
+    subscribed: Subscription,
     shared: &Shared,
 ) -> Result<(), String> {
     let name = command_name(side);
     let mut tick = 0;
-    let mut told = Instant::now();
+    let mut sent_at = Instant::now();
     let mut failed = None;
     let exchange = |sample: &[f64], command: &mut [f64]| {
         let mut one = || {
@@ -312,13 +319,13 @@ fn plant(
                 command.copy_from_slice(side.first_command());
             } else {
                 federate.request_time(time_of(tick))?;
-                let round_trip = told.elapsed().as_nanos() as u64;
+                let round_trip = sent_at.elapsed().as_nanos() as u64;
                 shared.round_trips_ns.lock().unwrap_or_else(PoisonError::into_inner).push(round_trip);
-                hear(federate, hears, &name, tick - 1, command)?;
+                receive(federate, subscribed, &name, tick - 1, command)?;
             }
             shared.note_move();
-            told = Instant::now();
-            tell(federate, tells, tick, sample)?;
+            sent_at = Instant::now();
+            publish_values(federate, published, tick, sample)?;
             tick += 1;
             Ok(())
         };
@@ -333,8 +340,8 @@ fn step(
     federate: &Federate,
     side: Loop,
     ticks: u64,
-    tells: Publication,
-    hears: Subscription,
+    published: Publication,
+    subscribed: Subscription,
     shared: &Shared,
 ) -> Result<(), String> {
     let name = sample_name(side);
@@ -342,10 +349,10 @@ fn step(
     let (mut sample, mut command) = (vec![0.0; side.sample().len()], vec![0.0; side.command().len()]);
     for tick in 0..ticks {
         federate.request_time(time_of(tick) + STEP_AT)?;
-        hear(federate, hears, &name, tick, &mut sample)?;
+        receive(federate, subscribed, &name, tick, &mut sample)?;
         shared.note_move();
         step.answer(&sample, &mut command);
-        tell(federate, tells, tick, &command)?;
+        publish_values(federate, published, tick, &command)?;
         shared.with(|done| {
             done.table.push([&[time_of(tick)], sample.as_slice(), &command].concat());
             done.bad_samples = Some(step.bad_samples());
@@ -354,13 +361,13 @@ fn step(
     Ok(())
 }
 
-fn recorder(federate: &Federate, side: Loop, ticks: u64, hears: &[Subscription], shared: &Shared) -> Result<(), String> {
+fn recorder(federate: &Federate, side: Loop, ticks: u64, subscribed: &[Subscription], shared: &Shared) -> Result<(), String> {
     let names = [sample_name(side), command_name(side)];
     let (mut sample, mut command) = (vec![0.0; side.sample().len()], vec![0.0; side.command().len()]);
     for tick in 0..ticks {
         federate.request_time(time_of(tick) + RECORDER_AT)?;
-        hear(federate, hears[0], &names[0], tick, &mut sample)?;
-        hear(federate, hears[1], &names[1], tick, &mut command)?;
+        receive(federate, subscribed[0], &names[0], tick, &mut sample)?;
+        receive(federate, subscribed[1], &names[1], tick, &mut command)?;
         shared.note_move();
         shared.with(|done| done.table.push([&[time_of(tick)], sample.as_slice(), &command].concat()));
     }

@@ -170,7 +170,7 @@ impl PlayOut {
     }
 
     /// Takes a datagram that was received at a time.
-    pub fn hear(&mut self, number: u64, at_ns: u64, values: [f64; WIDEST]) {
+    pub fn receive(&mut self, number: u64, at_ns: u64, values: [f64; WIDEST]) {
         if number < self.from {
             // It is so old that its slot is used again: whether it is a duplicate is unknown.
             self.counts.late += 1;
@@ -265,7 +265,7 @@ mod tests {
         let mut played = Vec::new();
         for ms in 0..400 + buffer_ms {
             while let Some((at, number)) = arrivals.next_if(|(at, _)| *at <= ms * MS) {
-                buffer.hear(number, at, values(number));
+                buffer.receive(number, at, values(number));
             }
             played.push(buffer.play(ms * MS));
         }
@@ -316,14 +316,14 @@ mod tests {
     #[test]
     fn a_number_far_ahead_is_dropped_and_one_long_ago_is_late() {
         let mut buffer = PlayOut::new(MS, 10 * MS, 0);
-        buffer.hear(0, 0, values(0));
-        buffer.hear(1_000_000_000, 0, values(1));
+        buffer.receive(0, 0, values(0));
+        buffer.receive(1_000_000_000, 0, values(1));
         assert_eq!((buffer.counts().ahead, buffer.counts().heard), (1, 1));
         for ms in 10..3010 {
-            buffer.hear(ms, ms * MS, values(ms));
+            buffer.receive(ms, ms * MS, values(ms));
             buffer.play(ms * MS);
         }
-        buffer.hear(5, 3010 * MS, values(5));
+        buffer.receive(5, 3010 * MS, values(5));
         assert_eq!(buffer.counts().late, 1);
         // 1 to 9 never came in time; 5 came a long time later.
         assert_eq!((buffer.counts().lost(), buffer.counts().safe), (8, 9));

@@ -1,12 +1,12 @@
 //! One side of a loop in real time, connected to the other side by UDP, for hardware in the loop.
 //!
 //! In: the side, its address and the address of the other side, a key, the length of the play-out buffer. Out: a table and counts. No side waits: each tick takes the value that the buffer
-//! plays and sends its own. For a missing value, the last one is held ([`Wish::hold`]), then the safe state applies:
+//! plays and sends its own. For a missing value, the last one is held ([`Settings::hold`]), then the safe state applies:
 //!
 //! - the motor's plant sets its torque reference to zero and keeps the weakening current, the car closes its throttle;
 //! - a step gets an invalid sample, and treats it like a bad sample of a sensor.
 //!
-//! Both sides send hello datagrams until each has received one, so the order of start does not matter. After [`Wish::silence`] without a datagram the peer counts as lost.
+//! Both sides send hello datagrams until each has received one, so the order of start does not matter. After [`Settings::silence`] without a datagram the peer counts as lost.
 
 use std::net::{SocketAddr, ToSocketAddrs as _, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,11 +18,11 @@ use rsm_sim::kind::Signal;
 
 use crate::loops::{self, Loop, PERIOD_NS, Role, Run, Step, Table, WIDEST, time_of};
 use crate::play_out::{Counts, PlayOut, Played};
-use crate::wire::{Datagram, Foreign, Key, Kind, LONGEST, Side, model_hash};
+use crate::wire::{Datagram, Key, Kind, LONGEST, Rejected, Side, model_hash};
 
 /// A side to run.
 #[derive(Debug, Clone)]
-pub struct Wish {
+pub struct Settings {
     /// The loop, and its side here.
     pub side: (Loop, Side),
     /// Where this side listens: ADDRESS:PORT.
@@ -45,7 +45,7 @@ pub struct Wish {
 
 /// Counts of datagrams that were received and ignored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct NotMine {
+pub struct RejectedCounts {
     /// With a wrong authentication code, from the wrong side, or of another run.
     pub foreign: u64,
     /// With the right key, but of another model.
@@ -64,7 +64,7 @@ pub struct Done {
     /// The counts of the buffer.
     pub counts: Counts,
     /// Datagrams that were ignored.
-    pub not_mine: NotMine,
+    pub rejected: RejectedCounts,
     /// Round trip times, without the time at the peer.
     pub round_trip: Option<Summary>,
     /// How late the ticks began by the clock.
@@ -82,7 +82,7 @@ pub struct Done {
 }
 
 /// The data that the two threads share.
-struct Heard {
+struct Received {
     buffer: PlayOut,
     /// The session of the peer; 0 before its first datagram.
     peer: u64,
@@ -92,12 +92,12 @@ struct Heard {
     last_ns: u64,
     /// The peer's time in its last datagram, and when that was received.
     echo: (u64, u64),
-    not_mine: NotMine,
+    rejected: RejectedCounts,
     round_trips_ns: Vec<u64>,
 }
 
-fn locked(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
-    heard.lock().unwrap_or_else(PoisonError::into_inner)
+fn locked(received: &Mutex<Received>) -> MutexGuard<'_, Received> {
+    received.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn now_ns() -> u64 {
@@ -128,10 +128,10 @@ struct Link<'a> {
 
 impl Link<'_> {
     /// Whether the system took it.
-    fn send(&self, heard: &Mutex<Heard>, kind: Kind, number: u64, sent: &[f64]) -> bool {
+    fn send(&self, received: &Mutex<Received>, kind: Kind, number: u64, sent: &[f64]) -> bool {
         let (peer_session, (echo_ns, at_ns)) = {
-            let heard = locked(heard);
-            (heard.peer, heard.echo)
+            let received = locked(received);
+            (received.peer, received.echo)
         };
         let mut values = [0.0; WIDEST];
         values[..sent.len()].copy_from_slice(sent);
@@ -153,7 +153,7 @@ impl Link<'_> {
     }
 
     /// Receives until the run is over.
-    fn listen(&self, heard: &Mutex<Heard>, over: &AtomicBool) {
+    fn listen(&self, received: &Mutex<Received>, over: &AtomicBool) {
         let other = if self.side == Side::Plant { Side::Step } else { Side::Plant };
         // A byte more than the longest datagram: otherwise a truncated datagram would not be noticed.
         let mut bytes = [0; LONGEST + 1];
@@ -162,41 +162,41 @@ impl Link<'_> {
             let Ok((length, _)) = self.socket.recv_from(&mut bytes) else { continue };
             let now = now_ns();
             let read = Datagram::read(&bytes[..length], other, &self.model, self.key);
-            self.take(&mut locked(heard), read, now);
+            self.take(&mut locked(received), read, now);
         }
     }
 
-    fn take(&self, heard: &mut Heard, read: Result<Datagram, Foreign>, now: u64) {
+    fn take(&self, received: &mut Received, read: Result<Datagram, Rejected>, now: u64) {
         let datagram = match read {
             Ok(datagram) => datagram,
-            Err(Foreign::OtherModel) => {
-                heard.not_mine.other_model += 1;
+            Err(Rejected::OtherModel) => {
+                received.rejected.other_model += 1;
                 return;
             }
             Err(_) => {
-                heard.not_mine.foreign += 1;
+                received.rejected.foreign += 1;
                 return;
             }
         };
         // A hello may come from every sender with the key, at any time; the first one that answers to this session is the peer.
         let answers = datagram.peer_session == self.session;
-        let is_first = !heard.known && (heard.peer == 0 || datagram.kind == Kind::Hello || answers);
-        if !(is_first || datagram.session == heard.peer) || (datagram.kind != Kind::Hello && !answers) {
-            heard.not_mine.foreign += 1;
+        let is_first = !received.known && (received.peer == 0 || datagram.kind == Kind::Hello || answers);
+        if !(is_first || datagram.session == received.peer) || (datagram.kind != Kind::Hello && !answers) {
+            received.rejected.foreign += 1;
             return;
         }
-        heard.peer = datagram.session;
-        heard.known |= answers;
-        heard.last_ns = now;
-        heard.echo = (datagram.time_ns, now);
+        received.peer = datagram.session;
+        received.known |= answers;
+        received.last_ns = now;
+        received.echo = (datagram.time_ns, now);
         if answers && datagram.echo_ns > 0 {
             let age = datagram.echo_ns.saturating_add(datagram.echo_age_ns);
-            heard.round_trips_ns.push((now - self.start_ns).saturating_sub(age));
+            received.round_trips_ns.push((now - self.start_ns).saturating_sub(age));
         }
         match datagram.kind {
             Kind::Hello => {}
-            Kind::Data => heard.buffer.hear(datagram.number, now, datagram.values),
-            Kind::End => heard.ended = true,
+            Kind::Data => received.buffer.receive(datagram.number, now, datagram.values),
+            Kind::End => received.ended = true,
         }
     }
 }
@@ -205,49 +205,51 @@ impl Link<'_> {
 const HELLO: Duration = Duration::from_millis(5);
 
 /// The end of the run is sent this many times, because each datagram may be lost.
-const FAREWELLS: u32 = 5;
+const LEAVE_DATAGRAMS: u32 = 5;
 
 /// Runs a side.
 ///
 /// # Errors
 /// An invalid address, or one on which the socket cannot listen.
-pub fn run(wish: &Wish) -> Result<Done, String> {
-    let (side, mine) = wish.side;
-    let peer = wish.peer.to_socket_addrs().map_err(|error| format!("--peer {}: {error}", wish.peer))?.next();
-    let peer = peer.ok_or_else(|| format!("--peer {}: this name has no address", wish.peer))?;
-    let socket = UdpSocket::bind(&wish.listen).map_err(|error| format!("--listen {}: {error}", wish.listen))?;
-    socket.set_read_timeout(Some(Duration::from_millis(20))).map_err(|error| format!("--listen {}: {error}", wish.listen))?;
+pub fn run(settings: &Settings) -> Result<Done, String> {
+    let (side, mine) = settings.side;
+    let peer = settings.peer.to_socket_addrs().map_err(|error| format!("--peer {}: {error}", settings.peer))?.next();
+    let peer = peer.ok_or_else(|| format!("--peer {}: this name has no address", settings.peer))?;
+    let socket = UdpSocket::bind(&settings.listen).map_err(|error| format!("--listen {}: {error}", settings.listen))?;
+    socket
+        .set_read_timeout(Some(Duration::from_millis(20)))
+        .map_err(|error| format!("--listen {}: {error}", settings.listen))?;
     let (session, start_ns) = (session(), now_ns());
-    let link = Link { socket, peer, key: &wish.key, model: model_hash(side), side: mine, session, start_ns };
+    let link = Link { socket, peer, key: &settings.key, model: model_hash(side), side: mine, session, start_ns };
     let ns = |time: Duration| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
-    let heard = Mutex::new(Heard {
-        buffer: PlayOut::new(PERIOD_NS, ns(wish.buffer), ns(wish.hold)),
+    let received = Mutex::new(Received {
+        buffer: PlayOut::new(PERIOD_NS, ns(settings.buffer), ns(settings.hold)),
         peer: 0,
         known: false,
         ended: false,
         last_ns: start_ns,
         echo: (0, start_ns),
-        not_mine: NotMine::default(),
-        round_trips_ns: Vec::with_capacity(usize::try_from(wish.run.ticks).unwrap_or(0).min(1 << 20)),
+        rejected: RejectedCounts::default(),
+        round_trips_ns: Vec::with_capacity(usize::try_from(settings.run.ticks).unwrap_or(0).min(1 << 20)),
     });
     let over = AtomicBool::new(false);
     let mut done = std::thread::scope(|scope| {
-        scope.spawn(|| link.listen(&heard, &over));
+        scope.spawn(|| link.listen(&received, &over));
         let _ended = Ended(&over);
-        if let Err(words) = greet(&link, &heard, wish) {
+        if let Err(words) = connect(&link, &received, settings) {
             return Done { lost: Some(words), ..nothing(side, mine) };
         }
-        let done = Ticks::new(&link, &heard, wish).run();
-        for _ in 0..FAREWELLS {
-            link.send(&heard, Kind::End, wish.run.ticks, &[]);
+        let done = Ticks::new(&link, &received, settings).run();
+        for _ in 0..LEAVE_DATAGRAMS {
+            link.send(&received, Kind::End, settings.run.ticks, &[]);
             std::thread::sleep(Duration::from_millis(1));
         }
         done
     });
-    let mut heard = locked(&heard);
-    done.counts = heard.buffer.counts();
-    done.not_mine = heard.not_mine;
-    done.round_trip = (!heard.round_trips_ns.is_empty()).then(|| Summary::of(&mut heard.round_trips_ns));
+    let mut received = locked(&received);
+    done.counts = received.buffer.counts();
+    done.rejected = received.rejected;
+    done.round_trip = (!received.round_trips_ns.is_empty()).then(|| Summary::of(&mut received.round_trips_ns));
     Ok(done)
 }
 
@@ -271,7 +273,7 @@ fn nothing(side: Loop, mine: Side) -> Done {
         sent: 0,
         not_sent: 0,
         counts: Counts::default(),
-        not_mine: NotMine::default(),
+        rejected: RejectedCounts::default(),
         round_trip: None,
         lateness: Summary::default(),
         late_ticks: 0,
@@ -283,17 +285,17 @@ fn nothing(side: Loop, mine: Side) -> Done {
 }
 
 /// Sends hello datagrams until each side has received one of the other.
-fn greet(link: &Link<'_>, heard: &Mutex<Heard>, wish: &Wish) -> Result<(), String> {
-    let wait = u64::try_from(wish.wait.as_nanos()).unwrap_or(u64::MAX);
+fn connect(link: &Link<'_>, received: &Mutex<Received>, settings: &Settings) -> Result<(), String> {
+    let wait = u64::try_from(settings.wait.as_nanos()).unwrap_or(u64::MAX);
     loop {
-        link.send(heard, Kind::Hello, 0, &[]);
+        link.send(received, Kind::Hello, 0, &[]);
         {
-            let heard = locked(heard);
-            if heard.known {
+            let received = locked(received);
+            if received.known {
                 break;
             }
             if now_ns() - link.start_ns > wait {
-                let NotMine { foreign, other_model } = heard.not_mine;
+                let RejectedCounts { foreign, other_model } = received.rejected;
                 let why = if other_model > 0 {
                     "it runs another model: compare the coefficients and versions of both sides".to_string()
                 } else if foreign > 0 {
@@ -304,22 +306,22 @@ fn greet(link: &Link<'_>, heard: &Mutex<Heard>, wish: &Wish) -> Result<(), Strin
                 return Err(format!(
                     "the peer at {} sent no valid datagram within {:.1} s: {why}",
                     link.peer,
-                    wish.wait.as_secs_f64()
+                    settings.wait.as_secs_f64()
                 ));
             }
         }
         std::thread::sleep(HELLO);
     }
     // The peer may still wait for this side's answer. The datagrams of the ticks contain the answer too.
-    link.send(heard, Kind::Hello, 0, &[]);
+    link.send(received, Kind::Hello, 0, &[]);
     Ok(())
 }
 
 /// The ticks of a run, by the clock.
 struct Ticks<'a> {
     link: &'a Link<'a>,
-    heard: &'a Mutex<Heard>,
-    wish: &'a Wish,
+    received: &'a Mutex<Received>,
+    settings: &'a Settings,
     done: Done,
     first_ns: u64,
     tick: u64,
@@ -327,15 +329,15 @@ struct Ticks<'a> {
 }
 
 impl<'a> Ticks<'a> {
-    fn new(link: &'a Link<'a>, heard: &'a Mutex<Heard>, wish: &'a Wish) -> Self {
-        let (side, mine) = wish.side;
-        let lateness_ns = Vec::with_capacity(usize::try_from(wish.run.ticks).unwrap_or(0).min(1 << 24));
+    fn new(link: &'a Link<'a>, received: &'a Mutex<Received>, settings: &'a Settings) -> Self {
+        let (side, mine) = settings.side;
+        let lateness_ns = Vec::with_capacity(usize::try_from(settings.run.ticks).unwrap_or(0).min(1 << 24));
         let done = Done { began: true, ..nothing(side, mine) };
-        Ticks { link, heard, wish, done, first_ns: now_ns(), tick: 0, lateness_ns }
+        Ticks { link, received, settings, done, first_ns: now_ns(), tick: 0, lateness_ns }
     }
 
     fn run(mut self) -> Done {
-        let (side, mine) = self.wish.side;
+        let (side, mine) = self.settings.side;
         match mine {
             Side::Plant => self.plant(side),
             Side::Step => self.step(side),
@@ -355,16 +357,16 @@ impl<'a> Ticks<'a> {
         let late = now.saturating_sub(due);
         self.lateness_ns.push(late);
         self.done.late_ticks += u64::from(late > PERIOD_NS);
-        let mut heard = locked(self.heard);
-        let silent = now.saturating_sub(heard.last_ns);
-        if !heard.ended && u128::from(silent) > self.wish.silence.as_nanos() {
-            let seconds = self.wish.silence.as_secs_f64();
+        let mut received = locked(self.received);
+        let silent = now.saturating_sub(received.last_ns);
+        if !received.ended && u128::from(silent) > self.settings.silence.as_nanos() {
+            let seconds = self.settings.silence.as_secs_f64();
             self.done.lost = Some(format!("the peer at {} sent no valid datagram for {seconds:.1} s", self.link.peer));
             return None;
         }
         // A late tick is played for its scheduled time, so that catching up does not use up the buffer.
-        let played = heard.buffer.play(due);
-        if heard.ended && matches!(played, Played::Safe { .. }) {
+        let played = received.buffer.play(due);
+        if received.ended && matches!(played, Played::Safe { .. }) {
             self.done.lost = Some(format!("the peer at {} has ended its run", self.link.peer));
             return None;
         }
@@ -379,13 +381,13 @@ impl<'a> Ticks<'a> {
     }
 
     fn send(&mut self, values: &[f64]) {
-        let taken = self.link.send(self.heard, Kind::Data, self.tick - 1, values);
+        let taken = self.link.send(self.received, Kind::Data, self.tick - 1, values);
         self.done.sent += u64::from(taken);
         self.done.not_sent += u64::from(!taken);
     }
 
     fn plant(&mut self, side: Loop) {
-        let run = self.wish.run;
+        let run = self.settings.run;
         let (ticks, how) = (std::cell::RefCell::new(self), std::cell::Cell::new([f64::NAN, 0.0]));
         let exchange = |sample: &[f64], command: &mut [f64]| {
             let mut ticks = ticks.borrow_mut();
@@ -403,7 +405,7 @@ impl<'a> Ticks<'a> {
     fn step(&mut self, side: Loop) {
         let mut step = Step::new(side);
         let mut command = vec![0.0; side.command().len()];
-        for tick in 0..self.wish.run.ticks {
+        for tick in 0..self.settings.run.ticks {
             let Some(played) = self.begin() else { break };
             let sample = played.values().unwrap_or([f64::NAN; WIDEST]);
             step.answer(&sample, &mut command);

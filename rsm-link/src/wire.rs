@@ -1,6 +1,6 @@
 //! The datagram format: number, time stamp, hash of the model, values, and a keyed message authentication code.
 //!
-//! In: a [`Datagram`] and a [`Key`]. Out: bytes, and back. A datagram that was changed, or comes from a sender without the key, from another model or from the wrong side, is [`Foreign`];
+//! In: a [`Datagram`] and a [`Key`]. Out: bytes, and back. A datagram that was changed, or comes from a sender without the key, from another model or from the wrong side, is [`Rejected`];
 //! it is discarded. All numbers are little-endian; a value keeps its bits, NaN too.
 //!
 //! ```text
@@ -127,7 +127,7 @@ pub struct Datagram {
 
 /// Why a datagram is ignored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Foreign {
+pub enum Rejected {
     /// It has another format, or its authentication code is wrong.
     Unsigned,
     /// It has the key, but another version or side.
@@ -166,26 +166,26 @@ impl Datagram {
     ///
     /// # Errors
     /// They are foreign.
-    pub fn read(bytes: &[u8], from: Side, model: &[u8; 16], key: &Key) -> Result<Self, Foreign> {
+    pub fn read(bytes: &[u8], from: Side, model: &[u8; 16], key: &Key) -> Result<Self, Rejected> {
         let Some(end) = bytes.len().checked_sub(TAG).filter(|end| (HEAD..=HEAD + 8 * WIDEST).contains(end)) else {
-            return Err(Foreign::Unsigned);
+            return Err(Rejected::Unsigned);
         };
         // In constant time, and before anything else is read.
         let code = key.0.clone().chain_update(&bytes[..end]);
-        code.verify_truncated_left(&bytes[end..]).map_err(|_| Foreign::Unsigned)?;
+        code.verify_truncated_left(&bytes[end..]).map_err(|_| Rejected::Unsigned)?;
         let side = if bytes[5] == 1 { Side::Step } else { Side::Plant };
         let kind = match bytes[4] {
             0 => Kind::Hello,
             1 => Kind::Data,
             2 => Kind::End,
-            _ => return Err(Foreign::Misplaced),
+            _ => return Err(Rejected::Misplaced),
         };
         let count = usize::from(bytes[6]);
         if bytes[..4] != MAGIC || side != from || end != HEAD + 8 * count {
-            return Err(Foreign::Misplaced);
+            return Err(Rejected::Misplaced);
         }
         if bytes[8..24] != model[..] {
-            return Err(Foreign::OtherModel);
+            return Err(Rejected::OtherModel);
         }
         let word = |place: usize| {
             let mut word = [0; 8];
@@ -262,12 +262,12 @@ mod tests {
         for bit in 0..8 * length {
             let mut changed = bytes;
             changed[bit / 8] ^= 1 << (bit % 8);
-            assert_eq!(read(&changed[..length]), Err(Foreign::Unsigned), "bit {bit}");
+            assert_eq!(read(&changed[..length]), Err(Rejected::Unsigned), "bit {bit}");
         }
         for other in (0..=LONGEST).filter(|other| *other != length) {
-            assert_eq!(read(&bytes[..other]), Err(Foreign::Unsigned), "{other} bytes");
+            assert_eq!(read(&bytes[..other]), Err(Rejected::Unsigned), "{other} bytes");
         }
-        assert_eq!(read(&[0; 2000]), Err(Foreign::Unsigned));
+        assert_eq!(read(&[0; 2000]), Err(Rejected::Unsigned));
     }
 
     #[test]
@@ -275,10 +275,10 @@ mod tests {
         let key = key("sixteen bytes ok");
         let (bytes, length) = datagram().write(&MODEL, &key);
         let bytes = &bytes[..length];
-        assert_eq!(Datagram::read(bytes, Side::Step, &MODEL, &self::key("sixteen bytes no")), Err(Foreign::Unsigned));
-        assert_eq!(Datagram::read(bytes, Side::Step, &[8; 16], &key), Err(Foreign::OtherModel));
+        assert_eq!(Datagram::read(bytes, Side::Step, &MODEL, &self::key("sixteen bytes no")), Err(Rejected::Unsigned));
+        assert_eq!(Datagram::read(bytes, Side::Step, &[8; 16], &key), Err(Rejected::OtherModel));
         // A datagram of this side, sent back to it.
-        assert_eq!(Datagram::read(bytes, Side::Plant, &MODEL, &key), Err(Foreign::Misplaced));
+        assert_eq!(Datagram::read(bytes, Side::Plant, &MODEL, &key), Err(Rejected::Misplaced));
         assert_ne!(model_hash(Loop::Motor), model_hash(Loop::Throttle));
     }
 

@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 
 use crate::PROGRAM;
 use crate::scenario::{Scenario, Simulations, Statistic, Work};
-use crate::tasks::{Task, What, set};
+use crate::tasks::{Task, TaskKind, set};
 
 /// The data of a diagnosis.
 #[derive(Debug)]
@@ -38,10 +38,10 @@ impl Task {
         result.insert("task".into(), json!(self.hash));
         result.insert("program".into(), json!(PROGRAM));
         match (&self.what, &scenario.work) {
-            (What::Run { plant, record, values, noise }, Work::Simulate(all)) => {
+            (TaskKind::Run { plant, record, values, noise }, Work::Simulate(all)) => {
                 simulate(all, [*plant, *record], values, *noise, &mut result);
             }
-            (What::Diagnosis(place), Work::Diagnose(all)) => {
+            (TaskKind::Diagnosis(place), Work::Diagnose(all)) => {
                 let it = &all[*place];
                 let [records, validate, test] = &it.records;
                 result.insert("name".into(), json!(it.name));

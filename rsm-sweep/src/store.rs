@@ -51,7 +51,7 @@ impl Store {
     ///
     /// # Errors
     /// If it has no results; as a sentence.
-    pub fn look(out: &Path) -> Result<Store, String> {
+    pub fn open_read_only(out: &Path) -> Result<Store, String> {
         let folder = out.join("tasks");
         if folder.is_dir() {
             Ok(Store { folder, log: None })
@@ -127,13 +127,13 @@ impl Store {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tasks::What;
+    use crate::tasks::TaskKind;
 
     #[test]
     fn half_a_result_is_none_and_a_foreign_one_too() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
-        let task = |hash: &str| Task { hash: hash.into(), what: What::Diagnosis(0) };
+        let task = |hash: &str| Task { hash: hash.into(), what: TaskKind::Diagnosis(0) };
         let result = serde_json::json!({ "task": "a", "value": 0.1 + 0.2 });
         store.put(&task("a"), &result).unwrap();
         assert_eq!(store.get(&task("a")), Some(result));
@@ -143,6 +143,6 @@ mod tests {
         std::fs::write(folder.path().join("tasks/a.json"), &whole[..whole.len() - 3]).unwrap();
         assert_eq!(store.get(&task("a")), None);
         assert_eq!(store.count(), 2);
-        assert!(Store::look(&folder.path().join("tasks")).is_err());
+        assert!(Store::open_read_only(&folder.path().join("tasks")).is_err());
     }
 }

@@ -5,7 +5,7 @@
 use serde_json::Value;
 
 use crate::scenario::{Scenario, Simulations, Work};
-use crate::tasks::{Task, What};
+use crate::tasks::{Task, TaskKind};
 
 /// The results of a list.
 #[derive(Debug, Clone, PartialEq)]
@@ -137,8 +137,8 @@ impl Table {
 /// What is set, and the seeds of the noise.
 fn settings(all: &Simulations, tasks: &[Task]) -> Vec<Column> {
     let run = |task: &Task| match &task.what {
-        What::Run { values, noise, .. } => (values.clone(), *noise),
-        What::Diagnosis(_) => (Vec::new(), None),
+        TaskKind::Run { values, noise, .. } => (values.clone(), *noise),
+        TaskKind::Diagnosis(_) => (Vec::new(), None),
     };
     let runs: Vec<_> = tasks.iter().map(run).collect();
     let one = |(k, factor): (usize, &crate::scenario::Factor)| Column {

@@ -21,12 +21,12 @@ pub struct Task {
     /// The hash of everything that affects its result: 32 hexadecimal digits of SHA-256.
     pub hash: String,
     /// The part of the scenario.
-    pub what: What,
+    pub what: TaskKind,
 }
 
 /// The part of a scenario that a task is.
 #[derive(Debug, Clone, PartialEq)]
-pub enum What {
+pub enum TaskKind {
     /// A run.
     Run {
         /// The index of the plant.
@@ -58,7 +58,7 @@ pub fn list(scenario: &Scenario) -> Result<Vec<Task>, Faults> {
                     let _ = writeln!(text, "{role}");
                     places.iter().for_each(|place| text += &format!("{}\n", files[*place]));
                 }
-                Task { hash: digest(text.as_bytes()), what: What::Diagnosis(k) }
+                Task { hash: digest(text.as_bytes()), what: TaskKind::Diagnosis(k) }
             };
             all.iter().enumerate().map(one).collect()
         }
@@ -189,7 +189,7 @@ fn runs(scenario: &Scenario, all: &Simulations, files: &[String], faults: &mut C
                         hash.update(value.to_bits().to_le_bytes());
                     }
                     hash.update(format!("{noise:?}"));
-                    let what = What::Run { plant: p, record: r, values: values.clone(), noise };
+                    let what = TaskKind::Run { plant: p, record: r, values: values.clone(), noise };
                     tasks.push(Task { hash: hex(&hash.finalize()), what });
                 }
             }

@@ -72,9 +72,10 @@ mod tests {
             let own = path.strip_prefix(root()).unwrap_or(path);
             !own.starts_with("xtask") && !own.starts_with("bench") && own != Path::new("tests/src/refused.rs")
         };
-        let readers = found.into_iter().filter(is_test).filter(|path| {
-            std::fs::read_to_string(path).is_ok_and(|text| text.contains("var_os(\"RSM_BLESS\")"))
-        });
+        let readers = found
+            .into_iter()
+            .filter(is_test)
+            .filter(|path| std::fs::read_to_string(path).is_ok_and(|text| text.contains("var_os(\"RSM_BLESS\")")));
         let readers: Vec<String> = readers.map(|path| path.to_string_lossy().replace(".rs", "::").replace('/', "::")).collect();
         assert!(readers.len() > 5, "{readers:?}");
         for reader in readers {

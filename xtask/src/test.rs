@@ -173,7 +173,10 @@ mod tests {
             // Code of this build is called by these names.
             for crate_name in ["through_the_macro", "motor_loop::{CurrentState, Demand", "motor_loop::references"] {
                 let is_run = tests.iter().any(|it| it.1) || module.ends_with("sequence");
-                assert!(!source.contains(crate_name) || is_run, "`LONG_MATRIX` has no test of {module}, which runs code of this build");
+                assert!(
+                    !source.contains(crate_name) || is_run,
+                    "`LONG_MATRIX` has no test of {module}, which runs code of this build"
+                );
             }
         }
         for part in LONG_MATRIX {

@@ -13,7 +13,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::limits;
-use super::{PrecisionName, model_source, precisions, tell_left_out};
+use super::{PrecisionName, model_source, precisions, print_left_out};
 use crate::outcome::{Answer, Outcome};
 use crate::output;
 
@@ -48,7 +48,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     let mut problems = Vec::new();
     let wanted = if asked.is_empty() { Precision::ALL.to_vec() } else { asked.clone() };
     if asked.is_empty() {
-        tell_left_out(&checked);
+        print_left_out(&checked);
     }
     let mut held = Vec::new();
     for precision in wanted {

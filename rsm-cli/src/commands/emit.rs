@@ -8,7 +8,7 @@ use rsm_core::compile::{self, Parts};
 use rsm_core::emit;
 use serde_json::json;
 
-use super::{PrecisionName, equations, model_source, precisions, tell_left_out};
+use super::{PrecisionName, equations, model_source, precisions, print_left_out};
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
@@ -71,7 +71,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     match (is_text || equations::is_equations(&source), arguments.step) {
         (false, None) => {}
         (true, Some(step)) => {
-            let wish = equations::emit::Wish {
+            let options = equations::emit::Options {
                 step,
                 effects: arguments.effects.as_deref(),
                 in_c: arguments.lang == Language::C,
@@ -81,7 +81,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
                 out: &arguments.out,
                 as_json: arguments.json,
             };
-            return equations::emit::run(&arguments.model, &wish);
+            return equations::emit::run(&arguments.model, &options);
         }
         (true, None) => {
             return Err(Refusal::new(format!(
@@ -110,7 +110,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     };
     output::write_all(&files)?;
     if asked.is_empty() {
-        tell_left_out(&checked);
+        print_left_out(&checked);
     }
     if arguments.json {
         let names: Vec<String> = files.iter().map(|(path, _)| path.display().to_string()).collect();

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use clap::Args;
 use host_loop::Summary;
-use rsm_link::federate::{self, Done, Wish};
+use rsm_link::federate::{self, Done, Settings};
 use rsm_link::helics::{Address, Core, Library};
 use rsm_link::loops::{Loop, Role, Run};
 use serde_json::{Value, json};
@@ -79,7 +79,7 @@ pub(super) fn inertia(word: &str) -> Result<f64, String> {
 
 pub fn run(arguments: &Arguments) -> Outcome {
     let ticks = (arguments.seconds * 1000.0).round() as u64;
-    let wish = Wish {
+    let settings = Settings {
         broker: arguments.broker.clone(),
         core: arguments.core,
         run: Run { ticks, load_inertia: arguments.load_inertia },
@@ -87,7 +87,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         silence: Duration::from_secs_f64(arguments.silence),
     };
     let roles: Option<Vec<Role>> = arguments.roles.iter().map(|word| Role::of(word, arguments.listened)).collect();
-    let Some(roles) = roles else { return broker(arguments, &wish) };
+    let Some(roles) = roles else { return broker(arguments, &settings) };
     if let Some(twice) = roles.iter().enumerate().find(|(place, role)| roles[..*place].contains(role)) {
         return Err(Refusal::new(format!(
             "found the role `{}` twice, expected each role once in a federation",
@@ -98,21 +98,21 @@ pub fn run(arguments: &Arguments) -> Outcome {
         return Err(Refusal::new("--federates: found without the role `broker`; only the broker takes this option"));
     }
     let library = Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
-    let done = federate::run(library, &roles, &wish);
+    let done = federate::run(library, &roles, &settings);
     tell(arguments, &done)
 }
 
-fn broker(arguments: &Arguments, wish: &Wish) -> Outcome {
+fn broker(arguments: &Arguments, settings: &Settings) -> Outcome {
     if arguments.roles.len() > 1 {
         return Err(Refusal::new("found `broker` with other roles, expected `broker` alone: it needs a process of its own"));
     }
     let library = Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
     let federates = usize::from(arguments.federates.unwrap_or(1));
-    let begins = || output::tell(format_args!("broker at {}: all have joined: {federates}\n", wish.broker));
-    federate::broker(library, federates, wish, begins)
-        .map_err(|words| Refusal::new(format!("broker at {}: {words}", wish.broker)))?;
+    let begins = || output::tell(format_args!("broker at {}: all have joined: {federates}\n", settings.broker));
+    federate::broker(library, federates, settings, begins)
+        .map_err(|words| Refusal::new(format!("broker at {}: {words}", settings.broker)))?;
     if arguments.json {
-        output::json(&json!({ "broker": wish.broker.to_string(), "core": wish.core.name(), "federates": federates }))?;
+        output::json(&json!({ "broker": settings.broker.to_string(), "core": settings.core.name(), "federates": federates }))?;
     }
     Ok(Answer::Positive)
 }

@@ -72,7 +72,7 @@ pub fn precisions(names: &[PrecisionName]) -> Vec<Precision> {
 
 /// Prints on standard error which precisions cannot represent the model, and why. If the user named no precision, this is a note and not a
 /// failure.
-pub fn tell_left_out(checked: &Checked) {
+pub fn print_left_out(checked: &Checked) {
     for precision in Precision::ALL {
         if let Some(faults) = checked.refusal(precision) {
             tell!("{} is left out, because it cannot represent this model:\n{faults}", precision.name());

@@ -45,16 +45,16 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Outcome {
     let source = Source::read(&arguments.plant)?;
-    let wish = equations::simulate::Wish {
+    let options = equations::simulate::Options {
         method: arguments.method.as_deref(),
         tolerance: arguments.tolerance,
         fixed_step: arguments.fixed_step,
         effects: arguments.effects.as_deref(),
     };
     if equations::is_equations(&source) || arguments.plant.extension().is_some_and(|it| it.eq_ignore_ascii_case("mo")) {
-        return equations::simulate::run(&arguments.plant, &arguments.record, &arguments.out, &wish, arguments.json);
+        return equations::simulate::run(&arguments.plant, &arguments.record, &arguments.out, &options, arguments.json);
     }
-    if wish.is_some() {
+    if options.is_some() {
         return Err(Refusal::new(format!(
             "{}: --method, --tolerance, --fixed-step and --effects are for plants of equations (`format = 2`); this is a plant file of format 1",
             arguments.plant.display()

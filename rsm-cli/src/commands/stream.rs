@@ -8,7 +8,7 @@ use std::time::Duration;
 use clap::Args;
 use rsm_core::source::Source;
 use rsm_link::loops::{PERIOD_NS, Role, Run};
-use rsm_link::stream::{self, Done, Wish};
+use rsm_link::stream::{self, Done, Settings};
 use rsm_link::wire::{Key, Side};
 use serde_json::json;
 
@@ -68,7 +68,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     })?;
     let side = if matches!(role, Role::Plant(_)) { Side::Plant } else { Side::Step };
     let ticks = (arguments.seconds * 1e9 / PERIOD_NS as f64).round() as u64;
-    let wish = Wish {
+    let settings = Settings {
         side: (role.of_loop(), side),
         listen: arguments.listen.clone(),
         peer: arguments.peer.clone(),
@@ -79,7 +79,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         silence: Duration::from_secs_f64(arguments.silence),
         wait: Duration::from_secs_f64(arguments.wait),
     };
-    let done = stream::run(&wish).map_err(Refusal)?;
+    let done = stream::run(&settings).map_err(Refusal)?;
     tell(arguments, role, &done)
 }
 
@@ -107,8 +107,8 @@ fn tell(arguments: &Arguments, role: Role, done: &Done) -> Outcome {
             "late": counts.late,
             "doubled": counts.doubled,
             "ahead": counts.ahead,
-            "foreign": done.not_mine.foreign,
-            "other_model": done.not_mine.other_model,
+            "foreign": done.rejected.foreign,
+            "other_model": done.rejected.other_model,
             "round_trip_us": done.round_trip.map(|trip| micros(&trip)),
             "lateness_us": micros(&done.lateness),
             "late_ticks": done.late_ticks,
@@ -132,7 +132,7 @@ fn tell(arguments: &Arguments, role: Role, done: &Done) -> Outcome {
                 counts.late
             );
         }
-        let others = [("doubled", counts.doubled), ("too far ahead", counts.ahead), ("foreign", done.not_mine.foreign)];
+        let others = [("doubled", counts.doubled), ("too far ahead", counts.ahead), ("foreign", done.rejected.foreign)];
         for (what, count) in others.into_iter().filter(|(_, count)| *count > 0) {
             tell!("  datagrams: {count} {what}");
         }

@@ -132,7 +132,8 @@ fn all(scenario: &Scenario, tasks: &[Task], out: &Path, arguments: &Arguments) -
     }
     let part = arguments.shard.as_deref().map(shard).transpose()?;
     let mine = part.map_or_else(|| tasks.iter().collect(), |part| tasks::shard(tasks, part));
-    let others: Vec<Store> = arguments.merge.iter().map(|it| Store::look(it)).collect::<Result<_, _>>().map_err(Refusal)?;
+    let others: Vec<Store> =
+        arguments.merge.iter().map(|it| Store::open_read_only(it)).collect::<Result<_, _>>().map_err(Refusal)?;
     let store = Store::open(out).map_err(Refusal)?;
     let mut results: Vec<Option<Value>> = mine.iter().map(|it| store.get(it)).collect();
     let left: Vec<&Task> = mine.iter().zip(&results).filter_map(|(task, result)| result.is_none().then_some(*task)).collect();

@@ -6,7 +6,7 @@ use crate::number::{Precision, Rational, exact, integer};
 
 mod cuts;
 
-const EVERYWHERE: Search<'_> = Search { place: &|_| Place::Inside, finest: 1.0, enough: f64::INFINITY };
+const WHOLE_BOX: Search<'_> = Search { place: &|_| Place::Inside, finest: 1.0, enough: f64::INFINITY };
 
 fn range_of(terms: &[Monomial], sides: &[Interval]) -> Interval {
     extent(terms, sides).range
@@ -259,7 +259,7 @@ fn what_is_said_to_be_seen_is_seen_there() {
         let dimensions = 1 + random.below(2);
         let terms = random_terms(&mut random, dimensions, 3, 4);
         let sides: Vec<Interval> = (0..dimensions).map(|_| random_side(&mut random)).collect();
-        let found = least(&terms, &sides, &EVERYWHERE);
+        let found = least(&terms, &sides, &WHOLE_BOX);
         let truth = value(&terms, &place(&sides, &found.at));
         // Values of up to some hundred.
         assert!(truth <= exact(found.seen) && exact(found.seen - 1e-10) < truth, "{found:?} of {terms:?} over {sides:?}");
@@ -307,11 +307,11 @@ fn every_corner_is_seen_and_of_equals_the_first_is_named() {
         let sign = |k: usize| if corner >> k & 1 == 1 { -1.0 } else { 1.0 };
         let power = |k: usize| (0..3).map(|j| u32::from(j == k)).collect::<Vec<u32>>();
         let terms: Vec<Monomial> = (0..3).map(|k| monomial(&power(k), sign(k) * [1.0, 2.0, 4.0][k])).collect();
-        let found = least(&terms, &[side; 3], &EVERYWHERE);
+        let found = least(&terms, &[side; 3], &WHOLE_BOX);
         assert_eq!(found.at, (0..3).map(|k| (corner >> k & 1) as f64).collect::<Vec<f64>>());
         assert!(found.bound <= -7.0 && found.bound > -7.0 - 1e-14);
     }
-    assert_eq!(least(&[monomial(&[1, 1], 0.0)], &[side; 2], &EVERYWHERE).at, [0.0, 0.0]);
+    assert_eq!(least(&[monomial(&[1, 1], 0.0)], &[side; 2], &WHOLE_BOX).at, [0.0, 0.0]);
     // No term at all is one coefficient.
     assert_eq!(Cell::new(&[&[]], &[side; 2]).coefficients, [Interval::point(0.0)]);
 }
@@ -365,8 +365,8 @@ fn the_least_of_a_concave_measure_is_that_of_its_worst_place() {
         let dimensions = 1 + random.below(2);
         let terms: Vec<Vec<Monomial>> = (0..2).map(|_| random_terms(&mut random, dimensions, 3, 4)).collect();
         let sides: Vec<Interval> = (0..dimensions).map(|_| random_side(&mut random)).collect();
-        let found = least_measure(&terms, &sides, &Lesser, &EVERYWHERE);
-        let each = terms.iter().map(|terms| least(terms, &sides, &EVERYWHERE));
+        let found = least_measure(&terms, &sides, &Lesser, &WHOLE_BOX);
+        let each = terms.iter().map(|terms| least(terms, &sides, &WHOLE_BOX));
         let expected = each.map(|found| found.bound).fold(f64::INFINITY, f64::min);
         // Each search ends within 10^-9 of a spread of up to some hundred.
         assert!((found.bound - expected).abs() < 1e-6, "{found:?} {expected}");
@@ -378,6 +378,6 @@ fn the_least_of_a_concave_measure_is_that_of_its_worst_place() {
     let valley = vec![monomial(&[2, 0], 1.0), monomial(&[1, 1], -2.0), monomial(&[0, 2], 1.0), monomial(&[20, 20], 0.0)];
     let sides = [Interval::new(-1.0, 1.3), Interval::new(-0.9, 1.2)];
     let both = [valley.clone(), valley.clone()];
-    let (one, two) = (least(&valley, &sides, &EVERYWHERE).bound, least_measure(&both, &sides, &Lesser, &EVERYWHERE).bound);
+    let (one, two) = (least(&valley, &sides, &WHOLE_BOX).bound, least_measure(&both, &sides, &Lesser, &WHOLE_BOX).bound);
     assert!(two < one && one <= 0.0, "{two} {one}");
 }

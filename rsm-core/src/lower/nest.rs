@@ -15,13 +15,13 @@ use crate::number::{Rational, integer};
 use crate::tape::{Op, Reg, TapeBuilder};
 
 /// A term whose coefficient may carry the scales of its variables.
-pub(super) struct Leaf<'a> {
+pub(super) struct ScaledTerm<'a> {
     pub(super) powers: &'a [u32],
     pub(super) coefficient: Rational,
 }
 
 /// The output of the nest.
-pub(super) trait Sheet {
+pub(super) trait NestOutput {
     /// A value in it.
     type Value: Copy;
     fn constant(&mut self, value: &Rational) -> Self::Value;
@@ -42,7 +42,7 @@ impl Written<'_> {
     }
 }
 
-impl Sheet for Written<'_> {
+impl NestOutput for Written<'_> {
     type Value = (Reg, usize);
 
     fn constant(&mut self, value: &Rational) -> Self::Value {
@@ -76,7 +76,7 @@ pub(super) struct Counted {
     pub(super) operations: usize,
 }
 
-impl Sheet for Counted {
+impl NestOutput for Counted {
     type Value = usize;
 
     fn constant(&mut self, _: &Rational) -> usize {
@@ -117,25 +117,25 @@ pub(super) enum Part<'l, V> {
 }
 
 /// A polynomial that is written level by level.
-pub(super) struct Nest<'s, S: Sheet> {
-    pub(super) sheet: &'s mut S,
+pub(super) struct Nest<'s, S: NestOutput> {
+    pub(super) output: &'s mut S,
     /// The existing powers of each factor; the first power exists from the beginning if a term has the factor.
     powers: Vec<BTreeMap<u32, S::Value>>,
 }
 
-impl<'s, S: Sheet> Nest<'s, S> {
+impl<'s, S: NestOutput> Nest<'s, S> {
     /// `variables`: the value of each factor that a term has.
-    pub(super) fn new(sheet: &'s mut S, variables: &[Option<S::Value>]) -> Self {
+    pub(super) fn new(output: &'s mut S, variables: &[Option<S::Value>]) -> Self {
         let powers = variables.iter().map(|variable| variable.iter().map(|value| (1, *value)).collect()).collect();
-        Nest { sheet, powers }
+        Nest { output, powers }
     }
 
     /// A part as a value.
     pub(super) fn written(&mut self, part: Part<'_, S::Value>) -> S::Value {
         match part {
-            Part::Constant(value) => self.sheet.constant(value),
+            Part::Constant(value) => self.output.constant(value),
             Part::Value(value) => value,
-            Part::Opposite(value) => self.sheet.negate(value),
+            Part::Opposite(value) => self.output.negate(value),
         }
     }
 
@@ -143,7 +143,7 @@ impl<'s, S: Sheet> Nest<'s, S> {
     pub(super) fn ready(&self, part: &Part<'_, S::Value>) -> usize {
         match part {
             Part::Constant(_) => 0,
-            Part::Value(value) | Part::Opposite(value) => self.sheet.ready(*value),
+            Part::Value(value) | Part::Opposite(value) => self.output.ready(*value),
         }
     }
 
@@ -151,15 +151,15 @@ impl<'s, S: Sheet> Nest<'s, S> {
         Part::Value(match (a, b) {
             (a, Part::Opposite(b)) => {
                 let a = self.written(a);
-                self.sheet.subtract(a, b)
+                self.output.subtract(a, b)
             }
             (Part::Opposite(a), b) => {
                 let b = self.written(b);
-                self.sheet.subtract(b, a)
+                self.output.subtract(b, a)
             }
             (a, b) => {
                 let (a, b) = (self.written(a), self.written(b));
-                self.sheet.add(a, b)
+                self.output.add(a, b)
             }
         })
     }
@@ -168,10 +168,10 @@ impl<'s, S: Sheet> Nest<'s, S> {
         match a {
             Part::Constant(one) if *one == integer(1) => Part::Value(b),
             Part::Constant(minus_one) if *minus_one == integer(-1) => Part::Opposite(b),
-            Part::Opposite(a) => Part::Opposite(self.sheet.multiply(a, b)),
+            Part::Opposite(a) => Part::Opposite(self.output.multiply(a, b)),
             a => {
                 let a = self.written(a);
-                Part::Value(self.sheet.multiply(a, b))
+                Part::Value(self.output.multiply(a, b))
             }
         }
     }
@@ -192,26 +192,26 @@ impl<'s, S: Sheet> Nest<'s, S> {
             let b = known.get(&exponent.checked_sub(*one)?)?;
             (2 * one >= exponent).then_some([*a, *b])
         });
-        let sheet = &*self.sheet;
-        let pair = pairs.min_by_key(|[a, b]| sheet.ready(*a).max(sheet.ready(*b)));
+        let output = &*self.output;
+        let pair = pairs.min_by_key(|[a, b]| output.ready(*a).max(output.ready(*b)));
         let [a, b] = pair.unwrap_or_else(|| {
             let half = exponent / 2;
             [self.power(factor, exponent - half), self.power(factor, half)]
         });
-        let value = self.sheet.multiply(a, b);
+        let value = self.output.multiply(a, b);
         self.powers[factor].insert(exponent, value);
         value
     }
 }
 
 /// The terms with one power of a factor.
-pub(super) fn with_power<'l, 'a>(leaves: &[&'l Leaf<'a>], factor: usize, exponent: u32) -> Vec<&'l Leaf<'a>> {
-    leaves.iter().filter(|leaf| leaf.powers[factor] == exponent).copied().collect()
+pub(super) fn with_power<'l, 'a>(scaled_terms: &[&'l ScaledTerm<'a>], factor: usize, exponent: u32) -> Vec<&'l ScaledTerm<'a>> {
+    scaled_terms.iter().filter(|term| term.powers[factor] == exponent).copied().collect()
 }
 
 /// The highest power of a factor among some terms.
-pub(super) fn degree(leaves: &[&Leaf<'_>], factor: usize) -> u32 {
-    leaves.iter().map(|leaf| leaf.powers[factor]).max().expect("there is at least one term")
+pub(super) fn degree(scaled_terms: &[&ScaledTerm<'_>], factor: usize) -> u32 {
+    scaled_terms.iter().map(|term| term.powers[factor]).max().expect("there is at least one term")
 }
 
 #[cfg(test)]

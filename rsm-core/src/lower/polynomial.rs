@@ -7,7 +7,7 @@ use crate::model::{Surface, Term};
 use crate::number::{Precision, Rational, exact, integer, power};
 use crate::tape::{Note, Op, Reg, TapeBuilder};
 
-use super::nest::{Leaf, Nest, Written, degree};
+use super::nest::{Nest, ScaledTerm, Written, degree};
 use super::scheme::{self, Candidate};
 use super::variables::Variables;
 
@@ -38,14 +38,17 @@ pub(super) fn lower(tape: &mut TapeBuilder, variables: &mut Variables<'_>, surfa
             tape.push(Op::Divide(variable.value, divisor))
         });
     }
-    let leaves: Vec<Leaf> = terms
+    let scaled_terms: Vec<ScaledTerm> = terms
         .iter()
         .map(|term| {
             let scaled = scales.iter().filter(|_| folds).map(|(k, scale)| power(scale, term.powers[*k]));
-            Leaf { powers: &term.powers, coefficient: scaled.fold(exact(term.coefficient), |product, scale| product * scale) }
+            ScaledTerm {
+                powers: &term.powers,
+                coefficient: scaled.fold(exact(term.coefficient), |product, scale| product * scale),
+            }
         })
         .collect();
-    let leaves: Vec<&Leaf<'_>> = leaves.iter().collect();
+    let scaled_terms: Vec<&ScaledTerm<'_>> = scaled_terms.iter().collect();
     let ready: Vec<Option<usize>> = values.iter().map(|value| value.map(|reg| tape.depth_of(reg))).collect();
     let candidates: Vec<Candidate> = used
         .iter()
@@ -56,17 +59,17 @@ pub(super) fn lower(tape: &mut TapeBuilder, variables: &mut Variables<'_>, surfa
             Candidate {
                 factor: *k,
                 is_bounded: variables.is_bounded(*k),
-                has_powers: i64::from(degree(&leaves, *k)) * magnitude_bits(&magnitude) <= widest(tape.precision()),
+                has_powers: i64::from(degree(&scaled_terms, *k)) * magnitude_bits(&magnitude) <= widest(tape.precision()),
             }
         })
         .collect();
-    let levels = scheme::best(&leaves, &candidates, &ready);
+    let levels = scheme::best(&scaled_terms, &candidates, &ready);
     let values: Vec<Option<(Reg, usize)>> = values.into_iter().zip(ready).map(|(reg, ready)| reg.zip(ready)).collect();
-    let mut sheet = Written(tape);
-    let (value, _) = Nest::new(&mut sheet, &values).value(&leaves, &levels);
-    for (leaf, term) in leaves.iter().zip(terms) {
+    let mut output = Written(tape);
+    let (value, _) = Nest::new(&mut output, &values).value(&scaled_terms, &levels);
+    for (scaled_term, term) in scaled_terms.iter().zip(terms) {
         let note = Note { term: surface.term_name(&term.powers), coefficient: term.coefficient, unit: surface.unit.clone() };
-        tape.note(&leaf.coefficient, note);
+        tape.note(&scaled_term.coefficient, note);
     }
     value
 }

@@ -4,7 +4,7 @@
 //! operations are counted (`levels.rs`), and the one with the lowest score is used.
 
 use super::levels::{Form, Level};
-use super::nest::{Counted, Leaf, Nest};
+use super::nest::{Counted, Nest, ScaledTerm};
 
 /// Up to this many factors every order of nesting is tried (6! = 720 small trees for each choice of forms). With more, only orders that differ by one
 /// exchange from the order of the file.
@@ -41,11 +41,11 @@ impl Cost {
 
 /// The scheme with the lowest score, outermost level first. Of equal ones, that with the most levels in Horner form, then with the fewest operations,
 /// then the first. `ready`: for each factor that a term has.
-pub(super) fn best(leaves: &[&Leaf<'_>], candidates: &[Candidate], ready: &[Option<usize>]) -> Vec<Level> {
+pub(super) fn best(scaled_terms: &[&ScaledTerm<'_>], candidates: &[Candidate], ready: &[Option<usize>]) -> Vec<Level> {
     let mut best: Option<((usize, usize, usize), Vec<Level>)> = None;
     let mut consider = |order: &[Candidate]| {
         for levels in forms(order) {
-            let cost = cost(leaves, &levels, ready);
+            let cost = cost(scaled_terms, &levels, ready);
             let key = (cost.score(), departures(&levels), cost.operations);
             if best.as_ref().is_none_or(|(lowest, _)| key < *lowest) {
                 best = Some((key, levels));
@@ -68,10 +68,10 @@ pub(super) fn best(leaves: &[&Leaf<'_>], candidates: &[Candidate], ready: &[Opti
 }
 
 /// The operations and the depth of a scheme, without writing it.
-pub(super) fn cost(leaves: &[&Leaf<'_>], levels: &[Level], ready: &[Option<usize>]) -> Cost {
-    let mut sheet = Counted::default();
-    let ready = Nest::new(&mut sheet, ready).value(leaves, levels);
-    Cost { operations: sheet.operations, ready }
+pub(super) fn cost(scaled_terms: &[&ScaledTerm<'_>], levels: &[Level], ready: &[Option<usize>]) -> Cost {
+    let mut output = Counted::default();
+    let ready = Nest::new(&mut output, ready).value(scaled_terms, levels);
+    Cost { operations: output.operations, ready }
 }
 
 /// The choices of forms for an order of nesting; all Horner first.

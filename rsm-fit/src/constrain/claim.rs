@@ -105,8 +105,8 @@ pub(super) fn of(constraints: &[Constraint], surface: &Surface, inputs: &[Input]
             }
         }
         match constraint {
-            Constraint::Convex => kinks(k, surface, &pieces, &halves, &integer(1), &mut claims),
-            Constraint::Concave => kinks(k, surface, &pieces, &halves, &integer(-1), &mut claims),
+            Constraint::Convex => slopes_across_knots(k, surface, &pieces, &halves, &integer(1), &mut claims),
+            Constraint::Concave => slopes_across_knots(k, surface, &pieces, &halves, &integer(-1), &mut claims),
             _ => {}
         }
     }
@@ -206,7 +206,14 @@ fn convex(k: usize, surface: &Surface, piece: &Piece, halves: &[Rational], sign:
 }
 
 /// The slope across a knot does not decrease there.
-fn kinks(k: usize, surface: &Surface, pieces: &[Piece], halves: &[Rational], sign: &Rational, claims: &mut Vec<Claim>) {
+fn slopes_across_knots(
+    k: usize,
+    surface: &Surface,
+    pieces: &[Piece],
+    halves: &[Rational],
+    sign: &Rational,
+    claims: &mut Vec<Claim>,
+) {
     for left in pieces {
         for input in 0..left.place.len() {
             let mut place = left.place.clone();

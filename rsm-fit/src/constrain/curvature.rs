@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 use rsm_core::bernstein::{Measure, Monomial};
 use rsm_core::interval::Interval;
 
-use super::local_minima::Landscape;
+use super::local_minima::BoxPolynomial;
 
 /// Cholesky's factor in f64 is that of a matrix that differs by less than n + 1 roundings of its trace (Rump 2006, Verification of positive
 /// definiteness, BIT 46), so by n (n + 1) 2^-53 of its largest entry. Eigenvalues have the same accuracy. The constant is eight times that for n up
@@ -69,7 +69,7 @@ impl LeastEigenvalue {
     /// largest entry of 1, as shares of [-1, 1].
     pub(super) fn worst(&self, entries: &[Vec<Monomial>], sides: &[Interval], shares: &[f64]) -> (usize, Vec<f64>) {
         let sides: Vec<[f64; 2]> = sides.iter().map(|side| [side.low, side.high]).collect();
-        let value = |entry: &Vec<Monomial>| Interval::point(Landscape::new(entry, sides.clone()).value(shares));
+        let value = |entry: &Vec<Monomial>| Interval::point(BoxPolynomial::new(entry, sides.clone()).value(shares));
         let values: Vec<Interval> = entries.iter().map(value).collect();
         let all: Vec<usize> = (0..self.0).collect();
         let (_, direction) = self.of_middle(&values, &all);

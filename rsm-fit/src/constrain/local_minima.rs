@@ -16,10 +16,10 @@ const LAST_STEP: f64 = 1.0 / 2048.0;
 const MOST_MOVES: usize = 400;
 
 /// Minima nearer than this share of every side count as one.
-const APART: f64 = 0.01;
+const LEAST_DISTANCE: f64 = 0.01;
 
 /// A polynomial over shares of its sides, prepared for millions of evaluations in a round of exchange.
-pub(super) struct Landscape {
+pub(super) struct BoxPolynomial {
     /// For each term, the coefficient and the indices of its factors among the powers of all variables. Variables that do not occur are left out.
     terms: Vec<(f64, Vec<usize>)>,
     sides: Vec<[f64; 2]>,
@@ -29,13 +29,13 @@ pub(super) struct Landscape {
 
 /// A point with its value.
 #[derive(Debug, Clone)]
-pub(super) struct Valley {
+pub(super) struct LocalMinimum {
     pub value: f64,
     /// Shares of the sides.
     pub shares: Vec<f64>,
 }
 
-impl Landscape {
+impl BoxPolynomial {
     pub(super) fn new(monomials: &[Monomial], sides: Vec<[f64; 2]>) -> Self {
         let kept = monomials.iter().flat_map(|term| &term.powers).max().map_or(1, |largest| *largest as usize + 1);
         let of_one = |term: &Monomial| {
@@ -43,7 +43,7 @@ impl Landscape {
             let places = factors.map(|(axis, power)| axis * kept + *power as usize).collect();
             (term.coefficient.low.midpoint(term.coefficient.high), places)
         };
-        Landscape { terms: monomials.iter().map(of_one).collect(), sides, kept }
+        BoxPolynomial { terms: monomials.iter().map(of_one).collect(), sides, kept }
     }
 
     pub(super) fn value(&self, shares: &[f64]) -> f64 {
@@ -59,24 +59,25 @@ impl Landscape {
     }
 
     /// The local minima below a value that descents from `starts` reach, the lowest first, without duplicates.
-    pub(super) fn below(&self, most: f64, starts: &[Vec<f64>], is_inside: &dyn Fn(&[f64]) -> bool) -> Vec<Valley> {
+    pub(super) fn below(&self, most: f64, starts: &[Vec<f64>], is_inside: &dyn Fn(&[f64]) -> bool) -> Vec<LocalMinimum> {
         let inside = starts.iter().filter(|start| is_inside(start));
-        let mut found: Vec<Valley> = inside.map(|start| self.descent(start, is_inside)).collect();
-        found.retain(|valley| valley.value < most);
+        let mut found: Vec<LocalMinimum> = inside.map(|start| self.descent(start, is_inside)).collect();
+        found.retain(|minimum| minimum.value < most);
         found.sort_by(|a, b| a.value.total_cmp(&b.value));
-        let mut apart: Vec<Valley> = Vec::new();
-        for valley in found {
-            let is_near = |other: &Valley| other.shares.iter().zip(&valley.shares).all(|(a, b)| (a - b).abs() < APART);
+        let mut apart: Vec<LocalMinimum> = Vec::new();
+        for minimum in found {
+            let is_near =
+                |other: &LocalMinimum| other.shares.iter().zip(&minimum.shares).all(|(a, b)| (a - b).abs() < LEAST_DISTANCE);
             if !apart.iter().any(is_near) {
-                apart.push(valley);
+                apart.push(minimum);
             }
         }
         apart
     }
 
     /// Moves along one side after the other to a lower value. If no step helps, moves to the vertex of a parabola and halves the step.
-    fn descent(&self, start: &[f64], is_inside: &dyn Fn(&[f64]) -> bool) -> Valley {
-        let mut at = Valley { value: self.value(start), shares: start.to_vec() };
+    fn descent(&self, start: &[f64], is_inside: &dyn Fn(&[f64]) -> bool) -> LocalMinimum {
+        let mut at = LocalMinimum { value: self.value(start), shares: start.to_vec() };
         let mut step = FIRST_STEP;
         // mutant `0 up`: one move less of hundreds, which no known descent needs.
         // mutant `MOST_MOVES doubled`: more moves than needed.
@@ -87,7 +88,7 @@ impl Landscape {
                 let tried = |share: f64| {
                     let mut shares = at.shares.clone();
                     shares[axis] = share.clamp(0.0, 1.0);
-                    Valley { value: if is_inside(&shares) { self.value(&shares) } else { f64::INFINITY }, shares }
+                    LocalMinimum { value: if is_inside(&shares) { self.value(&shares) } else { f64::INFINITY }, shares }
                 };
                 let here = at.shares[axis];
                 let (below, above) = (tried(here - step), tried(here + step));
@@ -111,7 +112,7 @@ impl Landscape {
                 let value = self.value(&further);
                 // mutant `< to <=`: of two points with one value, either is right.
                 if value < at.value {
-                    at = Valley { value, shares: further };
+                    at = LocalMinimum { value, shares: further };
                 }
             }
             if !has_moved {

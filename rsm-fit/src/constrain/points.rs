@@ -6,7 +6,7 @@
 use rsm_core::bernstein::Place;
 
 use super::claim::Claim;
-use super::local_minima::Landscape;
+use super::local_minima::BoxPolynomial;
 use super::program::Row;
 use super::{Found, Task};
 use crate::dd::Dd;
@@ -20,7 +20,7 @@ const MOST_PLACES: usize = 48;
 
 /// A point that has been inactive for this many rounds is dropped. The residual sum of squares rises from round to round, so points of an earlier
 /// round do not return forever.
-const IDLE_ROUNDS: usize = 6;
+const MOST_INACTIVE_ROUNDS: usize = 6;
 
 /// The number of points of the first round, for all claims together. A search takes a millisecond and gives the worst point; the program takes ten
 /// times as long with a thousand rows as with a hundred.
@@ -49,7 +49,7 @@ pub(super) struct Point {
     least: Dd,
     gain: Dd,
     /// The number of rounds in which it was inactive.
-    idle: usize,
+    inactive_rounds: usize,
     /// Whether it belongs to the first grid, which is kept.
     is_first: bool,
 }
@@ -107,10 +107,10 @@ impl Points<'_> {
             // mutant `0 up`: one start less of many.
             // mutant `DRAWN doubled`: more starts. The search finds what they miss, one round later.
             starts.extend((0..DRAWN).map(|_| sides.iter().map(|_| random.share()).collect()));
-            let landscape = Landscape::new(&claim.monomials(coefficients), sides);
-            let broken = landscape.below(self.task.enough(), &starts, &|shares| self.is_inside(claim, shares));
+            let polynomial_on_box = BoxPolynomial::new(&claim.monomials(coefficients), sides);
+            let broken = polynomial_on_box.below(self.task.enough(), &starts, &|shares| self.is_inside(claim, shares));
             // mutant `MOST_PLACES doubled`: the others are added in the next round.
-            found.extend(broken.into_iter().take(MOST_PLACES).map(|valley| (k, valley.shares)));
+            found.extend(broken.into_iter().take(MOST_PLACES).map(|minimum| (k, minimum.shares)));
         }
         found
     }
@@ -124,9 +124,9 @@ impl Points<'_> {
         local_minima: &[(usize, Vec<f64>)],
     ) -> Result<bool, usize> {
         for (k, point) in self.points.iter_mut().enumerate() {
-            point.idle = if active.contains(&k) { 0 } else { point.idle + 1 };
+            point.inactive_rounds = if active.contains(&k) { 0 } else { point.inactive_rounds + 1 };
         }
-        self.points.retain(|point| point.is_first || point.idle < IDLE_ROUNDS);
+        self.points.retain(|point| point.is_first || point.inactive_rounds < MOST_INACTIVE_ROUNDS);
         let count = self.points.len();
         let worst = found.iter().enumerate().filter(|(_, found)| found.seen < self.task.enough());
         let worst = worst.map(|(k, found)| (k, found.shares.clone()));
@@ -155,7 +155,7 @@ impl Points<'_> {
         let gain = Dd::from(self.task.spread * share) / length;
         let normal = projected.into_iter().map(|x| x / length).collect();
         let least = Dd::ZERO - value / length;
-        self.points.push(Point { claim: k, shares, normal, least, gain, idle: 0, is_first });
+        self.points.push(Point { claim: k, shares, normal, least, gain, inactive_rounds: 0, is_first });
         Ok(())
     }
 }

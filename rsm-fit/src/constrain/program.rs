@@ -39,7 +39,7 @@ const NO_MULTIPLIER: f64 = 1e-6;
 const MOST_CHANGES: usize = 300;
 
 /// The allowed violation of a row, as a share of the largest distance. The double-double equations have an error of 10^-25 of it.
-const MISSED: f64 = 1e-16;
+const ALLOWED_VIOLATION: f64 = 1e-16;
 
 /// A pivot below this is rounding error: the row depends on the others.
 const NO_PIVOT: f64 = 1e-24;
@@ -127,7 +127,7 @@ fn polished(rows: &[Row], width: usize, mut active: Vec<usize>, largest: f64) ->
         }
         let excess = |k: usize| (rows[k].distance - product(&rows[k].normal, &c)).to_f64();
         let worst = (0..rows.len()).max_by(|a, b| excess(*a).total_cmp(&excess(*b)))?;
-        if excess(worst) <= MISSED * largest {
+        if excess(worst) <= ALLOWED_VIOLATION * largest {
             return Some((c, active));
         }
         if active.contains(&worst) {

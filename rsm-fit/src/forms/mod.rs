@@ -208,14 +208,21 @@ impl Forms<'_> {
                 least_squares_only: false,
                 fit,
                 validate: self.validate,
-                lot: None,
+                random_split: None,
             };
             let found = searcher.choose()?;
             (all.only(&found.terms), found.shrunk)
         } else {
             let triangle = fit.to_fit(&all);
-            let selection =
-                Selection { design: &all, method, output_range, fit, triangle: &triangle, validate: self.validate, lot: None };
+            let selection = Selection {
+                design: &all,
+                method,
+                output_range,
+                fit,
+                triangle: &triangle,
+                validate: self.validate,
+                random_split: None,
+            };
             let chosen = selection.choose(&mut |_, _, _| {}).ok()?;
             (all.only(&chosen.terms), None)
         };

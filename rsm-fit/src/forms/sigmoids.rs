@@ -26,7 +26,7 @@ const MOST_ROWS: usize = 1500;
 const LEAST_GAIN: f64 = 0.05;
 
 /// All sigmoids together must reduce the criterion of powers alone by this share; otherwise nothing else is tried.
-const WORTH: f64 = 0.25;
+const LEAST_TOTAL_GAIN: f64 = 0.25;
 
 /// Candidate widths, as shares of the range.
 const WIDTHS: [f64; 4] = [0.5, 0.15, 0.05, 0.015];
@@ -120,7 +120,7 @@ impl Search<'_> {
                 break;
             }
         }
-        if chosen.is_empty() || !(anyway || best <= (1.0 - WORTH) * alone) {
+        if chosen.is_empty() || !(anyway || best <= (1.0 - LEAST_TOTAL_GAIN) * alone) {
             return None;
         }
         chosen.sort_by(|a, b| a.input.cmp(&b.input).then(a.place[0].total_cmp(&b.place[0])));

@@ -26,7 +26,7 @@ const MOST_ROWS: usize = 6000;
 const ROWS_PER_ORDER: usize = 4;
 
 /// The highest power of other inputs in the search.
-const BESIDE: u32 = 2;
+const HIGHEST_OTHER_POWER: u32 = 2;
 
 pub(super) struct Search<'a> {
     pub surface: &'a Surface,
@@ -43,7 +43,7 @@ impl Search<'_> {
         // Powers of the inputs that are not periodic.
         let factors = Factor::all(self.surface, self.inputs);
         let is_periodic = |factor: &Factor| self.periods[factor.input].is_some();
-        let mut terms = design::terms_up_to(self.surface, self.highest.min(BESIDE));
+        let mut terms = design::terms_up_to(self.surface, self.highest.min(HIGHEST_OTHER_POWER));
         terms.retain(|powers| factors.iter().zip(powers).all(|(factor, power)| *power == 0 || !is_periodic(factor)));
         let column = |powers: &Vec<u32>| -> DVector<f64> {
             let value = |(row, root): (&usize, &f64)| {

@@ -41,7 +41,7 @@ fn climbed(
     terms: &[Vec<u32>],
     max_order: u32,
     wanted: f64,
-) -> (Result<Climb, Dependent>, Vec<Step>) {
+) -> (Result<LadderModel, Dependent>, Vec<Step>) {
     let mut heard = Vec::new();
     let climb = Ladder { fit, judge, terms, max_order, wanted }.climb(&mut |order, size, c| heard.push((order, size, c)));
     (climb, heard)
@@ -72,7 +72,7 @@ fn a_climb_takes_the_largest_gain_of_the_open_order_until_it_arrives() {
     let steps = [(1, 1, c(98.0, whole)), (1, 2, c(73.0, whole)), (1, 3, c(64.0, whole)), (2, 4, c(0.0, whole))];
     // Just so much as two of them reach, and a little more.
     let (climb, heard) = climbed(&fit, &judge, &terms, 2, c(73.0, whole));
-    assert_eq!(climb.unwrap(), Climb { chosen: vec![0, 2], confidence: c(73.0, whole), centred: None });
+    assert_eq!(climb.unwrap(), LadderModel { chosen: vec![0, 2], confidence: c(73.0, whole), centred: None });
     assert_eq!(heard, steps[..2]);
     let (climb, heard) = climbed(&fit, &judge, &terms, 2, c(73.0, whole).next_up());
     // Three reach it, and the last alone takes the place of two and then does without the third.
@@ -95,7 +95,7 @@ fn c_about_the_mean_is_asked_where_it_is_known() {
     // About zero 134, about the mean 40, say.
     let judge = Judge::new(fit.clone()).about_the_mean(Dd::from(40.0));
     let climb = climbed(&fit, &judge, &terms, 1, 70.0).0.unwrap();
-    assert_eq!(climb, Climb { chosen: vec![0, 2], confidence: c(9.0, 134.0), centred: Some(c(9.0, 40.0)) });
+    assert_eq!(climb, LadderModel { chosen: vec![0, 2], confidence: c(9.0, 134.0), centred: Some(c(9.0, 40.0)) });
     assert_eq!(chosen(&fit, &judge, &terms, 1, c(9.0, 40.0)), [0, 2]);
     assert_eq!(chosen(&fit, &judge, &terms, 1, c(9.0, 40.0).next_up()), [0, 1, 2]);
     assert_eq!(chosen(&fit, &Judge::new(fit.clone()), &terms, 1, 70.0), [0]);
@@ -111,7 +111,7 @@ fn without_arrival_the_least_error_of_the_judging_rows_stands() {
     let judge = Judge::new(units(4, &[], &[10.0, 4.0, -3.0, 2.0, 0.0]));
     let (climb, heard) = climbed(&fit, &judge, &orders(&[0, 1, 1, 1]), 1, 99.9);
     let whole = 129.0;
-    assert_eq!(climb.unwrap(), Climb { chosen: vec![0, 1], confidence: c(13.0, whole), centred: None });
+    assert_eq!(climb.unwrap(), LadderModel { chosen: vec![0, 1], confidence: c(13.0, whole), centred: None });
     assert_eq!(heard.iter().map(|heard| heard.2).collect::<Vec<_>>(), [29.0, 13.0, 40.0, 36.0].map(|left| c(left, whole)));
 }
 
@@ -155,7 +155,7 @@ fn a_surface_without_constant_starts_with_its_largest_term() {
     // Both of order 2 are taken before that of order 3, and the third alone is asked when it is open.
     assert_eq!(heard, [(2, 1, c(5.0, 21.0)), (2, 2, c(4.0, 21.0)), (3, 3, c(0.0, 21.0))]);
     // The first is then missed least, just so much.
-    assert_eq!(climb.unwrap(), Climb { chosen: vec![1, 2], confidence: c(1.0, 21.0), centred: None });
+    assert_eq!(climb.unwrap(), LadderModel { chosen: vec![1, 2], confidence: c(1.0, 21.0), centred: None });
 }
 
 #[test]
@@ -180,7 +180,7 @@ fn terms_leave_while_c_is_reached_the_least_missed_first() {
     let terms = orders(&[0, 1, 1, 1, 2]);
     let judge = Judge::new(fit.clone());
     let climb = climbed(&fit, &judge, &terms, 2, c(5.0, 150.0)).0.unwrap();
-    assert_eq!(climb, Climb { chosen: vec![0, 1, 4], confidence: c(5.0, 150.0), centred: None });
+    assert_eq!(climb, LadderModel { chosen: vec![0, 1, 4], confidence: c(5.0, 150.0), centred: None });
     // With room for one of them only, it is the last.
     assert_eq!(chosen(&fit, &judge, &terms, 2, c(4.0, 150.0)), [0, 1, 2, 4]);
     // The constant is not asked, however little it gives.
@@ -199,7 +199,7 @@ fn one_term_takes_the_place_of_two_where_it_does_as_well() {
     let terms = orders(&[0, 1, 1, 1, 2, 2]);
     let judge = Judge::new(fit.clone());
     let climb = climbed(&fit, &judge, &terms, 2, c(1.0, 133.0)).0.unwrap();
-    assert_eq!(climb, Climb { chosen: vec![0, 4], confidence: c(1.0, 133.0), centred: None });
+    assert_eq!(climb, LadderModel { chosen: vec![0, 4], confidence: c(1.0, 133.0), centred: None });
     // With the fourth entry needed too, the one comes behind it in the climb, and is sorted.
     assert_eq!(chosen(&fit, &judge, &terms, 2, 100.0), [0, 3, 4]);
     // Where parts are left out in turn it is not tried. Without order 2 the two stay.
@@ -219,7 +219,7 @@ fn the_first_of_the_terms_may_take_the_place_of_two() {
     let (fit, judge) = (rows(&[4.0, 1.0, 0.0]), Judge::new(rows(&[2.5, 2.5, 0.0])));
     let (climb, heard) = climbed(&fit, &judge, &orders(&[2, 1, 1]), 2, c(4.5, 12.5));
     assert_eq!(heard, [(1, 1, c(8.5, 12.5)), (1, 2, c(4.5, 12.5))]);
-    assert_eq!(climb.unwrap(), Climb { chosen: vec![0], confidence: 100.0, centred: None });
+    assert_eq!(climb.unwrap(), LadderModel { chosen: vec![0], confidence: 100.0, centred: None });
 }
 
 #[test]
@@ -270,7 +270,7 @@ fn parts_that_are_left_out_judge_together() {
     let whole = 117.0;
     let (climb, heard) = climbed(&fit, &judge, &terms, 1, 99.0);
     assert_eq!(heard, [(1, 1, c(30.0, whole)), (1, 2, c(10.0, whole)), (1, 3, c(4.0, whole))]);
-    assert_eq!(climb.unwrap(), Climb { chosen: vec![0, 1, 2], confidence: c(4.0, whole), centred: None });
+    assert_eq!(climb.unwrap(), LadderModel { chosen: vec![0, 1, 2], confidence: c(4.0, whole), centred: None });
     // Reached at the second step. The ladder's own second term is 4's, with which the second part leaves 1 + 1 + 4.
     let (climb, heard) = climbed(&fit, &judge, &terms, 1, c(11.0, whole));
     assert_eq!((climb.unwrap().chosen, heard.len()), (vec![0, 1], 2));

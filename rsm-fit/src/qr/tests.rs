@@ -87,7 +87,7 @@ fn every_figure_is_that_of_the_normal_equations() {
             for candidate in order[k..].iter().copied() {
                 let with = [chosen, &[candidate]].concat();
                 let after = problem.only(&with).solve().unwrap();
-                let (gain, left) = growing.ahead(candidate).unwrap();
+                let (gain, left) = growing.effect_of_adding(candidate).unwrap();
                 is("gain", gain, &(&before.residual_square - &after.residual_square));
                 is("left", left, &judge.only(&with).left_by(&after.coefficients));
             }
@@ -125,7 +125,7 @@ fn every_figure_is_that_of_the_normal_equations() {
             is("projected", seen.iter().zip(&c).map(|(x, c)| *x * *c).sum(), &dot(&exact_x, &b));
         }
         // Nothing is left to choose from what is chosen already.
-        assert!(growing.ahead(0).is_none());
+        assert!(growing.effect_of_adding(0).is_none());
     }
 }
 
@@ -246,7 +246,7 @@ fn the_own_part_of_a_column_is_judged_against_the_whole() {
     assert_eq!((refused.condition, refused.candidates), (f64::INFINITY, vec![0, 1]));
     assert_eq!((growing.chosen(), growing.residual_square()), (&[0][..], Dd::ZERO));
     let (short, none) = (as_written(&[&[1.0], &[2.0], &[4.0]]), Growing::new(&as_written(&[&[], &[], &[]])));
-    assert!(Growing::of(&short, &[0]).unwrap().ahead(1).is_none() && none.ahead(0).is_none());
+    assert!(Growing::of(&short, &[0]).unwrap().effect_of_adding(1).is_none() && none.effect_of_adding(0).is_none());
 }
 
 #[test]

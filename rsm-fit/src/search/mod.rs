@@ -16,7 +16,7 @@ use crate::dd::Dd;
 use crate::design::{Design, order};
 use crate::ladder::most_terms;
 use crate::qr::Growing;
-use crate::selection::{ChosenBy, Sample, aside};
+use crate::selection::{ChosenBy, Sample, held_out};
 use crate::spec::{Criterion, Method, PARTS, Search, SearchBy};
 use crate::split;
 use crate::statistics::{Judged, Observations, SelectionReport};
@@ -69,7 +69,7 @@ pub(crate) struct Searcher<'a> {
     pub fit: &'a Sample,
     pub validate: Option<&'a Sample>,
     /// If the rows to fit and the validation rows were split from the same data: the share of the validation rows, and their weights.
-    pub lot: Option<(f64, &'a [f64])>,
+    pub random_split: Option<(f64, &'a [f64])>,
 }
 
 impl Searcher<'_> {
@@ -223,7 +223,7 @@ impl Searcher<'_> {
     /// The errors on rows that were not used for the choice, and the number of parts. `None` if there are too few rows.
     pub(crate) fn cross_validated(&self, chosen: usize) -> Option<(Judged, usize)> {
         let scales = self.scales();
-        match (self.criterion(), self.validate, self.lot) {
+        match (self.criterion(), self.validate, self.random_split) {
             // The rows to fit are the same in each round, as for the model. A part of the validation rows evaluates.
             (Criterion::HeldOut, Some(validate), None) => {
                 let whole = self.part(&scales, self.fit.clone(), true);
@@ -243,7 +243,7 @@ impl Searcher<'_> {
                 let count = part_of.iter().max().map_or(0, |most| most + 1);
                 let round = |part: usize| {
                     let rest = all.chosen(|row| part_of[row] != part);
-                    let is_aside = aside(&rest.groups, share, part as u64 + 2);
+                    let is_aside = held_out(&rest.groups, share, part as u64 + 2);
                     let choosing = Sample { weights: Vec::new(), ..rest.chosen(|row| is_aside[row]) };
                     let fit = rest.chosen(|row| !is_aside[row]);
                     if fit.rows() < 2 || choosing.rows() == 0 {

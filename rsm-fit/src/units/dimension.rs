@@ -55,7 +55,7 @@ const KNOWN: &[(&str, [i32; 7])] = &[
 ];
 
 /// A cache of recognised names.
-static FOUND: Mutex<Option<HashMap<String, Option<Dimension>>>> = Mutex::new(None);
+static CACHE: Mutex<Option<HashMap<String, Option<Dimension>>>> = Mutex::new(None);
 
 /// The dimension of a unit.
 ///
@@ -142,17 +142,17 @@ fn times(a: Dimension, b: Dimension, sign: i32) -> Dimension {
 }
 
 fn of_name(name: &str) -> Option<Dimension> {
-    let mut found = FOUND.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut found = CACHE.lock().unwrap_or_else(PoisonError::into_inner);
     let found = found.get_or_insert_default();
     if let Some(known) = found.get(name) {
         return *known;
     }
-    let dimension = ask(name);
+    let dimension = find_dimension(name);
     found.insert(name.to_string(), dimension);
     dimension
 }
 
-fn ask(name: &str) -> Option<Dimension> {
+fn find_dimension(name: &str) -> Option<Dimension> {
     if name == "1" {
         return Some(Dimension { exponents: [0; 7], factor: 1.0, has_offset: false });
     }

@@ -113,7 +113,7 @@ mod tests {
 
     /// Every entry, the unit in which its factor is a defined number, and that number: from the definitions of the SI (BIPM, 9th edition), of the
     /// international foot (0.3048 m) and pound (0.45359237 kg at 9.80665 m/s^2).
-    const MEANT: &[(&str, &str, f64)] = &[
+    const DEFINITIONS: &[(&str, &str, f64)] = &[
         ("-", "1", 1.0),
         ("r/min", "rev/s", 1.0 / 60.0),
         ("rev/min", "rev/s", 1.0 / 60.0),
@@ -161,7 +161,7 @@ mod tests {
     fn every_entry_means_what_it_says() {
         let of_table = TEXTS.iter().chain(NAMES).map(|(spelling, _)| *spelling);
         for spelling in of_table {
-            let Some((_, unit, factor)) = MEANT.iter().find(|(it, ..)| *it == spelling) else {
+            let Some((_, unit, factor)) = DEFINITIONS.iter().find(|(it, ..)| *it == spelling) else {
                 panic!("`{spelling}` has no line in the list of meanings");
             };
             let way = Conversion::between(spelling, unit).unwrap_or_else(|reason| panic!("{spelling}: {reason}"));

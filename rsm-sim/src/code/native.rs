@@ -202,11 +202,11 @@ impl Compiler<'_> {
         match *op {
             Op::Constant(ref constant) => {
                 let memory = self.assembler.constant(constant.value.to_bits());
-                self.registers.stands(k, memory);
+                self.registers.set_memory(k, memory);
                 self.copied(k);
             }
             Op::Input(port) => {
-                self.registers.stands(k, Memory::Slot(self.source.arguments[port.0 as usize]));
+                self.registers.set_memory(k, Memory::Slot(self.source.arguments[port.0 as usize]));
                 self.copied(k);
             }
             Op::State(_) => unreachable!("a tape without states"),
@@ -313,7 +313,7 @@ impl Compiler<'_> {
         if let Some(slots) = self.results.get(&k) {
             for slot in slots.clone() {
                 self.assembler.store(register, Memory::Slot(slot));
-                self.registers.stands(k, Memory::Slot(slot));
+                self.registers.set_memory(k, Memory::Slot(slot));
             }
         }
         if !self.registers.is_read(k) {

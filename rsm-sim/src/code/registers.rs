@@ -70,7 +70,7 @@ impl Registers {
     }
 
     /// Sets the place of a value in memory.
-    pub(super) fn stands(&mut self, value: u32, memory: Memory) {
+    pub(super) fn set_memory(&mut self, value: u32, memory: Memory) {
         self.values[value as usize].memory = Some(memory);
     }
 

@@ -9,7 +9,7 @@ use std::sync::{Arc, OnceLock};
 use rsm_core::source::{Faults, Source};
 use rsm_model::effects::Catalogue;
 
-use crate::equations::extended::{Entry, Given};
+use crate::equations::extended::{Entry, NamedValue};
 use crate::equations::file::{EquationFile, of_rows};
 use crate::kind::{PlantKind, StartValues};
 use crate::parameters::{Parameters, VelocityFrom};
@@ -37,8 +37,8 @@ fn place(kind: PlantKind, record: &Record) -> usize {
 }
 
 /// Values of a record and a file that determine the structure of the equations, besides effects.
-pub(super) fn shapes(file: &PlantFile, record: &Record) -> Vec<Given> {
-    let given = |name: &str, is: bool| vec![Given { name: name.to_string(), value: f64::from(u8::from(is)) }];
+pub(super) fn shapes(file: &PlantFile, record: &Record) -> Vec<NamedValue> {
+    let given = |name: &str, is: bool| vec![NamedValue { name: name.to_string(), value: f64::from(u8::from(is)) }];
     match (file.kind, record.drive) {
         (PlantKind::Pmac, drive) => given("holds_i_d", drive == Drive::HoldsDirectCurrent),
         (PlantKind::ServoAxis, Drive::Closed) => {
@@ -55,14 +55,14 @@ pub(super) fn text(file: &PlantFile, record: &Record) -> &'static str {
 
 /// The equations of a plant file for a record, with effects.
 pub(super) fn equations(file: &PlantFile, record: &Record, effects: &[Entry]) -> Result<EquationFile, Faults> {
-    static BARE: [OnceLock<EquationFile>; TEXTS.len()] = [const { OnceLock::new() }; TEXTS.len()];
+    static WITHOUT_EFFECTS: [OnceLock<EquationFile>; TEXTS.len()] = [const { OnceLock::new() }; TEXTS.len()];
     let place = place(file.kind, record);
-    let bare = BARE[place].get_or_init(|| {
+    let without_effects = WITHOUT_EFFECTS[place].get_or_init(|| {
         let source = Source::new("plant.toml", format!("format = 2\nmodel = \"rsm:{}\"\n", TEXTS[place]));
         let open = |name: &str| Ok::<_, Faults>(Source::new(name, ""));
         EquationFile::read_with(&source, &open, &Arc::new(Catalogue::shipped())).expect("a text of the project is right")
     });
-    bare.with(&[], effects, &shapes(file, record))
+    without_effects.with(&[], effects, &shapes(file, record))
 }
 
 /// The parameters of a plant along a record, with their names in the text.
@@ -90,7 +90,7 @@ pub(super) fn numbers(file: &PlantFile, parameters: &Parameters, record: &Record
 }
 
 /// The known start values, except first readings.
-pub(super) fn initial(file: &PlantFile, record: &Record) -> Vec<Given> {
+pub(super) fn initial(file: &PlantFile, record: &Record) -> Vec<NamedValue> {
     let counts = |name: &str| match file.kind {
         // The start of a car is determined by its road speed only.
         PlantKind::Driveline => name == "road_speed",
@@ -98,9 +98,9 @@ pub(super) fn initial(file: &PlantFile, record: &Record) -> Vec<Given> {
         _ => record.drive == Drive::Closed || name != "command",
     };
     let own = file.initial.iter().filter(|it| counts(it.0));
-    let mut list: Vec<Given> = own.map(|(name, value)| Given { name: (*name).to_string(), value: *value }).collect();
+    let mut list: Vec<NamedValue> = own.map(|(name, value)| NamedValue { name: (*name).to_string(), value: *value }).collect();
     if file.kind == PlantKind::Pmac {
-        list.push(Given { name: "angle".to_string(), value: record.angle.unwrap_or(0.0) });
+        list.push(NamedValue { name: "angle".to_string(), value: record.angle.unwrap_or(0.0) });
     }
     list
 }

@@ -173,12 +173,12 @@ fn sizes(at: &str, survey: &Survey) -> Vec<(String, f64)> {
 }
 
 /// A value of a parameter that replaces the value of the plant file.
-struct AnotherValue {
+struct ParameterOverride {
     name: String,
     value: f64,
 }
 
-impl Effect for AnotherValue {
+impl Effect for ParameterOverride {
     fn parameters(&self, parameters: &mut Parameters) {
         parameters.set(&self.name, self.value);
     }
@@ -186,7 +186,7 @@ impl Effect for AnotherValue {
 
 fn value(arguments: &Arguments) -> Box<dyn Effect> {
     let value = arguments.numbers.first().map_or(f64::NAN, |it| it.1);
-    Box::new(AnotherValue { name: arguments.subject.clone().unwrap_or_default(), value })
+    Box::new(ParameterOverride { name: arguments.subject.clone().unwrap_or_default(), value })
 }
 
 /// An effect that is part of the equations.

@@ -23,8 +23,8 @@ use rsm_model::flat::Basic;
 
 use crate::effect::{Arguments, Description, Role, Subject};
 use crate::effects;
-use crate::equations::extended::Decides;
-use crate::equations::file::{EquationFile, Given};
+use crate::equations::extended::DeterminedBy;
+use crate::equations::file::{EquationFile, NamedValue};
 use crate::equations::signals::spelled;
 use crate::equations::{self, Machine};
 use crate::kind::{Decision, Described, OUTPUTS, PlantKind, STARTS};
@@ -107,7 +107,7 @@ pub fn read_with(
     let whole = EquationFile::read_with(source, &open_and_keep, catalogue)?;
     let entries = whole.effects.clone();
     let at: Vec<String> = whole.places().iter().map(|it| (*it).to_string()).collect();
-    let file = whole.bare()?;
+    let file = whole.without_effects()?;
     let mut machine = Machine::new(&file)?;
     let outputs: Vec<Signal> = machine.outputs().iter().map(signal).collect();
     if outputs.len() > OUTPUTS {
@@ -153,7 +153,7 @@ pub fn read_with(
         velocity_from: VelocityFrom::State,
     };
     let file = &whole;
-    let named = |list: &[Given]| list.iter().map(|it| (kept(&it.name), it.value)).collect();
+    let named = |list: &[NamedValue]| list.iter().map(|it| (kept(&it.name), it.value)).collect();
     let columns =
         file.columns.iter().map(|it| Renamed { signal: kept(&it.signal), column: it.name.clone(), unit: it.unit.clone() });
     let mut plant_file = PlantFile {
@@ -193,8 +193,8 @@ pub fn start_scales(file: &PlantFile, record: &Record) -> Vec<f64> {
 fn decisions(file: &EquationFile) -> Vec<Decision> {
     let one = |rule: &equations::extended::Rule| {
         let (column, without) = match &rule.by {
-            Decides::Column(name) => (Some(kept(name)), Vec::new()),
-            Decides::Without(names) => (None, names.iter().map(|it| kept(it)).collect()),
+            DeterminedBy::Column(name) => (Some(kept(name)), Vec::new()),
+            DeterminedBy::Without(names) => (None, names.iter().map(|it| kept(it)).collect()),
         };
         Decision { parameter: kept(&rule.parameter), column, without }
     };

@@ -12,7 +12,7 @@ use rsm_core::source::{Fault, Faults};
 
 use super::{built_in, plant_of};
 use crate::effect::Subject;
-use crate::equations::file::{EquationFile, Given, of_rows};
+use crate::equations::file::{EquationFile, NamedValue, of_rows};
 use crate::equations::lanes::Controller;
 use crate::equations::{self, Inputs, Lane, Lanes, Machine, Point, Setting, Signals, Starts, Stopped, lanes};
 use crate::kind::{Described, PlantKind};
@@ -66,7 +66,7 @@ impl Models {
     fn of(&self, file: &PlantFile, record: &Record) -> Result<&'static Model, Faults> {
         let mut name = String::new();
         let decides = match file.kind {
-            PlantKind::Equations(_) => decided(record),
+            PlantKind::Equations(_) => record_values(record),
             _ => {
                 name.push_str(built_in::text(file, record));
                 built_in::shapes(file, record)
@@ -113,8 +113,8 @@ pub(super) fn without_effects(
     file: &PlantFile,
     record: &Record,
 ) -> Result<(EquationFile, Machine, Vec<Point>), Faults> {
-    let bare = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
-    let whole = file_of(kind, &bare, record)?;
+    let without = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
+    let whole = file_of(kind, &without, record)?;
     let mut machine = Machine::new(&whole)?;
     let start = started(&whole, &mut machine, &file.initial, record)?;
     let inputs = Inputs { time: &record.time, values: &record.inputs };
@@ -143,20 +143,20 @@ fn in_equations(file: &PlantFile) -> impl Iterator<Item = &Entry> {
 }
 
 /// Parameters that a record determines.
-fn decided(record: &Record) -> Vec<Given> {
-    let given = |(name, value): &(&str, f64)| Given { name: (*name).to_string(), value: *value };
+fn record_values(record: &Record) -> Vec<NamedValue> {
+    let given = |(name, value): &(&str, f64)| NamedValue { name: (*name).to_string(), value: *value };
     record.settings.iter().map(given).chain(of_rows(record.period, record.first_time())).collect()
 }
 
 /// The equations of a plant file for a record, with its effects and parameters.
 fn file_of(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<EquationFile, Faults> {
     let parameters = file.effective_parameters();
-    let numbers: Vec<Given> = kind
+    let numbers: Vec<NamedValue> = kind
         .parameters
         .iter()
-        .filter_map(|it| Some(Given { name: it.name.to_string(), value: parameters.optional(it.name)? }))
+        .filter_map(|it| Some(NamedValue { name: it.name.to_string(), value: parameters.optional(it.name)? }))
         .collect();
-    plant_of(kind).file.with(&numbers, &placed(file), &decided(record))
+    plant_of(kind).file.with(&numbers, &placed(file), &record_values(record))
 }
 
 /// The effects that change equations, in the form that the equations need.
@@ -209,11 +209,15 @@ fn started(file: &EquationFile, machine: &mut Machine, initial: &[(&str, f64)], 
     machine.start_along(file, record.first_time(), &inputs, &given, &recorded)
 }
 
-fn named(initial: &[(&str, f64)]) -> Vec<Given> {
-    initial.iter().map(|(name, value)| Given { name: (*name).to_string(), value: *value }).collect()
+fn named(initial: &[(&str, f64)]) -> Vec<NamedValue> {
+    initial.iter().map(|(name, value)| NamedValue { name: (*name).to_string(), value: *value }).collect()
 }
 
-fn start_of(machine: &Machine, initial: &[Given], signals: &Signals) -> Result<(Vec<Given>, Vec<Given>), Faults> {
+fn start_of(
+    machine: &Machine,
+    initial: &[NamedValue],
+    signals: &Signals,
+) -> Result<(Vec<NamedValue>, Vec<NamedValue>), Faults> {
     if signals.time.is_empty() || signals.inputs.iter().any(Vec::is_empty) {
         return Err(Faults::one(Fault::whole_file(&signals.file, "the record has no rows")));
     }
@@ -235,7 +239,7 @@ impl Model {
     /// Gives a machine the parameters of a plant file. Returns its start along a record.
     fn begin(&self, machine: &mut Machine, file: &PlantFile, record: &Record) -> Result<Point, Faults> {
         let parameters = file.effective_parameters();
-        let (own, initial): (Vec<(&str, f64)>, Vec<Given>) = match file.kind {
+        let (own, initial): (Vec<(&str, f64)>, Vec<NamedValue>) = match file.kind {
             PlantKind::Equations(kind) => {
                 let own = kind.parameters.iter().filter_map(|it| Some((it.name, parameters.optional(it.name)?)));
                 (own.collect(), named(&file.initial))

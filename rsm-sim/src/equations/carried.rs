@@ -14,7 +14,7 @@
 
 use super::rows::Stopped;
 use super::series::Tried;
-use super::speeds::{Carried, Moving, composed};
+use super::speeds::{Carried, Direction, composed};
 use super::walk::Walk;
 use crate::code::{Slot, WIDE, Way};
 
@@ -27,7 +27,7 @@ pub(super) struct Along<'m> {
 
 impl<const L: usize> Walk<'_, L> {
     /// Starts to compute sensitivities, after the start of a run. `known` contains the programs of an earlier run with the same directions.
-    pub(super) fn carry(&mut self, directions: &[Moving], known: Option<Box<Carried>>, way: Way) {
+    pub(super) fn carry(&mut self, directions: &[Direction], known: Option<Box<Carried>>, way: Way) {
         let layout = self.programs.layout;
         let mut boxed = known.unwrap_or_else(|| Carried::new(&self.programs, directions, way));
         let it = &mut *boxed;
@@ -191,7 +191,7 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// After all events of an instant.
-    pub(super) fn carry_on(&mut self) {
+    pub(super) fn carry_after_events(&mut self) {
         let Some(instant) = self.carried.as_mut().and_then(|it| it.instant.take()) else { return };
         self.programs.rates.code.run(&mut self.slots, &mut self.spare);
         self.shift(&instant, -1.0);
@@ -205,7 +205,7 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// Where branches act: after the program of events, before its results are used.
-    pub(super) fn carry_turn(&mut self) {
+    pub(super) fn carry_branches(&mut self) {
         let Some(it) = self.carried.as_deref_mut() else { return };
         let Some(program) = &self.programs.events else { return };
         it.events.iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
@@ -230,10 +230,10 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// The derivatives of every output at the current point, in each direction.
-    pub(super) fn carry_look(&mut self, to: &mut [Vec<Vec<f64>>]) {
+    pub(super) fn carry_outputs(&mut self, to: &mut [Vec<Vec<f64>>]) {
         let Some(it) = self.carried.as_deref_mut() else { return };
-        let Some(results) = self.programs.looks.as_ref().map(|it| it.results) else { return };
-        it.looks.iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
+        let Some(results) = self.programs.output_program.as_ref().map(|it| it.results) else { return };
+        it.output_program.iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
         for (group, to) in to.chunks_mut(WIDE).enumerate() {
             for slot in results..results + self.programs.counts.outputs as Slot {
                 let value = it.speeds_of(group, slot);

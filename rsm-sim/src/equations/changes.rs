@@ -6,7 +6,7 @@
 use super::walk::Walk;
 
 /// The number of points, besides the start, at which the comparisons in a step are evaluated.
-const LOOKS: usize = 8;
+const POINTS: usize = 8;
 
 /// A comparison is far from its border if its distance is more than this multiple of the cubic term of the distance. A motion that is invisible at
 /// all four points would have to be twice as large as the cubic term.
@@ -17,7 +17,7 @@ const ROUNDED: f64 = 16.0 * f64::EPSILON;
 
 impl<const L: usize> Walk<'_, L> {
     /// Finds where a comparison changes inside a step. Returns a share before the change and a share after it. `place` moves the walk to a share; at
-    /// the call the walk is at the end of the step. The comparisons are evaluated at the end and at [`LOOKS`] points. Where a distance has its
+    /// the call the walk is at the end of the step. The comparisons are evaluated at the end and at [`POINTS`] points. Where a distance has its
     /// minimum between three of these points, they are also evaluated at the vertex of the parabola through the three. A lane whose comparisons stay
     /// far from their borders has no change.
     pub(super) fn changes_inside(
@@ -32,26 +32,26 @@ impl<const L: usize> Walk<'_, L> {
             return found;
         }
         let count = self.programs.counts.held;
-        let mut distances: Vec<[f64; L]> = Vec::with_capacity((LOOKS + 1) * count);
-        for look in 0..=LOOKS {
-            let share = look as f64 / LOOKS as f64;
+        let mut distances: Vec<[f64; L]> = Vec::with_capacity((POINTS + 1) * count);
+        for look in 0..=POINTS {
+            let share = look as f64 / POINTS as f64;
             place(self, share);
             let differ = self.sides_differ();
             for lane in (0..L).filter(|lane| look > 0 && differ[*lane] && !far[*lane]) {
-                found[lane] = found[lane].or(Some((share - 1.0 / LOOKS as f64, share)));
+                found[lane] = found[lane].or(Some((share - 1.0 / POINTS as f64, share)));
             }
             distances.extend((0..count).map(|k| self.distance(k).map(f64::abs)));
         }
-        for look in 1..LOOKS {
+        for look in 1..POINTS {
             for k in 0..count {
                 let at = |look: usize, lane: usize| distances[look * count + k][lane];
                 for (lane, found) in found.iter_mut().enumerate().filter(|it| it.1.is_none() && !far[it.0]) {
                     let (a, b, c) = (at(look - 1, lane), at(look, lane), at(look + 1, lane));
                     if b <= a && b <= c && a + c > 2.0 * b {
-                        let share = (look as f64 + 0.5 * (a - c) / (a - 2.0 * b + c)) / LOOKS as f64;
+                        let share = (look as f64 + 0.5 * (a - c) / (a - 2.0 * b + c)) / POINTS as f64;
                         place(self, share);
                         if self.sides_differ()[lane] {
-                            *found = Some(((look - 1) as f64 / LOOKS as f64, share));
+                            *found = Some(((look - 1) as f64 / POINTS as f64, share));
                         }
                     }
                 }
@@ -70,7 +70,7 @@ impl<const L: usize> Walk<'_, L> {
         }
         let mut distances: Vec<[f64; L]> = Vec::with_capacity(4 * count);
         distances.extend((0..count).map(|k| self.distance(k)));
-        for share in [0.0, 1.0 / LOOKS as f64, 0.5] {
+        for share in [0.0, 1.0 / POINTS as f64, 0.5] {
             place(self, share);
             let differ = self.sides_differ();
             (0..L).for_each(|lane| far[lane] &= share == 0.0 || !differ[lane]);
@@ -102,14 +102,14 @@ fn stays_away(distances: [f64; 4]) -> bool {
     let second = [2.0 * (first[1] - first[0]), (first[2] - first[1]) / 0.875];
     let third = second[1] - second[0];
     let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
-    for look in 0..=LOOKS {
-        let s = look as f64 / LOOKS as f64;
+    for look in 0..=POINTS {
+        let s = look as f64 / POINTS as f64;
         let value = start + s * (first[0] + (s - 0.125) * (second[0] + (s - 0.5) * third));
         (least, most) = (least.min(value), most.max(value));
     }
     // The second derivative is 2 second + (6 s - 1.25) third. Between two points at a distance h, a curve differs from its chord by at most h^2/8
     // times the second derivative.
-    let bend = (2.0 * second[0].abs() + 4.75 * third.abs()) / (8.0 * (LOOKS * LOOKS) as f64);
+    let bend = (2.0 * second[0].abs() + 4.75 * third.abs()) / (8.0 * (POINTS * POINTS) as f64);
     // s (s - 1/8) (s - 1/2) is at most 7/16.
     let beyond = FAR * 0.4375 * third.abs() + bend + ROUNDED * most.abs().max(least.abs());
     let nearest = if least > 0.0 { least } else { -most };

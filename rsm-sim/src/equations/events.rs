@@ -9,7 +9,7 @@ use super::sampling;
 use super::walk::Walk;
 
 /// The largest number of rounds at one instant.
-const TURNS: usize = 100;
+const MOST_ROUNDS: usize = 100;
 
 impl<const L: usize> Walk<'_, L> {
     /// Whether any event can occur at an instant.
@@ -50,7 +50,7 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// Runs the program of events for the acting branches and due samples. Returns the slot of its first result.
-    fn what_happens(&mut self) -> Option<usize> {
+    fn run_event_program(&mut self) -> Option<usize> {
         self.tell();
         let events = self.programs.events.as_ref()?;
         events.code.run(&mut self.slots, &mut self.spare);
@@ -102,7 +102,7 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// Executes the events of this instant in all lanes. All lanes must be at the same instant.
-    pub(super) fn happen(&mut self, now: f64) -> Result<(), Stopped> {
+    pub(super) fn execute_events(&mut self, now: f64) -> Result<(), Stopped> {
         if !self.settle() {
             return Err(Stopped::NoSolution { row: self.row });
         }
@@ -116,9 +116,9 @@ impl<const L: usize> Walk<'_, L> {
             self.events.due[k] = f64::from(u8::from(due));
             is_due |= due;
         }
-        for _ in 0..TURNS {
+        for _ in 0..MOST_ROUNDS {
             let mut changed = self.hold().contains(&true);
-            changed |= self.turn();
+            changed |= self.run_branches();
             self.events.due.fill(0.0);
             if !self.settle() {
                 return Err(Stopped::NoSolution { row: self.row });
@@ -126,7 +126,7 @@ impl<const L: usize> Walk<'_, L> {
             // After an instant of a sample, the conditions are evaluated once more without it, so that they can become true again at the next
             // instant.
             if !changed && !is_due {
-                self.carry_on();
+                self.carry_after_events();
                 return Ok(());
             }
             is_due = false;
@@ -135,7 +135,7 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// One round of the branches. Returns whether a state or a memory has changed.
-    fn turn(&mut self) -> bool {
+    fn run_branches(&mut self) -> bool {
         self.events.acts.fill([0.0; L]);
         let found = self.conditions();
         let Events { conditions, branches, acts, .. } = &mut self.events;
@@ -158,8 +158,8 @@ impl<const L: usize> Walk<'_, L> {
         if !any && self.events.only_acts_change {
             return false;
         }
-        let Some(results) = self.what_happens() else { return false };
-        self.carry_turn();
+        let Some(results) = self.run_event_program() else { return false };
+        self.carry_branches();
         let (states, memories) = (self.layout().states as usize, self.layout().memories as usize);
         let mut changed = false;
         for (branch, acts) in self.events.branches.iter().zip(&self.events.acts) {

@@ -144,7 +144,7 @@ pub(super) struct Exponential {
 }
 
 /// The inputs from which the tape is written.
-pub(super) struct Given<'a> {
+pub(super) struct StepInputs<'a> {
     /// The rates, and the kind and slot of each of their arguments.
     pub rates: &'a Tape,
     pub arguments: &'a [Argument],
@@ -158,7 +158,7 @@ pub(super) struct Given<'a> {
 
 /// The writer of the tape.
 struct Writer<'a> {
-    given: &'a Given<'a>,
+    given: &'a StepInputs<'a>,
     builder: TapeBuilder,
     slots: Vec<Slot>,
 }
@@ -193,7 +193,7 @@ impl Writer<'_> {
 
 impl Exponential {
     /// The step of a system with states.
-    pub(super) fn new(given: &Given<'_>, lanes: usize, way: Way) -> Exponential {
+    pub(super) fn new(given: &StepInputs<'_>, lanes: usize, way: Way) -> Exponential {
         let n = given.block.states;
         let fixed = held::of_held(given.slopes, given.is_fixed);
         let is_zero = |reg: Reg| matches!(&given.slopes.ops[reg.0 as usize], Op::Constant(it) if it.value == 0.0);

@@ -27,7 +27,7 @@ use rsm_model::effects::{Catalogue, Placed};
 
 /// A value that a plant file assigns to a name of the text.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Given {
+pub struct NamedValue {
     /// The name in the text.
     pub name: String,
     /// The value, in the unit of the text.
@@ -42,7 +42,7 @@ pub struct Entry {
     /// Its site; `None` if only one site fits.
     pub at: Option<String>,
     /// Its parameters.
-    pub numbers: Vec<Given>,
+    pub numbers: Vec<NamedValue>,
     /// The position in the file.
     pub(super) place: Range<usize>,
 }
@@ -51,14 +51,14 @@ impl Entry {
     /// An effect that is not read from a file.
     #[must_use]
     pub fn new(kind: &str, at: Option<&str>, numbers: &[(&str, f64)]) -> Entry {
-        let numbers = numbers.iter().map(|(name, value)| Given { name: (*name).to_string(), value: *value }).collect();
+        let numbers = numbers.iter().map(|(name, value)| NamedValue { name: (*name).to_string(), value: *value }).collect();
         Entry { kind: kind.to_string(), at: at.map(str::to_string), numbers, place: 0..0 }
     }
 }
 
 /// How a record determines a parameter.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Decides {
+pub enum DeterminedBy {
     /// By a column, which is constant in a record.
     Column(String),
     /// By whether these columns are absent.
@@ -71,7 +71,7 @@ pub struct Rule {
     /// The parameter.
     pub parameter: String,
     /// How it is determined.
-    pub by: Decides,
+    pub by: DeterminedBy,
     pub(super) place: Range<usize>,
 }
 
@@ -102,7 +102,7 @@ fn entry(source: &Source, value: Value<'_>, faults: &mut Collector) -> Option<En
     {
         for (name, _, value) in inner.entries() {
             let value = inner.number(&format!("`{name}`"), value, faults);
-            numbers.extend(value.map(|value| Given { name: name.to_string(), value }));
+            numbers.extend(value.map(|value| NamedValue { name: name.to_string(), value }));
         }
     }
     table.finish(faults);
@@ -128,8 +128,8 @@ pub(super) fn rules(top: &mut TableReader<'_>, faults: &mut Collector) -> Rules 
             continue;
         };
         let by = match text.strip_prefix("without ") {
-            Some(list) => Decides::Without(list.split(',').map(|it| it.trim().to_string()).collect()),
-            None => Decides::Column(text.trim().to_string()),
+            Some(list) => DeterminedBy::Without(list.split(',').map(|it| it.trim().to_string()).collect()),
+            None => DeterminedBy::Column(text.trim().to_string()),
         };
         rules.parameters.push(Rule { parameter: name.to_string(), by, place });
     }
@@ -180,7 +180,7 @@ fn near(kind: &str, catalogue: &Catalogue) -> String {
 
 /// Values that a record determines: values of parameters, and the absent inputs.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Decided {
+pub(super) struct RecordValues {
     pub parameters: Vec<(String, f64)>,
     pub absent: Vec<String>,
 }
@@ -191,21 +191,21 @@ impl Rules {
     /// # Errors
     /// A record that cannot be read; a column that is not constant. If only some of the columns of a `without` rule are absent, this is no fault
     /// here: the parameter is then 0.
-    pub(super) fn decided(
+    pub(super) fn record_values(
         &self,
         open: &dyn Fn(&Wanted) -> Result<Table, Faults>,
         column: &dyn Fn(&str) -> String,
-    ) -> Result<Decided, Faults> {
-        let mut decided = Decided::default();
+    ) -> Result<RecordValues, Faults> {
+        let mut record_values = RecordValues::default();
         if self.parameters.is_empty() {
-            return Ok(decided);
+            return Ok(record_values);
         }
         let header = open(&Wanted::default())?;
         let has = |name: &str| header.column(&column(name)).is_some();
         let mut faults = Collector::new();
         for rule in &self.parameters {
             match &rule.by {
-                Decides::Column(name) if has(name) => {
+                DeterminedBy::Column(name) if has(name) => {
                     let name = column(name);
                     let table = open(&Wanted { numbers: vec![name.clone()], ..Wanted::default() })?;
                     let values = table.column(&name).map(|it| it.values.clone()).unwrap_or_default();
@@ -219,18 +219,18 @@ impl Rules {
                         );
                         faults.push(Fault::at_line(&table.file, table.header_line + 1 + row, 0, what).help(help));
                     }
-                    decided.parameters.push((rule.parameter.clone(), first));
+                    record_values.parameters.push((rule.parameter.clone(), first));
                 }
-                Decides::Column(_) => {}
-                Decides::Without(names) => {
+                DeterminedBy::Column(_) => {}
+                DeterminedBy::Without(names) => {
                     let missing: Vec<&String> = names.iter().filter(|it| !has(it)).collect();
                     if missing.len() == names.len() {
-                        decided.absent.extend(names.iter().cloned());
+                        record_values.absent.extend(names.iter().cloned());
                     }
-                    decided.parameters.push((rule.parameter.clone(), f64::from(u8::from(missing.len() == names.len()))));
+                    record_values.parameters.push((rule.parameter.clone(), f64::from(u8::from(missing.len() == names.len()))));
                 }
             }
         }
-        faults.finish(Some(decided))
+        faults.finish(Some(record_values))
     }
 }

@@ -33,8 +33,8 @@ use rsm_model::expression::Symbol;
 use rsm_model::flat::{Basic, Flat, Options, Role};
 use rsm_model::system::System;
 
-pub use super::extended::Given;
-use super::extended::{self, Decided, Entry, Rules};
+pub use super::extended::NamedValue;
+use super::extended::{self, Entry, RecordValues, Rules};
 
 /// A signal with a different name in the record.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -66,13 +66,13 @@ pub struct EquationFile {
     /// The equations, with the parameters and effects of this file.
     pub system: System,
     /// `[parameters]`.
-    pub parameters: Vec<Given>,
+    pub parameters: Vec<NamedValue>,
     /// `[tolerance]`: relative standard deviations of parameters.
-    pub tolerance: Vec<Given>,
+    pub tolerance: Vec<NamedValue>,
     /// `[noise]`: standard deviations of outputs.
-    pub noise: Vec<Given>,
+    pub noise: Vec<NamedValue>,
     /// `[initial]`: values at the start.
-    pub initial: Vec<Given>,
+    pub initial: Vec<NamedValue>,
     /// `[columns]`.
     pub columns: Vec<Column>,
     /// `[functions]`, in the order in which the text calls them.
@@ -92,7 +92,7 @@ pub struct EquationFile {
     /// The place of each effect, and the parameters that hold its numbers.
     pub(super) placed: Vec<(String, Vec<(String, Symbol)>)>,
     /// Values that the record determines.
-    pub(super) decided: Decided,
+    pub(super) record_values: RecordValues,
     /// The equations without effects.
     plain: Flat,
     origin: Origin,
@@ -117,7 +117,7 @@ pub fn format(source: &Source) -> Option<i64> {
 
 /// A name with its position in the file.
 struct Named {
-    given: Given,
+    given: NamedValue,
     place: Range<usize>,
 }
 
@@ -208,7 +208,7 @@ impl EquationFile {
             .filter_map(|surface| functions.iter().find(|it| it.name == surface.name).map(|it| (surface, it)))
             .map(|(surface, it)| it.read(surface, source, open))
             .collect::<Result<Vec<Function>, Faults>>()?;
-        let plain_numbers = |list: Vec<Named>| -> Vec<Given> { list.into_iter().map(|it| it.given).collect() };
+        let plain_numbers = |list: Vec<Named>| -> Vec<NamedValue> { list.into_iter().map(|it| it.given).collect() };
         let is_shipped = file.starts_with("rsm:");
         let mut sites = if is_shipped { sites_of(&plain.name) } else { Vec::new() };
         sites.retain(|it| !own_sites.iter().any(|own| own.name == it.name));
@@ -243,7 +243,7 @@ impl EquationFile {
             late_readings: Vec::new(),
             read_of: Vec::new(),
             placed: Vec::new(),
-            decided: Decided::default(),
+            record_values: RecordValues::default(),
             plain,
             origin: Origin { source: source.clone(), text, model: name, catalogue: catalogue.clone() },
         };
@@ -253,7 +253,7 @@ impl EquationFile {
     /// Builds the equations again, from the text, its parameters, the values that a record determines, and the effects.
     fn built(mut self) -> Result<EquationFile, Faults> {
         let mut parameters: Vec<(String, f64)> = self.parameters.iter().map(|it| (it.name.clone(), it.value)).collect();
-        for (name, value) in &self.decided.parameters {
+        for (name, value) in &self.record_values.parameters {
             parameters.retain(|it| it.0 != *name);
             parameters.push((name.clone(), *value));
         }
@@ -302,7 +302,7 @@ impl EquationFile {
     }
 
     fn of_table(&self, open: &dyn Fn(&Wanted) -> Result<Table, Faults>) -> Result<EquationFile, Faults> {
-        let mut decided = self.rules.decided(open, &|it| self.column(it).0.to_string())?;
+        let mut record_values = self.rules.record_values(open, &|it| self.column(it).0.to_string())?;
         let flat = self.system.flat();
         let asks = |name: &str| {
             let is_given = self.parameters.iter().any(|it| it.name == name);
@@ -319,14 +319,14 @@ impl EquationFile {
             if let [first, .., last] = time[..] {
                 let period = (last - first) / (time.len() - 1) as f64;
                 let both = [(PERIOD, period), (BEGIN, first)].into_iter().filter(|it| asks(it.0));
-                decided.parameters.extend(both.map(|(name, value)| (name.to_string(), value)));
+                record_values.parameters.extend(both.map(|(name, value)| (name.to_string(), value)));
             }
         }
-        if decided == self.decided {
+        if record_values == self.record_values {
             return Ok(self.clone());
         }
         let mut file = self.clone();
-        file.decided = decided;
+        file.record_values = record_values;
         file.built()
     }
 
@@ -334,7 +334,7 @@ impl EquationFile {
     ///
     /// # Errors
     /// An effect that is not possible at its place.
-    pub fn with(&self, parameters: &[Given], effects: &[Entry], record: &[Given]) -> Result<EquationFile, Faults> {
+    pub fn with(&self, parameters: &[NamedValue], effects: &[Entry], record: &[NamedValue]) -> Result<EquationFile, Faults> {
         let mut file = self.clone();
         file.parameters.retain(|own| !parameters.iter().any(|it| it.name == own.name));
         file.parameters.extend_from_slice(parameters);
@@ -343,8 +343,9 @@ impl EquationFile {
             let flat = self.system.flat();
             flat.find(name).is_some_and(|it| flat.variable(it).role == Role::Parameter)
         };
-        let decided = record.iter().filter(|it| known(&it.name) && !self.parameters.iter().any(|own| own.name == it.name));
-        file.decided.parameters = decided.map(|it| (it.name.clone(), it.value)).collect();
+        let record_values =
+            record.iter().filter(|it| known(&it.name) && !self.parameters.iter().any(|own| own.name == it.name));
+        file.record_values.parameters = record_values.map(|it| (it.name.clone(), it.value)).collect();
         file.built()
     }
 
@@ -352,7 +353,7 @@ impl EquationFile {
     ///
     /// # Errors
     /// Faults of the text.
-    pub fn bare(&self) -> Result<EquationFile, Faults> {
+    pub fn without_effects(&self) -> Result<EquationFile, Faults> {
         let mut file = self.clone();
         file.effects.clear();
         (file.delays, file.late_readings, file.read_of, file.placed) = Default::default();
@@ -429,7 +430,7 @@ impl EquationFile {
             late_readings: Vec::new(),
             read_of: Vec::new(),
             placed: Vec::new(),
-            decided: Decided::default(),
+            record_values: RecordValues::default(),
             plain: flat,
             origin,
         })
@@ -457,8 +458,8 @@ pub fn is_of_record(parameter: &str) -> bool {
 
 /// The values for a text with these parameters: the period of the rows and their first instant, in s.
 #[must_use]
-pub fn of_rows(period: f64, first: f64) -> [Given; 2] {
-    [(PERIOD, period), (BEGIN, first)].map(|(name, value)| Given { name: name.to_string(), value })
+pub fn of_rows(period: f64, first: f64) -> [NamedValue; 2] {
+    [(PERIOD, period), (BEGIN, first)].map(|(name, value)| NamedValue { name: name.to_string(), value })
 }
 
 /// The `[record]` rules of a text that is shipped with the project.
@@ -487,7 +488,7 @@ fn numbers(top: &mut TableReader<'_>, key: &'static str, any: bool, faults: &mut
                     table.fault(value.span(), format!("`{name}`: found {number}, expected a number that is not negative")),
                 );
             }
-            Some(value) => list.push(Named { given: Given { name: name.to_string(), value }, place }),
+            Some(value) => list.push(Named { given: NamedValue { name: name.to_string(), value }, place }),
             None => {}
         }
     }

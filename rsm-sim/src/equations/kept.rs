@@ -17,7 +17,7 @@ const SKIPPED: u32 = 16;
 
 /// After this number of steps with a part, it is recomputed before the next step that is shorter than a row. A new part costs as much as 8 steps
 /// ([`super::stiff::TAKEN`]), so this adds at most a quarter to the cost.
-const AGE: u64 = 32;
+const MOST_AGE: u64 = 32;
 
 /// The linear parts of a lane, and data about their use.
 #[derive(Debug, Clone, Default)]
@@ -40,7 +40,7 @@ pub(super) struct Kept {
     pub budget: u64,
     pub cost: u64,
     /// Whether the lane has already returned to the series.
-    pub went_back: bool,
+    pub has_returned: bool,
     clock: u64,
 }
 
@@ -71,13 +71,13 @@ impl Kept {
     /// Whether the current part must be recomputed before a step of a level. This is the case if a step over a whole row with it failed here, if
     /// steps with parts from earlier points failed several times in sequence, or if the part was used for many steps shorter than a row, because its
     /// error may be the reason for the short steps. Also counts the steps that are not tried.
-    pub(super) fn is_worn(&mut self, level: usize) -> bool {
+    pub(super) fn must_recompute(&mut self, level: usize) -> bool {
         if self.is_fresh {
             return false;
         }
         let is_hopeless = self.failures >= FAILURES && self.skipped < SKIPPED;
         self.skipped = if is_hopeless { self.skipped + 1 } else { 0 };
-        is_hopeless || self.has_failed && level == 0 || self.age >= AGE && level > 0
+        is_hopeless || self.has_failed && level == 0 || self.age >= MOST_AGE && level > 0
     }
 
     /// The current part has just been computed at the current point of the lane.
@@ -86,7 +86,7 @@ impl Kept {
     }
 
     /// A step with the current part was valid.
-    pub(super) fn served(&mut self) {
+    pub(super) fn step_accepted(&mut self) {
         if !self.is_fresh {
             self.failures = 0;
         }
@@ -100,7 +100,7 @@ impl Kept {
     }
 
     /// The place of a new part: the current one, a free one, or the one that has not been used for the longest time.
-    pub(super) fn room(&mut self, replaces: bool) -> usize {
+    pub(super) fn place_for_part(&mut self, replaces: bool) -> usize {
         let oldest = || (0..self.count).min_by_key(|k| self.parts[*k].used).unwrap_or(0);
         let place = match self.current {
             Some(current) if replaces => current,
@@ -151,38 +151,38 @@ pub(super) struct Segment {
 
 #[cfg(test)]
 mod tests {
-    use super::{AGE, FAILURES, Kept, SKIPPED};
+    use super::{FAILURES, Kept, MOST_AGE, SKIPPED};
 
     #[test]
     fn a_part_that_failed_time_and_again_is_taken_anew_and_tried_again_later() {
         let mut kept = Kept::default();
         for _ in 0..FAILURES {
-            assert!(!kept.is_worn(1));
+            assert!(!kept.must_recompute(1));
             kept.failed();
             kept.renewed();
-            kept.served();
+            kept.step_accepted();
         }
         for _ in 0..SKIPPED {
-            assert!(kept.is_worn(1));
+            assert!(kept.must_recompute(1));
             kept.renewed();
-            assert!(!kept.is_worn(1), "where it was taken it serves");
-            kept.served();
+            assert!(!kept.must_recompute(1), "where it was taken it serves");
+            kept.step_accepted();
         }
-        assert!(!kept.is_worn(1), "an old part is tried once");
-        kept.served();
-        assert!(!kept.is_worn(1), "an old part has served");
+        assert!(!kept.must_recompute(1), "an old part is tried once");
+        kept.step_accepted();
+        assert!(!kept.must_recompute(1), "an old part has served");
     }
 
     #[test]
     fn a_part_serves_for_so_many_shares_of_a_row_and_for_any_number_of_rows() {
         let mut kept = Kept::default();
         kept.renewed();
-        for _ in 0..AGE {
-            assert!(!kept.is_worn(3));
-            kept.served();
+        for _ in 0..MOST_AGE {
+            assert!(!kept.must_recompute(3));
+            kept.step_accepted();
         }
-        assert!(kept.is_worn(3) && !kept.is_worn(0));
+        assert!(kept.must_recompute(3) && !kept.must_recompute(0));
         kept.renewed();
-        assert!(!kept.is_worn(3));
+        assert!(!kept.must_recompute(3));
     }
 }

@@ -6,7 +6,7 @@
 use super::carried::Along;
 use super::engine::{Method, Setting};
 use super::fixed;
-use super::late::Late;
+use super::late::DelayedSignals;
 use super::machine::{Machine, Point};
 use super::rows::{Inputs, Stopped};
 use super::walk::{Lane, Walk};
@@ -132,9 +132,9 @@ impl<'m> Lanes<'m> {
         let has_late = has_late(lane);
         let walk = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));
         walk.begin([lane], setting, period(inputs));
-        let mut outputs = [room(self.machine, inputs)];
+        let mut outputs = [allocate_outputs(self.machine, inputs)];
         let can_be_plain = walk.can_be_plain() && !has_late;
-        let mut late = Late::new(&lane.numbers, inputs.time, period(inputs));
+        let mut late = DelayedSignals::new(&lane.numbers, inputs.time, period(inputs));
         let mut said = 0.0;
         for (row, end) in inputs.time.iter().enumerate() {
             walk.row = row;
@@ -147,17 +147,17 @@ impl<'m> Lanes<'m> {
                 if row > 0 {
                     walk.set_input(0, said);
                 }
-                let told: Vec<f64> = walk.look().iter().map(|it| it[0]).collect();
+                let told: Vec<f64> = walk.evaluate_outputs().iter().map(|it| it[0]).collect();
                 said = controller(row, &told);
                 walk.set_input(0, said);
             }
             if has_late {
                 walk.exchange(&mut late);
             }
-            walk.happen_and_send(*end, &mut late)?;
+            walk.execute_events_and_send(*end, &mut late)?;
             read(walk, row, &mut outputs)?;
             if has_late {
-                late.read(*end, walk.look());
+                late.read(*end, walk.evaluate_outputs());
             }
         }
         let [mut outputs] = outputs;
@@ -171,7 +171,7 @@ impl<'m> Lanes<'m> {
         let mut walk = self.group.take().unwrap_or_else(|| Walk::new(machine, self.way));
         // Unused places repeat the last lane.
         walk.begin(std::array::from_fn(|place| &lanes[place.min(lanes.len() - 1)]), setting, period(inputs));
-        let mut outputs: [Outputs; WIDE] = std::array::from_fn(|_| room(machine, inputs));
+        let mut outputs: [Outputs; WIDE] = std::array::from_fn(|_| allocate_outputs(machine, inputs));
         let done = self.along(&mut walk, lanes, inputs, setting, &mut outputs);
         self.group = Some(walk);
         done.ok()?;
@@ -196,9 +196,9 @@ impl<'m> Lanes<'m> {
                 let right = if is_free { walk.together(now, *end) } else { [false; WIDE] };
                 for lane in (0..count).filter(|lane| !right[*lane]) {
                     let alone = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));
-                    alone.adopt(setting);
+                    alone.apply_setting(setting);
                     alone.copy_from(walk, lane);
-                    alone.reach(*end, &mut Late::new(&lanes[lane].numbers, inputs.time, 0.0))?;
+                    alone.reach(*end, &mut DelayedSignals::new(&lanes[lane].numbers, inputs.time, 0.0))?;
                     alone.copy_to(walk, lane);
                 }
                 if let (false, Some(alone)) = (is_free, &self.alone) {
@@ -210,7 +210,7 @@ impl<'m> Lanes<'m> {
                 }
             }
             walk.set_inputs(inputs.values, row);
-            walk.happen(*end)?;
+            walk.execute_events(*end)?;
             read(walk, row, outputs)?;
         }
         Ok(())
@@ -231,7 +231,7 @@ pub fn run(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting
 
 /// Whether a lane has delayed signals.
 fn has_late(lane: &Lane) -> bool {
-    !lane.numbers.followers.is_empty() || !lane.numbers.late_readings.is_empty()
+    !lane.numbers.delayed_inputs.is_empty() || !lane.numbers.late_readings.is_empty()
 }
 
 /// The points of a machine along inputs, at every `every`-th row, from its start to the row where the run ends.
@@ -243,7 +243,7 @@ pub fn points(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Sett
     let mut walk: Walk<'_, 1> = Walk::new(machine, Way::Fastest);
     let lane = Lane::new(machine, start);
     walk.begin([&lane], setting, period(inputs));
-    let mut late = Late::new(&lane.numbers, inputs.time, period(inputs));
+    let mut late = DelayedSignals::new(&lane.numbers, inputs.time, period(inputs));
     let mut points = Vec::new();
     for (row, end) in inputs.time.iter().enumerate() {
         walk.row = row;
@@ -252,11 +252,11 @@ pub fn points(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Sett
         }
         walk.set_inputs(inputs.values, row);
         walk.exchange(&mut late);
-        if walk.happen_and_send(*end, &mut late).is_err() {
+        if walk.execute_events_and_send(*end, &mut late).is_err() {
             break;
         }
-        walk.look();
-        late.read(*end, walk.look());
+        walk.evaluate_outputs();
+        late.read(*end, walk.evaluate_outputs());
         if row % every == 0 {
             points.push(walk.point(0));
         }
@@ -265,7 +265,7 @@ pub fn points(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Sett
 }
 
 /// Allocates the outputs of a lane.
-pub(super) fn room(machine: &Machine, inputs: Inputs<'_>) -> Outputs {
+pub(super) fn allocate_outputs(machine: &Machine, inputs: Inputs<'_>) -> Outputs {
     vec![Vec::with_capacity(inputs.time.len()); machine.outputs().len()]
 }
 
@@ -276,7 +276,7 @@ pub(super) fn period(inputs: Inputs<'_>) -> f64 {
 
 /// Reads the outputs of all lanes at a row.
 pub(super) fn read<const L: usize>(walk: &mut Walk<'_, L>, row: usize, outputs: &mut [Outputs; L]) -> Result<(), Stopped> {
-    let found = walk.look();
+    let found = walk.evaluate_outputs();
     let mut place = None;
     for (k, values) in found.iter().enumerate() {
         for (lane, value) in values.iter().enumerate() {

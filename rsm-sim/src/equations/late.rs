@@ -4,14 +4,14 @@
 
 use std::collections::VecDeque;
 
-use super::numbers::{Followed, Numbers};
+use super::numbers::{DelaySource, Numbers};
 
 /// Two instants are the same if their distance, in periods of the record, is below this: decimals of periods and delays do not agree exactly.
 const SAME: f64 = 1e-9;
 
-/// The values on their way to a follower.
+/// The values on their way to a delayed input.
 #[derive(Default)]
-struct Coming {
+struct InTransit {
     /// Values with the instants at which they arrive.
     queue: VecDeque<(f64, f64)>,
     /// The last value that was sent.
@@ -19,43 +19,43 @@ struct Coming {
 }
 
 /// All values on their way in a run.
-pub(super) struct Late<'m> {
+pub(super) struct DelayedSignals<'m> {
     numbers: &'m Numbers,
-    /// For each follower.
-    coming: Vec<Coming>,
+    /// For each delayed input.
+    in_transit: Vec<InTransit>,
     /// For each output with a delayed reading: the row whose reading is taken next, and the readings so far.
     readings: Vec<(usize, Vec<f64>)>,
     time: &'m [f64],
     near: f64,
 }
 
-impl<'m> Late<'m> {
+impl<'m> DelayedSignals<'m> {
     pub(super) fn new(numbers: &'m Numbers, time: &'m [f64], period: f64) -> Self {
-        let coming = numbers.followers.iter().map(|_| Coming::default()).collect();
+        let in_transit = numbers.delayed_inputs.iter().map(|_| InTransit::default()).collect();
         let readings = numbers.late_readings.iter().map(|_| (0, Vec::with_capacity(time.len()))).collect();
-        Late { numbers, coming, readings, time, near: SAME * period }
+        DelayedSignals { numbers, in_transit, readings, time, near: SAME * period }
     }
 
     /// Sends the current values of signals, and stores the values that have arrived. Returns whether an input changed.
     pub(super) fn exchange(&mut self, time: f64, inputs: &mut [[f64; 1]], memories: &[[f64; 1]]) -> bool {
         let mut changed = false;
-        for (follower, Coming { queue, last }) in self.numbers.followers.iter().zip(&mut self.coming) {
-            let now = match follower.of {
-                Followed::Input(place) => inputs[place][0],
-                Followed::Memory(place) => memories[place][0],
+        for (delayed_input, InTransit { queue, last }) in self.numbers.delayed_inputs.iter().zip(&mut self.in_transit) {
+            let now = match delayed_input.of {
+                DelaySource::Input(place) => inputs[place][0],
+                DelaySource::Memory(place) => memories[place][0],
             };
             if last.is_none() {
                 // Before the record a signal had its first value.
-                changed |= inputs[follower.input] != [now];
-                inputs[follower.input] = [now];
+                changed |= inputs[delayed_input.input] != [now];
+                inputs[delayed_input.input] = [now];
             } else if *last != Some(now) {
-                queue.push_back((time + follower.delay, now));
+                queue.push_back((time + delayed_input.delay, now));
             }
             *last = Some(now);
             while queue.front().is_some_and(|it| it.0 <= time + self.near) {
                 if let Some((_, value)) = queue.pop_front() {
-                    changed |= inputs[follower.input] != [value];
-                    inputs[follower.input] = [value];
+                    changed |= inputs[delayed_input.input] != [value];
+                    inputs[delayed_input.input] = [value];
                 }
             }
         }
@@ -64,13 +64,13 @@ impl<'m> Late<'m> {
 
     /// The next instant before an end at which a value arrives or a reading is taken.
     pub(super) fn next(&self, now: f64, end: f64) -> Option<f64> {
-        let coming = self.coming.iter().filter_map(|it| it.queue.front()).map(|it| it.0);
+        let in_transit = self.in_transit.iter().filter_map(|it| it.queue.front()).map(|it| it.0);
         let reads = self
             .readings
             .iter()
             .zip(&self.numbers.late_readings)
             .filter_map(|((row, _), (_, delay))| self.time.get(*row).map(|time| time - delay));
-        let next = coming.chain(reads).filter(|it| *it > now + self.near).fold(f64::INFINITY, f64::min);
+        let next = in_transit.chain(reads).filter(|it| *it > now + self.near).fold(f64::INFINITY, f64::min);
         (next < end - self.near).then_some(next)
     }
 

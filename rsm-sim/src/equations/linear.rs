@@ -9,7 +9,7 @@ use rsm_model::expression::{Id, Symbol};
 
 use super::file::EquationFile;
 use super::machine::{Machine, Point};
-use super::numbers::Followed;
+use super::numbers::DelaySource;
 
 /// A linear model, in the units of the text.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,10 +73,10 @@ pub fn linearise(file: &EquationFile, machine: &Machine, point: &Point) -> Resul
     let (c, mut d) = (matrix(&values, &states)?, matrix(&values, &inputs)?);
     // Delays are ignored: a delayed copy of an input acts together with the input. Followers come after the inputs of a record and are removed in
     // reverse order.
-    for follower in machine.followers().iter().rev() {
+    for delayed_input in machine.delayed_inputs().iter().rev() {
         for row in b.iter_mut().chain(&mut d) {
-            let late = row.remove(follower.input);
-            if let Followed::Input(place) = follower.of {
+            let late = row.remove(delayed_input.input);
+            if let DelaySource::Input(place) = delayed_input.of {
                 row[place] += late;
             }
         }

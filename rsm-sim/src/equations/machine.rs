@@ -9,8 +9,8 @@ use rsm_model::expression::{Id, Symbol};
 use rsm_model::system::{Start, System};
 
 use super::computed::{Computed, Functions};
-use super::file::{EquationFile, Given};
-use super::numbers::{self, Followed, Follower, Following, Numbers};
+use super::file::{EquationFile, NamedValue};
+use super::numbers::{self, DelaySource, DelayedInput, DerivedNumbers, Numbers};
 
 /// Everything that changes during a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,7 +31,7 @@ pub struct Point {
 
 /// Results at a point besides the rates.
 #[derive(Debug, Clone)]
-pub(super) struct Look {
+pub(super) struct OutputsAndSolutions {
     pub outputs: Vec<f64>,
     /// Solutions of nonlinear blocks, started from the guesses of the point.
     pub solutions: Vec<f64>,
@@ -60,7 +60,7 @@ pub(super) struct Tapes {
     /// Both sides of each switch.
     pub sides: Option<Tape>,
     /// Outputs, then solutions of nonlinear blocks.
-    pub looks: Option<Tape>,
+    pub output_program: Option<Tape>,
     pub events: Option<Tape>,
     /// The derivative of each rate with respect to each state, row by row, then with respect to the time.
     pub slopes: Option<Tape>,
@@ -71,12 +71,12 @@ pub(super) struct Tapes {
 pub struct Machine {
     system: System,
     numbers: Numbers,
-    following: Following,
+    derived_numbers: DerivedNumbers,
     functions: Functions,
     /// Rates, then both sides of each switch.
     rates: Computed,
     /// Outputs, then solutions of nonlinear blocks.
-    looks: Computed,
+    output_program: Computed,
     /// The derivative of each rate with respect to each state, row by row, then with respect to the time.
     slopes: Computed,
     events: Computed,
@@ -88,7 +88,7 @@ pub struct Machine {
 }
 
 /// If the iteration of a nonlinear block has not converged after this number of iterations, it has no solution near its guess.
-pub(super) const TURNS: usize = 100;
+pub(super) const MOST_ITERATIONS: usize = 100;
 
 /// An iteration has converged if no value changes by more than this share of 1 plus its magnitude. Rounding alone causes changes of about 1e-16.
 const SETTLED: f64 = 1e-12;
@@ -114,8 +114,8 @@ impl Machine {
             slopes.extend(slope);
         }
         rates.extend(system.switches().to_vec().iter().flat_map(|it| [it.left, it.right]));
-        let mut looks: Vec<Id> = outputs.iter().map(|output| system.value(*output)).collect();
-        looks.extend(system.iterated().iter().map(|it| it.value));
+        let mut output_program: Vec<Id> = outputs.iter().map(|output| system.value(*output)).collect();
+        output_program.extend(system.iterated().iter().map(|it| it.value));
         let functions = Functions::of(file);
         let program =
             |system: &System, arguments: &[Symbol], results: &[Id]| functions.compiled(file, system, arguments, results);
@@ -128,12 +128,12 @@ impl Machine {
         let place = |state: &Symbol| states.iter().position(|it| it == state).unwrap_or(usize::MAX);
         let restarted = system.events().iter().map(|it| it.restarted.iter().map(|(state, _)| place(state)).collect()).collect();
         let parameters = system.parameters().iter().filter_map(|it| system.parameter_value(*it)).collect();
-        let following = Following::new(file, &system, &functions)?;
-        let numbers = following.numbers(parameters).map_err(|what| Faults::one(Fault::whole_file(&file.file, what)))?;
+        let derived_numbers = DerivedNumbers::new(file, &system, &functions)?;
+        let numbers = derived_numbers.numbers(parameters).map_err(|what| Faults::one(Fault::whole_file(&file.file, what)))?;
         let starting = starting(file, &mut system, &outputs);
         Ok(Machine {
             rates: program(&system, &arguments, &rates)?,
-            looks: program(&system, &arguments, &looks)?,
+            output_program: program(&system, &arguments, &output_program)?,
             slopes: program(&system, &arguments, &slopes)?,
             events,
             functions,
@@ -141,7 +141,7 @@ impl Machine {
             starting,
             restarted,
             numbers,
-            following,
+            derived_numbers,
             system,
         })
     }
@@ -194,7 +194,7 @@ impl Machine {
     fn take(&mut self, parameters: Vec<f64>) -> Result<(), String> {
         let is_same = parameters.iter().zip(&self.numbers.parameters).all(|(a, b)| a.to_bits() == b.to_bits());
         if !is_same {
-            self.numbers = self.following.numbers(parameters)?;
+            self.numbers = self.derived_numbers.numbers(parameters)?;
         }
         Ok(())
     }
@@ -233,13 +233,13 @@ impl Machine {
     }
 
     /// The program that computes instants of samples and delays from the parameters.
-    pub(super) fn following(&self) -> &Computed {
-        &self.following.program
+    pub(super) fn derived_numbers(&self) -> &Computed {
+        &self.derived_numbers.program
     }
 
     /// Inputs that are delayed copies of other signals.
-    pub(super) fn followers(&self) -> &[Follower] {
-        &self.numbers.followers
+    pub(super) fn delayed_inputs(&self) -> &[DelayedInput] {
+        &self.numbers.delayed_inputs
     }
 
     /// Outputs that are read with a delay, and the delay in s.
@@ -303,7 +303,7 @@ impl Machine {
             counts,
             rates,
             sides,
-            looks: self.looks.tape.clone(),
+            output_program: self.output_program.tape.clone(),
             events: self.events.tape.clone(),
             slopes: self.slopes.tape.clone(),
         }
@@ -318,7 +318,7 @@ impl Machine {
     /// Names and units of the inputs that a record must give, in order. The unit is empty if the text gives none.
     #[must_use]
     pub fn inputs(&self) -> Vec<(String, String)> {
-        let follows = |place: usize| self.numbers.followers.iter().any(|it| it.input == place);
+        let follows = |place: usize| self.numbers.delayed_inputs.iter().any(|it| it.input == place);
         let own = self.system.inputs().into_iter().enumerate().filter(|(place, _)| !follows(*place)).map(|it| it.1);
         own.map(|it| self.signal(it)).collect()
     }
@@ -443,26 +443,26 @@ impl Machine {
         (rates, sides.chunks(2).map(|pair| f64::from(u8::from(pair[0] < pair[1]))).collect())
     }
 
-    pub(super) fn look(&self, point: &Point) -> Look {
-        let mut outputs = self.values(&self.looks, point, &[]);
+    pub(super) fn evaluate_outputs(&self, point: &Point) -> OutputsAndSolutions {
+        let mut outputs = self.values(&self.output_program, point, &[]);
         let solutions = outputs.split_off(self.outputs.len());
-        Look { outputs, solutions }
+        OutputsAndSolutions { outputs, solutions }
     }
 
     /// The outputs at a point.
     #[must_use]
     pub fn outputs_at(&self, point: &Point) -> Vec<f64> {
-        self.look(point).outputs
+        self.evaluate_outputs(point).outputs
     }
 
     /// Uses the solutions of nonlinear blocks as the next guesses until they converge. Returns `false` if they do not converge.
     pub(super) fn settle(&self, point: &mut Point) -> bool {
-        for _ in 0..TURNS {
+        for _ in 0..MOST_ITERATIONS {
             if point.guesses.is_empty() {
                 return true;
             }
-            let found = self.look(point).solutions;
-            let moves = !stand_still(&point.guesses, &found);
+            let found = self.evaluate_outputs(point).solutions;
+            let moves = !has_converged(&point.guesses, &found);
             point.guesses = found;
             if !moves {
                 return true;
@@ -484,7 +484,7 @@ impl Machine {
     ///
     /// # Errors
     /// The start conditions are too many, contradict each other, or leave a variable undetermined.
-    pub fn start(&mut self, file: &EquationFile, time: f64, inputs: &[f64], given: &[Given]) -> Result<Point, Faults> {
+    pub fn start(&mut self, file: &EquationFile, time: f64, inputs: &[f64], given: &[NamedValue]) -> Result<Point, Faults> {
         self.start_along(file, time, inputs, given, &[])
     }
 
@@ -497,10 +497,10 @@ impl Machine {
         file: &EquationFile,
         time: f64,
         inputs: &[f64],
-        given: &[Given],
-        recorded: &[Given],
+        given: &[NamedValue],
+        recorded: &[NamedValue],
     ) -> Result<Point, Faults> {
-        let names = |list: &[Given]| -> Vec<String> { list.iter().map(|it| it.name.clone()).collect() };
+        let names = |list: &[NamedValue]| -> Vec<String> { list.iter().map(|it| it.name.clone()).collect() };
         let starts = self.starts(file, &names(given), &names(recorded))?;
         let values: Vec<f64> = given.iter().chain(recorded).map(|it| it.value).collect();
         starts.at(self, time, inputs, &values)
@@ -509,11 +509,11 @@ impl Machine {
     /// The inputs of a first row, and the inputs that follow them: before the record a signal had its first value.
     pub(super) fn with_followers(&self, inputs: &[f64]) -> Vec<f64> {
         let mut inputs = inputs.to_vec();
-        for follower in &self.numbers.followers {
-            let value = match follower.of {
-                Followed::Input(place) => inputs.get(place).copied().unwrap_or(0.0),
+        for delayed_input in &self.numbers.delayed_inputs {
+            let value = match delayed_input.of {
+                DelaySource::Input(place) => inputs.get(place).copied().unwrap_or(0.0),
                 // A controller computes its first value in the first row, after the start.
-                Followed::Memory(_) => 0.0,
+                DelaySource::Memory(_) => 0.0,
             };
             inputs.push(value);
         }
@@ -552,12 +552,12 @@ fn nothing() -> Tape {
 }
 
 /// Whether an iteration has converged. NaN means that it has not.
-pub(super) fn stand_still(old: &[f64], new: &[f64]) -> bool {
-    old.iter().zip(new).all(|(old, new)| stands_still(*old, *new))
+pub(super) fn has_converged(old: &[f64], new: &[f64]) -> bool {
+    old.iter().zip(new).all(|(old, new)| value_has_converged(*old, *new))
 }
 
 /// The same for one value.
-pub(super) fn stands_still(old: f64, new: f64) -> bool {
+pub(super) fn value_has_converged(old: f64, new: f64) -> bool {
     (new - old).abs() <= SETTLED * (1.0 + new.abs())
 }
 

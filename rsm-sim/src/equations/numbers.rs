@@ -13,7 +13,7 @@ use super::file::EquationFile;
 
 /// The signal that a delayed input follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Followed {
+pub(super) enum DelaySource {
     /// Another input, by its index.
     Input(usize),
     /// A memory, by its index.
@@ -22,10 +22,10 @@ pub(super) enum Followed {
 
 /// An input that follows a signal with a delay.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Follower {
+pub(super) struct DelayedInput {
     /// Its index among all inputs.
     pub input: usize,
-    pub of: Followed,
+    pub of: DelaySource,
     /// Its delay in s.
     pub delay: f64,
 }
@@ -38,33 +38,33 @@ pub(super) struct Numbers {
     /// The first instant and the period of each `sample`, in s.
     pub samples: Vec<(f64, f64)>,
     /// Inputs that follow other signals; they come after the inputs of a record.
-    pub followers: Vec<Follower>,
+    pub delayed_inputs: Vec<DelayedInput>,
     /// Outputs that are read with a delay: the index and the delay in s.
     pub late_readings: Vec<(usize, f64)>,
 }
 
 /// The values that depend on parameters, as a program.
 #[derive(Debug, Clone)]
-pub(super) struct Following {
-    /// The start and the period of each `sample`, then the delay of each follower, then the delay of each delayed reading.
+pub(super) struct DerivedNumbers {
+    /// The start and the period of each `sample`, then the delay of each delayed input, then the delay of each delayed reading.
     pub(super) program: Computed,
     samples: usize,
-    followers: Vec<(usize, Followed)>,
+    delayed_inputs: Vec<(usize, DelaySource)>,
     /// For each delayed reading: the index of the output.
     late: Vec<usize>,
 }
 
-impl Following {
-    pub(super) fn new(file: &EquationFile, system: &System, functions: &Functions) -> Result<Following, Faults> {
+impl DerivedNumbers {
+    pub(super) fn new(file: &EquationFile, system: &System, functions: &Functions) -> Result<DerivedNumbers, Faults> {
         let mut list: Vec<Id> = system.flat().samples.iter().flat_map(|it| [it.start, it.period]).collect();
         let inputs = system.inputs();
         let input = |symbol: Symbol| inputs.iter().position(|it| *it == symbol);
-        let mut followers = Vec::new();
+        let mut delayed_inputs = Vec::new();
         for delay in &file.delays {
             let memory = system.memories().iter().position(|it| it.variable == delay.of);
-            let followed = input(delay.of).map(Followed::Input).or(memory.map(Followed::Memory));
+            let followed = input(delay.of).map(DelaySource::Input).or(memory.map(DelaySource::Memory));
             if let Some(found) = input(delay.late).zip(followed) {
-                followers.push(found);
+                delayed_inputs.push(found);
                 list.push(delay.delay);
             }
         }
@@ -77,7 +77,7 @@ impl Following {
             }
         }
         let program = functions.compiled(file, system, &system.parameters(), &list)?;
-        Ok(Following { program, samples: system.flat().samples.len(), followers, late })
+        Ok(DerivedNumbers { program, samples: system.flat().samples.len(), delayed_inputs, late })
     }
 
     /// Computes the numbers from the parameters.
@@ -91,9 +91,12 @@ impl Following {
         if let Some((_, period)) = samples.iter().find(|(_, period)| *period <= 0.0 || !period.is_finite()) {
             return Err(format!("`sample`: found a period of {period} s, expected a positive one"));
         }
-        let (follow, read) = delays.split_at(self.followers.len());
-        let followers =
-            self.followers.iter().zip(follow).map(|((input, of), delay)| Follower { input: *input, of: *of, delay: *delay });
+        let (follow, read) = delays.split_at(self.delayed_inputs.len());
+        let delayed_inputs = self.delayed_inputs.iter().zip(follow).map(|((input, of), delay)| DelayedInput {
+            input: *input,
+            of: *of,
+            delay: *delay,
+        });
         let mut late_readings: Vec<(usize, f64)> = Vec::new();
         for (output, delay) in self.late.iter().zip(read) {
             match late_readings.iter_mut().find(|it| it.0 == *output) {
@@ -102,7 +105,7 @@ impl Following {
             }
         }
         late_readings.retain(|it| it.1 > 0.0);
-        Ok(Numbers { followers: followers.collect(), samples, late_readings, parameters })
+        Ok(Numbers { delayed_inputs: delayed_inputs.collect(), samples, late_readings, parameters })
     }
 }
 

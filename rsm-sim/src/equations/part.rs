@@ -53,7 +53,7 @@ impl Part {
                 self.by_time[k - n * n] = slope;
             }
         }
-        self.chain.take(n, &self.columns, self.length)
+        self.chain.set_matrix(n, &self.columns, self.length)
     }
 
     /// Computes the functions for a step of a level. Returns `false` if they are not finite.

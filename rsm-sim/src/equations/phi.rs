@@ -95,13 +95,13 @@ impl Chain {
     }
 
     /// Replaces the matrix; then no level is computed. Returns `false` if the matrix is too large or not finite.
-    pub(super) fn take(&mut self, n: usize, a: &[f64], span: f64) -> bool {
+    pub(super) fn set_matrix(&mut self, n: usize, a: &[f64], span: f64) -> bool {
         if self.n != n {
             self.n = n;
             self.work = vec![0.0; 6 * n * stride(n)];
         }
         self.made.clear();
-        by_stride!(n, S => vectorised(Take::<S> { chain: self, a, span }))
+        by_stride!(n, S => vectorised(SetMatrix::<S> { chain: self, a, span }))
     }
 
     /// Computes a level, and the levels between it and the base. Returns `false` if the result is not finite.
@@ -182,13 +182,13 @@ impl Chain {
     }
 }
 
-struct Take<'a, const S: usize> {
+struct SetMatrix<'a, const S: usize> {
     chain: &'a mut Chain,
     a: &'a [f64],
     span: f64,
 }
 
-impl<const S: usize> Work for Take<'_, S> {
+impl<const S: usize> Work for SetMatrix<'_, S> {
     type Found = bool;
 
     #[inline(always)]
@@ -369,7 +369,7 @@ mod tests {
     fn a_triangular_matrix_by_its_eigenvectors() {
         // A = [-2 3; 0 -800] has the eigenvectors (1, 0) and (3, -798): f(A)(3, -798) = f(-800)(3, -798), so the corner is 3 (f(-2) - f(-800))/798.
         let mut chain = Chain::default();
-        assert!(chain.take(2, &columns([-2.0, 3.0, 0.0, -800.0]), 1.0));
+        assert!(chain.set_matrix(2, &columns([-2.0, 3.0, 0.0, -800.0]), 1.0));
         assert!(chain.base() > 9, "{}", chain.base());
         for level in 0..4 {
             assert!(chain.make(level));
@@ -390,7 +390,7 @@ mod tests {
         let a = columns([-3.0, 40.0, -5.0, -60.0]);
         let of = |order: &[usize]| -> Vec<Vec<f64>> {
             let mut chain = Chain::default();
-            assert!(chain.take(2, &a, 0.7) && order.iter().all(|level| chain.make(*level)));
+            assert!(chain.set_matrix(2, &a, 0.7) && order.iter().all(|level| chain.make(*level)));
             (0..chain.base() + 4)
                 .map(|level| if chain.make(level) { flat(&chain, level).concat() } else { Vec::new() })
                 .collect()
@@ -407,7 +407,7 @@ mod tests {
         // Norms from 0.4 to 0.4/2^18 need 4 blocks of terms, then fewer.
         let a = columns([-0.1, 0.3, -0.2, -0.15]);
         let mut chain = Chain::default();
-        assert!(chain.take(2, &a, 1.0) && chain.base() == 0);
+        assert!(chain.set_matrix(2, &a, 1.0) && chain.base() == 0);
         for level in 0..18 {
             assert!(chain.make(level) && chain.make(level + 1));
             let (longer, [one, two, three]) = (flat(&chain, level), flat(&chain, level + 1));
@@ -433,8 +433,8 @@ mod tests {
     fn states_of_other_units_have_the_same_functions() {
         // The same matrix with its second state in thousandths: the off-diagonal entries change by factors of 1000 and 1/1000.
         let (mut plain, mut scaled) = (Chain::default(), Chain::default());
-        assert!(plain.take(2, &columns([-3.0, 4.0, -5.0, -60.0]), 0.7));
-        assert!(scaled.take(2, &columns([-3.0, 4e-3, -5e3, -60.0]), 0.7));
+        assert!(plain.set_matrix(2, &columns([-3.0, 4.0, -5.0, -60.0]), 0.7));
+        assert!(scaled.set_matrix(2, &columns([-3.0, 4e-3, -5e3, -60.0]), 0.7));
         assert!(plain.make(0) && scaled.make(0));
         for (one, other) in flat(&plain, 0).into_iter().zip(flat(&scaled, 0)) {
             for (place, factor) in [(0, 1.0), (4, 1e-3), (1, 1e3), (5, 1.0)] {
@@ -447,9 +447,9 @@ mod tests {
     #[test]
     fn of_nothing_they_are_the_first_terms_and_of_no_number_nothing() {
         let mut chain = Chain::default();
-        assert!(chain.take(3, &[0.0; 12], 0.1) && chain.make(1));
+        assert!(chain.set_matrix(3, &[0.0; 12], 0.1) && chain.make(1));
         assert_eq!(flat(&chain, 1).map(|it| it[5]), [1.0, 0.5, 1.0 / 6.0]);
         let one = |a: f64| [a, 0.0, 0.0, 0.0];
-        assert!(!chain.take(1, &one(f64::NAN), 0.1) && !chain.take(1, &one(1e300), 1e10));
+        assert!(!chain.set_matrix(1, &one(f64::NAN), 0.1) && !chain.set_matrix(1, &one(1e300), 1e10));
     }
 }

@@ -46,7 +46,7 @@ impl<const L: usize> Walk<'_, L> {
         if fits != [true; L] {
             return false;
         }
-        self.arrive(self.programs.end() as usize, end);
+        self.finish_step(self.programs.end() as usize, end);
         for suggestion in &mut self.suggestion {
             *suggestion = suggestion.max(2.0 * rest);
         }

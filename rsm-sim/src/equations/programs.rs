@@ -8,12 +8,12 @@ use rsm_core::held::{self, Divided};
 use rsm_core::series::{Argument, Series};
 use rsm_core::tape::{Op, Tape};
 
-use super::exponential::{Block, Exponential, Given};
+use super::exponential::{Block, Exponential, StepInputs};
 use super::machine::{Counts, Machine, Tapes};
 use crate::code::{Code, Slot, Way};
 
 /// Values that are constant within a row are computed separately if that saves at least this number of operations. A call costs about as much.
-const WORTH: usize = 12;
+const LEAST_SAVED: usize = 12;
 
 /// The number of orders in the first part of the series, and in each later part.
 const FIRST: usize = 3;
@@ -115,7 +115,7 @@ pub(super) struct Programs {
     /// Run when inputs, held comparisons or memories change.
     pub row: Vec<(Code, Placed)>,
     pub rates: Program,
-    pub looks: Option<Program>,
+    pub output_program: Option<Program>,
     pub sides: Option<Program>,
     pub events: Option<Program>,
     /// Only the conditions of branches.
@@ -159,7 +159,7 @@ impl Building {
         let is_parameter: Vec<bool> = arguments.iter().map(|slot| parameters.contains(slot)).collect();
         let (tape, arguments) = self.divided(&held::turned(tape, &is_parameter), arguments, &is_parameter, 1, true);
         let is_held: Vec<bool> = arguments.iter().map(|slot| held.contains(slot) || *slot >= self.layout.parameters).collect();
-        self.divided(&tape, &arguments, &is_held, WORTH, false)
+        self.divided(&tape, &arguments, &is_held, LEAST_SAVED, false)
     }
 
     fn divided(&mut self, tape: &Tape, arguments: &[Slot], is_held: &[bool], worth: usize, once: bool) -> (Tape, Vec<Slot>) {
@@ -207,7 +207,7 @@ impl Programs {
         let layout = Layout::new(&tapes);
         let mut building = Building { layout, next: layout.end, once: Vec::new(), row: Vec::new(), lanes, way };
         let sides = building.program(tapes.sides.as_ref(), false, &tapes);
-        let looks = building.program(tapes.looks.as_ref(), false, &tapes);
+        let output_program = building.program(tapes.output_program.as_ref(), false, &tapes);
         let events = building.program(tapes.events.as_ref(), true, &tapes);
         let conditions = building.program(conditions(machine, &tapes).as_ref(), true, &tapes);
         let arguments = if tapes.rates.inputs.is_empty() { Vec::new() } else { layout.arguments(&tapes, false) };
@@ -243,7 +243,7 @@ impl Programs {
             counts: tapes.counts,
             is_polynomial: is_polynomial(rates, &is_held),
             rates: Program { code, results: begin, placed },
-            looks,
+            output_program,
             sides,
             events,
             conditions,
@@ -291,7 +291,7 @@ impl Programs {
             let parameters = self.layout.parameters..self.layout.parameters + self.counts.parameters as Slot;
             let held = self.layout.held..self.layout.memories;
             let is_fixed = |slot: &Slot| parameters.contains(slot) || held.contains(slot);
-            let given = Given {
+            let given = StepInputs {
                 rates: &self.rates.placed.tape,
                 arguments: &self.kinds,
                 slopes: self.slopes.0.as_ref()?,

@@ -6,7 +6,7 @@
 
 use super::engine::Method;
 use super::kept::Anchor;
-use super::late::Late;
+use super::late::DelayedSignals;
 use super::methods::{self, Linear, Stepped};
 use super::rows::{MOST_EVENTS, MOST_STEPS, Stopped};
 use super::series::Tried;
@@ -53,7 +53,7 @@ impl<const L: usize> Walk<'_, L> {
         if !asked.contains(&true) && !linear.contains(&true) {
             return asked;
         }
-        self.remember();
+        self.store_step_start();
         let tried = if asked.contains(&true) { self.series([rest; L], asked) } else { [None; L] };
         let mut whole: [bool; L] = std::array::from_fn(|lane| tried[lane].is_some_and(|it| it.share == 1.0));
         if linear.contains(&true) {
@@ -65,11 +65,11 @@ impl<const L: usize> Walk<'_, L> {
                 whole[lane] = fits[lane];
                 self.kept[lane].has_failed = !fits[lane];
                 for k in 0..self.programs.counts.states {
-                    self.behind[k][lane] = self.slots[end + k][lane];
+                    self.step_end[k][lane] = self.slots[end + k][lane];
                 }
             }
         }
-        self.stand_behind([end; L], whole);
+        self.move_to_step_end([end; L], whole);
         let agree = self.slopes_agree([rest; L], &tried);
         let differ = self.sides_differ();
         let mut right: [bool; L] = std::array::from_fn(|lane| whole[lane] && agree[lane] && !differ[lane]);
@@ -84,17 +84,17 @@ impl<const L: usize> Walk<'_, L> {
                 }
             });
             (0..L).for_each(|lane| right[lane] &= found[lane].is_none());
-            self.stand_behind([end; L], right);
+            self.move_to_step_end([end; L], right);
         }
         for lane in (0..L).filter(|lane| whole[*lane] && !right[*lane]) {
-            self.stand_before(lane, now);
+            self.move_to_step_start(lane, now);
         }
         for lane in (0..L).filter(|lane| right[*lane]) {
             let next = if linear[lane] { rest } else { 2.0 * rest };
             self.taken[lane] += 1;
             self.suggestion[lane] = self.suggestion[lane].max(next);
         }
-        self.grow(right);
+        self.update_largest(right);
         right
     }
 
@@ -107,23 +107,23 @@ impl<const L: usize> Walk<'_, L> {
         self.slots[layout.time as usize][lane] = time;
     }
 
-    fn stand_behind(&mut self, time: [f64; L], lanes: [bool; L]) {
+    fn move_to_step_end(&mut self, time: [f64; L], lanes: [bool; L]) {
         let layout = self.programs.layout;
         let states = layout.states as usize;
         if lanes == [true; L] {
-            self.slots[states..states + self.programs.counts.states].copy_from_slice(&self.behind);
+            self.slots[states..states + self.programs.counts.states].copy_from_slice(&self.step_end);
             self.slots[layout.time as usize] = time;
             return;
         }
         for lane in (0..L).filter(|lane| lanes[*lane]) {
             for k in 0..self.programs.counts.states {
-                self.slots[states + k][lane] = self.behind[k][lane];
+                self.slots[states + k][lane] = self.step_end[k][lane];
             }
             self.slots[layout.time as usize][lane] = time[lane];
         }
     }
 
-    pub(super) fn stand_before(&mut self, lane: usize, time: f64) {
+    pub(super) fn move_to_step_start(&mut self, lane: usize, time: f64) {
         let layout = self.programs.layout;
         for k in 0..self.programs.counts.states {
             self.slots[layout.states as usize + k][lane] = self.before[k][lane];
@@ -132,7 +132,7 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// Updates the largest magnitudes with the current states.
-    fn grow(&mut self, lanes: [bool; L]) {
+    fn update_largest(&mut self, lanes: [bool; L]) {
         let states = self.programs.layout.states as usize;
         for (largest, state) in self.largest.iter_mut().zip(&self.slots[states..]) {
             for lane in 0..L {
@@ -146,20 +146,20 @@ impl<const L: usize> Walk<'_, L> {
 
 impl Walk<'_, 1> {
     /// Advances to an instant, and handles everything that happens before it.
-    pub(super) fn reach(&mut self, end: f64, late: &mut Late<'_>) -> Result<(), Stopped> {
+    pub(super) fn reach(&mut self, end: f64, late: &mut DelayedSignals<'_>) -> Result<(), Stopped> {
         let (mut steps, mut events) = (0, 0);
         while self.time(0) < end {
             let (due, next) = self.next_sample(self.time(0), end);
-            let coming = late.next(self.time(0), next);
-            let is_event = self.advance(coming.unwrap_or(next), &mut steps)?;
+            let arrival = late.next(self.time(0), next);
+            let is_event = self.advance(arrival.unwrap_or(next), &mut steps)?;
             let now = self.time(0);
-            if coming.is_some_and(|it| now >= it) {
+            if arrival.is_some_and(|it| now >= it) {
                 let changed = self.exchange(late);
                 if late.is_read(now) {
-                    late.read(now, self.look());
+                    late.read(now, self.evaluate_outputs());
                 }
                 if changed {
-                    self.happen_and_send(now, late)?;
+                    self.execute_events_and_send(now, late)?;
                 }
                 continue;
             }
@@ -170,7 +170,7 @@ impl Walk<'_, 1> {
                     return Err(Stopped::TooManyEvents { row: self.row });
                 }
                 if now < end || is_event {
-                    self.happen_and_send(now, late)?;
+                    self.execute_events_and_send(now, late)?;
                 }
             }
         }
@@ -178,7 +178,7 @@ impl Walk<'_, 1> {
     }
 
     /// Sends the current values of signals, and stores the values that have arrived. Returns whether an input changed.
-    pub(super) fn exchange(&mut self, late: &mut Late<'_>) -> bool {
+    pub(super) fn exchange(&mut self, late: &mut DelayedSignals<'_>) -> bool {
         let (time, layout) = (self.time(0), self.programs.layout);
         let (before, memories) = self.slots.split_at_mut(layout.memories as usize);
         let changed = late.exchange(time, &mut before[layout.inputs as usize..], memories);
@@ -189,9 +189,9 @@ impl Walk<'_, 1> {
     }
 
     /// Executes the events that are due, and sends the signals that they changed.
-    pub(super) fn happen_and_send(&mut self, now: f64, late: &mut Late<'_>) -> Result<(), Stopped> {
-        self.happen(now)?;
-        if self.exchange(late) { self.happen(now) } else { Ok(()) }
+    pub(super) fn execute_events_and_send(&mut self, now: f64, late: &mut DelayedSignals<'_>) -> Result<(), Stopped> {
+        self.execute_events(now)?;
+        if self.exchange(late) { self.execute_events(now) } else { Ok(()) }
     }
 
     /// Advances to an instant, or to the first event before it. Returns whether an event occurred.
@@ -210,7 +210,7 @@ impl Walk<'_, 1> {
             let rest = next - now;
             // If the suggested step nearly reaches the end, it is extended to the end. This avoids a very short last step.
             let h = if self.suggestion[0] >= 0.999 * rest { rest } else { self.suggestion[0] };
-            self.remember();
+            self.store_step_start();
             let (taken, way, suggestion) = match self.step(h, rest)? {
                 Some(found) => found,
                 None => {
@@ -221,14 +221,14 @@ impl Walk<'_, 1> {
                 }
             };
             let reached = if taken == rest { next } else { now + taken };
-            self.stand_behind([reached], [true]);
+            self.move_to_step_end([reached], [true]);
             if !self.settle() {
                 return Err(Stopped::NoSolution { row: self.row });
             }
             if let Way::Series(tried) = way
                 && self.slopes_agree([h], &[Some(tried)]) == [false]
             {
-                self.stand_before(0, now);
+                self.move_to_step_start(0, now);
                 self.settle();
                 self.suggestion = [0.5 * taken];
                 if now + self.suggestion[0] <= now {
@@ -245,10 +245,10 @@ impl Walk<'_, 1> {
                     let share = self.locate(&way, (now, h), taken, bracket)?;
                     self.carry_over(&way, share, now)?;
                     self.carry_event()?;
-                    self.grow([true]);
+                    self.update_largest([true]);
                     return self.not_finite(0).map_or(Ok(true), Err);
                 }
-                self.stand_behind([reached], [true]);
+                self.move_to_step_end([reached], [true]);
                 if !self.settle() {
                     return Err(Stopped::NoSolution { row: self.row });
                 }
@@ -257,7 +257,7 @@ impl Walk<'_, 1> {
                 return Err(stopped);
             }
             self.carry_over(&way, 1.0, now)?;
-            self.grow([true]);
+            self.update_largest([true]);
             // A step that was shortened to end at a row keeps the suggestion or increases it.
             self.suggestion = [if taken == rest { self.suggestion[0].max(suggestion) } else { suggestion }];
             self.linear = None;
@@ -270,7 +270,7 @@ impl Walk<'_, 1> {
     /// linear part was not too expensive.
     fn tries_linear(&mut self, steps: f64) -> bool {
         let is_open = self.setting.method == Method::Automatic && !self.is_stiff[0] && self.has_exponential();
-        if !is_open || self.kept[0].went_back || steps.is_nan() || steps <= MANY {
+        if !is_open || self.kept[0].has_returned || steps.is_nan() || steps <= MANY {
             return false;
         }
         self.is_stiff = [true];
@@ -289,7 +289,7 @@ impl Walk<'_, 1> {
                 (self.is_stiff, kept.budget) = ([true], u64::MAX);
             }
         } else if kept.cost > kept.budget {
-            kept.went_back = true;
+            kept.has_returned = true;
             (self.is_stiff, self.segment) = ([false], None);
         }
     }
@@ -342,7 +342,7 @@ impl Walk<'_, 1> {
             self.suggestion = [h * change.max(SHORTEST)];
             return None;
         }
-        self.behind.iter_mut().zip(&stepped.states).for_each(|(to, from)| *to = [*from]);
+        self.step_end.iter_mut().zip(&stepped.states).for_each(|(to, from)| *to = [*from]);
         Some((h, way, h * change.clamp(SHORTEST, LONGEST)))
     }
 
@@ -350,7 +350,7 @@ impl Walk<'_, 1> {
         let time = self.time(0);
         let from: Vec<f64> = self.before.iter().map(|it| it[0]).collect();
         let stepped = methods::explicit(&mut |share, states| self.rates_at(time + share * h, states), &from, h);
-        self.stand_before(0, time);
+        self.move_to_step_start(0, time);
         stepped
     }
 
@@ -379,7 +379,7 @@ impl Walk<'_, 1> {
         let from: Vec<f64> = self.before.iter().map(|it| it[0]).collect();
         let stepped = methods::stiff(&mut |share, states| self.rates_at(time + share * h, states), &from, h, &linear);
         self.linear = Some(linear);
-        self.stand_before(0, time);
+        self.move_to_step_start(0, time);
         stepped
     }
 
@@ -407,9 +407,9 @@ impl Walk<'_, 1> {
             Way::Series(tried) => self.put_on_series(0, Some(*tried), tried.share * share, time),
             Way::Exponential(level) => self.put_inside(0, *level, share, time),
             // A step of length 0 has no matrix.
-            Way::Stiff | Way::Pair if share == 0.0 => self.stand_before(0, now),
+            Way::Stiff | Way::Pair if share == 0.0 => self.move_to_step_start(0, now),
             Way::Stiff | Way::Pair => {
-                self.stand_before(0, now);
+                self.move_to_step_start(0, now);
                 let length = share * taken.min(h);
                 let stepped = if matches!(way, Way::Pair) { self.pair(length) } else { self.stiff(length)? };
                 let (states, count) = (self.programs.layout.states as usize, self.programs.counts.states);

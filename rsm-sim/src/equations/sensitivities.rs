@@ -11,13 +11,13 @@ use rsm_core::tangent;
 use super::carried::Along;
 use super::computed::Computed;
 use super::engine::{Method, Setting};
-use super::lanes::{Lanes, Outputs, period, room};
-use super::late::Late;
-use super::machine::{Machine, TURNS};
+use super::lanes::{Lanes, Outputs, allocate_outputs, period};
+use super::late::DelayedSignals;
+use super::machine::{MOST_ITERATIONS, Machine};
 use super::numbers;
 use super::rows::{Inputs, Stopped};
 use super::series::Tried;
-use super::speeds::Moving;
+use super::speeds::Direction;
 use super::starts::Starts;
 use super::walk::{Lane, Walk};
 
@@ -34,7 +34,7 @@ pub enum By {
 #[derive(Debug, Clone)]
 pub struct Sensitive {
     lane: Lane,
-    directions: Vec<Moving>,
+    directions: Vec<Direction>,
 }
 
 /// Outputs along a record, and their derivatives.
@@ -77,7 +77,7 @@ impl Sensitive {
         by: &[By],
     ) -> Result<Sensitive, Faults> {
         let refuse = |what: String| Err(Faults::one(Fault::whole_file(&machine.system().flat().name, what)));
-        if !machine.followers().is_empty() || !machine.late_readings().is_empty() {
+        if !machine.delayed_inputs().is_empty() || !machine.late_readings().is_empty() {
             return refuse("a signal comes late: a delay has no derivative here".to_string());
         }
         let (start, guesses) = starts.solved(machine, time, inputs, values)?;
@@ -92,7 +92,7 @@ impl Sensitive {
                     let of = machine.parameters().iter().find(|it| it.0 == *name).map_or(f64::NAN, |it| it.2);
                     let place = numbers::place_of(machine.system(), name, of)?;
                     speeds[place] = 1.0;
-                    if moved(machine.following(), parameters, &speeds).iter().any(|it| *it != 0.0) {
+                    if moved(machine.derived_numbers(), parameters, &speeds).iter().any(|it| *it != 0.0) {
                         return refuse(format!(
                             "`{name}` moves the instants of a `sample` or a delay: it has no derivative here"
                         ));
@@ -102,7 +102,7 @@ impl Sensitive {
                 By::Start(place) => known[*place] = 1.0,
             }
             let (states, memories) = starts.moved(machine, &start, (&guesses, values), (&speeds, &known));
-            directions.push(Moving { parameter, states, memories });
+            directions.push(Direction { parameter, states, memories });
         }
         Ok(Sensitive { lane: Lane::new(machine, start), directions })
     }
@@ -124,7 +124,7 @@ impl Starts {
         let before = self.before.len();
         let fixed = arguments.len() - values.len() - guesses.len() - before - start.held.len() - parameters.len();
         // The iterated values satisfy their own equations, so one more iteration of Newton's method from the solution gives the exact derivative.
-        for _ in 0..TURNS {
+        for _ in 0..MOST_ITERATIONS {
             let mut speeds = vec![0.0; fixed];
             speeds.extend_from_slice(parameters);
             speeds.resize(speeds.len() + start.held.len(), 0.0);
@@ -196,16 +196,16 @@ impl<'m> Lanes<'m> {
 }
 
 fn along(walk: &mut Walk<'_, 1>, of: &Sensitive, inputs: Inputs<'_>) -> Result<Sensitivities, Stopped> {
-    let mut late = Late::new(&of.lane.numbers, inputs.time, period(inputs));
-    let mut outputs = [room(walk.machine, inputs)];
-    let mut derivatives: Vec<Outputs> = of.directions.iter().map(|_| room(walk.machine, inputs)).collect();
+    let mut late = DelayedSignals::new(&of.lane.numbers, inputs.time, period(inputs));
+    let mut outputs = [allocate_outputs(walk.machine, inputs)];
+    let mut derivatives: Vec<Outputs> = of.directions.iter().map(|_| allocate_outputs(walk.machine, inputs)).collect();
     let can_be_plain = walk.can_be_plain();
     for (row, end) in inputs.time.iter().enumerate() {
         walk.row = row;
         let before = inputs.time[row.max(1) - 1];
         if row > 0 {
             let is_plain = can_be_plain && walk.is_free(before, *end);
-            walk.remember();
+            walk.store_step_start();
             if is_plain && walk.plain(before, *end) {
                 let order = walk.programs.first_part().map_or(0, |it| it.1);
                 walk.carry_step(Tried { order, share: 1.0 }, 1.0, before);
@@ -214,9 +214,9 @@ fn along(walk: &mut Walk<'_, 1>, of: &Sensitive, inputs: Inputs<'_>) -> Result<S
             }
         }
         walk.set_inputs(inputs.values, row);
-        walk.happen(*end)?;
+        walk.execute_events(*end)?;
         super::lanes::read(walk, row, &mut outputs)?;
-        walk.carry_look(&mut derivatives);
+        walk.carry_outputs(&mut derivatives);
     }
     let [outputs] = outputs;
     Ok(Sensitivities { outputs, derivatives })

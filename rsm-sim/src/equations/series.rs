@@ -69,11 +69,11 @@ impl<const L: usize> Walk<'_, L> {
                 open[lane] = false;
             }
             if fits == [true; L] {
-                self.behind.copy_from_slice(&self.slots[end..end + count]);
+                self.step_end.copy_from_slice(&self.slots[end..end + count]);
             } else if fits.contains(&true) {
                 for k in 0..count {
                     for lane in (0..L).filter(|lane| fits[*lane]) {
-                        self.behind[k][lane] = self.slots[end + k][lane];
+                        self.step_end[k][lane] = self.slots[end + k][lane];
                     }
                 }
             }
@@ -121,7 +121,7 @@ impl<const L: usize> Walk<'_, L> {
         }
         let tried = Tried { order, share: 0.9 * share };
         for k in 0..self.programs.counts.states {
-            self.behind[k][lane] = self.on_series(k, lane, tried.order, tried.share);
+            self.step_end[k][lane] = self.on_series(k, lane, tried.order, tried.share);
         }
         Some(tried)
     }
@@ -139,7 +139,7 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// Stores the states at the start of the step.
-    pub(super) fn remember(&mut self) {
+    pub(super) fn store_step_start(&mut self) {
         let states = self.programs.layout.states as usize;
         self.before.copy_from_slice(&self.slots[states..states + self.programs.counts.states]);
     }

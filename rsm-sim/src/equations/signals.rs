@@ -7,7 +7,7 @@ use rsm_core::source::{Collector, Fault, Faults, Source};
 use rsm_fit::table::{Table, Wanted};
 
 use super::engine::Setting;
-use super::file::{EquationFile, Given};
+use super::file::{EquationFile, NamedValue};
 use super::lanes;
 use super::machine::Machine;
 use super::rows::{Inputs, Stopped};
@@ -85,7 +85,7 @@ impl Signals {
         let mut faults = Collector::new();
         let missing: Vec<String> = std::iter::once("time")
             .chain(inputs.iter().map(|it| it.0.as_str()))
-            .filter(|it| !has(it) && !file.decided.absent.iter().any(|name| name == it))
+            .filter(|it| !has(it) && !file.record_values.absent.iter().any(|name| name == it))
             .map(|it| format!("`{}`", file.column(it).0))
             .collect();
         if !missing.is_empty() {
@@ -118,25 +118,25 @@ impl Signals {
     /// that determines the start, the most direct first, its value in `[initial]`, or else its first reading, unless `[initial]` gives the variable
     /// itself.
     #[must_use]
-    pub fn start(&self, file: &EquationFile, machine: &Machine) -> (Vec<Given>, Vec<Given>) {
+    pub fn start(&self, file: &EquationFile, machine: &Machine) -> (Vec<NamedValue>, Vec<NamedValue>) {
         self.start_from(&file.initial, machine)
     }
 
     /// The same with other values of `[initial]`.
     #[must_use]
-    pub fn start_from(&self, initial: &[Given], machine: &Machine) -> (Vec<Given>, Vec<Given>) {
+    pub fn start_from(&self, initial: &[NamedValue], machine: &Machine) -> (Vec<NamedValue>, Vec<NamedValue>) {
         let outputs = machine.outputs();
-        let mut given: Vec<Given> = initial.to_vec();
-        let mut recorded: Vec<Given> = Vec::new();
+        let mut given: Vec<NamedValue> = initial.to_vec();
+        let mut recorded: Vec<NamedValue> = Vec::new();
         for (output, name) in machine.starting() {
             let own = initial.iter().find(|it| it.name == outputs[*output].0).map(|it| it.value);
             let first = self.measured.get(*output).and_then(Option::as_ref).and_then(|it| it.first().copied());
             given.retain(|it| it.name != outputs[*output].0);
             let Some(value) = own.or(first) else { continue };
             if !initial.iter().any(|it| it.name == *name || (own.is_none() && machine.is_same(&it.name, name))) {
-                recorded.push(Given { name: name.clone(), value });
+                recorded.push(NamedValue { name: name.clone(), value });
             } else if own.is_some() {
-                given.push(Given { name: name.clone(), value });
+                given.push(NamedValue { name: name.clone(), value });
             }
         }
         (given, recorded)

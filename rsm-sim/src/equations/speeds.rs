@@ -16,7 +16,7 @@ use crate::code::{Code, Slot, WIDE, Way};
 
 /// The derivatives of a run's start and parameters in one direction.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Moving {
+pub(super) struct Direction {
     /// The parameter of the direction, by its index.
     pub parameter: Option<usize>,
     pub states: Vec<f64>,
@@ -33,15 +33,15 @@ pub(super) struct Mirror {
 }
 
 /// No place.
-const NOWHERE: Slot = Slot::MAX;
+const NO_SLOT: Slot = Slot::MAX;
 
 impl Mirror {
     pub(super) fn place(&mut self, group: usize, slot: Slot) -> Slot {
         let (group, slot) = (group, slot as usize);
         self.places.resize_with(self.places.len().max(group + 1), Vec::new);
         let list = &mut self.places[group];
-        list.resize(list.len().max(slot + 1), NOWHERE);
-        if list[slot] == NOWHERE {
+        list.resize(list.len().max(slot + 1), NO_SLOT);
+        if list[slot] == NO_SLOT {
             list[slot] = self.next;
             self.next += 1;
         }
@@ -49,7 +49,7 @@ impl Mirror {
     }
 
     pub(super) fn known(&self, group: usize, slot: Slot) -> Option<usize> {
-        self.places.get(group)?.get(slot as usize).filter(|it| **it != NOWHERE).map(|it| *it as usize)
+        self.places.get(group)?.get(slot as usize).filter(|it| **it != NO_SLOT).map(|it| *it as usize)
     }
 
     pub(super) fn fresh(&mut self) -> Slot {
@@ -60,7 +60,7 @@ impl Mirror {
 
 /// The derivatives of a program's results.
 #[derive(Debug)]
-pub(super) struct Speeds {
+pub(super) struct DerivativeProgram {
     /// Values that it reads: their places in the walk, and in the mirror.
     pub read: Vec<(usize, usize)>,
     /// The part that does not depend on the direction.
@@ -93,7 +93,7 @@ impl Store {
     }
 }
 
-impl Speeds {
+impl DerivativeProgram {
     /// Computes the derivatives of a program's results from the values in a walk.
     pub(super) fn run<const L: usize>(&self, store: &mut Store, values: &[[f64; L]]) {
         if self.run.replace(store.run) != store.run {
@@ -120,23 +120,23 @@ pub(super) struct Carried {
     pub store: Store,
     /// Slots of the walk that have derivatives.
     pub moving: HashSet<Slot>,
-    pub once: Vec<Option<Speeds>>,
-    pub row: Vec<Option<Speeds>>,
-    pub parts: Vec<Option<Speeds>>,
+    pub once: Vec<Option<DerivativeProgram>>,
+    pub row: Vec<Option<DerivativeProgram>>,
+    pub parts: Vec<Option<DerivativeProgram>>,
     /// For each part: all orders up to its last one, for the end of a whole step.
-    pub whole: Vec<Option<Option<Speeds>>>,
+    pub whole: Vec<Option<Option<DerivativeProgram>>>,
     /// Slots of the walk that are constant during a run.
     fixed: HashSet<Slot>,
-    pub looks: Option<Speeds>,
-    pub sides: Option<Speeds>,
-    pub events: Option<Speeds>,
+    pub output_program: Option<DerivativeProgram>,
+    pub sides: Option<DerivativeProgram>,
+    pub events: Option<DerivativeProgram>,
     /// For each group: the derivative of the instant of the current event.
     pub instant: Option<Vec<[f64; WIDE]>>,
 }
 
 impl Carried {
     /// The programs of derivatives of a walk's programs in some directions. Those of the series are compiled at their first use.
-    pub(super) fn new(programs: &Programs, directions: &[Moving], way: Way) -> Box<Carried> {
+    pub(super) fn new(programs: &Programs, directions: &[Direction], way: Way) -> Box<Carried> {
         let (layout, counts) = (programs.layout, programs.counts);
 
         let group = |begin: Slot, count: usize| begin..begin + count as Slot;
@@ -157,7 +157,7 @@ impl Carried {
             parts: Vec::new(),
             whole: Vec::new(),
             fixed,
-            looks: None,
+            output_program: None,
             sides: None,
             events: None,
             instant: None,
@@ -177,7 +177,7 @@ impl Carried {
             let found = it.speeds(placed, false);
             it.row.push(found);
         }
-        it.looks = programs.looks.as_ref().and_then(|program| it.speeds(&program.placed, false));
+        it.output_program = programs.output_program.as_ref().and_then(|program| it.speeds(&program.placed, false));
         // The instant of an event changes with the parameters, so the events also need derivatives with respect to time.
         it.moving.insert(layout.time);
         it.sides = programs.sides.as_ref().and_then(|program| it.speeds(&program.placed, true));
@@ -187,7 +187,7 @@ impl Carried {
     }
 
     /// Compiles the derivatives of a program, and marks which of its results have derivatives.
-    pub(super) fn speeds(&mut self, placed: &Placed, by_time: bool) -> Option<Speeds> {
+    pub(super) fn speeds(&mut self, placed: &Placed, by_time: bool) -> Option<DerivativeProgram> {
         let ports: Vec<usize> =
             (0..placed.arguments.len()).filter(|port| self.moving.contains(&placed.arguments[*port])).collect();
         if ports.is_empty() {
@@ -231,7 +231,7 @@ impl Carried {
                 Code::new(&rest, &all, &results, WIDE, self.way)
             })
             .collect();
-        Some(Speeds { read, fixed, run: Cell::new(0), shared, groups })
+        Some(DerivativeProgram { read, fixed, run: Cell::new(0), shared, groups })
     }
 
     /// The place of the derivative of a slot of the walk; `None` if the derivative is 0.
@@ -245,7 +245,7 @@ impl Carried {
     }
 
     /// The derivatives of a program that is first needed during a run, with memory for them.
-    pub(super) fn written(&mut self, placed: &Placed) -> Option<Speeds> {
+    pub(super) fn written(&mut self, placed: &Placed) -> Option<DerivativeProgram> {
         let found = self.speeds(placed, false);
         self.store.grow(self.mirror.next);
         found

@@ -8,16 +8,16 @@ use rsm_model::system::Iterated;
 
 use super::computed::Computed;
 use super::file::EquationFile;
-use super::machine::{Machine, Point, TURNS, stand_still};
+use super::machine::{MOST_ITERATIONS, Machine, Point, has_converged};
 
 /// A start whose bits continue to change is accepted after this number of iterations with changes no larger than rounding, because Newton's method
 /// can alternate between two neighbouring numbers for ever. If the bits become constant, they do so one iteration after the digits are final.
-const QUIET_TURNS: usize = 3;
+const STABLE_ITERATIONS: usize = 3;
 
 /// Whether two points of one instant differ only by rounding.
 fn is_near(old: &Point, new: &Point) -> bool {
     let pairs = [(&old.states, &new.states), (&old.memories, &new.memories), (&old.guesses, &new.guesses)];
-    old.held == new.held && pairs.iter().all(|(old, new)| stand_still(old, new))
+    old.held == new.held && pairs.iter().all(|(old, new)| has_converged(old, new))
 }
 
 /// The start of a machine, computed from known values.
@@ -144,11 +144,11 @@ impl Starts {
         self.memories.iter().zip(begins).for_each(|(k, value)| point.memories[*k] = *value);
         let mut guesses = guesses.to_vec();
         // The start depends on comparisons and these depend on the start: a few iterations determine both, or the start is not found.
-        let mut quiet = 0;
-        for _ in 0..TURNS {
+        let mut stable = 0;
+        for _ in 0..MOST_ITERATIONS {
             let last = point.clone();
             let found = self.program.values(&self.arguments(machine, &point, &guesses, values));
-            let moves = !stand_still(&guesses, &found);
+            let moves = !has_converged(&guesses, &found);
             guesses.copy_from_slice(&found[..self.iterated]);
             for ((state, memory), value) in self.places.iter().zip(&found[self.iterated..]) {
                 if let Some(k) = state {
@@ -160,8 +160,8 @@ impl Starts {
             }
             machine.settle(&mut point);
             point.held = machine.rates_and_truths(&point).1;
-            quiet = if moves || !is_near(&last, &point) { 0 } else { quiet + 1 };
-            if quiet == QUIET_TURNS || point == last && !moves {
+            stable = if moves || !is_near(&last, &point) { 0 } else { stable + 1 };
+            if stable == STABLE_ITERATIONS || point == last && !moves {
                 return Ok((point, guesses));
             }
         }

@@ -67,7 +67,7 @@ impl Step {
         if !(length > 0.0 && length.is_finite()) {
             return Err(format!("found a step of {length} s, expected a positive length"));
         }
-        if !machine.followers().is_empty() || !machine.late_readings().is_empty() {
+        if !machine.delayed_inputs().is_empty() || !machine.late_readings().is_empty() {
             return Err("an effect delays a signal, and fixed steps know no delays".to_string());
         }
         // A period that differs from the step only by the rounding of decimals is equal to the step.
@@ -188,12 +188,12 @@ impl<'m> Writer<'m> {
         let mut before = of(&|it| matches!(it, Kept::Condition(..)));
         for round in 0..ROUNDS {
             self.compare(&mut at);
-            self.turn(&mut at);
+            self.update_circular(&mut at);
             let due = if round == 0 { due.clone() } else { vec![zero; due.len()] };
-            self.happen(&mut at, &mut before, &due);
+            self.execute_events(&mut at, &mut before, &due);
         }
         self.compare(&mut at);
-        self.turn(&mut at);
+        self.update_circular(&mut at);
         let outputs = self.evaluate(&self.outputs.clone(), &at, &[]);
         let (states, solutions) = self.runge_kutta(&at, clock);
         let new: Vec<Reg> = states
@@ -298,7 +298,7 @@ impl<'m> Writer<'m> {
     }
 
     /// Updates all circular comparisons together with their current values, then the comparisons that depend on them.
-    fn turn(&mut self, at: &mut At) {
+    fn update_circular(&mut self, at: &mut At) {
         let circular = self.circular.clone();
         let new: Vec<Reg> = circular.iter().map(|k| self.truth(*k, at)).collect();
         circular.iter().zip(&new).for_each(|(k, reg)| at.held[*k] = *reg);
@@ -314,7 +314,7 @@ impl<'m> Writer<'m> {
     }
 
     /// One round of events at an instant.
-    fn happen(&mut self, at: &mut At, before: &mut [Reg], due: &[Reg]) {
+    fn execute_events(&mut self, at: &mut At, before: &mut [Reg], due: &[Reg]) {
         if self.events.is_none() {
             return;
         }

@@ -2,8 +2,8 @@
 //!
 //! In: a walk at an instant, the time to the next row. Out: the states after a step whose error is permitted. Step lengths are the time to the row,
 //! its half, its quarter and so on, so the matrices of a linear part can be used for many rows. A linear part is computed if none fits at the
-//! beginning of a row. It is computed again if the error of a step is too large, or is expected to be ([`super::kept::Kept::is_worn`]), and the
-//! current linear part belongs to an earlier point. All these decisions depend on the lane alone.
+//! beginning of a row. It is computed again if the error of a step is too large, or is expected to be ([`super::kept::Kept::must_recompute`]), and
+//! the current linear part belongs to an earlier point. All these decisions depend on the lane alone.
 
 use super::kept::{Anchor, Loaded, SAME, Segment};
 use super::part::MOST_STATES;
@@ -126,7 +126,7 @@ impl<const L: usize> Walk<'_, L> {
     pub(super) fn put_inside(&mut self, lane: usize, level: usize, share: f64, time: f64) {
         if share == 0.0 {
             self.anchors[lane] = Anchor::START;
-            self.stand_before(lane, time);
+            self.move_to_step_start(lane, time);
             return;
         }
         let n = self.programs.counts.states;
@@ -165,7 +165,7 @@ impl<const L: usize> Walk<'_, L> {
             (0..L).filter(|lane| !fits[*lane]).for_each(|lane| self.kept[lane].has_failed = true);
             return false;
         }
-        self.arrive(self.programs.block.end(), end);
+        self.finish_step(self.programs.block.end(), end);
         self.suggestion.iter_mut().for_each(|it| *it = it.max(rest));
         true
     }
@@ -187,7 +187,7 @@ impl Walk<'_, 1> {
         }
         let (held, count) = (self.layout().held as usize, self.programs.counts.held);
         let kept = &mut self.kept[0];
-        let place = kept.room(replaces);
+        let place = kept.place_for_part(replaces);
         let part = &mut kept.parts[place];
         part.held.clear();
         part.held.extend(self.slots[held..held + count].iter().map(|it| it[0]));
@@ -225,7 +225,7 @@ impl Walk<'_, 1> {
         let is_held = |list: &[f64]| list.iter().enumerate().all(|(k, it)| slots[held + k][0] == *it);
         let found = self.kept[0].find(is_held, segment.length, self.setting.tolerance);
         let replaces = found.is_some();
-        if (!replaces || self.kept[0].is_worn(level)) && !self.take(segment.length, replaces) {
+        if (!replaces || self.kept[0].must_recompute(level)) && !self.take(segment.length, replaces) {
             return Ok(Attempt::None);
         }
         let n = self.programs.counts.states;
@@ -246,8 +246,8 @@ impl Walk<'_, 1> {
         let size = self.excess(0, rest / taken);
         if size <= 1.0 {
             let end = self.programs.block.end();
-            self.behind.copy_from_slice(&self.slots[end..end + n]);
-            self.kept[0].served();
+            self.step_end.copy_from_slice(&self.slots[end..end + n]);
+            self.kept[0].step_accepted();
             self.segment = Some(Segment { index: index + 1, ..segment });
             let grows = level > 0 && size < SMALL;
             let suggestion = if grows { 2.0 * h } else { h };

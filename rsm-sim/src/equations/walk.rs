@@ -17,7 +17,7 @@ use super::thresholds::Thresholds;
 use crate::code::Way;
 
 /// The largest number of iterations of a nonlinear block.
-const TURNS: usize = 100;
+const MOST_ITERATIONS: usize = 100;
 
 /// A group of lanes.
 pub(super) struct Walk<'m, const L: usize> {
@@ -31,7 +31,7 @@ pub(super) struct Walk<'m, const L: usize> {
     pub largest: Vec<[f64; L]>,
     /// The states at the start and at the end of the step.
     pub before: Vec<[f64; L]>,
-    pub behind: Vec<[f64; L]>,
+    pub step_end: Vec<[f64; L]>,
     pub events: Events<L>,
     /// The step length that the last step suggests.
     pub suggestion: [f64; L],
@@ -79,7 +79,7 @@ impl<'m, const L: usize> Walk<'m, L> {
             thresholds: Thresholds::new(Setting::default().tolerance, programs.counts.guesses > 0),
             largest: vec![[0.0; L]; states],
             before: vec![[0.0; L]; states],
-            behind: vec![[0.0; L]; states],
+            step_end: vec![[0.0; L]; states],
             events: Events::new(machine),
             suggestion: [0.0; L],
             is_stiff: [false; L],
@@ -104,7 +104,7 @@ impl<'m, const L: usize> Walk<'m, L> {
 
     /// Before a run: sets the lanes to their starts.
     pub(super) fn begin(&mut self, lanes: [&Lane; L], setting: Setting, period: f64) {
-        self.adopt(setting);
+        self.apply_setting(setting);
         let layout = self.layout();
         for (lane, from) in lanes.iter().enumerate() {
             let start = &from.start;
@@ -149,7 +149,7 @@ impl<'m, const L: usize> Walk<'m, L> {
     }
 
     /// Takes the states that a step has written to other slots, and the instant at the end of the step, in all lanes.
-    pub(super) fn arrive(&mut self, from: usize, end: f64) {
+    pub(super) fn finish_step(&mut self, from: usize, end: f64) {
         let layout = self.layout();
         let to = layout.states as usize;
         for k in 0..self.programs.counts.states {
@@ -194,10 +194,10 @@ impl<'m, const L: usize> Walk<'m, L> {
     }
 
     /// Computes the outputs at the current point, and returns their slots.
-    pub(super) fn look(&mut self) -> &[[f64; L]] {
-        let Some(looks) = &self.programs.looks else { return &[] };
-        looks.code.run(&mut self.slots, &mut self.spare);
-        &self.slots[looks.results as usize..looks.results as usize + self.programs.counts.outputs]
+    pub(super) fn evaluate_outputs(&mut self) -> &[[f64; L]] {
+        let Some(output_program) = &self.programs.output_program else { return &[] };
+        output_program.code.run(&mut self.slots, &mut self.spare);
+        &self.slots[output_program.results as usize..output_program.results as usize + self.programs.counts.outputs]
     }
 
     /// Uses the solutions of nonlinear blocks as the next guesses until they converge. Returns `false` if one does not converge.
@@ -207,15 +207,17 @@ impl<'m, const L: usize> Walk<'m, L> {
             return true;
         }
         let guesses = self.layout().guesses as usize;
-        let Some(solutions) = self.programs.looks.as_ref().map(|it| it.results as usize + self.programs.counts.outputs) else {
+        let Some(solutions) =
+            self.programs.output_program.as_ref().map(|it| it.results as usize + self.programs.counts.outputs)
+        else {
             return true;
         };
-        for _ in 0..TURNS {
-            self.look();
+        for _ in 0..MOST_ITERATIONS {
+            self.evaluate_outputs();
             let mut moves = false;
             for k in 0..count {
                 let (old, new) = (self.slots[guesses + k], self.slots[solutions + k]);
-                moves |= (0..L).any(|lane| !super::machine::stands_still(old[lane], new[lane]));
+                moves |= (0..L).any(|lane| !super::machine::value_has_converged(old[lane], new[lane]));
                 self.slots[guesses + k] = new;
             }
             if !moves {
@@ -235,7 +237,7 @@ impl<'m, const L: usize> Walk<'m, L> {
     }
 
     /// Takes another setting, before it continues a lane of a group.
-    pub(super) fn adopt(&mut self, setting: Setting) {
+    pub(super) fn apply_setting(&mut self, setting: Setting) {
         if setting.tolerance != self.setting.tolerance {
             self.thresholds = Thresholds::new(setting.tolerance, self.programs.counts.guesses > 0);
         }

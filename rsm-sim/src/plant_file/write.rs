@@ -87,12 +87,12 @@ fn of_equations(kind: &Described, file: &PlantFile) -> String {
     if !effects.is_empty() {
         whole.insert("effects".to_string(), Value::Array(effects));
     }
-    beside(&mut whole);
+    remove_folders(&mut whole);
     whole.to_string()
 }
 
 /// Removes the folders from names of files.
-fn beside(table: &mut toml::Table) {
+fn remove_folders(table: &mut toml::Table) {
     for (key, value) in table.iter_mut() {
         match value {
             toml::Value::String(name) if key == "model" && !name.starts_with("rsm:") => {
@@ -100,7 +100,7 @@ fn beside(table: &mut toml::Table) {
                     *name = last.to_string();
                 }
             }
-            toml::Value::Table(inner) => beside(inner),
+            toml::Value::Table(inner) => remove_folders(inner),
             _ => {}
         }
     }

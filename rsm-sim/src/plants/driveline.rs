@@ -197,7 +197,7 @@ impl Plant for Driveline {
         let dampers = (self.clutch.1 * clutch_mobility).max(self.driveshaft.1 * shaft_mobility);
         Rates {
             fastest: dynamics.max(effects),
-            struck: dynamics.max(dampers).max(effects),
+            excited: dynamics.max(dampers).max(effects),
             nonlinear: map.max(hooks.nonlinear_rate(&scale)),
             varying: hooks.sum_of_rates(&scale),
         }

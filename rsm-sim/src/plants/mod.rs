@@ -17,7 +17,7 @@ pub struct Rates {
     /// The fastest rate that is visible in the outputs. A strongly damped mode may be faster, if the classical Runge-Kutta method is stable for it.
     pub fastest: f64,
     /// The fastest rate of all modes, which a sudden change of a law excites.
-    pub struck: f64,
+    pub excited: f64,
     /// The fastest rate that remains after a linear part, computed at an earlier state, is subtracted.
     pub nonlinear: f64,
     /// The sum of the rates that depend on the state. If it has changed, a linear part must be computed again.

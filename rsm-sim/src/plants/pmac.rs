@@ -125,6 +125,6 @@ impl Plant for Pmac {
         // error of 5e-5 of the largest current (measured).
         let machine = swing.max(turning);
         let fastest = own.max(machine).max(hooks.fastest_rate(&scale));
-        Rates { fastest, struck: fastest, nonlinear: machine.max(hooks.nonlinear_rate(&scale)), varying: own }
+        Rates { fastest, excited: fastest, nonlinear: machine.max(hooks.nonlinear_rate(&scale)), varying: own }
     }
 }

@@ -72,7 +72,7 @@ impl Plant for ServoAxis {
     fn rates(&self, hooks: &Hooks, x: &[f64], dx: &[f64], span: f64) -> Rates {
         let scale = Scale::of(self.mass, self.drive_mass, (x[1], dx[1]), span);
         let fastest = (self.viscous_friction / self.drive_mass).max(hooks.fastest_rate(&scale));
-        Rates { fastest, struck: fastest, nonlinear: hooks.nonlinear_rate(&scale), varying: hooks.sum_of_rates(&scale) }
+        Rates { fastest, excited: fastest, nonlinear: hooks.nonlinear_rate(&scale), varying: hooks.sum_of_rates(&scale) }
     }
 
     fn command(&self, reference: f64, x: &[f64], positions: [f64; 3], period: f64) -> f64 {

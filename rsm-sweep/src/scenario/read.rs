@@ -16,7 +16,7 @@ use rsm_sim::record::Record;
 use rsm_sim::simulate::{self, Simulator};
 
 use super::{Diagnosis, Factor, MOST_TASKS, Open, Plant, Points, Scenario, Simulations, Statistic, Work};
-use crate::scenario::vary::{self, Wish};
+use crate::scenario::vary::{self, VaryEntry};
 
 /// The largest seed: every JSON reader holds integers up to this exactly.
 const LARGEST_SEED: i64 = (1 << 53) - 1;
@@ -203,14 +203,14 @@ fn simulations(
         }
         Some(found)
     });
-    let wishes = vary::wishes(top, faults);
+    let vary_entries = vary::vary_entries(top, faults);
     let plan = plan(top, files, faults);
-    let points = points(top, wishes.as_deref(), plan.as_ref().map(Option::is_some), seed, faults);
+    let points = points(top, vary_entries.as_deref(), plan.as_ref().map(Option::is_some), seed, faults);
     let outputs = outputs(top, faults);
     // The following parts read other files. Stop here, so that a fault of the scenario is not reported twice.
-    let (effects, plan, wishes) = (effects?, plan?, wishes?);
+    let (effects, plan, vary_entries) = (effects?, plan?, vary_entries?);
     let (points, asked) = points?;
-    vary::plan_and_factors(top, &wishes, plan.as_ref(), faults);
+    vary::plan_and_factors(top, &vary_entries, plan.as_ref(), faults);
     let settings = plan.as_ref().map_or(asked, |it| it.runs.len());
     let mut plants: Vec<Plant> = Vec::new();
     let (plant_names, record_names) = (plant_names?, record_names?);
@@ -219,7 +219,8 @@ fn simulations(
         if noise == Some(true) && file.noise.is_empty() {
             faults.push(top.fault(top.key_span("noise"), format!("`noise`: {} has no table [noise]", named.0)));
         }
-        let found = wishes.iter().filter_map(|wish| vary::place(wish, &file, &named.0, plan.as_ref(), top, faults));
+        let found =
+            vary_entries.iter().filter_map(|vary_entry| vary::place(vary_entry, &file, &named.0, plan.as_ref(), top, faults));
         let of_factors: Vec<_> = found.collect();
         let mut records = Vec::new();
         for of_record in &record_names {
@@ -238,7 +239,7 @@ fn simulations(
         let what = format!("the list has {count} tasks, at most {MOST_TASKS} are accepted");
         faults.push(top.fault(top.key_span("sweep"), what));
     }
-    let factors = wishes.into_iter().map(|it| Factor { name: it.name, who: it.who, span: it.span }).collect();
+    let factors = vary_entries.into_iter().map(|it| Factor { name: it.name, who: it.who, span: it.span }).collect();
     let outputs = outputs.into_iter().map(|it| (it.name, it.statistics)).collect();
     let records = record_names.into_iter().map(|it| it.0).collect();
     Some(Simulations {
@@ -274,7 +275,7 @@ enum Shape {
 /// The shares of every setting, and the number of settings.
 fn points(
     top: &mut TableReader<'_>,
-    wishes: Option<&[Wish]>,
+    vary_entries: Option<&[VaryEntry]>,
     has_plan: Option<bool>,
     seed: Option<i64>,
     faults: &mut Collector,
@@ -288,11 +289,11 @@ fn points(
     let has_design = top.optional("design").is_some();
     let shape = if has_design { top.choice("design", &shapes, faults)? } else { Shape::Random };
     let runs = top.optional("runs");
-    let (wishes, has_plan) = (wishes?, has_plan?);
+    let (vary_entries, has_plan) = (vary_entries?, has_plan?);
     let forbidden = |key: &'static str, why: &str| top.fault(top.key_span(key), format!("`{key}`: {why}"));
     let by_itself = if has_plan {
         Some("not accepted together with `plan`, which lists the settings")
-    } else if wishes.is_empty() {
+    } else if vary_entries.is_empty() {
         Some("not accepted without [[vary]]: every run would be the same; use `repeats` with `noise = true` for several runs")
     } else if shape == Shape::FullFactorial {
         Some("not accepted with \"full-factorial\", which has one run for each combination of the lists")
@@ -307,7 +308,7 @@ fn points(
         faults.push(forbidden("design", why));
         return None;
     }
-    if has_design && (has_plan || wishes.is_empty()) {
+    if has_design && (has_plan || vary_entries.is_empty()) {
         faults.push(forbidden(
             "design",
             "not accepted together with `plan`, nor without [[vary]]: there are no settings to choose",
@@ -318,17 +319,17 @@ fn points(
         return Some((Points::Random, 1));
     }
     let mut axes = Vec::new();
-    for (k, wish) in wishes.iter().enumerate() {
+    for (k, vary_entry) in vary_entries.iter().enumerate() {
         let name = format!("factor_{}", k + 1);
-        match (shape, wish.levels()) {
+        match (shape, vary_entry.levels()) {
             (Shape::FullFactorial, Some(count)) => {
                 // The middles of equal parts: the shares of the list's values.
                 let shares: Vec<f64> = (0..count).map(|level| (level as f64 + 0.5) / count as f64).collect();
                 axes.push(Axis::at(name, "1", shares));
             }
             (Shape::FullFactorial, None) => {
-                let what = format!("{}: a full factorial needs `distribution = \"list\"` for every number", wish.who);
-                faults.push(top.fault(wish.span.clone(), what));
+                let what = format!("{}: a full factorial needs `distribution = \"list\"` for every number", vary_entry.who);
+                faults.push(top.fault(vary_entry.span.clone(), what));
                 return None;
             }
             _ => axes.push(Axis::within(name, "1", [0.0, 1.0])),

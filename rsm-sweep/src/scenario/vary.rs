@@ -16,7 +16,7 @@ use super::{Law, Number, Place};
 use crate::distribution::Distribution;
 
 /// An entry.
-pub(super) struct Wish {
+pub(super) struct VaryEntry {
     pub(super) name: String,
     pub(super) who: String,
     pub(super) span: Range<usize>,
@@ -38,7 +38,7 @@ enum Wanted {
     Planned { column: String },
 }
 
-impl Wish {
+impl VaryEntry {
     /// The number of values in its list, if it has one.
     pub(super) fn levels(&self) -> Option<usize> {
         match &self.law {
@@ -68,28 +68,28 @@ const SHAPES: [(&str, Shape); 6] = [
 ];
 
 /// All entries; `None` if any has a fault.
-pub(super) fn wishes(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<Vec<Wish>> {
+pub(super) fn vary_entries(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<Vec<VaryEntry>> {
     let Some(value) = top.optional("vary") else { return Some(Vec::new()) };
     let items = top.array("`vary`", value, faults)?;
-    let mut wishes: Vec<Wish> = Vec::new();
+    let mut vary_entries: Vec<VaryEntry> = Vec::new();
     let mut whole = true;
     for item in items {
-        let Some(wish) = wish(top, item, faults) else {
+        let Some(vary_entry) = vary_entry(top, item, faults) else {
             whole = false;
             continue;
         };
-        let clash = wishes.iter().find_map(|it| names::clash(&it.name, &wish.name));
-        if let Some(reason) = names::refuse(&wish.name).or(clash) {
-            let what = format!("{}: the column `{}` {reason}", wish.who, wish.name);
-            faults.push(top.fault(wish.span.clone(), what).help("give the entry another `name`"));
+        let clash = vary_entries.iter().find_map(|it| names::clash(&it.name, &vary_entry.name));
+        if let Some(reason) = names::refuse(&vary_entry.name).or(clash) {
+            let what = format!("{}: the column `{}` {reason}", vary_entry.who, vary_entry.name);
+            faults.push(top.fault(vary_entry.span.clone(), what).help("give the entry another `name`"));
             whole = false;
         }
-        wishes.push(wish);
+        vary_entries.push(vary_entry);
     }
-    whole.then_some(wishes)
+    whole.then_some(vary_entries)
 }
 
-fn wish(top: &TableReader<'_>, item: Value<'_>, faults: &mut Collector) -> Option<Wish> {
+fn vary_entry(top: &TableReader<'_>, item: Value<'_>, faults: &mut Collector) -> Option<VaryEntry> {
     let mut table = TableReader::of(top.source(), item, "[[vary]]", faults)?;
     let parameter = table.optional_text("parameter", faults);
     let effect = table.optional_text("effect", faults);
@@ -119,7 +119,13 @@ fn wish(top: &TableReader<'_>, item: Value<'_>, faults: &mut Collector) -> Optio
         }
     };
     let plain: Vec<&str> = plain.split(|c: char| !c.is_ascii_alphanumeric()).filter(|it| !it.is_empty()).collect();
-    Some(Wish { name: own_name.unwrap_or_else(|| plain.join("_")), who: format!("[[vary]] {who}"), span, target, law: law? })
+    Some(VaryEntry {
+        name: own_name.unwrap_or_else(|| plain.join("_")),
+        who: format!("[[vary]] {who}"),
+        span,
+        target,
+        law: law?,
+    })
 }
 
 /// Two ends with the first below the second.
@@ -224,8 +230,8 @@ fn law(table: &mut TableReader<'_>, shape: Shape, target: Option<&Target>, fault
 const FAR: f64 = 8.0;
 
 /// Checks that a plan is used by entries, and that all its factors are.
-pub(super) fn plan_and_factors(top: &TableReader<'_>, wishes: &[Wish], plan: Option<&Plan>, faults: &mut Collector) {
-    let columns: Vec<&str> = wishes
+pub(super) fn plan_and_factors(top: &TableReader<'_>, vary_entries: &[VaryEntry], plan: Option<&Plan>, faults: &mut Collector) {
+    let columns: Vec<&str> = vary_entries
         .iter()
         .filter_map(|it| match &it.law {
             Wanted::Planned { column } => Some(column.as_str()),
@@ -234,10 +240,10 @@ pub(super) fn plan_and_factors(top: &TableReader<'_>, wishes: &[Wish], plan: Opt
         .collect();
     match plan {
         None => {
-            for wish in wishes.iter().filter(|it| matches!(it.law, Wanted::Planned { .. })) {
+            for vary_entry in vary_entries.iter().filter(|it| matches!(it.law, Wanted::Planned { .. })) {
                 faults.push(top.fault(
-                    wish.span.clone(),
-                    format!("{}: `distribution = \"plan\"` needs the key `plan` with the name of a plan file", wish.who),
+                    vary_entry.span.clone(),
+                    format!("{}: `distribution = \"plan\"` needs the key `plan` with the name of a plan file", vary_entry.who),
                 ));
             }
         }
@@ -253,7 +259,7 @@ pub(super) fn plan_and_factors(top: &TableReader<'_>, wishes: &[Wish], plan: Opt
 
 /// The number of a plant that an entry refers to, with its distribution.
 pub(super) fn place(
-    wish: &Wish,
+    vary_entry: &VaryEntry,
     plant: &PlantFile,
     plant_name: &str,
     plan: Option<&Plan>,
@@ -261,12 +267,12 @@ pub(super) fn place(
     faults: &mut Collector,
 ) -> Option<Place> {
     let mut refuse = |what: String, help: String| {
-        let fault = top.fault(wish.span.clone(), format!("{}: {what}", wish.who));
+        let fault = top.fault(vary_entry.span.clone(), format!("{}: {what}", vary_entry.who));
         faults.push(if help.is_empty() { fault } else { fault.help(help) });
         None::<Place>
     };
     let list = |names: &mut dyn Iterator<Item = String>| names.map(|it| format!("`{it}`")).collect::<Vec<_>>().join(", ");
-    let (of, unit, bound, now) = match &wish.target {
+    let (of, unit, bound, now) = match &vary_entry.target {
         Target::Parameter(name) => {
             let Some(nominal) = schema::named(plant.kind).find(|it| it.name == *name) else {
                 let known = list(&mut schema::named(plant.kind).map(|it| it.name.to_string()));
@@ -311,7 +317,7 @@ pub(super) fn place(
             (Number::Effect(index, name), unit, bound, *now)
         }
     };
-    let law = match &wish.law {
+    let law = match &vary_entry.law {
         Wanted::Known(distribution) => Law::Drawn(distribution.clone()),
         Wanted::Tolerance { within } => {
             let Number::Parameter(name) = of else { return None };

@@ -3,7 +3,7 @@
 
 use rsm_core::emit::plant::Plant;
 use rsm_core::source::{Fault, Faults, Source};
-use rsm_sim::equations::file::Given;
+use rsm_sim::equations::file::NamedValue;
 use rsm_sim::equations::{EquationFile, Inputs, Machine, Method, Point, Setting, code, linearise, run};
 
 use super::builds::{self, Build, CORTEX_M4F};
@@ -27,7 +27,8 @@ impl Part {
         let text = format!("format = 2\nmodel = \"{model}\"\n");
         let file = EquationFile::read(&Source::new("rig.toml", text), &open).unwrap_or_else(|faults| panic!("{faults}"));
         let mut machine = Machine::new(&file).unwrap_or_else(|faults| panic!("{faults}"));
-        let given: Vec<Given> = given.iter().map(|(name, value)| Given { name: (*name).to_string(), value: *value }).collect();
+        let given: Vec<NamedValue> =
+            given.iter().map(|(name, value)| NamedValue { name: (*name).to_string(), value: *value }).collect();
         let start = machine.start(&file, 0.0, inputs, &given).unwrap_or_else(|faults| panic!("{faults}"));
         let linear = linearise(&file, &machine, &start).unwrap_or_else(|faults| panic!("{faults}"));
         let from = code::Start { point: &start, words: String::new(), linear: &linear };

@@ -10,18 +10,18 @@ use rsm_core::{certificate, compile};
 use rsm_fit::fit::Outcome as Fitted;
 use serde_json::{Map, Value, json};
 
-use super::{Teller, twins};
+use super::{Printer, twins};
 use crate::commands::fit;
 use crate::outcome::Refusal;
 use crate::{evaluators, output};
 
 /// Tells what a fit found.
-pub fn tell_fit(tell: &Teller, fitted: &Fitted) -> Result<(), Refusal> {
+pub fn print_fit(printer: &Printer, fitted: &Fitted) -> Result<(), Refusal> {
     fit::require_all(fitted)?;
     for (response, statistics) in fitted.responses.iter().filter_map(|it| Some((it, it.statistics.as_ref()?))) {
         let unit = fitted.model.surface(&response.name).map_or("", |surface| surface.unit.as_str());
         let unseen = statistics.validation.as_ref().map_or(f64::NAN, |validation| validation.mean_abs_error);
-        tell.say(&format!(
+        printer.print(&format!(
             "fit      {}: {} terms from {} rows; mean error on unseen rows {unseen:.4} {unit}",
             response.name,
             statistics.terms.len(),
@@ -32,7 +32,7 @@ pub fn tell_fit(tell: &Teller, fitted: &Fitted) -> Result<(), Refusal> {
 }
 
 /// Certifies, emits, compiles, compares.
-pub fn compiled(tell: &Teller, folder: &Path, model: &Model, results: &mut Map<String, Value>) -> Result<bool, Refusal> {
+pub fn compiled(printer: &Printer, folder: &Path, model: &Model, results: &mut Map<String, Value>) -> Result<bool, Refusal> {
     let checked = Checked::from_model(model)?;
     let mut good = true;
     let mut certified = Map::new();
@@ -40,7 +40,7 @@ pub fn compiled(tell: &Teller, folder: &Path, model: &Model, results: &mut Map<S
         let tapes = &certificate.tapes;
         let errors: Vec<String> = tapes.iter().map(|tape| format!("{} {:.1e}", tape.precision.name(), tape.error)).collect();
         let (low, high) = (certificate.range.low, certificate.range.high);
-        tell.say(&format!(
+        printer.print(&format!(
             "check    {}: always within [{low:.3}, {high:.3}], rounding error at most {}",
             certificate.name,
             errors.join(", ")
@@ -55,23 +55,24 @@ pub fn compiled(tell: &Teller, folder: &Path, model: &Model, results: &mut Map<S
     // Refuses a compensator that is not certain to be stable.
     let (unit, files) = evaluators::files(&checked, folder)?;
     for compensator in &model.compensators {
-        tell.say(&format!("check    {}: stable over the whole range of its inputs, in exact arithmetic", compensator.name))?;
+        printer
+            .print(&format!("check    {}: stable over the whole range of its inputs, in exact arithmetic", compensator.name))?;
     }
     output::write_all(&files)?;
-    tell.say(&format!("emit     {} functions in C and Rust", unit.functions.len()))?;
+    printer.print(&format!("emit     {} functions in C and Rust", unit.functions.len()))?;
 
     let mut compared = Map::new();
     for verdict in twins::compare(&unit, &folder.join("emitted"))? {
         match verdict {
             Ok(twins::Verdict { compiler, compared: count, different }) => {
-                tell.say(&format!(
+                printer.print(&format!(
                     "compare  {compiler}: {different} of {count} results differ from the interpreter in any bit"
                 ))?;
                 good &= different == 0;
                 compared.insert(compiler, json!({ "compared": count, "different": different }));
             }
             // A machine without one of the compilers shows less, and says so.
-            Err(reason) => tell.say(&format!("compare  left out: {}", reason.trim_end()))?,
+            Err(reason) => printer.print(&format!("compare  left out: {}", reason.trim_end()))?,
         }
     }
     good &= !compared.is_empty();

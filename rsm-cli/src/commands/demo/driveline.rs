@@ -20,7 +20,7 @@ use rsm_sim::threads::threads;
 use serde_json::{Map, Value, json};
 
 use super::paper::Paper;
-use super::{Section, Teller, chain};
+use super::{Printer, Section, chain};
 use crate::outcome::Refusal;
 use crate::plot::{self, BLUE, GREY, Mark, ORANGE, PINK, Series, Words};
 use crate::{output, report};
@@ -35,14 +35,14 @@ const SEED: u64 = 1;
 const SHOWN: (usize, f64) = (2, 3000.0 * std::f64::consts::PI / 30.0);
 
 /// Runs the case.
-pub fn run(tell: &Teller, folder: &Path, full: bool, paper: &mut Paper) -> Result<Section, Refusal> {
+pub fn run(printer: &Printer, folder: &Path, full: bool, paper: &mut Paper) -> Result<Section, Refusal> {
     let mut results = Map::new();
     let plant = PlantFile::read(&Source::new("driveline.toml", PLANT))?;
     output::write_all(&[
         (folder.join("plant.toml"), PLANT.to_string()),
         (folder.join("plan.csv"), TrackPlan::experiment(SEED).csv()),
     ])?;
-    tell.say("track    25 tip-in runs, five speeds in each gear, without lash and with 3 degrees of it; rounds of the compensator ...")?;
+    printer.print("track    25 tip-in runs, five speeds in each gear, without lash and with 3 degrees of it; rounds of the compensator ...")?;
     let study = Study { seed: SEED, threads: threads() };
     let found = figures::figures(&plant, &study)?;
     let Figures { without_lash, with_lash, left } = &found;
@@ -54,7 +54,7 @@ pub fn run(tell: &Teller, folder: &Path, full: bool, paper: &mut Paper) -> Resul
         ])?;
     }
     for (name, car) in [("without lash", without_lash), ("with lash", with_lash)] {
-        tell.say(&format!(
+        printer.print(&format!(
             "track    {name}: error of the damping surface {:.2} % on holdout runs, {:.2} % at second order as the paper has it; compensated damping ratio {:.3}, largest residual {:.3}; overshoot {:.2} of before \
              at worst, rise time {:.2} times; {} rounds",
             car.damping_residual_percent,
@@ -75,9 +75,9 @@ pub fn run(tell: &Teller, folder: &Path, full: bool, paper: &mut Paper) -> Resul
     paper.note("overshoot_ratio_worst_lash", with_lash.overshoot_ratio_worst);
     paper.note("rise_time_ratio", with_lash.rise_time_ratio[0]);
 
-    chain::tell_fit(tell, &with_lash.surfaces)?;
+    chain::print_fit(printer, &with_lash.surfaces)?;
     let model = with_lash.tuned.model();
-    let good = chain::compiled(tell, folder, model, &mut results)?;
+    let good = chain::compiled(printer, folder, model, &mut results)?;
     output::write_all(&[(folder.join("fit.html"), report::fit(&with_lash.surfaces)?)])?;
     results.insert("without_lash".into(), of_car(without_lash));
     results.insert("with_lash".into(), of_car(with_lash));
@@ -87,13 +87,18 @@ pub fn run(tell: &Teller, folder: &Path, full: bool, paper: &mut Paper) -> Resul
     results.insert("left".into(), left_json.collect());
     let mut text = html(&found, &Checked::from_model(model)?)?;
     if full {
-        text += &other_cars(tell, &plant, &study, &mut results)?;
+        text += &other_cars(printer, &plant, &study, &mut results)?;
     }
     Ok(Section { good, plot: String::new(), html: text, json: Value::Object(results) })
 }
 
 /// Errors of surfaces over the gear ratio for a gearbox without runs, and of surfaces with the load as input for other loads.
-fn other_cars(tell: &Teller, plant: &PlantFile, study: &Study, results: &mut Map<String, Value>) -> Result<String, Refusal> {
+fn other_cars(
+    printer: &Printer,
+    plant: &PlantFile,
+    study: &Study,
+    results: &mut Map<String, Value>,
+) -> Result<String, Refusal> {
     let Prediction { unseen, other, by_gear_other, .. } = gearbox::prediction(plant, OTHER_RATIOS, study)?;
     let loaded = gearbox::loaded(plant, study)?;
     let lines = [
@@ -107,7 +112,7 @@ fn other_cars(tell: &Teller, plant: &PlantFile, study: &Study, results: &mut Map
     let mut found = Map::new();
     for (name, residual) in lines {
         let Residual { damping_percent, frequency_percent, .. } = residual;
-        tell.say(&format!(
+        printer.print(&format!(
             "surfaces {name}: error of the damping {damping_percent:.2} %, of the frequency {frequency_percent:.2} %"
         ))?;
         table += &format!("<tr><td>{name}</td><td>{damping_percent:.2} %</td><td>{frequency_percent:.2} %</td></tr>\n");

@@ -5,18 +5,18 @@ use std::fmt::Write as _;
 use host_runners::campaign::{self, MOST_A, MOST_MS, Row};
 use serde_json::{Value, json};
 
-use super::{Section, Teller};
+use super::{Printer, Section};
 use crate::outcome::Refusal;
 
 /// Runs all of it.
-pub fn run(tell: &Teller) -> Result<Section, Refusal> {
-    tell.say("faults   every sensor of the motor's loop, broken in six ways for 1 to 500 samples, at 11 points and 4 bus voltages ...")?;
+pub fn run(printer: &Printer) -> Result<Section, Refusal> {
+    printer.print("faults   every sensor of the motor's loop, broken in six ways for 1 to 500 samples, at 11 points and 4 bus voltages ...")?;
     let exact = campaign::exact_longest_a();
     let rows = campaign::run(1);
     let runs: usize = rows.iter().map(|row| row.runs).sum();
     let (longest, back) = rows.iter().fold((0f64, 0f64), |(a, ms), row| (a.max(row.longest_a), ms.max(row.back_ms)));
     let good = rows.iter().all(Row::kept);
-    tell.say(&format!(
+    printer.print(&format!(
         "         {runs} runs: {longest:.1} A at most (the exact controller without a fault: {exact:.1} A), torque back within {back:.1} ms"
     ))?;
     let mut html = format!(

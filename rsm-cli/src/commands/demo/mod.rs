@@ -45,12 +45,12 @@ pub struct Arguments {
 }
 
 /// Prints a line on standard output, or on standard error with `--json`.
-struct Teller {
+struct Printer {
     json: bool,
 }
 
-impl Teller {
-    fn say(&self, line: &str) -> Result<(), Refusal> {
+impl Printer {
+    fn print(&self, line: &str) -> Result<(), Refusal> {
         if self.json {
             tell!("{line}");
             Ok(())
@@ -77,15 +77,15 @@ pub fn run(arguments: &Arguments) -> Outcome {
         return Err(Refusal::new(format!("--seconds: found {seconds}, expected more than 0 and at most 86400")));
     }
     let begin = Instant::now();
-    let tell = Teller { json: arguments.json };
+    let printer = Printer { json: arguments.json };
     let mut paper = Paper::default();
-    let motor = motor::run(&tell, &arguments.out.join("motor"), arguments.full, &mut paper)?;
-    let driveline = driveline::run(&tell, &arguments.out.join("driveline"), arguments.full, &mut paper)?;
+    let motor = motor::run(&printer, &arguments.out.join("motor"), arguments.full, &mut paper)?;
+    let driveline = driveline::run(&printer, &arguments.out.join("driveline"), arguments.full, &mut paper)?;
 
-    tell.say(&format!("loop     {seconds} s of the motor's 1 kHz loop against the simulated motor ..."))?;
+    printer.print(&format!("loop     {seconds} s of the motor's 1 kHz loop against the simulated motor ..."))?;
     let run = host_runners::motor::run(&host_loop::Settings::new(1000.0, seconds));
     for line in run.to_string().lines() {
-        tell.say(&format!("         {line}"))?;
+        printer.print(&format!("         {line}"))?;
     }
     paper.note("ticks", run.report.ticks_done as f64);
     paper.note("ticks_late", run.report.ticks_caught_up as f64);
@@ -93,17 +93,17 @@ pub fn run(arguments: &Arguments) -> Outcome {
     paper.note("under_runs", run.exchange.under_runs as f64);
     let looped: Value = serde_json::from_str(&run.json()).map_err(|error| Refusal::new(error.to_string()))?;
 
-    let faults = if arguments.full { Some(faults::run(&tell)?) } else { None };
+    let faults = if arguments.full { Some(faults::run(&printer)?) } else { None };
 
     let missed = paper.missed();
     for what in &missed {
-        tell.say(&format!("missed   {what}"))?;
+        printer.print(&format!("missed   {what}"))?;
     }
     let report_path = arguments.out.join("report.html");
     let good = motor.good && driveline.good && missed.is_empty() && faults.as_ref().is_none_or(|faults| faults.good);
     let text = report(&paper, good, &motor, &driveline, &run.to_string(), faults.as_ref());
     output::write_all(&[(report_path.clone(), text)])?;
-    tell.say(&format!("done     in {:.1} s; report {}", begin.elapsed().as_secs_f64(), report_path.display()))?;
+    printer.print(&format!("done     in {:.1} s; report {}", begin.elapsed().as_secs_f64(), report_path.display()))?;
     if arguments.json {
         let mut results = Map::new();
         results.insert("ok".into(), json!(good));

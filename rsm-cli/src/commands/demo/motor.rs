@@ -22,7 +22,7 @@ use rsm_sim::plant_file::PlantFile;
 use serde_json::{Map, Value, json};
 
 use super::paper::Paper;
-use super::{Section, Teller, chain, speed};
+use super::{Printer, Section, chain, speed};
 use crate::commands::fit;
 use crate::outcome::Refusal;
 use crate::page::escaped;
@@ -41,20 +41,20 @@ const PROFILES: std::ops::Range<u64> = 100..104;
 const PROFILE_S: [f64; 2] = [10.0, 60.0];
 
 /// Runs the case.
-pub fn run(tell: &Teller, folder: &Path, full: bool, paper: &mut Paper) -> Result<Section, Refusal> {
+pub fn run(printer: &Printer, folder: &Path, full: bool, paper: &mut Paper) -> Result<Section, Refusal> {
     let mut results = Map::new();
     let plant = PlantFile::read(&Source::new("pmac.toml", PLANT))?;
-    let (points, fitted) = measure_and_fit(tell, folder, &plant, full, paper)?;
+    let (points, fitted) = measure_and_fit(printer, folder, &plant, full, paper)?;
     let mut good = fitted.reached();
     results.insert("fit".into(), serde_json::to_value(fitted.report()).map_err(|error| Refusal::new(error.to_string()))?);
 
-    good &= chain::compiled(tell, folder, &fitted.model, &mut results)?;
+    good &= chain::compiled(printer, folder, &fitted.model, &mut results)?;
     output::write_all(&[(folder.join("fit.html"), report::fit(&fitted)?)])?;
     let checked = Checked::from_model(&fitted.model)?;
 
-    let forms = commands(tell, &plant, &checked, folder, full, paper)?;
-    let run_ups = run_ups(tell, &plant, paper)?;
-    let times = speed::measure(tell, &plant, paper)?;
+    let forms = commands(printer, &plant, &checked, folder, full, paper)?;
+    let run_ups = run_ups(printer, &plant, paper)?;
+    let times = speed::measure(printer, &plant, paper)?;
     results.insert("forms".into(), json!(forms.iter().map(Form::json).collect::<Vec<_>>()));
     results.insert("times".into(), times.json());
 
@@ -67,7 +67,7 @@ type Points = Vec<[f64; 3]>;
 
 /// Plans, both runs of the bench, the fit.
 fn measure_and_fit(
-    tell: &Teller,
+    printer: &Printer,
     folder: &Path,
     plant: &PlantFile,
     full: bool,
@@ -82,7 +82,7 @@ fn measure_and_fit(
     }
     paper.note("points_measured", plans[0].len() as f64);
     paper.note("points_full", plans[1].len() as f64);
-    tell.say(&format!(
+    printer.print(&format!(
         "plan     motor: {} of the {} points of modulation depth and current advance, in random order",
         plans[0].len(),
         plans[1].len()
@@ -99,14 +99,14 @@ fn measure_and_fit(
         })
         .collect();
     let (run, at) = (outcomes.len(), points.len());
-    tell.say(&format!(
+    printer.print(&format!(
         "bench    {run} runs to steady state, {at} of them at the voltage limit; the other half of the map is the holdout set"
     ))?;
     if full {
         files.push((folder.join("dyno-180-data.csv"), bench::csv(&bench.run(plant, &plans[1], SEEDS[0])?)));
     }
     output::write_all(&files)?;
-    chain::tell_fit(tell, &fitted)?;
+    chain::print_fit(printer, &fitted)?;
     Ok((points, fitted))
 }
 
@@ -127,7 +127,7 @@ impl Form {
 
 /// Commands over unseen profiles: the controller with its surfaces, and every form of the study.
 fn commands(
-    tell: &Teller,
+    printer: &Printer,
     plant: &PlantFile,
     checked: &Checked,
     folder: &Path,
@@ -143,7 +143,7 @@ fn commands(
     paper.note("angle_error_mean_deg", mean);
     paper.note("angle_error_p99_deg", p99);
     let mut forms = vec![Form { name: "as embedded".to_string(), mean, p99, operations: operations(checked, 0) }];
-    tell.say(&format!(
+    printer.print(&format!(
         "command  {mean:.3} deg mean and {p99:.3} deg at the 99th percentile from the full controller, in {} of {} ms that weaken",
         differences.angles.len(),
         differences.ticks
@@ -160,12 +160,12 @@ fn commands(
     let second =
         forms.iter().find(|form| form.name == "angle order 2").ok_or_else(|| Refusal::new("study.toml lost a form"))?;
     paper.note("angle_error_mean_deg_second_order", second.mean);
-    tell.say(&format!("         second order in torque and speed, as the paper has it: {:.3} deg mean", second.mean))?;
+    printer.print(&format!("         second order in torque and speed, as the paper has it: {:.3} deg mean", second.mean))?;
     Ok(forms)
 }
 
 /// Run-ups from rest with a coarse encoder: full controller, embedded steps.
-fn run_ups(tell: &Teller, plant: &PlantFile, paper: &mut Paper) -> Result<[Trace; 2], Refusal> {
+fn run_ups(printer: &Printer, plant: &PlantFile, paper: &mut Paper) -> Result<[Trace; 2], Refusal> {
     let drive = Drive::default();
     let known = drive.known(plant);
     let full = figures::run_up(plant, &drive, &mut FullController::full(known))?;
@@ -173,7 +173,7 @@ fn run_ups(tell: &Teller, plant: &PlantFile, paper: &mut Paper) -> Result<[Trace
     let compared = figures::compare_run_ups(&full, &surface);
     paper.note("runup_torque_rms_percent", compared.torque_rms_percent);
     paper.note("runup_time_percent", compared.time_percent.abs());
-    tell.say(&format!(
+    printer.print(&format!(
         "run-up   to {:.0} rpm in {:.3} s with the surface, {:.3} s with the full controller; torque differs by {:.3} % r.m.s. of its peak",
         RUN_UP_SPEED * 30.0 / std::f64::consts::PI,
         figures::run_up_time(&surface),

@@ -16,7 +16,7 @@ use rsm_rigs::motor::inverter::Fidelity;
 use rsm_sim::plant_file::PlantFile;
 use serde_json::{Value, json};
 
-use super::Teller;
+use super::Printer;
 use super::paper::Paper;
 use crate::outcome::Refusal;
 
@@ -120,7 +120,7 @@ fn chain_f32(start: f32, mut call: impl FnMut(f32) -> f32) {
 }
 
 /// Measures, tells and notes.
-pub fn measure(tell: &Teller, plant: &PlantFile, paper: &mut Paper) -> Result<Times, Refusal> {
+pub fn measure(printer: &Printer, plant: &PlantFile, paper: &mut Paper) -> Result<Times, Refusal> {
     let drive = Drive::default();
     let known = drive.known(plant);
     let voltage = known.reference_voltage(BUS_V);
@@ -160,7 +160,7 @@ pub fn measure(tell: &Teller, plant: &PlantFile, paper: &mut Paper) -> Result<Ti
     paper.note("ratio_step", full_step_ns / surface_step_ns);
     paper.note("ratio_simulation", averaged / averaged_full);
     paper.note("realtime_factor", averaged);
-    tell.say(&format!(
+    printer.print(&format!(
         "time     evaluator {evaluator_ns:.1} ns, solve {solve_ns:.1} ns; step {surface_step_ns:.0} ns, full {full_step_ns:.0} ns; simulation {averaged:.0} \
          times real time, switched {switched:.0}"
     ))?;

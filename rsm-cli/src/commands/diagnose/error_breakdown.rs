@@ -8,7 +8,7 @@ use rsm_diagnose::plant::{Cause, Diagnosis};
 use rsm_sim::kind::PlantKind;
 use serde_json::{Map, Value, json};
 
-use super::{evidence, told};
+use super::{cause_json, evidence};
 use crate::output::finite;
 
 /// The name of the model file beside diagnosis.json.
@@ -33,7 +33,7 @@ pub fn evidence(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Value {
     let it = evidence::of(kind, found, cause);
     json!({
         "for": it.supports, "against": it.speaks_against, "check": cause.check, "gain": finite(cause.gain),
-        "rivals": told::rivals(&cause.rivals), "rivals_asked": cause.rivals_tested,
+        "rivals": cause_json::rivals(&cause.rivals), "rivals_asked": cause.rivals_tested,
     })
 }
 

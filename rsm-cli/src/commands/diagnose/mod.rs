@@ -4,6 +4,7 @@
 //! a black box gains, next_experiment.csv where causes are not to be told apart, and with `--refit` the folder refit, whole or absent. Every
 //! verdict is an answer: exit status 0. A model file with new data goes to [`surface`].
 
+mod cause_json;
 mod equations;
 mod error_breakdown;
 mod evidence;
@@ -12,7 +13,6 @@ mod refit;
 mod report;
 mod surface;
 mod surface_report;
-mod told;
 mod words;
 
 use std::path::PathBuf;
@@ -37,7 +37,7 @@ use serde_json::{Map, Value, json};
 use crate::commands::equations as plants;
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
-use told::Told;
+use cause_json::CauseJson;
 
 #[derive(Args)]
 pub struct Arguments {
@@ -279,28 +279,29 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
             Subject::Site => vec![("at", json!(cause.subject))],
             Subject::None => Vec::new(),
         };
-        let mut evidence: told::Keys = cause.only_in.iter().map(|record| ("only_in", json!([record]))).collect();
+        let mut evidence: cause_json::Keys = cause.only_in.iter().map(|record| ("only_in", json!([record]))).collect();
         evidence.push(("evidence", error_breakdown::evidence(kind, found, cause)));
         let numbers = cause.parameters.iter();
-        let told = Told {
+        let cause_json = CauseJson {
             kind: cause.kind,
             place: Vec::new(),
-            numbers: numbers.map(|it| (it.name.to_string(), told::number(it.value, it.low, it.high, &it.unit))).collect(),
+            numbers: numbers.map(|it| (it.name.to_string(), cause_json::number(it.value, it.low, it.high, &it.unit))).collect(),
             details,
             confidence: cause.confidence,
             confidence_of_any: cause.confidence_of_any,
             indistinguishable_from: &cause.indistinguishable_from,
             evidence,
         };
-        told.value()
+        cause_json.value()
     };
     let causes: Vec<Value> = found.causes.iter().map(cause_value).collect();
     let helpers: Vec<Value> = found.helpers.iter().map(cause_value).collect();
     let refused: Vec<Value> = found.refused.iter().map(|it| json!({ "cause": it.cause, "why": it.why })).collect();
-    let by_output =
-        |it: &plant::validation::Error| (kind.outputs()[it.output].name.to_string(), told::error(it.rmse, it.noise_ratio));
+    let by_output = |it: &plant::validation::Error| {
+        (kind.outputs()[it.output].name.to_string(), cause_json::error(it.rmse, it.noise_ratio))
+    };
     let errors = |list: &[plant::validation::Error], test: Option<&[plant::validation::Error]>| {
-        told::errors(list.iter().map(by_output), test.map(|test| test.iter().map(by_output)))
+        cause_json::errors(list.iter().map(by_output), test.map(|test| test.iter().map(by_output)))
     };
     let tested = found.tested.as_ref();
     let steps: Vec<Value> = found

@@ -17,8 +17,8 @@ use rsm_diagnose::surface::regions::Region;
 use rsm_diagnose::surface::{Diagnosis, ResponseDiagnosis, Tested};
 use serde_json::{Map, Value, json};
 
+use super::cause_json::{self, CauseJson};
 use super::surface_report;
-use super::told::{self, Told};
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
@@ -138,12 +138,12 @@ pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
     all.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
     let causes: Vec<Value> = all.iter().map(|(response, cause)| cause_value(&name(response), data, cause)).collect();
     let figures =
-        |response: &ResponseDiagnosis, errors: &Errors| (name(response), told::error(errors.rmse, errors.noise_ratio));
+        |response: &ResponseDiagnosis, errors: &Errors| (name(response), cause_json::error(errors.rmse, errors.noise_ratio));
     let errors = |of: fn(&ResponseDiagnosis) -> &Errors, on_test: Option<fn(&Tested) -> &Errors>| {
         let each = found.responses.iter().map(|response| figures(response, of(response)));
         let tested = found.responses.iter().filter_map(|it| Some((it, it.tested.as_ref()?)));
         let on_test = on_test.filter(|_| found.responses.iter().any(|it| it.tested.is_some()));
-        told::errors(each, on_test.map(|on_test| tested.map(move |(response, it)| figures(response, on_test(it)))))
+        cause_json::errors(each, on_test.map(|on_test| tested.map(move |(response, it)| figures(response, on_test(it)))))
     };
     let regions = |of: fn(&ResponseDiagnosis) -> &Vec<Region>| -> Vec<Value> {
         let each = found.responses.iter().flat_map(|response| {
@@ -175,7 +175,7 @@ fn cause_value(response: &str, data: &NewData, cause: &Cause) -> Value {
     place.extend(cause.subject.as_ref().map(|(key, subject)| (*key, json!(subject))));
     // Numbers and lists of them stay what they are.
     let detail = |value: &String| serde_json::from_str(value).unwrap_or_else(|_| json!(value));
-    let mut details: told::Keys = cause.details.iter().map(|(key, value)| (*key, detail(value))).collect();
+    let mut details: cause_json::Keys = cause.details.iter().map(|(key, value)| (*key, detail(value))).collect();
     if !cause.runs.is_empty() {
         let run = |it: &OutlyingRun| {
             let (file, line) = data.lines[it.place];
@@ -187,15 +187,15 @@ fn cause_value(response: &str, data: &NewData, cause: &Cause) -> Value {
         details.push(("runs", cause.runs.iter().map(run).collect()));
     }
     let evidence = json!({
-        "likelihood_ratio": output::finite(cause.gain), "ln_p": output::finite(cause.ln_p), "rivals": told::rivals(&cause.rivals)
+        "likelihood_ratio": output::finite(cause.gain), "ln_p": output::finite(cause.ln_p), "rivals": cause_json::rivals(&cause.rivals)
     });
-    Told {
+    CauseJson {
         kind: cause.kind,
         place,
         numbers: cause
             .parameters
             .iter()
-            .map(|it| (it.name.clone(), told::number(it.value, it.low, it.high, &it.unit)))
+            .map(|it| (it.name.clone(), cause_json::number(it.value, it.low, it.high, &it.unit)))
             .collect(),
         details,
         confidence: cause.confidence,

@@ -14,7 +14,7 @@ use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
 /// What the command line says of a plant.
-pub struct Wish<'a> {
+pub struct Options<'a> {
     pub step: f64,
     pub in_c: bool,
     pub name: Option<&'a str>,
@@ -26,9 +26,9 @@ pub struct Wish<'a> {
     pub as_json: bool,
 }
 
-pub fn run(path: &Path, wish: &Wish<'_>) -> Outcome {
-    let mut file = super::file(path, wish.effects)?;
-    let record = match wish.record {
+pub fn run(path: &Path, options: &Options<'_>) -> Outcome {
+    let mut file = super::file(path, options.effects)?;
+    let record = match options.record {
         Some(record) => Some(Source::read(record)?),
         None => None,
     };
@@ -38,7 +38,7 @@ pub fn run(path: &Path, wish: &Wish<'_>) -> Outcome {
     let mut machine = Machine::new(&file)?;
     let (start, words) = match &record {
         None => {
-            let at = wish.at.unwrap_or_default();
+            let at = options.at.unwrap_or_default();
             let words = if at.is_empty() { "all inputs 0".to_string() } else { format!("at {at}") };
             (point(&file, &mut machine, at)?, words)
         }
@@ -48,23 +48,23 @@ pub fn run(path: &Path, wish: &Wish<'_>) -> Outcome {
             let (given, recorded) = signals.start(&file, &machine);
             (
                 machine.start_along(&file, signals.time[0], &inputs, &given, &recorded)?,
-                format!("with the first row of {}", wish.record.map_or_else(String::new, shown)),
+                format!("with the first row of {}", options.record.map_or_else(String::new, shown)),
             )
         }
     };
     let linear = linearise(&file, &machine, &start)?;
     let from = code::Start { point: &start, words, linear: &linear };
-    let plant = code::plant(&machine, wish.step, &from, wish.name, &shown(path))
+    let plant = code::plant(&machine, options.step, &from, options.name, &shown(path))
         .map_err(|what| Refusal::new(format!("{}: --step: {what}", path.display())))?;
-    let file = |ending: &str| wish.out.join(format!("{}.{ending}", plant.model));
-    let files: Vec<(PathBuf, String)> = if wish.in_c {
+    let file = |ending: &str| options.out.join(format!("{}.{ending}", plant.model));
+    let files: Vec<(PathBuf, String)> = if options.in_c {
         let text = c_plant::emit(&plant);
         vec![(file("h"), text.header), (file("c"), text.source)]
     } else {
         vec![(file("rs"), rust_plant::emit(&plant))]
     };
     output::write_all(&files)?;
-    if wish.as_json {
+    if options.as_json {
         let names: Vec<String> = files.iter().map(|(path, _)| path.display().to_string()).collect();
         let states: Vec<_> = plant
             .tape
@@ -76,7 +76,7 @@ pub fn run(path: &Path, wish: &Wish<'_>) -> Outcome {
         output::json(&json!({
             "model": plant.model,
             "files": names,
-            "functions": plant.functions(wish.in_c),
+            "functions": plant.functions(options.in_c),
             "step": plant.length,
             "operations": plant.tape.operation_count(),
             "states": states,

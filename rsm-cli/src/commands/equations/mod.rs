@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use rsm_core::source::{Fault, Faults, Source};
 use rsm_model::effects::{Catalogue, Room};
-use rsm_sim::equations::file::Given;
+use rsm_sim::equations::file::NamedValue;
 use rsm_sim::equations::linear::Pole;
 use rsm_sim::equations::{EquationFile, Machine, Point};
 use rsm_sim::plant_file::PlantFile;
@@ -87,7 +87,7 @@ fn numbers(text: &str) -> Result<Vec<(String, f64)>, Refusal> {
 /// The point that `--at` gives: inputs, and variables at the start. An input that is not named is 0.
 fn point(file: &EquationFile, machine: &mut Machine, at: &str) -> Result<Point, Refusal> {
     let mut inputs = vec![0.0; machine.inputs().len()];
-    let mut given: Vec<Given> = Vec::new();
+    let mut given: Vec<NamedValue> = Vec::new();
     let mut time = 0.0;
     for (name, value) in numbers(at)? {
         if let Some(place) = machine.inputs().iter().position(|it| it.0 == name) {
@@ -95,7 +95,7 @@ fn point(file: &EquationFile, machine: &mut Machine, at: &str) -> Result<Point, 
         } else if name == "time" {
             time = value;
         } else if machine.states().iter().chain(&machine.outputs()).any(|it| it.0 == name) {
-            given.push(Given { name, value });
+            given.push(NamedValue { name, value });
         } else {
             let known: Vec<String> = [machine.inputs(), machine.states(), machine.outputs()]
                 .concat()

@@ -15,7 +15,7 @@ use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
 /// How time moves on, as the command line says it.
-pub struct Wish<'a> {
+pub struct Options<'a> {
     pub method: Option<&'a str>,
     pub tolerance: Option<f64>,
     pub fixed_step: Option<f64>,
@@ -23,7 +23,7 @@ pub struct Wish<'a> {
     pub effects: Option<&'a Path>,
 }
 
-impl Wish<'_> {
+impl Options<'_> {
     /// Whether anything is wished.
     pub fn is_some(&self) -> bool {
         self.method.is_some() || self.tolerance.is_some() || self.fixed_step.is_some() || self.effects.is_some()
@@ -55,12 +55,12 @@ impl Wish<'_> {
 }
 
 /// Runs it.
-pub fn run(path: &Path, record: &Path, out: &Path, wish: &Wish<'_>, as_json: bool) -> Outcome {
+pub fn run(path: &Path, record: &Path, out: &Path, options: &Options<'_>, as_json: bool) -> Outcome {
     let table = Source::read(record)?;
-    let file = file(path, wish.effects)?.of_record(&table)?;
+    let file = file(path, options.effects)?.of_record(&table)?;
     let mut machine = Machine::new(&file)?;
     let signals = Signals::read(&table, &file, &machine)?;
-    let setting = wish.setting(signals.period)?;
+    let setting = options.setting(signals.period)?;
     let found = signals.simulate(&file, &mut machine, setting).map_err(|failed| match failed {
         Failed::Start(faults) => faults.into(),
         Failed::Run(Stopped::Step(what)) => Refusal::new(format!("--fixed-step: {what}")),

@@ -10,7 +10,7 @@ fn cell_of_a_third(c: f64) -> Cell {
 }
 
 fn cuts_of_a_third(c: f64, enough: f64, budget: usize) -> usize {
-    let (_, work) = search_within(&cell_of_a_third(c), &Value, &Search { enough, ..EVERYWHERE }, budget);
+    let (_, work) = search_within(&cell_of_a_third(c), &Value, &Search { enough, ..WHOLE_BOX }, budget);
     assert!(work.is_multiple_of(36));
     work / 36
 }
@@ -53,7 +53,7 @@ fn no_cell_is_cut_more_than_the_enclosure_needs() {
 fn what_no_cut_improves_is_not_cut() {
     let side = Interval::new(-1.0, 1.0);
     let work = |terms: &[Monomial], sides: &[Interval]| {
-        let (found, work) = search_within(&Cell::new(&[terms], sides), &Value, &EVERYWHERE, BUDGET);
+        let (found, work) = search_within(&Cell::new(&[terms], sides), &Value, &WHOLE_BOX, BUDGET);
         (found.bound, work)
     };
     // Nothing at all, though of second degree.
@@ -80,15 +80,15 @@ fn a_search_spends_its_budget() {
     let sides = [Interval::new(-1.0, 1.3), Interval::new(-0.9, 1.2)];
     let root = Cell::new(&[&terms[..]], &sides);
     let [once, twice] = [1, 2].map(|times| {
-        let (found, work) = search_within(&root, &Value, &EVERYWHERE, times * BUDGET);
+        let (found, work) = search_within(&root, &Value, &WHOLE_BOX, times * BUDGET);
         let of_one_cut = 4 * 21 * 21 * 21;
         assert!(work > times * BUDGET && work <= times * BUDGET + of_one_cut);
         found
     });
     assert!(once.bound < twice.bound && twice.bound <= 0.0, "{once:?} {twice:?}");
-    assert_eq!(least(&terms, &sides, &EVERYWHERE), once);
+    assert_eq!(least(&terms, &sides, &WHOLE_BOX), once);
     assert_eq!(extent(&terms, &sides).range.low, once.bound);
-    assert_eq!(least_measure(&[terms.to_vec()], &sides, &Value, &EVERYWHERE), once);
+    assert_eq!(least_measure(&[terms.to_vec()], &sides, &Value, &WHOLE_BOX), once);
     assert_eq!(BUDGET, 20_000_000, "a tenth of a second");
 }
 

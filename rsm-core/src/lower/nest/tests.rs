@@ -8,8 +8,8 @@ use crate::tape::Port;
 fn products(asked: &[u32]) -> Vec<[u32; 2]> {
     let mut tape = TapeBuilder::new(Precision::F64);
     let variable = tape.push(Op::Input(Port(0)));
-    let mut sheet = Written(&mut tape);
-    let mut nest = Nest::new(&mut sheet, &[Some((variable, 0))]);
+    let mut output = Written(&mut tape);
+    let mut nest = Nest::new(&mut output, &[Some((variable, 0))]);
     let mut last = (variable, 0);
     for exponent in asked {
         last = nest.power(0, *exponent);
@@ -101,8 +101,8 @@ fn a_sign_costs_an_operation_only_where_no_sum_takes_it() {
     for (a, b) in all.into_iter().flat_map(|a| all.map(|b| (a, b))) {
         let mut tape = TapeBuilder::new(Precision::F64);
         let x = tape.push(Op::Input(Port(0)));
-        let mut sheet = Written(&mut tape);
-        let mut nest = Nest::new(&mut sheet, &[]);
+        let mut output = Written(&mut tape);
+        let mut nest = Nest::new(&mut output, &[]);
         let part = |kind| match kind {
             Kind::Constant => Part::Constant(&three),
             Kind::Value => Part::Value((x, 0)),

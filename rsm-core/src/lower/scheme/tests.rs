@@ -33,8 +33,8 @@ impl Polynomial {
         Polynomial { terms, waits: (0..factors).map(|_| random.below(4)).collect() }
     }
 
-    fn leaves(&self) -> Vec<Leaf<'_>> {
-        self.terms.iter().map(|(powers, coefficient)| Leaf { powers, coefficient: coefficient.clone() }).collect()
+    fn scaled_terms(&self) -> Vec<ScaledTerm<'_>> {
+        self.terms.iter().map(|(powers, coefficient)| ScaledTerm { powers, coefficient: coefficient.clone() }).collect()
     }
 
     fn ready(&self) -> Vec<Option<usize>> {
@@ -50,9 +50,9 @@ impl Polynomial {
             let reg = (0..*waits).fold(input, |reg, _| tape.push(Op::Absolute(reg)));
             variables.push(Some((reg, *waits)));
         }
-        let leaves = self.leaves();
-        let leaves: Vec<&Leaf<'_>> = leaves.iter().collect();
-        let (output, told) = Nest::new(&mut Written(&mut tape), &variables).value(&leaves, levels);
+        let scaled_terms = self.scaled_terms();
+        let scaled_terms: Vec<&ScaledTerm<'_>> = scaled_terms.iter().collect();
+        let (output, told) = Nest::new(&mut Written(&mut tape), &variables).value(&scaled_terms, levels);
         let tape = tape.finish("s", vec!["x".to_string(); self.waits.len()], output);
         let of_the_sums = |op: &&Op| matches!(op, Op::Add(..) | Op::Subtract(..) | Op::Multiply(..) | Op::Negate(_));
         (Cost { operations: tape.ops.iter().filter(of_the_sums).count(), ready: tape.depth() }, told)
@@ -68,9 +68,9 @@ fn a_cost_is_that_of_the_written_tape() {
         let form = |random: &mut Random| if random.below(2) == 0 { Form::Horner } else { Form::Powers };
         let mut levels: Vec<Level> = (0..factors).map(|factor| Level { factor, form: form(&mut random) }).collect();
         levels.rotate_left(random.below(factors));
-        let leaves = polynomial.leaves();
-        let leaves: Vec<&Leaf<'_>> = leaves.iter().collect();
-        let counted = cost(&leaves, &levels, &polynomial.ready());
+        let scaled_terms = polynomial.scaled_terms();
+        let scaled_terms: Vec<&ScaledTerm<'_>> = scaled_terms.iter().collect();
+        let counted = cost(&scaled_terms, &levels, &polynomial.ready());
         let (written, told) = polynomial.written(&levels);
         assert_eq!((counted, told), (written, written.ready), "{:?} {levels:?}", polynomial.terms);
     }
@@ -114,9 +114,9 @@ fn schemes(order: &[Candidate], most: u32) -> Vec<Vec<Level>> {
 
 /// The scheme that is chosen against all that may stand, each written on a tape of its own. Gives the levels in the form of powers.
 fn compare(polynomial: &Polynomial, candidates: &[Candidate], all: &[Vec<Level>]) -> usize {
-    let leaves = polynomial.leaves();
-    let leaves: Vec<&Leaf<'_>> = leaves.iter().collect();
-    let found = best(&leaves, candidates, &polynomial.ready());
+    let scaled_terms = polynomial.scaled_terms();
+    let scaled_terms: Vec<&ScaledTerm<'_>> = scaled_terms.iter().collect();
+    let found = best(&scaled_terms, candidates, &polynomial.ready());
     let powers = |levels: &[Level]| levels.iter().filter(|level| level.form == Form::Powers).count();
     let price = |levels: &&Vec<Level>| {
         let (cost, _) = polynomial.written(levels);
@@ -163,12 +163,12 @@ fn up_to_six_factors_the_cheapest_of_all_orders_with_one_form_of_powers_is_chose
 
 /// The best score of some orders in Horner form, by costs that are not written: there are many.
 fn least_score(polynomial: &Polynomial, orders: &[Vec<Candidate>]) -> usize {
-    let leaves = polynomial.leaves();
-    let leaves: Vec<&Leaf<'_>> = leaves.iter().collect();
+    let scaled_terms = polynomial.scaled_terms();
+    let scaled_terms: Vec<&ScaledTerm<'_>> = scaled_terms.iter().collect();
     let horner = |candidate: &Candidate| Level { factor: candidate.factor, form: Form::Horner };
     let score = |order: &Vec<Candidate>| {
         let levels: Vec<Level> = order.iter().map(horner).collect();
-        cost(&leaves, &levels, &polynomial.ready()).score()
+        cost(&scaled_terms, &levels, &polynomial.ready()).score()
     };
     orders.iter().map(score).min().expect("there is an order")
 }
@@ -190,9 +190,10 @@ fn of_six_factors_all_orders_are_tried_and_of_seven_those_with_one_exchange() {
                 orders_of_one_exchange(&candidates).iter().flat_map(|order| orders_of_one_exchange(order)).collect()
             };
             let of_more = least_score(&polynomial, &more);
-            let leaves = polynomial.leaves();
-            let leaves: Vec<&Leaf<'_>> = leaves.iter().collect();
-            let found = cost(&leaves, &best(&leaves, &candidates, &polynomial.ready()), &polynomial.ready()).score();
+            let scaled_terms = polynomial.scaled_terms();
+            let scaled_terms: Vec<&ScaledTerm<'_>> = scaled_terms.iter().collect();
+            let found =
+                cost(&scaled_terms, &best(&scaled_terms, &candidates, &polynomial.ready()), &polynomial.ready()).score();
             assert_eq!(found, if tries_all { of_more } else { of_one_exchange });
             told_apart += usize::from(of_more < of_one_exchange);
         }

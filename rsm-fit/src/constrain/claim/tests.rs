@@ -193,7 +193,7 @@ fn curvature_is_asked_in_every_direction() {
         let (inputs, pieces) = (ranges.len(), pieces::all(&form.surface, &form.inputs));
         for (constraint, sign) in [(Constraint::Convex, 1.0), (Constraint::Concave, -1.0)] {
             let claims = form.claims(&[constraint]);
-            let (bent, kinks) = claims.split_at(inputs * pieces.len());
+            let (bent, slopes_across_knots) = claims.split_at(inputs * pieces.len());
             for (k, claim) in bent.iter().enumerate() {
                 let largest = k % inputs;
                 assert!(claim.sides[inputs..].iter().all(|side| (side.low, side.high) == (-1.0, 1.0)));
@@ -208,8 +208,8 @@ fn curvature_is_asked_in_every_direction() {
                 }
             }
             // A knot of each of two inputs: two borders each, of two pieces.
-            assert_eq!(kinks.len(), 2 * knots.len());
-            for claim in kinks {
+            assert_eq!(slopes_across_knots.len(), 2 * knots.len());
+            for claim in slopes_across_knots {
                 let point = drawn(claim, &mut random);
                 let (input, at) = *knots
                     .iter()

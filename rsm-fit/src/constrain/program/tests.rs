@@ -164,7 +164,7 @@ fn rows_of_one_normal_that_f64_cannot_tell_apart_end() {
         let largest = largest / 100.0;
         let (c, active) = polished(&rows, 2, guess.clone(), largest).unwrap_or_else(|| panic!("{asked:?} {guess:?}"));
         assert!(active.len() <= 2, "{active:?}");
-        assert!(rows.iter().all(|row| (row.distance - product(&row.normal, &c)).to_f64() <= MISSED * largest));
+        assert!(rows.iter().all(|row| (row.distance - product(&row.normal, &c)).to_f64() <= ALLOWED_VIOLATION * largest));
         let multipliers = Factor::of(&rows, &mut active.clone()).solved(active.iter().map(|k| rows[*k].distance));
         assert!(multipliers.iter().all(|multiplier| *multiplier >= Dd::ZERO));
         ended += 1;

@@ -94,7 +94,7 @@ impl Matrix {
     }
 
     /// Multiplies the diagonal by 1 plus a share.
-    pub(super) fn lift(&mut self, share: f64) {
+    pub(super) fn increase_diagonal(&mut self, share: f64) {
         for k in 0..self.size {
             self.entries[k * (self.size + 1)] *= 1.0 + share;
         }
@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn a_lift_is_a_share_of_every_number_on_the_diagonal() {
         let mut matrix = Matrix { size: 3, entries: (1..10).map(f64::from).collect() };
-        matrix.lift(0.5);
+        matrix.increase_diagonal(0.5);
         assert_eq!(matrix.entries, [1.5, 2.0, 3.0, 4.0, 7.5, 6.0, 7.0, 8.0, 13.5]);
         assert_eq!(matrix.scaled(2.0).entries[..3], [3.0, 4.0, 6.0]);
     }

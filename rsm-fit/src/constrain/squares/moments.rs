@@ -39,7 +39,7 @@ const SHORTER: f64 = 0.9;
 const SHORTEST: f64 = 1e-4;
 
 /// The relative increase of the diagonal of the equations, which keeps them positive definite in spite of rounding. Refinement removes its effect.
-const LIFT: f64 = 1e-14;
+const DIAGONAL_INCREASE: f64 = 1e-14;
 
 /// The number of refinements of the solution of the equations.
 const REFINEMENTS: usize = 2;
@@ -341,7 +341,7 @@ impl<'a> Equations<'a> {
     fn of(program: &'a Program, wanted: &'a [f64], x: &'a [Matrix], z: &'a [Matrix]) -> Option<Self> {
         let inverse = inverses(z)?;
         let mut equations = program.equations(x, &inverse);
-        equations.lift(LIFT);
+        equations.increase_diagonal(DIAGONAL_INCREASE);
         let factor = equations.factor()?;
         let unit = factor.solved(&program.unit);
         let mean = products(x, z) / x.iter().map(|x| x.size as f64).sum::<f64>();

@@ -118,7 +118,7 @@ impl Scaling {
                 let slope = normal * Interval::point(-self.halves[k]);
                 let middle = slope.low.midpoint(slope.high);
                 // |t_k| is at most 1, so the constant changes by at most this.
-                constant = constant + Interval::point(unsure(slope, middle));
+                constant = constant + Interval::point(slope_error(slope, middle));
                 if middle != 0.0 {
                     terms.push((monomial(&[k]), middle));
                 }
@@ -138,7 +138,7 @@ impl Scaling {
 }
 
 /// An upper bound of the difference between a slope and a number inside its enclosure.
-fn unsure(slope: Interval, middle: f64) -> f64 {
+fn slope_error(slope: Interval, middle: f64) -> f64 {
     (slope.high - middle).max(middle - slope.low).next_up()
 }
 

@@ -57,7 +57,7 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
     (request.progress)("judging the surfaces");
     let on = if request.truth.is_some() { "truth" } else { "extended plant" };
     let judge = request.truth.map_or_else(|| extended.clone(), |truth| usable(truth, &NEVER).0);
-    let (low, high) = asked(before, after)?;
+    let (low, high) = common_speeds(before, after)?;
     let within = |points: Vec<LimitPoint>| -> Vec<LimitPoint> {
         points.into_iter().filter(|point| (low..=high).contains(&point.speed)).collect()
     };
@@ -121,14 +121,14 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
 }
 
 /// The speeds at which both controllers evaluate their surfaces.
-fn asked(before: &Controller, after: &Controller) -> Result<(f64, f64), Refusal> {
+fn common_speeds(before: &Controller, after: &Controller) -> Result<(f64, f64), Refusal> {
     let [one, other] = [limit_points::speeds(&before.checked)?, limit_points::speeds(&after.checked)?];
     Ok((one[0].max(other[0]), one[1].min(other[1])))
 }
 
 /// The time of both controllers to the speed of a run-up. `None` if it is outside the range of the surfaces, or if one controller does not reach it.
 fn run_ups(judge: &PlantFile, before: &Controller, after: &Controller) -> Result<Option<[f64; 2]>, Refusal> {
-    let (_, high) = asked(before, after)?;
+    let (_, high) = common_speeds(before, after)?;
     if high < RUN_UP_SPEED {
         return Ok(None);
     }

@@ -259,9 +259,9 @@ fn directions_solve_their_equations() {
     let rows: f64 = x.iter().map(|x| x.size as f64).sum();
     assert_eq!((rows, equations.mean), (20.0, products(&x, &z) / 20.0));
     // The diagonal of the equations is lifted, and nothing else.
-    let mut lifted = program.equations(&x, &inverses(&z).unwrap());
-    lifted.lift(LIFT);
-    assert_eq!(equations.unit, lifted.factor().unwrap().solved(&program.unit));
+    let mut increased = program.equations(&x, &inverses(&z).unwrap());
+    increased.increase_diagonal(DIAGONAL_INCREASE);
+    assert_eq!(equations.unit, increased.factor().unwrap().solved(&program.unit));
     // What is left of the coefficients after a direction is what the lift and rounding leave: LIFT and 2^-52 times the condition of the equations.
     let near = |list: &[f64], what: &str| assert!(list.iter().all(|value| value.abs() < 1e-9), "{what}: {list:?}");
     for share in [0.0, 0.3] {

@@ -74,7 +74,7 @@ fn a_half_space_is_its_distance_and_what_rounding_may_add() {
         constant = constant - Interval::point(normal) * Interval::point(centre);
         let slope = Interval::point(normal) * Interval::point(-half);
         slopes.push(slope.low.midpoint(slope.high));
-        constant = constant + Interval::point(unsure(slope, slope.low.midpoint(slope.high)));
+        constant = constant + Interval::point(slope_error(slope, slope.low.midpoint(slope.high)));
     }
     assert_eq!(found, weight(&[([1, 0], slopes[0]), ([0, 1], slopes[1]), ([0, 0], constant.high)]));
     assert!((constant.high - 0.0).abs() < 1e-14 && (slopes[0] + 0.9).abs() < 1e-14 && (slopes[1] + 0.2).abs() < 1e-14);
@@ -84,7 +84,7 @@ fn a_half_space_is_its_distance_and_what_rounding_may_add() {
 fn a_slope_is_unsure_by_the_farther_end() {
     let [low, high] = [1.0_f64, 1.0_f64.next_up()];
     for middle in [low, high] {
-        assert_eq!(unsure(Interval::new(low, high), middle), f64::EPSILON.next_up());
+        assert_eq!(slope_error(Interval::new(low, high), middle), f64::EPSILON.next_up());
     }
 }
 

@@ -10,7 +10,7 @@ use crate::output::finite;
 pub(super) type Keys = Vec<(&'static str, Value)>;
 
 /// A cause.
-pub(super) struct Told<'a> {
+pub(super) struct CauseJson<'a> {
     /// The kind.
     pub(super) kind: &'a str,
     /// Where a reader of JSON looks for it: the response of a surface, with its subject.
@@ -29,7 +29,7 @@ pub(super) struct Told<'a> {
     pub(super) evidence: Keys,
 }
 
-impl Told<'_> {
+impl CauseJson<'_> {
     /// The cause as JSON.
     pub(super) fn value(self) -> Value {
         let mut one: Map<String, Value> = Map::new();
@@ -81,7 +81,7 @@ mod tests {
 
     #[test]
     fn a_cause_has_its_keys_in_one_order_and_null_for_what_is_no_number() {
-        let told = Told {
+        let cause_json = CauseJson {
             kind: "sensor-bias",
             place: vec![("output", json!("speed"))],
             numbers: vec![("bias".to_string(), number(1.0, f64::NEG_INFINITY, 2.0, "rad/s"))],
@@ -92,7 +92,7 @@ mod tests {
             evidence: vec![("rivals", rivals(&[("sensor-gain".to_string(), 3.0)]))],
         };
         assert_eq!(
-            told.value().to_string(),
+            cause_json.value().to_string(),
             r#"{"kind":"sensor-bias","output":"speed","parameters":{"bias":{"value":1.0,"low":null,"high":2.0,"unit":"rad/s"}},"confidence":0.5,"confidence_of_any":null,"indistinguishable_from":[],"rivals":[{"cause":"sensor-gain","behind":3.0}]}"#
         );
     }
