@@ -54,7 +54,7 @@ pub(super) fn refine(sample: &Sample, found: &mut Explained) {
     for it in &found.set {
         match it.kind {
             HypothesisKind::InputGain(input) => {
-                sensors[input].0 = (1.0 + start.coefficients[place]).clamp(LEAST_GAIN, 1.0 / LEAST_GAIN)
+                sensors[input].0 = (1.0 + start.coefficients[place]).clamp(LEAST_GAIN, 1.0 / LEAST_GAIN);
             }
             HypothesisKind::InputBias(input) => sensors[input].1 = start.coefficients[place],
             _ => {}
@@ -67,7 +67,7 @@ pub(super) fn refine(sample: &Sample, found: &mut Explained) {
         for it in &found.set {
             match it.kind {
                 HypothesisKind::InputGain(input) => {
-                    columns.push(space.in_whitened_space(&slope(sample, &sensors, input, (1e-4, 0.0))))
+                    columns.push(space.in_whitened_space(&slope(sample, &sensors, input, (1e-4, 0.0))));
                 }
                 HypothesisKind::InputBias(input) => {
                     let [low, high] = sample.inputs[input].range;

@@ -344,7 +344,7 @@ fn of_response(
     let say = |what: &str| (progress.borrow_mut())(&format!("{}: {what}", surface.name));
     say("looking for causes");
     let explained = explained_sample(&sample_of, alpha, &|percent| {
-        say(&format!("looking for causes, {percent} % of the work that is allowed"))
+        say(&format!("looking for causes, {percent} % of the work that is allowed"));
     });
     let (threshold_p_structure, is_structure_left) = (explained.threshold_p_structure(), explained.is_structure_left());
     let ExplainedSample { sample, hypotheses, thresholds, found, estimates, tests, stopped } = explained;
