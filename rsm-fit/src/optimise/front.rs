@@ -165,7 +165,7 @@ impl Tracer<'_> {
         let responses = self.search.surfaces.responses(coded);
         let group = |((pieces, other), spread): ((Vec<Piece>, &f64), &f64)| {
             let weight = if *other > 0.0 { SUM } else { 1.0 };
-            Group { weight, pieces: pieces.into_iter().map(|piece| scaled(piece, 0.0, *spread)).collect() }
+            Group { weight, pieces: pieces.iter().map(|piece| scaled(piece, 0.0, *spread)).collect() }
         };
         let losses = self.losses(&responses).into_iter().zip(direction).zip(spreads);
         losses.map(group).chain(self.search.limits.penalties(coded, &responses, penalty)).collect()
@@ -177,8 +177,8 @@ impl Tracer<'_> {
         let mut largest = Group { weight: 1.0, pieces: Vec::new() };
         let mut groups = Vec::new();
         for (k, pieces) in self.losses(&responses).into_iter().enumerate() {
-            let far: Vec<Piece> = pieces.into_iter().map(|piece| scaled(piece, ideal[k], ranges[k])).collect();
-            largest.pieces.extend(far.iter().map(|piece| scaled(piece.clone(), 0.0, direction[k].max(LEAST_WEIGHT))));
+            let far: Vec<Piece> = pieces.iter().map(|piece| scaled(piece, ideal[k], ranges[k])).collect();
+            largest.pieces.extend(far.iter().map(|piece| scaled(piece, 0.0, direction[k].max(LEAST_WEIGHT))));
             groups.push(Group { weight: SUM, pieces: far });
         }
         groups.push(largest);
@@ -212,7 +212,7 @@ impl Tracer<'_> {
 }
 
 /// (piece - from)/scale.
-fn scaled(piece: Piece, from: f64, scale: f64) -> Piece {
+fn scaled(piece: &Piece, from: f64, scale: f64) -> Piece {
     Piece { value: (piece.value - from) / scale, gradient: piece.gradient.iter().map(|g| g / scale).collect() }
 }
 
