@@ -1,5 +1,6 @@
 //! Nanoseconds per evaluation of the six surfaces, by criterion: latency of a dependent chain and throughput, in f64 and f32, of the interpreter, the
-//! emitted Rust, the emitted C without and with clamping, and hand-written nested Horner in C. Without the file of the surfaces it says so and times nothing.
+//! emitted Rust, the emitted C without and with clamping, and hand-written nested Horner in C. Without the file of the surfaces it says so and times
+//! nothing.
 
 use std::cell::RefCell;
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! The emitted C costs exactly what `instructions.txt` says, the same for every input, and no more than hand-written nested Horner and one copy of a register.
+//! The emitted C costs exactly what `instructions.txt` says, the same for every input, and no more than hand-written nested Horner and one copy of a
+//! register.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,14 +12,14 @@ use rsm_core::model::Outside;
 use rsm_core::number::Precision;
 use rsm_core::{compile, emit};
 
-/// What hand-written nested Horner takes, measured with the peers' benchmark (gcc 12.2 -O2, baseline x86-64). There gcc does not inline the two largest
-/// into their entry, which costs them a jump; here it does, so they are to be counted one lower.
+/// What hand-written nested Horner takes, measured with the peers' benchmark (gcc 12.2 -O2, baseline x86-64). There gcc does not inline the two
+/// largest into their entry, which costs them a jump; here it does, so they are to be counted one lower.
 const HORNER: [(&str, u64, u64); 6] =
     [("S1", 20, 20), ("S2", 20, 20), ("S3", 35, 35), ("S4", 68, 68), ("S5", 99, 98), ("S6", 144, 143)];
 
-/// The barrier that keeps the bits inside a vectorised loop is an empty asm on a product's register, and hand-written Horner has none. Without
-/// AVX an operation overwrites an operand, and gcc copies the register once where the product is read twice or the barrier keeps an operand from memory: S1 to
-/// S3 take one instruction more than by hand, the others none.
+/// The barrier that keeps the bits inside a vectorised loop is an empty asm on a product's register, and hand-written Horner has none. Without AVX an
+/// operation overwrites an operand, and gcc copies the register once where the product is read twice or the barrier keeps an operand from memory: S1
+/// to S3 take one instruction more than by hand, the others none.
 const BARRIER_COPIES: u64 = 1;
 
 /// The evaluators that are checked in, and the six surfaces of the peers in three variants.

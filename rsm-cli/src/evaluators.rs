@@ -10,8 +10,8 @@ use rsm_core::{compile, emit, model_file};
 
 use crate::outcome::Refusal;
 
-/// The model file in a folder and its evaluators in `emitted` below it, in every precision that can represent the model; and the unit that they are printed from.
-/// A compensator without a proof of stability is refused.
+/// The model file in a folder and its evaluators in `emitted` below it, in every precision that can represent the model; and the unit that they are
+/// printed from. A compensator without a proof of stability is refused.
 pub fn files(checked: &Checked, folder: &Path) -> Result<(Unit, Vec<(PathBuf, String)>), Refusal> {
     let unit = compile::unit(checked, &[])?;
     let (c, rust) = (emit::c::emit(&unit), emit::rust::emit(&unit));

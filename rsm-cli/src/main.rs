@@ -1,7 +1,7 @@
 //! The command `rsm`: arguments, progress, reports and plots. No mathematics of its own.
 //!
-//! Every subcommand: `--json` prints one JSON object on standard output and nothing else there; words go to standard error. Exit status 0:
-//! done; 1: done, and the answer is negative; 2: bad usage or bad input. A reader that closes a stream early (`| head`) does not change the exit status.
+//! Every subcommand: `--json` prints one JSON object on standard output and nothing else there; words go to standard error. Exit status 0: done; 1:
+//! done, and the answer is negative; 2: bad usage or bad input. A reader that closes a stream early (`| head`) does not change the exit status.
 
 // Both panic if the reader has closed the stream; use the functions of `output`.
 #![deny(clippy::print_stdout, clippy::print_stderr)]

@@ -24,8 +24,8 @@ static WRITTEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 /// on the disk. A symbolic link is kept, and the file that it names is replaced. A pipe or a device is written directly.
 ///
 /// # Errors
-/// A file that cannot be written, and a file that this process has read, under any of its names. An existing file of another kind is replaced only with
-/// `--force`.
+/// A file that cannot be written, and a file that this process has read, under any of its names. An existing file of another kind is replaced only
+/// with `--force`.
 pub fn write_all(files: &[(PathBuf, impl AsRef<[u8]>)]) -> Result<(), Refusal> {
     for (path, bytes) in files {
         refuse(path, bytes.as_ref())?;
@@ -162,8 +162,8 @@ pub fn line(text: &str) -> Result<(), Refusal> {
     }
 }
 
-/// Prints a message on standard error. The reader may have closed it (`2>&1 | head`). This is not an error and does not stop the program, because the files
-/// and the exit status are still needed. `eprintln!` would panic.
+/// Prints a message on standard error. The reader may have closed it (`2>&1 | head`). This is not an error and does not stop the program, because the
+/// files and the exit status are still needed. `eprintln!` would panic.
 pub fn tell(words: std::fmt::Arguments<'_>) {
     let _ = std::io::stderr().write_fmt(words);
 }

@@ -1,7 +1,7 @@
 //! Decides whether an output may replace an existing file.
 //!
-//! In: the text of the existing file, the new text. Out: yes if both are of one kind that rsm writes. Otherwise only `--force` replaces the file. There is no
-//! list of files written in earlier runs: the kind is recognised from the text.
+//! In: the text of the existing file, the new text. Out: yes if both are of one kind that rsm writes. Otherwise only `--force` replaces the file.
+//! There is no list of files written in earlier runs: the kind is recognised from the text.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

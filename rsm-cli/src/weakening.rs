@@ -65,7 +65,8 @@ pub fn measure(plant: &PlantFile, bench: &Bench, settings: &[Setting], specifica
     Ok(Measured { outcomes, fitted, files })
 }
 
-/// Bench and specification for a motor: the shipped ones, their ranges in proportion to its torque, current and base speed. For the shipped motor they are the shipped ones.
+/// Bench and specification for a motor: the shipped ones, their ranges in proportion to its torque, current and base speed. For the shipped motor
+/// they are the shipped ones.
 pub fn for_motor(plant: &PlantFile) -> (Bench, String) {
     let known = Drive::default().known(plant);
     let current = known.current_limit;
@@ -99,7 +100,8 @@ mod tests {
         let (bench, specification) = for_motor(&plant);
         assert_eq!(bench, Bench::default());
         assert_eq!(specification, FIT.replace("# 60 A", ""));
-        // Half the flux, no resistance: the base speed is V/(p sqrt(lambda^2 + (L I)^2)) = 148.09/(4 sqrt(0.03^2 + 0.054^2)) = 599.3 rad/s; of it 440/447.5.
+        // Half the flux, no resistance: the base speed is V/(p sqrt(lambda^2 + (L I)^2)) = 148.09/(4 sqrt(0.03^2 + 0.054^2)) = 599.3 rad/s; of it
+        // 440/447.5.
         let text = text
             .replace("flux_linkage = 0.06", "flux_linkage = 0.03")
             .replace("phase_resistance = 0.08", "phase_resistance = 0.0");

@@ -1,6 +1,8 @@
-//! Measured data as records that `rsm diagnose` reads, how well a free run follows the measured axis, and what repeats with the rotation of the measured outrunner.
+//! Measured data as records that `rsm diagnose` reads, how well a free run follows the measured axis, and what repeats with the rotation of the
+//! measured outrunner.
 //!
-//! In: the folder of the measured data and one to write to. Out: records as CSV, amplitudes over the order of rotation as CSV and as drawings; errors and the largest waves as text.
+//! In: the folder of the measured data and one to write to. Out: records as CSV, amplitudes over the order of rotation as CSV and as drawings; errors
+//! and the largest waves as text.
 //!
 //!     cargo run --release -p rsm-diagnose --example measured -- ../shared/data FOLDER
 
@@ -89,8 +91,8 @@ fn axis(data: &Path, out: &Path) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// From the recorded command to the position, fitted to the training record: root mean square errors of the position. Small forces add up: a newton that lasts moves the axis by millimetres
-/// in seconds.
+/// From the recorded command to the position, fitted to the training record: root mean square errors of the position. Small forces add up: a newton
+/// that lasts moves the axis by millimetres in seconds.
 fn axis_in_open_loop(data: &Path) -> Result<(), Box<dyn Error>> {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants/emps-open.toml");
     let file = PlantFile::read(&Source::read(&file)?)?;

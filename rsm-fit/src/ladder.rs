@@ -7,10 +7,10 @@
 //! C = 100 - 100 SS_lof / SS_y,   SS_lof = sum n_i (ybar_i - yhat_i)^2 (14),   SS_y = sum n_i ybar_i^2 (15)
 //! ```
 //!
-//! reaches the required value, with the fewest regressors possible. Here, on each rung (order), the term that reduces the residual of the fitted rows most is added, until
-//! none is left; then the next order begins. The judge determines the end: the first model that reaches C (and, if the judge knows the spread about
-//! the mean, the same C about the mean), otherwise the one with the smallest error. If C is reached, terms are removed one at a time while it still
-//! is, and two terms are exchanged for one where that is possible.
+//! reaches the required value, with the fewest regressors possible. Here, on each rung (order), the term that reduces the residual of the fitted rows
+//! most is added, until none is left; then the next order begins. The judge determines the end: the first model that reaches C (and, if the judge
+//! knows the spread about the mean, the same C about the mean), otherwise the one with the smallest error. If C is reached, terms are removed one at
+//! a time while it still is, and two terms are exchanged for one where that is possible.
 //!
 //! The judge does not select the terms of the climb, because it has few rows and there are many candidates. With 5 inputs, 60 rows (18 of them for
 //! the judge), order 4 and noise as large as the signal, selection by the judge gave a true error of 1.56 times the noise, selection by the fitted

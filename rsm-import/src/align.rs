@@ -1,12 +1,13 @@
 //! Aligns the clocks of two loggers: the offset and the rate of the second one, from a signal that both have.
 //!
-//! In: the samples of one signal in both files. Out: offset and rate of t_first = t_second + offset + rate (t_second - middle), each with a 95 % interval; or a sentence that says why
-//! there is no result: the signals are not correlated, or they agree as well at another offset (a periodic signal).
+//! In: the samples of one signal in both files. Out: offset and rate of t_first = t_second + offset + rate (t_second - middle), each with a 95 %
+//! interval; or a sentence that says why there is no result: the signals are not correlated, or they agree as well at another offset (a periodic
+//! signal).
 //!
-//! Method: both signals are averaged over cells. The normalised cross-correlation over every lag gives a first offset. Then first = bias + gain second(offset, rate) is estimated with
-//! instrumental variables, each time on cells half as wide, down to the sampling. The width with the shortest interval gives the result. Both signals pass the same symmetric filter, so it shifts
-//! neither. The intervals come from the scores of 30 blocks of the residuals (batch means: Law and Kelton, "Simulation Modeling and Analysis"), since neighbouring
-//! residuals are not independent.
+//! Method: both signals are averaged over cells. The normalised cross-correlation over every lag gives a first offset. Then first = bias + gain
+//! second(offset, rate) is estimated with instrumental variables, each time on cells half as wide, down to the sampling. The width with the shortest
+//! interval gives the result. Both signals pass the same symmetric filter, so it shifts neither. The intervals come from the scores of 30 blocks of
+//! the residuals (batch means: Law and Kelton, "Simulation Modeling and Analysis"), since neighbouring residuals are not independent.
 
 use nalgebra::{Matrix4, Vector4};
 
@@ -246,9 +247,9 @@ fn search(first: &Cells, second: &Cells) -> Option<Found> {
 
 /// A point at which both signals have a value: the residual, its derivatives by offset, rate, gain and bias, and its instruments.
 ///
-/// The instrument of a derivative is the slope of the other signal. Its noise is independent of the noise of the derivative, because the loggers are independent. Least squares would treat the noise of a slope as
-/// signal. Its offsets would be too near to the first guess, and its intervals too short (instrumental variables:
-/// Soderstrom and Stoica, "System Identification", ch. 8).
+/// The instrument of a derivative is the slope of the other signal. Its noise is independent of the noise of the derivative, because the loggers are
+/// independent. Least squares would treat the noise of a slope as signal. Its offsets would be too near to the first guess, and its intervals too
+/// short (instrumental variables: Soderstrom and Stoica, "System Identification", ch. 8).
 struct Point {
     residual: f64,
     derivatives: Vector4<f64>,

@@ -1,15 +1,16 @@
 //! The times of a record: times of day and dates as seconds, rounded clocks, jitter, gaps, and the constant period.
 //!
 //! In: the times of the rows as the logger wrote them. Out: the rows that are kept, their times, and what was found. Three faults are distinguished:
-//! a *rounded* clock (steps of 0, 1 and 2 ms although the rows are uniform: the times differ from a straight line by at most half a unit of the last decimal), *jitter* (the rows
-//! themselves are not uniform), and *gaps* (missing rows).
+//! a *rounded* clock (steps of 0, 1 and 2 ms although the rows are uniform: the times differ from a straight line by at most half a unit of the last
+//! decimal), *jitter* (the rows themselves are not uniform), and *gaps* (missing rows).
 
 use rsm_core::number::decimal;
 
 /// Jitter up to this share of the period is left as it is: a record may have it (docs/book/src/reference/plants.md 1.2).
 const JITTER: f64 = 0.01;
 
-/// A longer step than this many periods is a gap. In a uniform record one missing row is a gap. With jitter a step of two periods may be one late row.
+/// A longer step than this many periods is a gap. In a uniform record one missing row is a gap. With jitter a step of two periods may be one late
+/// row.
 const GAP_OF_UNIFORM: f64 = 1.5;
 const GAP_WITH_JITTER: f64 = 3.0;
 
@@ -63,7 +64,8 @@ impl Clock {
             notes.push(format!("{} rows in which time goes back are left out, the first from {from} s to {to} s", back.len()));
         }
         let as_read = Clock::steady(rows.clone(), times.clone(), GAP_OF_UNIFORM);
-        // Steps of 1 and 2 ms are lost rows or a rounded period of 1.25 ms. With rows that are lost at random, the times are not on one straight line.
+        // Steps of 1 and 2 ms are lost rows or a rounded period of 1.25 ms. With rows that are lost at random, the times are not on one straight
+        // line.
         let is_clear = as_read.is_uniform && as_read.gaps.len() <= FEW_GAPS;
         let mut clock = match (!is_clear).then(|| rounded(&times)).flatten() {
             None if as_read.is_uniform => as_read,

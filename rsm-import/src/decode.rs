@@ -1,8 +1,8 @@
 //! Bytes to text: which encoding a table is written in.
 //!
 //! In: the bytes of a file. Out: its text and the name of the encoding. A byte order mark decides; else text that is valid UTF-8 is UTF-8; else it is
-//! Windows-1252, of which Latin-1 is a part: every byte means something there, so nothing is refused. Text without a mark in which every second byte is
-//! 0 is UTF-16.
+//! Windows-1252, of which Latin-1 is a part: every byte means something there, so nothing is refused. Text without a mark in which every second byte
+//! is 0 is UTF-16.
 
 use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 

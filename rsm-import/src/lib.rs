@@ -1,8 +1,8 @@
 //! Records of other tools, made into records that `rsm` reads.
 //!
 //! In: the bytes of one file or more (tables in any usual encoding and separator, MAT files) and what the user says of their columns. Out: one table
-//! with units at a constant period, and notes in words about everything that was done; or every fault. A value that is not interpolated keeps its bits.
-//! Units, times and offsets come from the files or from the user. If the program estimates one of them, the notes say so.
+//! with units at a constant period, and notes in words about everything that was done; or every fault. A value that is not interpolated keeps its
+//! bits. Units, times and offsets come from the files or from the user. If the program estimates one of them, the notes say so.
 //!
 //! ```
 //! use rsm_import::{File, Wishes, import};

@@ -1,8 +1,9 @@
 //! MAT files of version 5 (and 6 and 7, which are the same format): what is an array of numbers becomes columns.
 //!
-//! Source: The MathWorks, "MAT-File Format" (data elements, tags, small elements, `miMATRIX`, `miCOMPRESSED`). A field `b` of a structure `a` is the column
-//! `a.b`; columns of a matrix `m` are `m_1`, `m_2`, ...; a structure with `values` and `label` (as Simulink logs) gives a column of the label's name. Objects
-//! (timeseries, timetable, table) are not described in that document; they are named in the notes. No input makes this reader panic or read past its end.
+//! Source: The MathWorks, "MAT-File Format" (data elements, tags, small elements, `miMATRIX`, `miCOMPRESSED`). A field `b` of a structure `a` is the
+//! column `a.b`; columns of a matrix `m` are `m_1`, `m_2`, ...; a structure with `values` and `label` (as Simulink logs) gives a column of the
+//! label's name. Objects (timeseries, timetable, table) are not described in that document; they are named in the notes. No input makes this reader
+//! panic or read past its end.
 
 use std::io::Read as _;
 

@@ -1,7 +1,7 @@
 //! MAT files of version 7.3, which are HDF5: arrays of numbers become columns.
 //!
-//! A structure is a group, a variable a dataset whose attribute `MATLAB_class` says what it is (The MathWorks, "MAT-File Versions"). HDF5 names the slowest
-//! dimension first, MATLAB the fastest: the last dimension is the rows. Cells and objects are references, and are named in the notes.
+//! A structure is a group, a variable a dataset whose attribute `MATLAB_class` says what it is (The MathWorks, "MAT-File Versions"). HDF5 names the
+//! slowest dimension first, MATLAB the fastest: the last dimension is the rows. Cells and objects are references, and are named in the notes.
 
 use hdf5_pure::{AttrValue, DType, Dataset, File, Group};
 use rsm_core::source::{Fault, Faults};

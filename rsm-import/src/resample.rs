@@ -1,8 +1,8 @@
 //! Resamples a column to other times.
 //!
-//! The rule: linear interpolation between the sample before and the sample after. A column that holds its value (a command, a gear) takes that of the sample before.
-//! There is no value before the first sample, after the last one, and between two that are more than three of the column's usual steps apart. Nothing is
-//! filtered: interpolation reduces the variance of noise by up to a half, and signals above half the new sampling rate are aliased.
+//! The rule: linear interpolation between the sample before and the sample after. A column that holds its value (a command, a gear) takes that of the
+//! sample before. There is no value before the first sample, after the last one, and between two that are more than three of the column's usual steps
+//! apart. Nothing is filtered: interpolation reduces the variance of noise by up to a half, and signals above half the new sampling rate are aliased.
 
 /// Between two samples that are more than this many usual steps apart there is no value: jitter is never larger (`clock.rs`).
 const FARTHEST: f64 = 3.0;

@@ -1,6 +1,7 @@
 //! The sides of a loop in lock-step on HELICS.
 //!
-//! In: the library, the roles in this process, and the address of the broker. Out: a table and the figures of each role. Simulated time advances when all roles have done their part of a millisecond:
+//! In: the library, the roles in this process, and the address of the broker. Out: a table and the figures of each role. Simulated time advances when
+//! all roles have done their part of a millisecond:
 //!
 //! ```text
 //!   k ms          plant: receives command k - 1, sends sample k, moves for a millisecond
@@ -8,8 +9,8 @@
 //!   k ms + 0.75   recorder: receives both
 //! ```
 //!
-//! Every vector begins with the number of its tick. A wrong number is an error, so no wrong record is written. The library notices most lost processes after 2 s. In all other cases a role
-//! ends when it has received nothing for the time [`Settings::silence`].
+//! Every vector begins with the number of its tick. A wrong number is an error, so no wrong record is written. The library notices most lost
+//! processes after 2 s. In all other cases a role ends when it has received nothing for the time [`Settings::silence`].
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -80,8 +81,8 @@ impl Shared {
     }
 }
 
-/// Runs roles until all have ended. Each role has its own thread and its own connection to the broker. If one of them was lost, threads may still be blocked in the library. Then
-/// end the process by [`crate::helics::exit_without_destructors`] after the tables are written.
+/// Runs roles until all have ended. Each role has its own thread and its own connection to the broker. If one of them was lost, threads may still be
+/// blocked in the library. Then end the process by [`crate::helics::exit_without_destructors`] after the tables are written.
 #[must_use]
 pub fn run(library: &'static Library, roles: &[Role], settings: &Settings) -> Vec<Done> {
     let watched: Vec<_> = roles.iter().map(|role| start(library, *role, settings)).collect();
@@ -161,8 +162,9 @@ fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, settings: &Setti
     done
 }
 
-/// Runs a broker until this many federates have ended, or until one of their processes has ended and the library does not notice. `begins` is called when all have joined. When this function returns, the library may still wait for
-/// a process: end this process by [`crate::helics::exit_without_destructors`].
+/// Runs a broker until this many federates have ended, or until one of their processes has ended and the library does not notice. `begins` is called
+/// when all have joined. When this function returns, the library may still wait for a process: end this process by
+/// [`crate::helics::exit_without_destructors`].
 ///
 /// # Errors
 /// It cannot listen; not all have joined in time.
@@ -174,7 +176,8 @@ pub fn broker(library: &'static Library, federates: usize, settings: &Settings, 
     while !broker.ended_within(Duration::from_millis(200))? {
         if let Some(report) = begins.take_if(|_| broker.has_begun()) {
             report();
-            // Asked only once: for the library every query counts as activity, and more queries would keep it from noticing lost processes. Only with shared memory is it certain that the processes are on this host.
+            // Asked only once: for the library every query counts as activity, and more queries would keep it from noticing lost processes. Only with
+            // shared memory is it certain that the processes are on this host.
             processes = if settings.core == Core::Ipc { broker.processes() } else { Vec::new() };
         }
         if processes.iter().any(|it| peers::is_gone(*it)) {
@@ -238,7 +241,8 @@ fn join(library: &'static Library, role: Role, settings: &Settings) -> Result<(F
     Ok((federate, ends))
 }
 
-/// Waits until something listens at the broker's address. The library would wait too, but it prints every refused connection on the terminal, and after a request that is a moment too early it waits 2 s.
+/// Waits until something listens at the broker's address. The library would wait too, but it prints every refused connection on the terminal, and
+/// after a request that is a moment too early it waits 2 s.
 fn await_port(broker: &Address, until: Instant) -> Result<(), String> {
     use std::net::{TcpStream, ToSocketAddrs as _};
     let mut why = String::from("this name has no address");

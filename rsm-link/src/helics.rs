@@ -1,7 +1,7 @@
 //! The part of HELICS that lock-step needs, behind safe functions.
 //!
-//! In: a library in C (`libhelics`, version 3), loaded at run time. Out: brokers and federates that publish and read vectors of numbers. Every error of the library is returned
-//! with the text of the library. This file has all calls into foreign code.
+//! In: a library in C (`libhelics`, version 3), loaded at run time. Out: brokers and federates that publish and read vectors of numbers. Every error
+//! of the library is returned with the text of the library. This file has all calls into foreign code.
 //!
 //! The names and numbers are those of the public header `helics_api.h` of HELICS 3.6.1.
 #![allow(unsafe_code)]
@@ -168,7 +168,8 @@ impl std::fmt::Display for Address {
     }
 }
 
-/// The heartbeat. A broker or a federate that has received nothing for two of these asks whether the others are alive, and gives up after two more. So lost peers are noticed after about 2 s. With the library's default of 5 s it would be 20 s.
+/// The heartbeat. A broker or a federate that has received nothing for two of these asks whether the others are alive, and gives up after two more.
+/// So lost peers are noticed after about 2 s. With the library's default of 5 s it would be 20 s.
 const HEARTBEAT: &str = "--tick=500ms";
 
 /// The library, loaded.
@@ -203,7 +204,8 @@ fn candidates(asked: Option<&Path>) -> Vec<PathBuf> {
 static LOADED: AtomicBool = AtomicBool::new(false);
 
 impl Library {
-    /// Loads the library: `asked` (a file or a folder), else the one that the variable [`VARIABLE`] names, else the one that the system finds by name. It stays loaded until the process ends.
+    /// Loads the library: `asked` (a file or a folder), else the one that the variable [`VARIABLE`] names, else the one that the system finds by
+    /// name. It stays loaded until the process ends.
     ///
     /// # Errors
     /// The file is missing or is not this library. The text says what was looked for and how to get it.
@@ -290,7 +292,8 @@ impl Library {
         let made = (|| {
             checked!(functions.set_core_type, info, text(core.name()).as_ptr())?;
             checked!(functions.set_core_init, info, options.as_ptr())?;
-            // Without a name the library puts a federate into any core of this process that accepts one, even a core for a single federate that already asks to begin. The federation may then never begin.
+            // Without a name the library puts a federate into any core of this process that accepts one, even a core for a single federate that
+            // already asks to begin. The federation may then never begin.
             checked!(functions.set_core_name, info, text(&core_name).as_ptr())?;
             checked!(functions.set_flag, info, UNINTERRUPTIBLE, TRUE)?;
             checked!(functions.set_flag, info, TERMINATE_ON_ERROR, TRUE)?;
@@ -453,8 +456,8 @@ impl Federate {
 
 /// Ends the process immediately if a library of HELICS was loaded, else does nothing. Write all files before.
 ///
-/// At an ordinary end the destructors of the library run while its threads still run. Some runs then end by a signal, even after all their work is done. After an
-/// error the destructors may wait for a lost peer (libhelics 3.6.1).
+/// At an ordinary end the destructors of the library run while its threads still run. Some runs then end by a signal, even after all their work is
+/// done. After an error the destructors may wait for a lost peer (libhelics 3.6.1).
 pub fn exit_without_destructors(status: u8) {
     unsafe extern "C" {
         fn _exit(status: c_int) -> !;

@@ -1,7 +1,8 @@
 //! The sides of both loops as functions of the data from the other side.
 //!
-//! In: a run (number of ticks, load on the shaft), and a way to exchange a sample for a command. Out: tables. A sample has the sensor readings at the start of tick k; the
-//! command that acts in tick k answers sample k - 1, on every way that joins the sides. [`alone`] connects them in one process; it is the reference for all other ways.
+//! In: a run (number of ticks, load on the shaft), and a way to exchange a sample for a command. Out: tables. A sample has the sensor readings at the
+//! start of tick k; the command that acts in tick k answers sample k - 1, on every way that joins the sides. [`alone`] connects them in one process;
+//! it is the reference for all other ways.
 
 use host_runners::{motor, throttle};
 use rsm_sim::kind::Signal;
@@ -315,7 +316,8 @@ impl Step {
     }
 }
 
-/// Both sides in one process, without a clock: the tables of the plant, and of the samples and commands, which are those of the step's side and of a recorder.
+/// Both sides in one process, without a clock: the tables of the plant, and of the samples and commands, which are those of the step's side and of a
+/// recorder.
 ///
 /// ```
 /// use rsm_link::loops::{Loop, Run, alone};

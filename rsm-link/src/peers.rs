@@ -1,12 +1,13 @@
 //! Checks whether the processes of a federation in shared memory are still running.
 //!
-//! In: the library's data about the cores of a broker. Out: their processes, and whether one of them is gone. A process that is killed while it holds the lock of a queue in shared memory leaves it locked:
-//! the broker then receives no messages and no heartbeats, and would never end.
+//! In: the library's data about the cores of a broker. Out: their processes, and whether one of them is gone. A process that is killed while it holds
+//! the lock of a queue in shared memory leaves it locked: the broker then receives no messages and no heartbeats, and would never end.
 
 /// What stands in the name of a core before the number of its process.
 const BEFORE: &str = "-core-";
 
-/// The name of the core of a federate in this process. A federation has each name once; the process keeps apart what a killed one has left in shared memory.
+/// The name of the core of a federate in this process. A federation has each name once; the process keeps apart what a killed one has left in shared
+/// memory.
 pub(crate) fn core_name(federate: &str) -> String {
     format!("{federate}{BEFORE}{}", std::process::id())
 }

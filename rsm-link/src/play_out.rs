@@ -1,7 +1,8 @@
 //! The play-out buffer between a network and a loop: values that arrive with jitter are delayed and played out at a constant rate.
 //!
-//! In: numbered values as they arrive. Out: one for each tick: the value of that tick, or the last one held, or the safe state. Datagram k is played at a fixed time: the time at which the fastest datagram
-//! would have brought it, plus the length of the buffer. So smaller delays have no influence. The buffer has no sockets and no clock.
+//! In: numbered values as they arrive. Out: one for each tick: the value of that tick, or the last one held, or the safe state. Datagram k is played
+//! at a fixed time: the time at which the fastest datagram would have brought it, plus the length of the buffer. So smaller delays have no influence.
+//! The buffer has no sockets and no clock.
 //!
 //! ```
 //! use rsm_link::play_out::{PlayOut, Played};

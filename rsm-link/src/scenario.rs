@@ -1,6 +1,7 @@
 //! The scenario of a co-simulation: roles, processes and hosts.
 //!
-//! In: TOML. Out: a [`Scenario`] in which both sides of every loop take part, each role once, or faults with line and column. No process is started here: [`Scenario::commands`] gives the commands.
+//! In: TOML. Out: a [`Scenario`] in which both sides of every loop take part, each role once, or faults with line and column. No process is started
+//! here: [`Scenario::commands`] gives the commands.
 //!
 //! ```
 //! use rsm_core::source::Source;

@@ -1,12 +1,14 @@
 //! One side of a loop in real time, connected to the other side by UDP, for hardware in the loop.
 //!
-//! In: the side, its address and the address of the other side, a key, the length of the play-out buffer. Out: a table and counts. No side waits: each tick takes the value that the buffer
-//! plays and sends its own. For a missing value, the last one is held ([`Settings::hold`]), then the safe state applies:
+//! In: the side, its address and the address of the other side, a key, the length of the play-out buffer. Out: a table and counts. No side waits:
+//! each tick takes the value that the buffer plays and sends its own. For a missing value, the last one is held ([`Settings::hold`]), then the safe
+//! state applies:
 //!
 //! - the motor's plant sets its torque reference to zero and keeps the weakening current, the car closes its throttle;
 //! - a step gets an invalid sample, and treats it like a bad sample of a sensor.
 //!
-//! Both sides send hello datagrams until each has received one, so the order of start does not matter. After [`Settings::silence`] without a datagram the peer counts as lost.
+//! Both sides send hello datagrams until each has received one, so the order of start does not matter. After [`Settings::silence`] without a datagram
+//! the peer counts as lost.
 
 use std::net::{SocketAddr, ToSocketAddrs as _, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};

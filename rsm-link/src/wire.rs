@@ -1,7 +1,7 @@
 //! The datagram format: number, time stamp, hash of the model, values, and a keyed message authentication code.
 //!
-//! In: a [`Datagram`] and a [`Key`]. Out: bytes, and back. A datagram that was changed, or comes from a sender without the key, from another model or from the wrong side, is [`Rejected`];
-//! it is discarded. All numbers are little-endian; a value keeps its bits, NaN too.
+//! In: a [`Datagram`] and a [`Key`]. Out: bytes, and back. A datagram that was changed, or comes from a sender without the key, from another model or
+//! from the wrong side, is [`Rejected`]; it is discarded. All numbers are little-endian; a value keeps its bits, NaN too.
 //!
 //! ```text
 //!   0   "RSM" 1      4   kind, side, count of values, 0    8   hash of the model (16)
@@ -10,7 +10,8 @@
 //!   72  values (8 each)                                    then HMAC-SHA-256 of all before, its first 16 bytes
 //! ```
 //!
-//! A session is a random number of each run. A datagram is valid only if it names the session of its receiver, so recorded datagrams of an older run are rejected.
+//! A session is a random number of each run. A datagram is valid only if it names the session of its receiver, so recorded datagrams of an older run
+//! are rejected.
 
 use hmac::{Hmac, KeyInit as _, Mac as _};
 use sha2::{Digest as _, Sha256};

@@ -7,7 +7,8 @@ use rsm_core::number::Precision;
 use syn::parse::{Parse, ParseStream};
 use syn::{Ident, LitBool, LitStr, Token};
 
-/// `"path"`, then `precision = "f64" | "f32" | "both"`, `gradient = true`, `inside = true` and `once = "current, ..."`, in any order, each at most once.
+/// `"path"`, then `precision = "f64" | "f32" | "both"`, `gradient = true`, `inside = true` and `once = "current, ..."`, in any order, each at most
+/// once.
 pub(crate) struct Arguments {
     pub(crate) path: LitStr,
     /// Empty: every precision that can hold the model.

@@ -1,8 +1,9 @@
 //! `include_model!`: a coefficient file becomes a module of evaluators at compile time.
 //!
-//! In: the path of a model file, relative to the folder of the package's `Cargo.toml`, and a precision. Out: `pub mod <model> { ... }` with the text that
-//! `rsm emit --lang rust` and build.rs give too, since all three call one function of `rsm-core`. A fault in the file is a compile error under the
-//! path, with the file's line and column in its text. Knows nothing of coefficients: it parses its arguments, calls, and says where the error stands.
+//! In: the path of a model file, relative to the folder of the package's `Cargo.toml`, and a precision. Out: `pub mod <model> { ... }` with the text
+//! that `rsm emit --lang rust` and build.rs give too, since all three call one function of `rsm-core`. A fault in the file is a compile error under
+//! the path, with the file's line and column in its text. Knows nothing of coefficients: it parses its arguments, calls, and says where the error
+//! stands.
 //!
 //! ```text
 //! include_model!("models/pmac.toml");                       // every precision that can hold the model

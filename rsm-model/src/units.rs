@@ -1,6 +1,7 @@
 //! Checks the units of every equation.
 //!
-//! In: a flat system. Out: how many equations were checked, or a fault for each sum, comparison, argument or equation whose parts have different units.
+//! In: a flat system. Out: how many equations were checked, or a fault for each sum, comparison, argument or equation whose parts have different
+//! units.
 //!
 //! A variable without a unit matches every unit, and results computed from it are not checked. A number in a sum or a comparison matches every unit
 //! too: in `T - 293.15` it has the unit of `T`. In a product, a multiple of 1/4 up to 16 is a pure number, as in `0.5*m*v^2`. Any other number may

@@ -5,8 +5,8 @@
 use rsm_sim::effect::Subject;
 use rsm_sim::plant_file::PlantFile;
 
-/// A plant in a form that an experiment can use. Errors of parameters become the parameters, because a drive gets the corrected parameters after a diagnosis. Effects that an experiment cannot have are
-/// left out, and named.
+/// A plant in a form that an experiment can use. Errors of parameters become the parameters, because a drive gets the corrected parameters after a
+/// diagnosis. Effects that an experiment cannot have are left out, and named.
 #[must_use]
 pub fn usable(plant: &PlantFile, never: &[&str]) -> (PlantFile, Vec<String>) {
     let mut usable = plant.clone();

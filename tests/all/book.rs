@@ -1,5 +1,5 @@
-//! The book in `docs/book`, checked without mdbook: every chapter is in the summary, the target of every link of every document exists, every file that
-//! a chapter names is in the repository. And the README is not too long.
+//! The book in `docs/book`, checked without mdbook: every chapter is in the summary, the target of every link of every document exists, every file
+//! that a chapter names is in the repository. And the README is not too long.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -57,7 +57,8 @@ fn links(line: &str) -> Vec<String> {
     rest.match_indices("](").filter_map(|(place, _)| Some(rest[place + 2..].split_once(')')?.0.to_string())).collect()
 }
 
-/// The anchor of a heading, as mdbook and the usual hosts of repositories make it: lower case, spaces as hyphens, nothing but letters, digits, `-` and `_`.
+/// The anchor of a heading, as mdbook and the usual hosts of repositories make it: lower case, spaces as hyphens, nothing but letters, digits, `-`
+/// and `_`.
 fn anchor(heading: &str) -> String {
     let kept = heading.trim().chars().filter(|it| it.is_alphanumeric() || " -_".contains(*it));
     kept.flat_map(char::to_lowercase).map(|it| if it == ' ' { '-' } else { it }).collect()

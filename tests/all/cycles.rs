@@ -1,7 +1,8 @@
 //! Modules of one folder must not use each other in a circle.
 //!
-//! In: the sources of the library crates. Out: for each folder the groups of modules that use each other in a circle. A module is a file, or a folder with everything in it. It uses the paths in its code that begin with
-//! `crate`, `self` or `super`; tests and the items of the parent do not count. Of two modules in a circle, neither can be read, tested or moved without the other.
+//! In: the sources of the library crates. Out: for each folder the groups of modules that use each other in a circle. A module is a file, or a folder
+//! with everything in it. It uses the paths in its code that begin with `crate`, `self` or `super`; tests and the items of the parent do not count.
+//! Of two modules in a circle, neither can be read, tested or moved without the other.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;

@@ -1,5 +1,6 @@
 //! Every document that a text or a comment of the repository names exists.
 
+mod comments;
 mod contributing;
 mod decisions;
 mod map;

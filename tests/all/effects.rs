@@ -1,6 +1,7 @@
 //! Every effect of the catalogue, against plants that share no code with `rsm-sim`.
 //!
-//! `hidden-effects` is written from docs/book/src/reference/plants.md alone: another frame, other states, another integrator. The two simulations have only this text in common.
+//! `hidden-effects` is written from docs/book/src/reference/plants.md alone: another frame, other states, another integrator. The two simulations
+//! have only this text in common.
 
 use hidden_effects::verification::{self, Check};
 use rsm_core::source::Source;

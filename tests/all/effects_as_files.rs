@@ -1,7 +1,7 @@
 //! Every effect of the catalogue as a file, on the plants of equations, against plants that share no code with the project.
 //!
-//! The reference is that of `effects.rs`: `hidden-effects`, written from docs/book/src/reference/plants.md alone. It has the three built-in plants, and those of
-//! `examples/plants/`, of which the project has only the texts.
+//! The reference is that of `effects.rs`: `hidden-effects`, written from docs/book/src/reference/plants.md alone. It has the three built-in plants,
+//! and those of `examples/plants/`, of which the project has only the texts.
 
 use hidden_effects::systems::verify;
 use hidden_effects::verification::{self, Check};
@@ -59,8 +59,8 @@ fn effects_on_the_plants_of_the_examples_follow_the_same_text() {
             }
             Err(what) => apart.push(format!("{name}: {what}")),
         }
-        // A visible effect must be noticed if the file does not have it, otherwise this test cannot fail. A coarse sensor may differ by a step; an angle that is read with an offset is an angle
-        // with another initial value.
+        // A visible effect must be noticed if the file does not have it, otherwise this test cannot fail. A coarse sensor may differ by a step; an
+        // angle that is read with an offset is an angle with another initial value.
         let is_seen = !name.contains("quantisation") && !name.ends_with("sensor-bias:load_angle");
         if visible > 3.0 && is_seen {
             let nominal = check.plant_file.split("\n[[effects]]").next().expect("a text has a first part");

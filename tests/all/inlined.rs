@@ -1,5 +1,6 @@
-//! An evaluator keeps its bits when it is inlined into a caller's loop: by link-time optimisation, by including the source, under every option
-//! that allows a compiler to vectorise the loop, to fuse and to reorder. With each set of options the emitted text either refuses to compile or gives the right bits.
+//! An evaluator keeps its bits when it is inlined into a caller's loop: by link-time optimisation, by including the source, under every option that
+//! allows a compiler to vectorise the loop, to fuse and to reorder. With each set of options the emitted text either refuses to compile or gives the
+//! right bits.
 //!
 //! Every gcc and clang of the machine is tested, found by name; the test prints which. The models are random surfaces that extrapolate (a
 //! clamp prevents that a loop is vectorised), some of the other random models, and compensators.
@@ -238,8 +239,9 @@ fn options_that_change_results_are_refused_or_undone() {
     assert!(refused > 4, "-ffast-math and -Ofast are refused at least: {refused}");
 }
 
-/// No macro shows `-fno-honor-infinities`. Clang from 18 on has a warning for it, and then the emitted text refuses. Only -w silences the warning. Then every result
-/// has its bits if the compiler does not know the argument; only a caller that passes a constant infinity, against its own option, gets a wrong result.
+/// No macro shows `-fno-honor-infinities`. Clang from 18 on has a warning for it, and then the emitted text refuses. Only -w silences the warning.
+/// Then every result has its bits if the compiler does not know the argument; only a caller that passes a constant infinity, against its own option,
+/// gets a wrong result.
 #[test]
 fn infinities_are_refused_or_keep_their_bits_where_nothing_can_be_told() {
     let cases = extrapolating();
@@ -264,7 +266,8 @@ fn infinities_are_refused_or_keep_their_bits_where_nothing_can_be_told() {
 #[test]
 #[ignore = "every compiler and option, every model by the machine's own: run by `cargo xtask test`"]
 fn every_way_of_inlining_every_model_keeps_the_bits() {
-    // Other compilers than the default ones get only the models that extrapolate, which vectorise best: every model with eight compilers takes ten minutes.
+    // Other compilers than the default ones get only the models that extrapolate, which vectorise best: every model with eight compilers takes ten
+    // minutes.
     let (mut own, mut others) = (vec![], vec![]);
     for compiler in all_compilers() {
         let ways = if ["gcc", "clang"].contains(&compiler.as_str()) { &mut own } else { &mut others };
@@ -357,8 +360,8 @@ fn self_tests_pass_on_an_emulated_aarch64() {
     }
 }
 
-/// On 32-bit Arm clang ignores the pragma that undoes its options, so only the barriers of the text protect the bits. Every clang, every option, compensators
-/// and reciprocals too, under qemu. A version without barriers shows that the test can fail.
+/// On 32-bit Arm clang ignores the pragma that undoes its options, so only the barriers of the text protect the bits. Every clang, every option,
+/// compensators and reciprocals too, under qemu. A version without barriers shows that the test can fail.
 #[test]
 fn self_tests_pass_on_an_emulated_arm_whatever_clang_is_told() {
     if !is_there(&["arm-linux-gnueabihf-gcc", "qemu-arm"], "gcc-arm-linux-gnueabihf libc6-dev-armhf-cross qemu-user") {

@@ -1,4 +1,5 @@
-//! Measured data through the whole tool chain: the measured flux map, fitted with its symmetry, emitted as f32 C, equal to the interpreter bit for bit.
+//! Measured data through the whole tool chain: the measured flux map, fitted with its symmetry, emitted as f32 C, equal to the interpreter bit for
+//! bit.
 
 use std::path::{Path, PathBuf};
 

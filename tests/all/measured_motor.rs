@@ -1,4 +1,5 @@
-//! `examples/measured-motor` on the measured flux map: errors and costs of the full controller, a table and the surfaces, compared with `budget.txt` and with the book.
+//! `examples/measured-motor` on the measured flux map: errors and costs of the full controller, a table and the surfaces, compared with `budget.txt`
+//! and with the book.
 //!
 //! The steps are those of the example's README: fit the map, emit it, run the full controller in C, fit its answers, emit them. The programs run on
 //! this host and on an emulated Cortex-M4F.
@@ -371,7 +372,8 @@ fn the_full_controller_has_the_currents_that_a_scan_of_the_map_finds() {
     assert!(given.iter().all(|count| *count > 15), "{given:?}");
 }
 
-/// A motor whose characteristic current of 10 A is inside the current limit operates at maximum torque per volt at high speed. No measured data are needed for this test.
+/// A motor whose characteristic current of 10 A is inside the current limit operates at maximum torque per volt at high speed. No measured data are
+/// needed for this test.
 #[test]
 fn the_full_controller_finds_maximum_torque_per_volt_where_a_motor_has_it() {
     let folder = compilers::fresh(Path::new(env!("CARGO_TARGET_TMPDIR")), "measured-motor-linear");

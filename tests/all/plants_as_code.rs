@@ -1,5 +1,5 @@
-//! Plants of equations as code: every compiler gives the bits of `rsm simulate --fixed-step`, inlined or not, and the object code has no branch, no call
-//! and no fused operation.
+//! Plants of equations as code: every compiler gives the bits of `rsm simulate --fixed-step`, inlined or not, and the object code has no branch, no
+//! call and no fused operation.
 //!
 //! The plants are the texts of `rsm-model/`, with random parameters from a seed; the inputs are random too, and some are not finite.
 

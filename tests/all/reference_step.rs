@@ -1,7 +1,8 @@
-//! `rsm check --limits` proves the step of `rsm-rigs/src/motor/limits/step.rs`. The tests show that it gives the bits of the step that runs, `motor_loop::references`, and that the proof's
-//! box contains the operating points that the drive accepts.
+//! `rsm check --limits` proves the step of `rsm-rigs/src/motor/limits/step.rs`. The tests show that it gives the bits of the step that runs,
+//! `motor_loop::references`, and that the proof's box contains the operating points that the drive accepts.
 //!
-//! The copy does not check samples and has no state: its inputs are the values that the target's step used, which are in the target's state after the tick.
+//! The copy does not check samples and has no state: its inputs are the values that the target's step used, which are in the target's state after the
+//! tick.
 
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 //! Random models from a fixed seed, made to be awkward.
 //!
-//! Out: one model for every number of inputs from 1 to 6 and every order from 1 to 5, then a few more, then models with compensators. Ranges are ordinary, narrow,
-//! offset, tiny, huge, symmetric, negative; every option of the model file occurs. Every model passes the check.
+//! Out: one model for every number of inputs from 1 to 6 and every order from 1 to 5, then a few more, then models with compensators. Ranges are
+//! ordinary, narrow, offset, tiny, huge, symmetric, negative; every option of the model file occurs. Every model passes the check.
 
 use rsm_core::model::{
     Coding, Compensator, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Surface, Symmetry, Term, Wave,
@@ -146,8 +146,8 @@ fn surface(random: &mut Random, name: &str, inputs: Vec<Input>, order: u32, codi
         }
         let is_plain = !reciprocal.contains(&input.name) && !symmetry.iter().any(|(name, _)| *name == input.name);
         if random.below(6) == 0 && is_plain && input.outside == Outside::Clamp {
-            // Of order 39 in the fourth power f32 has no bound, since products are enclosed one by one. An exact value of order 8 has 100,000 bits and takes a second.
-            // Higher orders are tested in rsm-core, against the cosine.
+            // Of order 39 in the fourth power f32 has no bound, since products are enclosed one by one. An exact value of order 8 has 100,000 bits
+            // and takes a second. Higher orders are tested in rsm-core, against the cosine.
             let (period, order) = ((high - low) * random.between(1.0, 2.0), 1 + random.below(3) as u32);
             waves.push(Wave { input: input.name.clone(), period, order });
         }

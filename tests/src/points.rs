@@ -1,7 +1,8 @@
 //! Points at which evaluators are compared.
 //!
-//! In: the inputs and knots of a surface, or those that a compensator uses. Out: points that hurt (corners, bounds and knots with both neighbours, both zeros, subnormals,
-//! the largest numbers, outside, infinities, NaN) and any number of random ones from a fixed seed. Rows of arguments, one after another.
+//! In: the inputs and knots of a surface, or those that a compensator uses. Out: points that hurt (corners, bounds and knots with both neighbours,
+//! both zeros, subnormals, the largest numbers, outside, infinities, NaN) and any number of random ones from a fixed seed. Rows of arguments, one
+//! after another.
 
 use rsm_core::emit::Function;
 use rsm_core::model::{Input, Knot, Surface};

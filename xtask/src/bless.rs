@@ -1,7 +1,7 @@
 //! `cargo xtask bless`: writes anew everything that is generated and checked in. Look at the difference before committing it.
 //!
-//! Out: the coefficient files that tests make, then `generated/rust` and `generated/c` from them, then golden files and instruction counts. All but the
-//! second come from tests that run with `RSM_BLESS=1`.
+//! Out: the coefficient files that tests make, then `generated/rust` and `generated/c` from them, then golden files and instruction counts. All but
+//! the second come from tests that run with `RSM_BLESS=1`.
 
 use crate::generated;
 use crate::stage::Run;

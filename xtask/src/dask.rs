@@ -1,6 +1,7 @@
 //! Dask distributed, for the tests of `rsm sweep --engine dask`.
 //!
-//! In: nothing. Out: the package `distributed` below target/, from PyPI, or a note with the reason why not. Without a network those tests are skipped and say so.
+//! In: nothing. Out: the package `distributed` below target/, from PyPI, or a note with the reason why not. Without a network those tests are skipped
+//! and say so.
 
 use std::path::PathBuf;
 use std::process::Command;

@@ -1,7 +1,8 @@
 //! What is emitted from `generated/coefficients`: `generated/rust` and `generated/c`.
 //!
-//! In: every coefficient file. Out: the emitted files, by the program `rsm` of the stage `programs`, in a scratch folder; the checked-in ones are compared with them or replaced by
-//! them. Files are replaced only after everything has been emitted, each by renaming, so that a fault leaves no incomplete file.
+//! In: every coefficient file. Out: the emitted files, by the program `rsm` of the stage `programs`, in a scratch folder; the checked-in ones are
+//! compared with them or replaced by them. Files are replaced only after everything has been emitted, each by renaming, so that a fault leaves no
+//! incomplete file.
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,6 +1,7 @@
 //! The library of HELICS, for the tests of federations.
 //!
-//! In: nothing. Out: libhelics below target/, from the wheel of PyPI, or a note with the reason why not. Without a network those tests are skipped and say so.
+//! In: nothing. Out: libhelics below target/, from the wheel of PyPI, or a note with the reason why not. Without a network those tests are skipped
+//! and say so.
 
 use std::path::PathBuf;
 use std::process::Command;

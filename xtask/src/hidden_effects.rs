@@ -1,6 +1,7 @@
 //! `cargo xtask hidden-effects`: tests the diagnosis on records of an independent simulation.
 //!
-//! In: further arguments for the package hidden-effects. Out: its tables; its cases stay under the target directory, so that failures can be examined.
+//! In: further arguments for the package hidden-effects. Out: its tables; its cases stay under the target directory, so that failures can be
+//! examined.
 
 use crate::stage::Run;
 use crate::workspace::{cargo, program, scratch};
@@ -10,7 +11,8 @@ pub(crate) fn quick() -> std::process::Command {
     judge("debug", "judge", &["--quick"])
 }
 
-/// Records as real benches make them, of plants without a fault: noise of every kind, faults of a logger. Half a second to two seconds for each case, with short records.
+/// Records as real benches make them, of plants without a fault: noise of every kind, faults of a logger. Half a second to two seconds for each case,
+/// with short records.
 pub(crate) fn quick_of_bench(family: &str) -> std::process::Command {
     judge("debug", "judge", &["--family", family, "--rows", "1500"])
 }

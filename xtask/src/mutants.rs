@@ -1,7 +1,7 @@
 //! `cargo xtask mutants`: finds changes of the code that the tests of a package do not notice.
 //!
-//! In: further arguments for the package mutants. Out: its table; its copy of the workspace stays under the target directory, so that a second run is fast.
-//! `quick` is the part that `cargo xtask test` runs: a sample from a fixed seed.
+//! In: further arguments for the package mutants. Out: its table; its copy of the workspace stays under the target directory, so that a second run is
+//! fast. `quick` is the part that `cargo xtask test` runs: a sample from a fixed seed.
 
 use std::process::Command;
 

@@ -1,7 +1,8 @@
 //! `cargo xtask publish-check`: whether the libraries can be published.
 //!
 //! Runs `cargo publish` as a dry run over the workspace: cargo packs every package that does not say `publish = false`, in order of dependence, and
-//! finds missing metadata, files outside the package and dependencies that are not published. Uploads nothing; the whole check asks the registry for its index.
+//! finds missing metadata, files outside the package and dependencies that are not published. Uploads nothing; the whole check asks the registry for
+//! its index.
 
 use std::process::Command;
 

@@ -11,9 +11,9 @@ use crate::{dask, generated, helics, hidden_effects, mutants, packages, publish}
 const WITHOUT_STD: [&str; 2] = ["motor-loop", "throttle-loop"];
 const BARE_METAL: &str = "thumbv7em-none-eabihf";
 
-/// The tests of the long matrix, by parts of their names: those that run code of this build, which the stage `test` has run at opt 0, and those that the
-/// stage `test` ignores because they take minutes at opt 0. All other tests of the target `across` read files, or call compilers on emitted text: they do
-/// not depend on how this workspace is compiled.
+/// The tests of the long matrix, by parts of their names: those that run code of this build, which the stage `test` has run at opt 0, and those that
+/// the stage `test` ignores because they take minutes at opt 0. All other tests of the target `across` read files, or call compilers on emitted text:
+/// they do not depend on how this workspace is compiled.
 const LONG_MATRIX: [&str; 6] = [
     "bit_for_bit::macro_keeps_the_bits",
     "bit_for_bit::all_back_ends_keep_the_bits",
@@ -23,8 +23,8 @@ const LONG_MATRIX: [&str; 6] = [
     "of_the_steps_in_rust",
 ];
 
-/// The packages that hold emitted code or run it: the long matrix compiles them as a release does. The other libraries stay as the tests before have built them, which saves a second build of
-/// all of them; `rsm-core`, whose interpreter the bits are compared with, is at opt 3 in every profile.
+/// The packages that hold emitted code or run it: the long matrix compiles them as a release does. The other libraries stay as the tests before have
+/// built them, which saves a second build of all of them; `rsm-core`, whose interpreter the bits are compared with, is at opt 3 in every profile.
 const AS_RELEASED: [&str; 4] = ["rsm-tests", "branch-free", "motor-loop", "throttle-loop"];
 
 /// What a release has of a package that the profile of the tests has not.

@@ -1,7 +1,7 @@
 //! How many tests passed and failed, read from what cargo prints.
 //!
-//! In: lines such as `test result: ok. 14 passed; 0 failed; 2 ignored; ...`, and `SKIPPED: why` from a test that cannot run on this machine. Out: sums.
-//! Any other line is ignored.
+//! In: lines such as `test result: ok. 14 passed; 0 failed; 2 ignored; ...`, and `SKIPPED: why` from a test that cannot run on this machine. Out:
+//! sums. Any other line is ignored.
 
 use std::collections::BTreeMap;
 use std::fmt;

@@ -1,7 +1,7 @@
 //! `rsm cosim`: a co-simulation by its scenario: broker and federates as processes of this host, or the commands for each host.
 //!
-//! In: a scenario. Out: the records of all roles in one folder, the exit status of every process, and whether the records are identical, bit by bit, to those of one process. The processes are
-//! `rsm federate`, started by this same program.
+//! In: a scenario. Out: the records of all roles in one folder, the exit status of every process, and whether the records are identical, bit by bit,
+//! to those of one process. The processes are `rsm federate`, started by this same program.
 
 use std::io::Read as _;
 use std::path::{Path, PathBuf};

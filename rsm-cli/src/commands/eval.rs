@@ -1,4 +1,5 @@
-//! `rsm eval`: evaluates a surface with the interpreter at a point or a table of points, or runs a compensator over a sequence, one step for each row, from rest at 0.
+//! `rsm eval`: evaluates a surface with the interpreter at a point or a table of points, or runs a compensator over a sequence, one step for each
+//! row, from rest at 0.
 
 use std::path::{Path, PathBuf};
 

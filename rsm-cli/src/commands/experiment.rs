@@ -1,6 +1,7 @@
 //! `rsm experiment`: the simulated bench and the simulated track, by a plan.
 //!
-//! In: a plan and a plant file. Out: a CSV of measured points or runs, and records of the runs, whole or absent. The simulation is rsm-rigs'; here are files and words.
+//! In: a plan and a plant file. Out: a CSV of measured points or runs, and records of the runs, whole or absent. The simulation is rsm-rigs'; here
+//! are files and words.
 
 use std::path::{Path, PathBuf};
 

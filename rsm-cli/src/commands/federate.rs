@@ -1,6 +1,7 @@
 //! `rsm federate`: sides of a loop, recorders and the broker of a lock-step on HELICS.
 //!
-//! In: roles and the address of the broker. Out: a CSV file for each role, with complete rows even if a peer was lost, and figures. Exit status 1: a peer or the broker was lost during the run.
+//! In: roles and the address of the broker. Out: a CSV file for each role, with complete rows even if a peer was lost, and figures. Exit status 1: a
+//! peer or the broker was lost during the run.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -17,7 +18,8 @@ use crate::output;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The roles of this process: sides of the motor's loop (`motor`, `controller`), sides of the car's loop (`driveline`, `throttle`), a `recorder`; or only the `broker`
+    /// The roles of this process: sides of the motor's loop (`motor`, `controller`), sides of the car's loop (`driveline`, `throttle`), a `recorder`;
+    /// or only the `broker`
     #[arg(required = true, value_parser = ["motor", "controller", "driveline", "throttle", "recorder", "broker"])]
     roles: Vec<String>,
     /// The address of the broker, HOST:PORT

@@ -1,6 +1,7 @@
 //! `rsm import`: makes one record from files of other tools.
 //!
-//! In: tables in any usual encoding and separator, MAT files. Out: a CSV file with units at a constant period, complete or not written at all, and a list of what was done: as comments at its beginning, in words and as JSON.
+//! In: tables in any usual encoding and separator, MAT files. Out: a CSV file with units at a constant period, complete or not written at all, and a
+//! list of what was done: as comments at its beginning, in words and as JSON.
 
 use std::path::{Path, PathBuf};
 

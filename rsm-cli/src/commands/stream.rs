@@ -1,6 +1,7 @@
 //! `rsm stream`: a side of a loop in real time, connected to the other side by UDP.
 //!
-//! In: a side, two addresses, a key. Out: a CSV file with the values used in every tick, and counts. Exit status 1: the peer was lost during the run, or values were missing at some ticks.
+//! In: a side, two addresses, a key. Out: a CSV file with the values used in every tick, and counts. Exit status 1: the peer was lost during the run,
+//! or values were missing at some ticks.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -45,7 +46,8 @@ pub struct Arguments {
     /// Time limit for the first datagram of the peer, in s
     #[arg(long, default_value_t = 30.0, value_parser = seconds)]
     wait: f64,
-    /// Moment of inertia of the load on the motor's shaft, in kg m^2. Both buffers delay the loop: a shaft of small inertia accelerates too fast for this delay
+    /// Moment of inertia of the load on the motor's shaft, in kg m^2. Both buffers delay the loop: a shaft of small inertia accelerates too fast for
+    /// this delay
     #[arg(long, default_value_t = 0.1, value_parser = inertia)]
     load_inertia: f64,
     /// The folder for the record, ROLE.csv

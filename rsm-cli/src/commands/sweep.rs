@@ -1,6 +1,7 @@
 //! `rsm sweep`: many simulations or diagnoses as a list of tasks, on all cores, as a shard, or on a Dask cluster.
 //!
-//! In: a scenario. Out: a folder with a JSON file for each task, and then one table and one summary of all of them. A task whose result exists is not run again.
+//! In: a scenario. Out: a folder with a JSON file for each task, and then one table and one summary of all of them. A task whose result exists is not
+//! run again.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;

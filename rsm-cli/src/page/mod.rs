@@ -1,7 +1,7 @@
 //! The page around a report: one self-contained HTML file.
 //!
-//! In: a title and a body of HTML. Out: text. The page loads nothing from other places, and its own policy forbids it. Without scripts, and on paper, the static
-//! pictures and the tables remain.
+//! In: a title and a body of HTML. Out: text. The page loads nothing from other places, and its own policy forbids it. Without scripts, and on paper,
+//! the static pictures and the tables remain.
 
 pub mod number;
 pub mod summary;
@@ -15,7 +15,8 @@ const STYLE: &str = include_str!("assets/style.css");
 const SCRIPTS: [&str; 3] =
     [include_str!("assets/page.js"), include_str!("assets/plots.js"), include_str!("assets/explorer.js")];
 
-/// Plotly with its plots in space, as `gzip -9n` and base64 make of the file of the npm package `plotly.js-gl3d-dist-min` (docs/decisions/026-pages-with-plotly.md).
+/// Plotly with its plots in space, as `gzip -9n` and base64 make of the file of the npm package `plotly.js-gl3d-dist-min`
+/// (docs/decisions/026-pages-with-plotly.md).
 const LIBRARY: &str = include_str!("assets/plotly/plotly-gl3d-4.1.1.min.js.gz.b64");
 
 /// The licence must be kept with the library.

@@ -37,7 +37,8 @@ impl Number {
         Number { of: of.to_string(), value: value.into(), from: from.into() }
     }
 
-    /// The probability of the strongest cause: alone, or together with those that cannot be distinguished from it; `more` further causes follow on the page.
+    /// The probability of the strongest cause: alone, or together with those that cannot be distinguished from it; `more` further causes follow on
+    /// the page.
     pub fn confidence(label: &str, [own, of_any]: [f64; 2], equals: usize, more: usize) -> Self {
         let below = if more == 0 { String::new() } else { format!("; {more} more below") };
         match equals {

@@ -6,7 +6,8 @@ use serde_json::{Map as Object, Value, json};
 
 use super::{CELLS, Map, Mark, Series, Words, along, finite, name_of, thinned};
 
-/// The largest number of points of one line: two for each pixel of a wide screen. A zoom then shows coarse data; a separate plot of the worst section has all its rows.
+/// The largest number of points of one line: two for each pixel of a wide screen. A zoom then shows coarse data; a separate plot of the worst section
+/// has all its rows.
 const MOST_POINTS: usize = 3000;
 
 /// The same for a line of a group of which one line is shown at a time.

@@ -1,6 +1,8 @@
-//! Plots of a page: each is a static SVG picture, with the numbers from which the page's script draws an interactive plot (zoom, rotation, values under the pointer).
+//! Plots of a page: each is a static SVG picture, with the numbers from which the page's script draws an interactive plot (zoom, rotation, values
+//! under the pointer).
 //!
-//! In: numbers, with the words for axes and legend. Out: a `<figure>` of HTML. Independent of the meaning of the data. The same numbers give the same text.
+//! In: numbers, with the words for axes and legend. Out: a `<figure>` of HTML. Independent of the meaning of the data. The same numbers give the same
+//! text.
 
 mod live;
 pub mod still;
@@ -128,8 +130,8 @@ pub fn explorer(pictures: &str, series: &[Series], spec: &Value) -> String {
     figure(None, pictures, series, Some(spec), "<div class=\"explorer\"></div>\n")
 }
 
-/// A button a cause: pressed while the cause is in what is shown, as all are in the beginning. The state of the switch is the set of the pressed ones, a bit each, the first the lowest;
-/// `told` has what is told in each state. Nothing without causes.
+/// A button a cause: pressed while the cause is in what is shown, as all are in the beginning. The state of the switch is the set of the pressed
+/// ones, a bit each, the first the lowest; `told` has what is told in each state. Nothing without causes.
 pub fn switch(group: &str, of: &str, causes: &[String], told: &[String]) -> String {
     if causes.is_empty() {
         return String::new();

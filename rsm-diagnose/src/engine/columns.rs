@@ -1,6 +1,7 @@
 //! Columns of numbers: products, orthonormal bases, least squares.
 //!
-//! In: columns of one length, in a space where the noise is white. Out: bases, coefficients, projections of a residual. Independent of the meaning of a column.
+//! In: columns of one length, in a space where the noise is white. Out: bases, coefficients, projections of a residual. Independent of the meaning of
+//! a column.
 
 /// A column is dependent when less than this share of its length is independent of the columns before it. Such a rest is rounding error: columns of
 /// powers up to seven on [-1, 1] keep about ten of 16 digits.

@@ -189,7 +189,8 @@ mod tests {
     use rsm_sim::kind::by_output;
     use rsm_sim::simulate::Simulator;
 
-    /// What all rows say of a car whose throttle reads so much less than it is from two thirds of its record on; the answer was found on its first 4000 rows.
+    /// What all rows say of a car whose throttle reads so much less than it is from two thirds of its record on; the answer was found on its first
+    /// 4000 rows.
     fn asked(less: f64) -> AllRows {
         let text = include_str!("../../../rsm-sim/plants/driveline.toml");
         let file = PlantFile::read(&Source::new("car.toml", text)).unwrap();

@@ -83,7 +83,8 @@ mod tests {
         let own = |case: &Evidence<'_>| confidence(case).own;
         assert_eq!(confidence(&case(&[])), Probability::plain(EXPLAINED));
         assert!((own(&case(&behind(1e5))) - EXPLAINED).abs() < 1e-12);
-        // A rival that does as well has half, and one of the two is right; one that is behind by what decides has a tenth as much evidence, and is another.
+        // A rival that does as well has half, and one of the two is right; one that is behind by what decides has a tenth as much evidence, and is
+        // another.
         let half = confidence(&case(&behind(0.0)));
         assert!((half.own - EXPLAINED / 2.0).abs() < 1e-12 && (half.of_any - EXPLAINED).abs() < 1e-12);
         let behind_it = confidence(&case(&behind(30.0)));

@@ -1,7 +1,7 @@
 //! The breakdown of the error: further data for the report.
 //!
-//! In: the nominal, the calibrated and the extended plant along the evaluation records, and the accepted causes. Out: an [`ErrorBreakdown`]: errors by region, frequency and
-//! order, curves, the calibration, what each cause removes, what is left, and a correction of it. No verdict depends on it.
+//! In: the nominal, the calibrated and the extended plant along the evaluation records, and the accepted causes. Out: an [`ErrorBreakdown`]: errors
+//! by region, frequency and order, curves, the calibration, what each cause removes, what is left, and a correction of it. No verdict depends on it.
 
 pub use super::cause::Contribution;
 use super::combinations::{self, Combinations, Combined};

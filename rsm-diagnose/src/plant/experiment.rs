@@ -1,4 +1,5 @@
-//! The next experiment: the record that separates causes which the present records cannot separate, or that covers the region of an unexplained error.
+//! The next experiment: the record that separates causes which the present records cannot separate, or that covers the region of an unexplained
+//! error.
 //!
 //! In: the fitted plant, its rivals, the library of excitations. Out: a [`NextExperiment`]. Two plants that agree on the present records are
 //! simulated along each excitation. What counts is the difference that remains after the wrong plant has adapted: its parameters as far as the

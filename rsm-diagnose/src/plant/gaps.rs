@@ -365,7 +365,8 @@ mod tests {
 
     #[test]
     fn an_input_that_changed_in_a_gap_is_found_from_the_readings_after_it() {
-        // The command goes up at row 100 and down at row 201; rows 100 and 200 are lost. Of the first the value after it is true, of the second the one before.
+        // The command goes up at row 100 and down at row 201; rows 100 and 200 are lost. Of the first the value after it is true, of the second the
+        // one before.
         let file = axis_under_steps::file(AXIS, "");
         let command = |k: usize| if (100..201).contains(&k) { 4.0 } else { -1.0 };
         let mut whole = without(400, &[], |k| (command(k), 0.0));

@@ -207,10 +207,12 @@ mod tests {
 
     const TOLERANCES: &str = "mass = 0.02\nviscous_friction = 0.02";
 
-    /// Standard deviation of a good encoder, in m: the axis moves by 10^5 times as much, and derivatives by one unknown alone miss most where readings are best.
+    /// Standard deviation of a good encoder, in m: the axis moves by 10^5 times as much, and derivatives by one unknown alone miss most where
+    /// readings are best.
     const NOISE: f64 = 1e-7;
 
-    /// An axis of which mass, friction and gain may grow together, parameters off as their tolerances say: a fit of it, and what is true of its unknowns.
+    /// An axis of which mass, friction and gain may grow together, parameters off as their tolerances say: a fit of it, and what is true of its
+    /// unknowns.
     fn symmetric(random: &mut Random) -> (WhitenedResiduals, Fit, Vec<Option<f64>>) {
         let mut off = || loop {
             // What is beyond two standard deviations of a tolerance is a cause.

@@ -450,7 +450,8 @@ mod tests {
         let begun = linearised(&whitened, model.clone()).unwrap();
         assert!((mass(&begun) - 2.06).abs() < 1e-9 && begun.cost < 740.0, "{}", begun.cost);
         let found = fit(&whitened, model, 20).unwrap();
-        // Both priors ask for the nominal mass, and noise moves the ratio of the two by its own hundredth: half a standard deviation of the tolerance, 0.02.
+        // Both priors ask for the nominal mass, and noise moves the ratio of the two by its own hundredth: half a standard deviation of the
+        // tolerance, 0.02.
         assert!((mass(&found) - 2.0).abs() < 0.02, "{}", mass(&found));
     }
 }

@@ -6,8 +6,8 @@
 //!      --excitations--> records that could be made --experiment--> the one that separates the causes
 //! ```
 //!
-//! In: a nominal plant file, training and validation records. Out: a [`Diagnosis`]. Only the records and the nominal plant are inputs: no code here may look
-//! into the plant that made a record. Does not print or write files.
+//! In: a nominal plant file, training and validation records. Out: a [`Diagnosis`]. Only the records and the nominal plant are inputs: no code here
+//! may look into the plant that made a record. Does not print or write files.
 
 pub mod alignment;
 pub mod all_rows;

@@ -333,8 +333,8 @@ mod tests {
                 .collect();
             speed_at_start(&readings, 1e-3).unwrap()
         };
-        // The slope at the end of a cubic through 20 rows has 0.39 of the noise a row, here 3.9e-4; the parabola's is another 0.3 of it off, and sixteen
-        // degrees of freedom give half to twice that in fifty draws.
+        // The slope at the end of a cubic through 20 rows has 0.39 of the noise a row, here 3.9e-4; the parabola's is another 0.3 of it off, and
+        // sixteen degrees of freedom give half to twice that in fifty draws.
         for _ in 0..50 {
             let ((rest, sd), (moving, _)) = (begins(0.0), begins(0.02));
             assert!(rest.abs() < MOVING * sd && (moving - 0.02).abs() < MOVING * sd, "{rest} {moving} {sd}");

@@ -3,10 +3,11 @@
 //! In: residuals of an output. Out: a first-order autoregressive model of its noise (white noise if that is sufficient), which whitens residuals, and
 //! the standard error of its correlation.
 //!
-//! There are two estimates. The first uses the upper band and is valid whatever slow structure the residual has. Its spectrum is the median over half-overlapping Hann segments
-//! (P. D. Welch, 1967) of second differences, divided by their transfer function. The model is fitted above `LOWEST` only (P. Whittle, 1953) and continued to lower frequencies. The
-//! second estimate uses the whole record. It is ten times as precise for slow noise, but wrong where there is structure, so it is used only if it passes two tests: the upper band does
-//! not reject it, and the residual that it whitens is white in every octave. Energy above the noise at low frequencies therefore remains structure.
+//! There are two estimates. The first uses the upper band and is valid whatever slow structure the residual has. Its spectrum is the median over
+//! half-overlapping Hann segments (P. D. Welch, 1967) of second differences, divided by their transfer function. The model is fitted above `LOWEST`
+//! only (P. Whittle, 1953) and continued to lower frequencies. The second estimate uses the whole record. It is ten times as precise for slow noise,
+//! but wrong where there is structure, so it is used only if it passes two tests: the upper band does not reject it, and the residual that it whitens
+//! is white in every octave. Energy above the noise at low frequencies therefore remains structure.
 
 use super::growth::{self, Growth};
 pub use super::noise_floor::NoiseFloor;
@@ -133,8 +134,8 @@ mod tests {
 
     #[test]
     fn noise_is_found_under_slow_structure_a_hundred_times_as_large() {
-        // Here the whole record is refused, and the upper band speaks. Over sixty seeds its correlation scatters by 0.013, 0.026 and 0.043, the standard deviation
-        // by 1.3, 2.2 and 6 %: three of each, on the grid of 0.01.
+        // Here the whole record is refused, and the upper band speaks. Over sixty seeds its correlation scatters by 0.013, 0.026 and 0.043, the
+        // standard deviation by 1.3, 2.2 and 6 %: three of each, on the grid of 0.01.
         for (correlation, off, share) in [(0.0, 0.05, 0.04), (0.3, 0.08, 0.07), (0.6, 0.13, 0.18)] {
             let mut values = noise(correlation, 0.3, 8000);
             for (k, value) in values.iter_mut().enumerate() {
@@ -160,7 +161,8 @@ mod tests {
 
     #[test]
     fn what_knocks_in_the_upper_band_does_not_pass_for_slow_noise() {
-        // Steps up and down, as of a contact that opens and closes: their spectrum falls like that of a correlation near 1, but for what they return at once.
+        // Steps up and down, as of a contact that opens and closes: their spectrum falls like that of a correlation near 1, but for what they return
+        // at once.
         let mut values = noise(0.0, 0.3, 8000);
         let mut random = Random::new(9);
         let mut place = 0;
@@ -264,7 +266,8 @@ mod tests {
         let found = |left: &[f64]| NoiseFloor::of_growing(&[(&readings, left, &used)]);
         let noisy = grown(noise(0.0, 0.1, 6000));
         let floor = found(&noisy).unwrap();
-        // Twelve parts of 500 rows know their deviations to 5 %, three of each. The sum of both parts and the root of the sum of their squares are not distinguished by so few, and at a reading of 0 one is a third above the other.
+        // Twelve parts of 500 rows know their deviations to 5 %, three of each. The sum of both parts and the root of the sum of their squares are
+        // not distinguished by so few, and at a reading of 0 one is a third above the other.
         assert!((floor.sd_at(20.0) / 0.5 - 1.0).abs() < 0.15 && (floor.sd_at(0.0) / 0.1 - 1.0).abs() < 0.5, "{floor:?}");
         // A ripple of a tenth of the sample rate whose amplitude grows with the reading.
         let wave = grown((0..6000).map(|k| 0.1 * (0.2 * PI * k as f64).sin()).collect());

@@ -115,7 +115,8 @@ mod tests {
                 beyond += usize::from(deviation > 1.645);
             }
         }
-        // 1600 values: three standard errors of a mean (0.075) and of a variance (0.106); 80 of them beyond the 95 % point, with three times sqrt(76).
+        // 1600 values: three standard errors of a mean (0.075) and of a variance (0.106); 80 of them beyond the 95 % point, with three times
+        // sqrt(76).
         assert!((sum / 1600.0).abs() < 0.075 && (squares / 1600.0 - 1.0).abs() < 0.106, "{sum} {squares}");
         assert!((54..=106).contains(&beyond), "{beyond}");
     }

@@ -282,7 +282,8 @@ mod tests {
     #[test]
     fn a_bell_that_bounds_cut_at_two_deviations_holds_95_of_100_within_1_68() {
         let marginals = bell(0.0).marginals();
-        // erf(2/sqrt 2) = 0.9545, of which 95 % is 0.9068 = erf(1.68/sqrt 2). The ends are known to some hundredths by this many draws, more where the bell is flat.
+        // erf(2/sqrt 2) = 0.9545, of which 95 % is 0.9068 = erf(1.68/sqrt 2). The ends are known to some hundredths by this many draws, more where
+        // the bell is flat.
         for (k, scale) in [(0, 1.0), (1, 10.0)] {
             let (deviation, low, high) = marginals[k];
             assert!((low / scale + 1.68).abs() < 0.1 && (high / scale - 1.68).abs() < 0.1, "{low} {high}");
@@ -293,7 +294,8 @@ mod tests {
 
     #[test]
     fn a_bell_beyond_its_bound_leaves_a_tail_and_no_point() {
-        // Its top is four deviations beyond the upper end: what is left falls as an exponential of 1/6 there, 95 % within ln(20)/6 = 0.5 and a little less.
+        // Its top is four deviations beyond the upper end: what is left falls as an exponential of 1/6 there, 95 % within ln(20)/6 = 0.5 and a little
+        // less.
         let mut bell = bell(6.0);
         bell.bounds[0] = (-2.0, 0.0);
         bell.top = vec![6.0, 60.0];

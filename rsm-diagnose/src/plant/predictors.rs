@@ -1,4 +1,5 @@
-//! Tests whether anything predicts the residual: waves over an angle or a position, of every order that the sampling can show, and powers of the inputs and of the motion.
+//! Tests whether anything predicts the residual: waves over an angle or a position, of every order that the sampling can show, and powers of the
+//! inputs and of the motion.
 //!
 //! In: a fit along records. Out: the wave or the powers that predict most, if this is more than chance among all that were tried. The octave spectrum
 //! ([`super::whiteness`]) shows energy in bands of frequencies. A small wave over an angle is one spectral line among thousands there, and not even a

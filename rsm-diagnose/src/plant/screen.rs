@@ -391,7 +391,8 @@ mod tests {
 
     #[test]
     fn causes_of_one_trace_are_one_group_and_others_are_not() {
-        // From rest and in open loop the gain of the command, the force per volt and the gain of the position are one; friction is another, and so is a bias beside a free start.
+        // From rest and in open loop the gain of the command, the force per volt and the gain of the position are one; friction is another, and so is
+        // a bias beside a free start.
         let file = |effects: &str| axis_under_steps::file("", effects);
         let (whitened, model) = axis_under_steps::whitened(&file(""), &file(&axis_under_steps::friction(0.02)), true);
         let fit = levenberg::fit(&whitened, model.clone(), 8).unwrap();

@@ -1,4 +1,5 @@
-//! The selection of causes: a cause is added while it is significant, exchanged if another one fits better, and removed if it is no longer significant.
+//! The selection of causes: a cause is added while it is significant, exchanged if another one fits better, and removed if it is no longer
+//! significant.
 //!
 //! In: whitened residuals, the calibrated plant, hypotheses. Out: the causes, with the rivals of each. Null simulations and the smallest effect size
 //! give the gain that a cause needs. In a tie the simpler cause wins. Validation records take part in decisions; no parameter is fitted to them.

@@ -377,7 +377,8 @@ mod tests {
             jumps.iter().for_each(|row| used[*row] = false);
             Tails::found(&[OutputResidual { measured: left, left, used: &used, jumps }])
         };
-        // A reading in a hundred has 20 times the noise, which follows itself: most of those are left out as jumps, and the rest alone is nearly normal.
+        // A reading in a hundred has 20 times the noise, which follows itself: most of those are left out as jumps, and the rest alone is nearly
+        // normal.
         let mut last = 0.0;
         let mut slow = || {
             last = 0.8 * last + 0.6 * random.normal();
@@ -428,7 +429,8 @@ mod tests {
     #[test]
     fn least_squares_on_tamed_readings_is_as_good_as_the_likelihood() {
         let mut random = Random::new(5);
-        // The best there is: (f + 3)/(f + 1) of the squared scale, 1.5 for three degrees of freedom; the plain mean has f/(f - 2), which is 3. Two hundred draws know a variance to 10 %, three of it.
+        // The best there is: (f + 3)/(f + 1) of the squared scale, 1.5 for three degrees of freedom; the plain mean has f/(f - 2), which is 3. Two
+        // hundred draws know a variance to 10 %, three of it.
         let (variance, wave) = of_means(|| student(&mut random, 3));
         assert!((1.05..1.95).contains(&variance) && (wave - 1.0).abs() < 0.02, "{variance} {wave}");
         // One reading in a hundred has 20 times the noise: 0.99 is the best, the plain mean has 5.

@@ -429,8 +429,8 @@ mod tests {
         for (closed, pitch) in [(false, 0.012), (false, 0.04), (true, 0.012), (true, 0.04)] {
             let (whitened, _, fit) = axis(closed, pitch);
             let found = waves(&whitened, &fit)[0];
-            // Plant and wave are not fitted together yet: a plant that is a few per cent off makes as much of the wave; and of 2.5 waves in the travel, what other causes may
-            // do takes a share.
+            // Plant and wave are not fitted together yet: a plant that is a few per cent off makes as much of the wave; and of 2.5 waves in the
+            // travel, what other causes may do takes a share.
             assert!((found.pitch / pitch - 1.0).abs() < 0.005, "{closed} {pitch}: {found:?}");
             assert!((found.amplitude / 0.5 - 1.0).abs() < 0.2, "{closed} {pitch}: {found:?}");
         }

@@ -1,7 +1,7 @@
 //! New data for a model: which columns are its inputs and responses, and how the other columns are used.
 //!
-//! In: the sources of CSV files and a model. Out: [`NewData`], rows in run order in the units of the model, or every fault. A surface is compared if its response is a column. Every other column
-//! is kept as numbers, kept as levels, or ignored with a reason. Never drops a row.
+//! In: the sources of CSV files and a model. Out: [`NewData`], rows in run order in the units of the model, or every fault. A surface is compared if
+//! its response is a column. Every other column is kept as numbers, kept as levels, or ignored with a reason. Never drops a row.
 
 use rsm_core::model::Model;
 use rsm_core::source::{Collector, Fault, Faults, Source};

@@ -3,8 +3,8 @@
 //! In: residuals, fitted values, places in the run order. Out: the maximum likelihood estimate, and 2 ln of its likelihood ratio against uniform,
 //! independent noise. Does not change residuals.
 //!
-//! Sources: Cook and Weisberg 1983 and Carroll and Ruppert 1988 for variance functions; a first-order autoregression for correlated errors, as in Durbin and
-//! Watson 1950, by exact likelihood.
+//! Sources: Cook and Weisberg 1983 and Carroll and Ruppert 1988 for variance functions; a first-order autoregression for correlated errors, as in
+//! Durbin and Watson 1950, by exact likelihood.
 
 use crate::engine::autoregression::innovations;
 

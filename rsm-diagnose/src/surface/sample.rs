@@ -1,7 +1,8 @@
 //! The rows of one response that a diagnosis uses.
 //!
-//! In: new data in the units of the model, in run order, and a surface. Out: [`Sample`]: the rows inside the box and the support, with the values of the file's polynomial and of each of its
-//! terms. Rows outside are counted by place and not used: the error of an extrapolated polynomial is not a fault of the file.
+//! In: new data in the units of the model, in run order, and a surface. Out: [`Sample`]: the rows inside the box and the support, with the values of
+//! the file's polynomial and of each of its terms. Rows outside are counted by place and not used: the error of an extrapolated polynomial is not a
+//! fault of the file.
 
 use rsm_core::model::{Evidence, Input, Model, Surface};
 

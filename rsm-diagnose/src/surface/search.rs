@@ -460,7 +460,8 @@ mod tests {
 
     #[test]
     fn a_wrong_shape_goes_together_with_what_made_up_for_it() {
-        // A drift that is right at the first run, taken for one that is right in the middle and a bias: neither can go alone, as both sets leave the same, and three cost more than two.
+        // A drift that is right at the first run, taken for one that is right in the middle and a bias: neither can go alone, as both sets leave the
+        // same, and three cost more than two.
         let n = 30;
         let time = |k: usize| k as f64 / (n - 1) as f64;
         let other: Vec<f64> = (0..n).map(|k| (k as f64 * 1.3).sin()).collect();

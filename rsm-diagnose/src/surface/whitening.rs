@@ -4,8 +4,9 @@
 //! coefficients. Out: [`Space`], which transforms a column (one value for each row) into a space where ordinary least squares is optimal. The
 //! response is not used.
 //!
-//! The coefficients of a file are estimates. Their error is assumed normal with a covariance sigma^2 C ([`super::sample`] gives C). The covariance of y - f is then
-//! sigma^2 (I + X C X'), with X the terms at the new rows. With the eigenvectors u of X C X' and their eigenvalues d, its inverse root is I - sum (1 - 1/sqrt(1 + d)) u u'.
+//! The coefficients of a file are estimates. Their error is assumed normal with a covariance sigma^2 C ([`super::sample`] gives C). The covariance of
+//! y - f is then sigma^2 (I + X C X'), with X the terms at the new rows. With the eigenvectors u of X C X' and their eigenvalues d, its inverse root
+//! is I - sum (1 - 1/sqrt(1 + d)) u u'.
 
 use crate::engine::autoregression::innovations;
 use crate::engine::columns::{Basis, dot, subtract};
@@ -102,7 +103,8 @@ mod tests {
 
     #[test]
     fn the_space_is_the_inverse_root_of_the_covariance() {
-        // One term, the constant, at four rows, known as well as from 12 rows: I + 1 1'/12 has the eigenvalue 4/3 along 1; its inverse root maps 1 to sqrt(3)/2.
+        // One term, the constant, at four rows, known as well as from 12 rows: I + 1 1'/12 has the eigenvalue 4/3 along 1; its inverse root maps 1 to
+        // sqrt(3)/2.
         let shape = Shape { scale: vec![1.0; 4], rho: 0.0 };
         let (terms, prior) = (vec![vec![1.0; 4]], vec![vec![1.0 / 12.0]]);
         let space = Space::new(&[0, 1, 2, 3], &shape, &terms, &prior);

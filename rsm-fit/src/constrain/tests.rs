@@ -200,7 +200,8 @@ fn contradictions_are_named() {
     let free = bounds(None, Some(9.0));
     assert_eq!(infeasible([0.0, 4.0], &[&[0], &[1]], &[above.clone(), free.clone(), below]), names);
     assert_eq!(infeasible([0.0, 4.0], &[&[0], &[1]], &[free.clone(), above.clone(), bounds(None, Some(1.0))]), names);
-    // Without a constant the surface is 0 at 0, whatever its slope: at a point of the grid, between them, and at none of them where the solver finds it.
+    // Without a constant the surface is 0 at 0, whatever its slope: at a point of the grid, between them, and at none of them where the solver finds
+    // it.
     let one = bounds(Some(1.0), None);
     assert_eq!(infeasible([0.0, 4.0], &[&[1]], &[free.clone(), one.clone()]), [one.to_string()]);
     assert_eq!(infeasible([-4.0, 4.0], &[&[1]], std::slice::from_ref(&one)), [one.to_string()]);
@@ -392,7 +393,8 @@ fn the_finest_cells_of_an_edge_are_some_thousand() {
 
 #[test]
 fn a_proof_is_sought_for_what_has_none() {
-    // The first claim is said to have no proof, and the squares give one; the second has one, and is not asked again: the bound that it is said to have stays.
+    // The first claim is said to have no proof, and the squares give one; the second has one, and is not asked again: the bound that it is said to
+    // have stays.
     let case = Case::new(
         &[[-1.0, 1.0]],
         &[&[0], &[2]],

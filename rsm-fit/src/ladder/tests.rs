@@ -1,5 +1,5 @@
-//! Climbs whose every step is known: the columns are unit vectors, so that each coefficient is an entry of the response, and a term takes the square of
-//! its entry from the residual.
+//! Climbs whose every step is known: the columns are unit vectors, so that each coefficient is an entry of the response, and a term takes the square
+//! of its entry from the residual.
 
 use super::*;
 use crate::qr::Compressed;
@@ -106,7 +106,8 @@ fn c_about_the_mean_is_asked_where_it_is_known() {
 
 #[test]
 fn without_arrival_the_least_error_of_the_judging_rows_stands() {
-    // Fitted: 10, 4, 3, 2. Judged: with the second the error falls by 16 to 13, with the third it rises, with the fourth it falls by 4, below neither.
+    // Fitted: 10, 4, 3, 2. Judged: with the second the error falls by 16 to 13, with the third it rises, with the fourth it falls by 4, below
+    // neither.
     let fit = units(4, &[], &[10.0, 4.0, 3.0, 2.0, 0.0]);
     let judge = Judge::new(units(4, &[], &[10.0, 4.0, -3.0, 2.0, 0.0]));
     let (climb, heard) = climbed(&fit, &judge, &orders(&[0, 1, 1, 1]), 1, 99.9);
@@ -224,8 +225,8 @@ fn the_first_of_the_terms_may_take_the_place_of_two() {
 
 #[test]
 fn after_an_exchange_terms_leave_again() {
-    // 4, 3 and 2 of order 1, and one of order 2 that does what the first two do and a part of the third: it takes the place of two, and then the third
-    // is not needed.
+    // 4, 3 and 2 of order 1, and one of order 2 that does what the first two do and a part of the third: it takes the place of two, and then the
+    // third is not needed.
     let response = [10.0, 4.0, 3.0, 2.0, 0.0, 0.0];
     let most: &[f64] = &[0.0, 4.0, 3.0, 1.5, 0.0, 0.0];
     let fit = units(4, &[most], &response);
@@ -235,8 +236,8 @@ fn after_an_exchange_terms_leave_again() {
     assert_eq!(climb.chosen, [0, 4]);
     let left = 29.0 - 28.0 * 28.0 / 27.25;
     assert!((climb.confidence - c(left, 129.0)).abs() < 1e-12, "{climb:?}");
-    // The least missed first, here too: 6, 4, 3, 1.75 and 1.5 of order 1, and one of order 2 for 4, 3 and what nothing else explains, 2. With it one of the
-    // last two is not needed.
+    // The least missed first, here too: 6, 4, 3, 1.75 and 1.5 of order 1, and one of order 2 for 4, 3 and what nothing else explains, 2. With it one
+    // of the last two is not needed.
     let response = [10.0, 6.0, 4.0, 3.0, 1.75, 1.5, 2.0, 0.0];
     let most: &[f64] = &[0.0, 0.0, 4.0, 3.0, 0.0, 0.0, 2.0, 0.0];
     let fit = units(6, &[most], &response);

@@ -105,7 +105,8 @@ mod tests {
 
     #[test]
     fn least_distances_are_the_best_known() {
-        // Van Dam, Husslage, den Hertog, Melissen 2007, table 1 (two factors: proved), and Husslage and others 2011 (three, four and five): squares in slices.
+        // Van Dam, Husslage, den Hertog, Melissen 2007, table 1 (two factors: proved), and Husslage and others 2011 (three, four and five): squares
+        // in slices.
         for (factors, runs, best) in [
             (2, 5, 5),
             (2, 7, 8),
@@ -132,7 +133,8 @@ mod tests {
 
     #[test]
     fn least_distances_are_above_those_of_the_r_package_lhs() {
-        // R lhs 1.1.6 on the unit cube: the best of ten seeds of each of maximinLHS, optimumLHS (4 sweeps), improvedLHS, geneticLHS (50 of 20 generations).
+        // R lhs 1.1.6 on the unit cube: the best of ten seeds of each of maximinLHS, optimumLHS (4 sweeps), improvedLHS, geneticLHS (50 of 20
+        // generations).
         for (factors, runs, best) in
             [(2, 10, 0.264_470_7), (3, 20, 0.322_757_7), (5, 30, 0.491_937_1), (5, 50, 0.379_383_1), (8, 80, 0.567_865_9)]
         {

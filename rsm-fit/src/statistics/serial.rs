@@ -10,8 +10,9 @@
 //! ```
 //!
 //! Sources: Newey, West 1987, A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance matrix; Andrews 1991,
-//! Heteroskedasticity and autocorrelation consistent covariance matrix estimation, (6.2) and (6.4): L for the Bartlett kernel, of an AR(1) series, here
-//! that of the errors, so that L does not depend on the units of the terms; Andrews, Monahan 1992: r at most 0.97; Wald, Wolfowitz 1943: random orders.
+//! Heteroskedasticity and autocorrelation consistent covariance matrix estimation, (6.2) and (6.4): L for the Bartlett kernel, of an AR(1) series,
+//! here that of the errors, so that L does not depend on the units of the terms; Andrews, Monahan 1992: r at most 0.97; Wald, Wolfowitz 1943: random
+//! orders.
 
 use std::num::NonZeroUsize;
 
@@ -188,8 +189,9 @@ mod tests {
 
     #[test]
     fn standard_errors_worked_by_hand() {
-        // Six errors of 1, then six of -1: r = (5 - 1 + 5)/12, alpha = 4 * 0.5625/(0.0625 * 3.0625) = 11.755, L = 1.1447 * 5.206 = 5.96. Neighbours l apart: 12 - 3 l.
-        // Of the constant 12 + 2 (5/6 * 9 + 4/6 * 6 + 3/6 * 3 + 0 - 1/6 * 3) = 37; of an input that turns at each row the odd ones have the other sign: 3.
+        // Six errors of 1, then six of -1: r = (5 - 1 + 5)/12, alpha = 4 * 0.5625/(0.0625 * 3.0625) = 11.755, L = 1.1447 * 5.206 = 5.96. Neighbours l
+        // apart: 12 - 3 l. Of the constant 12 + 2 (5/6 * 9 + 4/6 * 6 + 3/6 * 3 + 0 - 1/6 * 3) = 37; of an input that turns at each row the odd ones
+        // have the other sign: 3.
         let halves: Vec<f64> = (0..12).map(|row| if row < 6 { 1.0 } else { -1.0 }).collect();
         let found = of_rows(&halves, &[[0], [1]]);
         assert_eq!((found.order, found.correlation, found.lags), ("rows", 0.75, Some(5)));
@@ -229,7 +231,8 @@ mod tests {
 
     #[test]
     fn the_correlation_of_neighbours_worked_by_hand() {
-        // 0 to 7 less their mean: squares 42, neighbours 8.75 + 3.75 + 0.75 - 0.25 + 0.75 + 3.75 + 8.75 = 26.25. Of 8! = 40,320 orders only few are as alike.
+        // 0 to 7 less their mean: squares 42, neighbours 8.75 + 3.75 + 0.75 - 0.25 + 0.75 + 3.75 + 8.75 = 26.25. Of 8! = 40,320 orders only few are
+        // as alike.
         let rows: Vec<f64> = (0..8).map(f64::from).collect();
         let (found, p) = of_neighbours(&rows).unwrap();
         assert_eq!(found, 0.625);
@@ -244,8 +247,8 @@ mod tests {
         assert_eq!(found, 0.625);
         assert!((p - 2.0 / 70.0).abs() < 0.02, "{p}");
         assert_eq!((p * 1000.0).round() / 1000.0, p);
-        // 500 rows + + - - + + - -: of 499 pairs 250 have one sign, so 1/500 = 0.002. z = (1/500 + 1/499) sqrt(499) = 0.089443, and Student's t with 500
-        // degrees of freedom lies above it with 0.464383 (normal: 0.464365).
+        // 500 rows + + - - + + - -: of 499 pairs 250 have one sign, so 1/500 = 0.002. z = (1/500 + 1/499) sqrt(499) = 0.089443, and Student's t with
+        // 500 degrees of freedom lies above it with 0.464383 (normal: 0.464365).
         let signs: Vec<f64> = (0..MANY_ROWS).map(|row| if row % 4 < 2 { 1.0 } else { -1.0 }).collect();
         let (found, p) = of_neighbours(&signs).unwrap();
         assert_eq!(found, 0.002);
@@ -256,8 +259,8 @@ mod tests {
 
     #[test]
     fn both_ways_to_a_probability_agree_and_follow_their_level() {
-        // Series of white noise on either side of the limit. 1 % of 400: 4 alarms, with a standard deviation of 2; 10 % of 60, as orders take time: 6 and 2.3.
-        // Five of them above, and at least one.
+        // Series of white noise on either side of the limit. 1 % of 400: 4 alarms, with a standard deviation of 2; 10 % of 60, as orders take time: 6
+        // and 2.3. Five of them above, and at least one.
         for (rows, series, level, most) in [(MANY_ROWS - 1, 60, 0.1, 17), (MANY_ROWS, 400, 0.01, 14)] {
             let alarms = (0..series).filter(|seed| {
                 let mut random = Random::new(*seed);

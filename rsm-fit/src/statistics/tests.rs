@@ -154,8 +154,8 @@ fn a_negative_slope_is_as_significant_as_a_positive_one() {
     assert_eq!(up.terms[1].p, down.terms[1].p);
 }
 
-/// Everything that is told of a fit, from the normal equations in rational arithmetic and from the definition of each figure: rows are really left out
-/// for PRESS, replicates are found by comparing points.
+/// Everything that is told of a fit, from the normal equations in rational arithmetic and from the definition of each figure: rows are really left
+/// out for PRESS, replicates are found by comparing points.
 fn compare(data: &Data, terms: &[Vec<u32>]) {
     let found = data.figures(terms);
     let problem = data.exact(terms);

@@ -1,5 +1,5 @@
-//! MAT files that scipy 1.17 (versions 5 and 7) and h5py 3 (version 7.3, as MATLAB lays it out) wrote: 40 rows, t = k/100 s, x = sin(7t) rounded to six decimals,
-//! u = 3 cos(5t) likewise, in single precision where it is stored alone.
+//! MAT files that scipy 1.17 (versions 5 and 7) and h5py 3 (version 7.3, as MATLAB lays it out) wrote: 40 rows, t = k/100 s, x = sin(7t) rounded to
+//! six decimals, u = 3 cos(5t) likewise, in single precision where it is stored alone.
 
 use rsm_import::{File, Record, Wishes, import};
 

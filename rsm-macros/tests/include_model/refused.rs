@@ -1,4 +1,5 @@
-//! What the compiler says about a call that cannot be expanded: the whole message, in `tests/ui/*.stderr` beside the call. RSM_BLESS=1 writes it anew.
+//! What the compiler says about a call that cannot be expanded: the whole message, in `tests/ui/*.stderr` beside the call. RSM_BLESS=1 writes it
+//! anew.
 
 use std::path::Path;
 

@@ -1,6 +1,7 @@
 //! First guesses for the parameters of an effect.
 //!
-//! In: an effect, scales of the records and of the site. Out: lists of its parameters, and the values at which it has no effect. Records are not used.
+//! In: an effect, scales of the records and of the site. Out: lists of its parameters, and the values at which it has no effect. Records are not
+//! used.
 
 use std::collections::HashMap;
 

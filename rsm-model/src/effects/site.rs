@@ -8,7 +8,8 @@
 //! inertia = "mass"
 //! ```
 //!
-//! In: tables of a plant file. Out: [`Site`], its roles as expressions in the names of the text. Does not compare a site with the equations: `rewrite` does.
+//! In: tables of a plant file. Out: [`Site`], its roles as expressions in the names of the text. Does not compare a site with the equations:
+//! `rewrite` does.
 
 use std::ops::Range;
 

@@ -1,7 +1,7 @@
 //! The table that the bench writes.
 //!
-//! In: outcomes. Out: a CSV with a row for every run that came to the voltage limit, in the order of the runs; the others are told in comments, because
-//! their points do not lie on the boundary that a fit looks for. Never drops a run silently.
+//! In: outcomes. Out: a CSV with a row for every run that came to the voltage limit, in the order of the runs; the others are told in comments,
+//! because their points do not lie on the boundary that a fit looks for. Never drops a run silently.
 
 use std::fmt::Write as _;
 

@@ -1,8 +1,10 @@
-//! Points of the voltage limit: current vectors with the speed at which they meet it, from the bench or from a record, and how far surfaces are from them.
+//! Points of the voltage limit: current vectors with the speed at which they meet it, from the bench or from a record, and how far surfaces are from
+//! them.
 //!
-//! In: points of the bench, or a record of a motor that turns. Out: [`LimitPoint`]s, and the error of a surface's current advance at each. A record need not come near the
-//! limit: in steady turning it shows the flux linkages of its current vector, psi_d = (v_q - r i_q)/w_e and psi_q = -(v_d - r i_d)/w_e after (17) and (18), whatever
-//! makes them, and a linkage says at which speed the limit is met: |r i + w_e J psi| = V. Never asks a model of the motor for more than its resistance.
+//! In: points of the bench, or a record of a motor that turns. Out: [`LimitPoint`]s, and the error of a surface's current advance at each. A record
+//! need not come near the limit: in steady turning it shows the flux linkages of its current vector, psi_d = (v_q - r i_q)/w_e and psi_q = -(v_d - r
+//! i_d)/w_e after (17) and (18), whatever makes them, and a linkage says at which speed the limit is met: |r i + w_e J psi| = V. Never asks a model
+//! of the motor for more than its resistance.
 
 use rsm_core::check::Checked;
 use rsm_core::run::Interpreter;
@@ -33,7 +35,8 @@ const LEAST_ROWS: usize = 8;
 /// What changes within a window by more than this share is no steady turning: the voltage of L di/dt against the whole, the speed.
 const STEADY: f64 = 0.02;
 
-/// Slowest speed of a window, as a share of that at which the magnets alone meet the limit: what is wrong with the resistive drop is carried up by the inverse of it.
+/// Slowest speed of a window, as a share of that at which the magnets alone meet the limit: what is wrong with the resistive drop is carried up by
+/// the inverse of it.
 const SLOWEST: f64 = 0.25;
 
 /// Shortest current vector, as a share of the longest: the bench's smallest depth. A shorter one has no angle worth the name.
@@ -123,8 +126,8 @@ pub fn of_record(record: &Record, known: &Known) -> Vec<LimitPoint> {
     points
 }
 
-/// How far the current advance of a model's surface `weakening_current` is from points of the limit, in degrees, each its absolute value. Points that need no weakening
-/// count with an advance of 0.
+/// How far the current advance of a model's surface `weakening_current` is from points of the limit, in degrees, each its absolute value. Points that
+/// need no weakening count with an advance of 0.
 ///
 /// # Errors
 /// A model without that surface.
@@ -198,8 +201,8 @@ mod tests {
     #[test]
     fn a_record_far_below_the_limit_says_where_it_is() {
         // Magnets of 0.054 Wb, which the drive does not know. i_d = -12 A, i_q = 20 A: psi_d = 0.054 - 0.0108 = 0.0432 Wb, psi_q = 0.018 Wb.
-        // V = 0.95 * 270/sqrt 3 = 148.0903 V. psi^2 = 0.00219024, half = 0.08 (20 * 0.0432 + 12 * 0.018) = 0.0864,
-        // r^2 i^2 = 3.4816. w_e = (sqrt(0.0864^2 + 0.00219024 * (148.0903^2 - 3.4816)) - 0.0864)/0.00219024 = 3124.87 rad/s, 781.22 rad/s of the shaft.
+        // V = 0.95 * 270/sqrt 3 = 148.0903 V. psi^2 = 0.00219024, half = 0.08 (20 * 0.0432 + 12 * 0.018) = 0.0864, r^2 i^2 = 3.4816.
+        // w_e = (sqrt(0.0864^2 + 0.00219024 * (148.0903^2 - 3.4816)) - 0.0864)/0.00219024 = 3124.87 rad/s, 781.22 rad/s of the shaft.
         for side in [1.0, -1.0] {
             let points = of_record(&record(side * 200.0, -12.0, side * 20.0, 0.054), &known());
             assert_eq!(points.len(), 5);

@@ -1,16 +1,16 @@
 //! The simulated dynamometer bench of the motor.
 //!
-//! In: a plant file, settings (modulation depth, current advance), a seed. Out: a measured point for each run, or the result that the run did not reach the
-//! voltage limit. A run is made as on a real bench, without a formula: the drive regulates the current vector, the dynamometer
-//! raises the speed until the drive's voltage is at its limit, holds that speed, and the readings are averaged.
+//! In: a plant file, settings (modulation depth, current advance), a seed. Out: a measured point for each run, or the result that the run did not
+//! reach the voltage limit. A run is made as on a real bench, without a formula: the drive regulates the current vector, the dynamometer raises the
+//! speed until the drive's voltage is at its limit, holds that speed, and the readings are averaged.
 //!
-//! Modulation depth is the share of the current limit, current advance the angle of the current vector from the q axis towards the negative d axis: i_d = -I sin,
-//! i_q = I cos. Up to 90 degrees the motor drives, beyond it brakes. The voltage limit is what the drive leaves to its references: V_dc/sqrt 3 less the
-//! drive's margin. At it the vector makes the highest torque that is available with this current at this speed, so every point lies on the
-//! boundary of the circle diagram.
+//! Modulation depth is the share of the current limit, current advance the angle of the current vector from the q axis towards the negative d axis:
+//! i_d = -I sin, i_q = I cos. Up to 90 degrees the motor drives, beyond it brakes. The voltage limit is what the drive leaves to its references:
+//! V_dc/sqrt 3 less the drive's margin. At it the vector makes the highest torque that is available with this current at this speed, so every point
+//! lies on the boundary of the circle diagram.
 //!
-//! Braking points are a region of their own, with negative torque: the resistive drop is then on the other side, and mirrored they would be wrong by it
-//! (at 60 A by 1.7 A of weakening current).
+//! Braking points are a region of their own, with negative torque: the resistive drop is then on the other side, and mirrored they would be wrong by
+//! it (at 60 A by 1.7 A of weakening current).
 
 mod csv;
 pub mod limit_points;
@@ -88,7 +88,8 @@ pub enum Outcome {
     Tripped(Setting),
 }
 
-/// Where the protection of a drive switches off, over the current limit. Regulation overshoots by a fifth at most; beyond twice the limit it has lost the current (an inductance that falls with it).
+/// Where the protection of a drive switches off, over the current limit. Regulation overshoots by a fifth at most; beyond twice the limit it has lost
+/// the current (an inductance that falls with it).
 const TRIP: f64 = 2.0;
 
 /// Where a run starts, in rad/s: well below every base speed.
@@ -97,8 +98,8 @@ const START_SPEED: f64 = 100.0;
 /// The steepest ramp, in rad/s^2: to the top speed in half a second.
 const RAMP: f64 = 2000.0;
 
-/// How fast the search for the limit closes in, in 1/s. The voltage grows about in proportion to the speed, so the set point moves by this share of the
-/// missing voltage; an eighth of the dynamometer's bandwidth, which must follow.
+/// How fast the search for the limit closes in, in 1/s. The voltage grows about in proportion to the speed, so the set point moves by this share of
+/// the missing voltage; an eighth of the dynamometer's bandwidth, which must follow.
 const SEARCH_RATE: f64 = 8.0;
 
 /// Time constant of the voltage reading, in s. It is read once a millisecond; current noise of 0.2 A makes some 0.5 V in one reading and 0.1 V
@@ -119,8 +120,8 @@ const WINDOW: f64 = 0.2;
 const AT_MOST: f64 = 10.0;
 
 impl Bench {
-    /// Makes the runs, in the order given. The noise of a run comes from `seed` and its number, so a run gives the same point in any plan. Runs share the
-    /// machine's processors; their number changes no bit.
+    /// Makes the runs, in the order given. The noise of a run comes from `seed` and its number, so a run gives the same point in any plan. Runs share
+    /// the machine's processors; their number changes no bit.
     ///
     /// # Errors
     /// A plant that is no motor, or one that cannot run in a loop; a plant of which every run trips.

@@ -3,11 +3,11 @@
 //! In: references and measured phase currents, angle, speed, bus voltage. Out: duties of the period after this one. Feedback linearisation
 //! means that the terms of (17), (18) that couple the axes, and the back-EMF, are fed forward, so that each axis is L di/dt = v - r i for its PI.
 //!
-//! The voltage is held in the stator's frame for a period T, so in the rotor's it turns by w_e T, 18 degrees at 7500 rpm, 4 pole pairs and 10 kHz. Two
-//! corrections follow, both to second order in w_e T. The mean of the turning vector is shorter than the vector by (w_e T)^2/24: the command is
-//! that much longer. And its swing to both sides drives a ripple whose value at the sampling instants is not its mean: with v exp(-j w_e t) over L, i at the
-//! ends of the period is the mean less j w_e T^2 v/(12 L). What is controlled, and makes torque, is the mean. Without the corrections a bench finds the
-//! voltage limit up to 0.7 % beside the circle diagram.
+//! The voltage is held in the stator's frame for a period T, so in the rotor's it turns by w_e T, 18 degrees at 7500 rpm, 4 pole pairs and 10 kHz.
+//! Two corrections follow, both to second order in w_e T. The mean of the turning vector is shorter than the vector by (w_e T)^2/24: the command is
+//! that much longer. And its swing to both sides drives a ripple whose value at the sampling instants is not its mean: with v exp(-j w_e t) over L, i
+//! at the ends of the period is the mean less j w_e T^2 v/(12 L). What is controlled, and makes torque, is the mean. Without the corrections a bench
+//! finds the voltage limit up to 0.7 % beside the circle diagram.
 
 use super::controller::{Known, Measured, References};
 use super::park::{Angle, from_phases, to_phases};

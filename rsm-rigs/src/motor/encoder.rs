@@ -1,12 +1,12 @@
 //! An incremental encoder and its evaluation in a drive: an angle between the edges, a speed from the times of edges.
 //!
-//! In: the true angle at the ends of each PWM period. Out: measured angle and speed. The drive has a capture timer, which gives the time of each edge. It has no other
-//! information from the lines. The zero of the angle is known from the start (an index pulse, a Hall signal or an alignment).
+//! In: the true angle at the ends of each PWM period. Out: measured angle and speed. The drive has a capture timer, which gives the time of each
+//! edge. It has no other information from the lines. The zero of the angle is known from the start (an index pulse, a Hall signal or an alignment).
 //!
-//! Angle: with interpolation it is the angle of the last edge plus the measured speed times the time since that edge, at most one count; without interpolation it is the
-//! middle of the count. Speed: in a PWM period with an edge it is the counts between two captured edges over the time between them. So at constant speed it has no quantisation error,
-//! however coarse the lines. Without an edge the speed is limited to one count in the time since the last edge.
-//! A first-order filter follows.
+//! Angle: with interpolation it is the angle of the last edge plus the measured speed times the time since that edge, at most one count; without
+//! interpolation it is the middle of the count. Speed: in a PWM period with an edge it is the counts between two captured edges over the time between
+//! them. So at constant speed it has no quantisation error, however coarse the lines. Without an edge the speed is limited to one count in the time
+//! since the last edge. A first-order filter follows.
 
 use std::f64::consts::TAU;
 

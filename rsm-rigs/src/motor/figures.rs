@@ -1,7 +1,7 @@
 //! The figures of the motor's controllers: the difference of their commands, the difference of their run-ups, the speed of their simulation.
 //!
-//! In: a plant file, a drive, surfaces, seeds. Out: numbers and the traces behind them. The full controller is the standard; both see the same sensors.
-//! Never fits anything, never prints. Times are those of the machine; everything else is the same for the same files on one machine.
+//! In: a plant file, a drive, surfaces, seeds. Out: numbers and the traces behind them. The full controller is the standard; both see the same
+//! sensors. Never fits anything, never prints. Times are those of the machine; everything else is the same for the same files on one machine.
 
 use std::time::Instant;
 

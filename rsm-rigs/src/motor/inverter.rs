@@ -90,8 +90,8 @@ impl Inverter {
 }
 
 impl Edges {
-    /// The next piece: how long it lasts, in s, and its stator-frame voltage. `currents` are those at its start, which is the end of the piece before.
-    /// `None` at the end of the period. A piece may be of length 0.
+    /// The next piece: how long it lasts, in s, and its stator-frame voltage. `currents` are those at its start, which is the end of the piece
+    /// before. `None` at the end of the period. A piece may be of length 0.
     pub fn next(&mut self, currents: [f64; 3]) -> Option<(f64, [f64; 2])> {
         let Inverter { period, dead_time, bus_voltage } = self.inverter;
         // What is due now: an edge that waits for a dead time is put off, any other is done.

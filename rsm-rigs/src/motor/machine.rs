@@ -15,8 +15,8 @@ use rsm_sim::plants::Plant;
 use rsm_sim::plants::pmac::Pmac;
 use rsm_sim::record::{Drive, Record};
 
-/// A sub-step is at most this over the fastest rate, electrical turning included. Fourth order then errs by 0.35^5/120 = 4e-5 of what moves that fast,
-/// in a step; the test of half the step measures what is left at the end.
+/// A sub-step is at most this over the fastest rate, electrical turning included. Fourth order then errs by 0.35^5/120 = 4e-5 of what moves that
+/// fast, in a step; the test of half the step measures what is left at the end.
 const STEP_RATE: f64 = 0.35;
 
 /// A plant with a faster rate, in 1/s, is refused: 3000 sub-steps in a PWM period of 0.1 ms.

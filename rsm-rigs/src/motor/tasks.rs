@@ -200,8 +200,8 @@ impl PositionStep {
 
 impl Task for PositionStep {
     fn torque_demand(&mut self, sensed: &Sensed) -> Option<f64> {
-        // PID in the form of a cascade: the error asks for a speed w e, and the speed's error for torque by 3 J w and J w^2 / s. On the inertia J that
-        // is s^3 + 3 w s^2 + 4 w^2 s + w^3: poles at -0.32 w and (-1.34 +- 1.16 j) w. The form allows to limit the speed so that the torque
+        // PID in the form of a cascade: the error asks for a speed w e, and the speed's error for torque by 3 J w and J w^2 / s. On the inertia J
+        // that is s^3 + 3 w s^2 + 4 w^2 s + w^3: poles at -0.32 w and (-1.34 +- 1.16 j) w. The form allows to limit the speed so that the torque
         // suffices to stop.
         let (j, w) = (self.inertia, self.bandwidth);
         let error = self.surface.gear * self.deflection - sensed.angle;

@@ -31,8 +31,8 @@ const POLISHED: usize = 2;
 /// Iterations at most, coarse and polished; the last ones move nothing (see the tests).
 const ITERATIONS: [usize; 2] = [8, 40];
 
-/// Lags of the standard errors, in means of two samples: 50 ms, where the correlation of the slowest residual (of the torque map's bend) still counts a
-/// half, and 1/20 of the window, so that the white case stays within its spread.
+/// Lags of the standard errors, in means of two samples: 50 ms, where the correlation of the slowest residual (of the torque map's bend) still counts
+/// a half, and 1/20 of the window, so that the white case stays within its spread.
 const CORRELATED: usize = 50;
 
 /// A column that may make up a channel.

@@ -3,8 +3,8 @@
 //! In: a plant file, the ratios of a second gearbox, seeds. Out: [`Prediction`] and [`Loaded`], what the surfaces
 //! leave on runs that no fit saw, as plain numbers. The second car is never fitted, and no term was chosen by it.
 //!
-//! The coordinates are road speed and 1/ratio. The inertia of the engine at the wheel goes with the square of the ratio, so frequency and damping of the mode
-//! go nearly with 1/ratio. And the speeds between 1200 and 4800 rpm lie between two straight lines in these coordinates, so that half-spaces
+//! The coordinates are road speed and 1/ratio. The inertia of the engine at the wheel goes with the square of the ratio, so frequency and damping of
+//! the mode go nearly with 1/ratio. And the speeds between 1200 and 4800 rpm lie between two straight lines in these coordinates, so that half-spaces
 //! hold the runs without a gap. A gear number knows none of this about another gearbox.
 
 use rsm_core::check::Checked;
@@ -66,9 +66,9 @@ fn terms(against: Against) -> Vec<Vec<u32>> {
 
 /// The text of the specification of `damping_ratio` and `shuffle_frequency`: what [`fit_mode`] fits in memory, for data in files.
 ///
-/// The terms: second order in the speed, as the engine's torque map bends that much, times third order in 1/ratio, the order that the surfaces against the gear
-/// have; the load moves little and is straight, with a slope of its own in each gear. The weights: in fifth gear a run knows its damping to 0.01, and with lash to 0.1 where
-/// the step is hardly wider than the gap; in first gear to 0.0003.
+/// The terms: second order in the speed, as the engine's torque map bends that much, times third order in 1/ratio, the order that the surfaces
+/// against the gear have; the load moves little and is straight, with a slope of its own in each gear. The weights: in fifth gear a run knows its
+/// damping to 0.01, and with lash to 0.1 where the step is hardly wider than the gap; in first gear to 0.0003.
 #[must_use]
 pub fn specification(against: Against, data: &str, unseen: Option<&str>) -> String {
     let unseen = unseen.map_or(String::new(), |file| format!("validate = [\"{file}\"]\n"));

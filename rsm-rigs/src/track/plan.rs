@@ -11,8 +11,8 @@ use rsm_fit::random::Random;
 /// rad/s in one rpm.
 pub const RPM: f64 = std::f64::consts::PI / 30.0;
 
-/// Engine speeds of the experiment, in rpm: five in each gear between 1200 and 4800 (docs/book/src/reference/paper.md: steps of 5 m/s in every gear would ask for
-/// speeds at which no engine runs).
+/// Engine speeds of the experiment, in rpm: five in each gear between 1200 and 4800 (docs/book/src/reference/paper.md: steps of 5 m/s in every gear
+/// would ask for speeds at which no engine runs).
 pub const ENGINE_SPEEDS_RPM: [f64; 5] = [1200.0, 2100.0, 3000.0, 3900.0, 4800.0];
 
 /// Engine speeds of the unseen set, in rpm: between those of the experiment.

@@ -1,12 +1,12 @@
 //! From tip-in runs to a compensator, in rounds: fit, compensate, drive again, add the missing damping, until it no longer improves.
 //!
-//! In: a plant file, plans, seeds. Out: a model with the surfaces and the compensator `tip_in`, and the
-//! figures of every round. The first round uses the pole damping of a filter of third order. Every later round adds a share of the
-//! damping that was missing to 0.7 in the response to the pedal. The surfaces are fitted in memory; [`specification`] and [`data`] are the same fit as files. Never writes.
+//! In: a plant file, plans, seeds. Out: a model with the surfaces and the compensator `tip_in`, and the figures of every round. The first round uses
+//! the pole damping of a filter of third order. Every later round adds a share of the damping that was missing to 0.7 in the response to the pedal.
+//! The surfaces are fitted in memory; [`specification`] and [`data`] are the same fit as files. Never writes.
 //!
-//! The poles get a natural frequency of their own, a little above the rate of the engine's lag ([`Poles`]). At the shuffle frequency of the high gears, four times
-//! the lag's rate, they could have any damping: the lag would dominate and the response stay overdamped (measured: 0.8 to 2.2 in gears 3 to 5 for any
-//! pole damping from 0.4 to 0.7). Much slower poles cost acceleration for nothing.
+//! The poles get a natural frequency of their own, a little above the rate of the engine's lag ([`Poles`]). At the shuffle frequency of the high
+//! gears, four times the lag's rate, they could have any damping: the lag would dominate and the response stay overdamped (measured: 0.8 to 2.2 in
+//! gears 3 to 5 for any pole damping from 0.4 to 0.7). Much slower poles cost acceleration for nothing.
 
 use rsm_core::check::Checked;
 use rsm_core::model::{Compensator, Model, Scheduled};
@@ -36,11 +36,13 @@ const MOST_ROUNDS: usize = 8;
 /// No more damping than this is asked of the poles: beyond, the slower of the two real ones is what the driver feels.
 const MOST_POLE_DAMPING: f64 = 1.2;
 
-/// Powers of speed and gear that leave no more than noise of what is smooth in gear and nearly straight in speed (lack of fit below the standard errors).
+/// Powers of speed and gear that leave no more than noise of what is smooth in gear and nearly straight in speed (lack of fit below the standard
+/// errors).
 const SMOOTH: &[[u32; 2]] = &[[0, 0], [1, 0], [0, 1], [1, 1], [0, 2], [1, 2], [0, 3], [1, 3]];
 
-/// With lash the damping bends much more: at low torque the gap takes longer. These are what the ladder up to fifth order chose on 25 runs with the seed 11 and 30
-/// unseen ones at other speeds. On runs of other seeds and unseen speeds they leave 0.8 % of the mean damping, the eight above 4 to 5 %.
+/// With lash the damping bends much more: at low torque the gap takes longer. These are what the ladder up to fifth order chose on 25 runs with the
+/// seed 11 and 30 unseen ones at other speeds. On runs of other seeds and unseen speeds they leave 0.8 % of the mean damping, the eight above 4 to 5
+/// %.
 const WITH_GAP: &[[u32; 2]] =
     &[[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2], [3, 0], [0, 3], [4, 0], [3, 1], [2, 2], [1, 3], [0, 4], [5, 0], [1, 4]];
 
@@ -57,8 +59,8 @@ const FREQUENCIES: [f64; 2] = [8.0, 80.0];
 /// Faces of the support: four sides of the box and the two lines of the engine.
 const FACES: usize = 6;
 
-/// The text of the specification of the surfaces. Without lash all are smooth in gear and nearly straight in speed, whose slope falls with the gear (it goes
-/// with engine speed). Both dampings have the same terms ([`Poles::damping_terms`]), so that the noise of the one leaves their sum.
+/// The text of the specification of the surfaces. Without lash all are smooth in gear and nearly straight in speed, whose slope falls with the gear
+/// (it goes with engine speed). Both dampings have the same terms ([`Poles::damping_terms`]), so that the noise of the one leaves their sum.
 #[must_use]
 pub fn specification(data: &str, unseen: Option<&str>, damping_terms: &[[u32; 2]]) -> String {
     let unseen = unseen.map_or(String::new(), |file| format!("validate = [\"{file}\"]\n"));
@@ -158,8 +160,8 @@ impl Poles {
     /// whatever theirs is. Below a damping of 0.2 they would ring on their own.
     pub const WITHOUT_LASH: Poles = Poles { frequency_times_lag: 1.4, least_damping: 0.2, damping_terms: SMOOTH };
 
-    /// For a car with lash: the slower the torque rises, the softer the gap closes, and a clunk overshoots beyond what the damping says. Measured over
-    /// frequencies of 1.0, 1.2 and 1.4 and dampings of 0.6 to 1.0: about 1.1 and 0.65 are the fastest that halve every overshoot.
+    /// For a car with lash: the slower the torque rises, the softer the gap closes, and a clunk overshoots beyond what the damping says. Measured
+    /// over frequencies of 1.0, 1.2 and 1.4 and dampings of 0.6 to 1.0: about 1.1 and 0.65 are the fastest that halve every overshoot.
     pub const WITH_LASH: Poles = Poles { frequency_times_lag: 1.1, least_damping: 0.65, damping_terms: WITH_GAP };
 }
 

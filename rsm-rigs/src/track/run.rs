@@ -57,7 +57,8 @@ impl Compensation {
     /// A compensator of a model by its name, in f64.
     ///
     /// # Errors
-    /// A fault for a name that is not there, for an input that the car does not have, for a compensator that is not certain to be stable or that runs at another sample time.
+    /// A fault for a name that is not there, for an input that the car does not have, for a compensator that is not certain to be stable or that runs
+    /// at another sample time.
     pub fn new(checked: &Checked, name: &str) -> Result<Self, Faults> {
         let model = checked.model();
         let refuse = |what: String, help: &str| Faults::one(Fault::whole_file(checked.file(), what).help(help));

@@ -70,8 +70,8 @@ fn noise_is_that_of_the_plant_file_and_of_the_seed() {
 #[test]
 fn the_mode_is_that_of_the_linear_driveline() {
     // Two inertias on a spring, by hand, third gear: J_1 = (0.17 1.5^2 + 0.014 + 0.031/3.7^2) 3.7^2 = 5.459 at the wheel, J_2 = 160.7; the clutch
-    // (10000 1.5^2 3.7^2 = 308025 N m/rad at the wheel) in series with the shaft: k = 4920, and its damper d = 65 (4920/5000)^2 + 924 (4920/308025)^2 = 63.2.
-    // 1/J = 1/5.459 + 1/160.7 = 0.1894: w = sqrt(k/J) = 30.5; zeta = d sqrt(1/(J k))/2 = 0.196, and 0.03 1.5^2 3.7^2/(2 5.459 w) = 0.003 by
+    // (10000 1.5^2 3.7^2 = 308025 N m/rad at the wheel) in series with the shaft: k = 4920, and its damper d = 65 (4920/5000)^2 + 924 (4920/308025)^2
+    // = 63.2. 1/J = 1/5.459 + 1/160.7 = 0.1894: w = sqrt(k/J) = 30.5; zeta = d sqrt(1/(J k))/2 = 0.196, and 0.03 1.5^2 3.7^2/(2 5.459 w) = 0.003 by
     // the engine's friction: 0.199. The slope of the torque map behind its lag adds less than 0.01 at 3000 rpm.
     let car = silent(car());
     let trace = tip_in(&car, &run(3, 3000.0), SEED, None).unwrap();
@@ -153,8 +153,8 @@ const STUDY: Study = Study { seed: SEED, threads: 2 };
 #[test]
 fn surfaces_against_the_ratio_predict_a_gearbox_that_no_fit_saw() {
     let found = prediction(&car(), OTHER_RATIOS, &STUDY).unwrap_or_else(|faults| panic!("{faults}"));
-    // The full experiment leaves 1.6 % of the damping and 0.7 % of the frequency, which is the noise of single runs in the high gears (3 % and 1 %, over
-    // the mean of all runs): with another seed a fifth more or less. Twice of it would be a surface of the wrong shape.
+    // The full experiment leaves 1.6 % of the damping and 0.7 % of the frequency, which is the noise of single runs in the high gears (3 % and 1 %,
+    // over the mean of all runs): with another seed a fifth more or less. Twice of it would be a surface of the wrong shape.
     for residual in [found.unseen, found.other] {
         assert!(residual.damping_percent < 2.5 && residual.frequency_percent < 1.3, "{residual:?}");
         assert_eq!(residual.outside, 0);
@@ -175,8 +175,8 @@ fn surfaces_with_the_load_hold_at_loads_between() {
     // 1.1 % and 0.65 %, the noise of single runs; twice of it would be a surface of the wrong shape.
     let left = found.unseen;
     assert!(left.damping_percent < 2.2 && left.frequency_percent < 1.3 && left.outside == 0, "{left:?}");
-    // By hand, first gear: J_1 = 29.0, J_2 = 160.7 at the wheel, which 320 kg make 193.5. w goes with the root of 1/J_1 + 1/J_2: -1.3 %. In the higher
-    // gears J_1 is smaller and less moves. The slope of a surface of 75 runs is known to some tenths of a percent.
+    // By hand, first gear: J_1 = 29.0, J_2 = 160.7 at the wheel, which 320 kg make 193.5. w goes with the root of 1/J_1 + 1/J_2: -1.3 %. In the
+    // higher gears J_1 is smaller and less moves. The slope of a surface of 75 runs is known to some tenths of a percent.
     let [low, high] = found.frequency_moved_percent;
     assert!((-1.9..-0.9).contains(&low) && high.abs() < 1.0, "{low} {high}");
     // The damping moves as little: with the root of 1/J, and by the noise of fifth gear.

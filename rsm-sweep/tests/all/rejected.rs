@@ -1,4 +1,5 @@
-//! Bad scenarios are refused with the whole message that stands beside them. `RSM_BLESS=1` rewrites the messages; the difference is reviewed like code.
+//! Bad scenarios are refused with the whole message that stands beside them. `RSM_BLESS=1` rewrites the messages; the difference is reviewed like
+//! code.
 
 use rsm_core::source::Source;
 use rsm_sweep::scenario::Scenario;

@@ -13,7 +13,8 @@
 //! assert!(nothing(3.0) == 0.0 && nothing(f32::INFINITY).is_nan());
 //! ```
 #![no_std]
-// Denied, not forbidden: SSE instructions are `unsafe` functions in Rust, and the square root of other machines is inline assembly. There is no other unsafe code.
+// Denied, not forbidden: SSE instructions are `unsafe` functions in Rust, and the square root of other machines is inline assembly. There is no other
+// unsafe code.
 #![deny(unsafe_code)]
 
 /// `bound` where `value < bound`, else `value`: a NaN passes, and a tie keeps `value`.
@@ -86,8 +87,8 @@ pub fn magnitude(value: f32) -> f32 {
     f32::from_bits(value.to_bits() & 0x7FFF_FFFF)
 }
 
-/// The square root, rounded to the nearest f32 as IEEE 754 requires: the same bits on every machine. NaN for a NaN and for a number below 0. It is the machine's
-/// instruction on x86-64, AArch64 and 32-bit Arm with an FPU; elsewhere it is computed digit by digit.
+/// The square root, rounded to the nearest f32 as IEEE 754 requires: the same bits on every machine. NaN for a NaN and for a number below 0. It is
+/// the machine's instruction on x86-64, AArch64 and 32-bit Arm with an FPU; elsewhere it is computed digit by digit.
 ///
 /// ```
 /// assert_eq!(branch_free::root(2.25), 1.5);
@@ -110,8 +111,8 @@ pub fn root(value: f32) -> f32 {
         unsafe { core::arch::asm!("fsqrt {0:s}, {1:s}", out(vreg) root, in(vreg) value, options(pure, nomem, nostack)) };
         root
     }
-    // The names of these targets end in `eabihf`: numbers are passed in registers of an FPU, so the machine has one. Rust passes such a register to inline assembly only if
-    // the FPU also has doubles; so the number passes through a general register.
+    // The names of these targets end in `eabihf`: numbers are passed in registers of an FPU, so the machine has one. Rust passes such a register to
+    // inline assembly only if the FPU also has doubles; so the number passes through a general register.
     #[cfg(all(target_arch = "arm", target_abi = "eabihf"))]
     {
         let mut bits = value.to_bits();
@@ -220,8 +221,8 @@ fn add_up_to_the_largest(count: u32, one: u32) -> u32 {
     sum.wrapping_sub(one & (sum >> 31))
 }
 
-/// 1 if a count has reached `most`, a number from 1 to 2^23, else 0. Floats are compared, because a compiler makes a branch of a comparison of integers. Up to 2^23 `most` minus a half is
-/// exact, and a larger count stays above it, however it is rounded.
+/// 1 if a count has reached `most`, a number from 1 to 2^23, else 0. Floats are compared, because a compiler makes a branch of a comparison of
+/// integers. Up to 2^23 `most` minus a half is exact, and a larger count stays above it, however it is rounded.
 #[inline(always)]
 #[must_use]
 pub fn reached(count: u32, most: u32) -> f32 {

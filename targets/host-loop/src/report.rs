@@ -76,8 +76,8 @@ pub struct Report {
 }
 
 impl Report {
-    /// One JSON object: counts, the two summaries in nanoseconds, and what was granted ("yes", "not asked for", "no: reason"). A loop that drops ticks has
-    /// `ticks_lost`, one that catches up has `ticks_caught_up`. The number that is always 0 is left out.
+    /// One JSON object: counts, the two summaries in nanoseconds, and what was granted ("yes", "not asked for", "no: reason"). A loop that drops
+    /// ticks has `ticks_lost`, one that catches up has `ticks_caught_up`. The number that is always 0 is left out.
     #[must_use]
     pub fn json(&self) -> String {
         let late = if self.drops {

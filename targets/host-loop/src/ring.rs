@@ -1,7 +1,7 @@
 //! A ring of numbered samples from one thread to another, without a lock.
 //!
-//! In: samples of N numbers, each with its number in the sequence. Out: the same, in the same order. One thread pushes and one pops; with more of either
-//! samples may be mixed up, but memory stays safe. Never waits and never allocates after it was made.
+//! In: samples of N numbers, each with its number in the sequence. Out: the same, in the same order. One thread pushes and one pops; with more of
+//! either samples may be mixed up, but memory stays safe. Never waits and never allocates after it was made.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 

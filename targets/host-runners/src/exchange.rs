@@ -1,12 +1,13 @@
 //! A simulated plant in one thread and a step in another, both at the step's rate by the clock.
 //!
-//! In: the settings of the loop, the functions of plant and step. Out: the report of the loop and the counts of
-//! samples and commands. The plant does not wait for the loop: at the time of tick k it sends sample k, takes the newest command, and simulates the tick. If the loop is in time, this command is the answer to
-//! sample k - 1: a command acts one tick after its sample, as on a board. If the loop is late, the plant continues with an older command, and the tick counts as held.
-//! The loop's thread wakes by the clock, answers every sample in order, and runs late ticks until it has caught up.
+//! In: the settings of the loop, the functions of plant and step. Out: the report of the loop and the counts of samples and commands. The plant does
+//! not wait for the loop: at the time of tick k it sends sample k, takes the newest command, and simulates the tick. If the loop is in time, this
+//! command is the answer to sample k - 1: a command acts one tick after its sample, as on a board. If the loop is late, the plant continues with an
+//! older command, and the tick counts as held. The loop's thread wakes by the clock, answers every sample in order, and runs late ticks until it has
+//! caught up.
 //!
-//! A virtual machine does not keep deadlines of a millisecond. So a command counts as an under-run only if it is later than [`BUFFER_NS`] after its tick's time: a play-out buffer would
-//! hide smaller delays.
+//! A virtual machine does not keep deadlines of a millisecond. So a command counts as an under-run only if it is later than [`BUFFER_NS`] after its
+//! tick's time: a play-out buffer would hide smaller delays.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -226,7 +227,8 @@ mod tests {
             }
             [k]
         });
-        // Ticks 52 to 170 or so have no newer command than that of 49, fewer where the plant's thread is stopped meanwhile; the loop does every tick all the same.
+        // Ticks 52 to 170 or so have no newer command than that of 49, fewer where the plant's thread is stopped meanwhile; the loop does every tick
+        // all the same.
         assert!(exchange.held >= 30 && seen.iter().filter(|it| **it == 49.0).count() >= 30, "{exchange}");
         assert_eq!((report.ticks_done, exchange.lost), (200, 0), "{exchange}");
         assert!(took >= Duration::from_millis(199), "{took:?}");

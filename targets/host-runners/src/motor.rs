@@ -1,8 +1,8 @@
 //! The motor's two steps with the simulated drive behind them: in real time, and as fast as they go.
 //!
-//! In: the settings of the loop. Out: its report, what became of samples, and how the drive did. In real time the 1 kHz step runs in the loop's thread, and the
-//! inner step with inverter, motor and encoder in the plant's thread, like a drive with two processors: the inner step cannot wait for the outer one. [`ride`] and [`Outer`] are
-//! these two sides, for connections other than a ring: a federation or a network.
+//! In: the settings of the loop. Out: its report, what became of samples, and how the drive did. In real time the 1 kHz step runs in the loop's
+//! thread, and the inner step with inverter, motor and encoder in the plant's thread, like a drive with two processors: the inner step cannot wait
+//! for the outer one. [`ride`] and [`Outer`] are these two sides, for connections other than a ring: a federation or a network.
 
 use host_loop::{Report, Settings};
 use motor_loop::{
@@ -71,8 +71,8 @@ impl Steps {
             speed_rad_s: measured.speed_rad_s as f32,
             bus_voltage_v: measured.bus_voltage_v as f32,
         };
-        // The simulated inverter has no open bridge: it starts as a board whose bridge has just closed, its ten good samples behind it. A safe state later would be a fault
-        // of this program, and is counted.
+        // The simulated inverter has no open bridge: it starts as a board whose bridge has just closed, its ten good samples behind it. A safe state
+        // later would be a fault of this program, and is counted.
         if self.inner.bus_voltage_v == 0.0 {
             let a_period = self.drive.turns_per_speed * sampled.speed_rad_s;
             let mut before = Measured { angle_turns: angle_turns - self.drive.limits.good_in_a_row * a_period, ..sampled };
@@ -243,8 +243,9 @@ fn shipped(load_inertia: f64) -> (ClosedLoop, Known) {
     (ClosedLoop::new(&plant, &drive, load_inertia, 0.0).expect("the shipped motor runs in a loop"), drive.known(&plant))
 }
 
-/// The motor's side for so many milliseconds, with a load of this inertia (kg m^2) on its shaft: `exchange` takes what [`Outer::answer`] is told and gives what acts in the millisecond
-/// that begins, or `None` to end the run. `seen` gets every whole millisecond. One sample a second is bad on purpose.
+/// The motor's side for so many milliseconds, with a load of this inertia (kg m^2) on its shaft: `exchange` takes what [`Outer::answer`] is told and
+/// gives what acts in the millisecond that begins, or `None` to end the run. `seen` gets every whole millisecond. One sample a second is bad on
+/// purpose.
 pub fn ride(
     ticks: u64,
     period_ns: u64,

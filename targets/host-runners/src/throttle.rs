@@ -1,7 +1,7 @@
 //! The throttle's step with the simulated car behind it: in real time, and as fast as they go.
 //!
-//! In: the settings of the loop. Out: its report, what became of samples, and how the car did. The step runs in the loop's thread, from A/D counts and gear
-//! lines to a compare value as on a board; the car in the plant's.
+//! In: the settings of the loop. Out: its report, what became of samples, and how the car did. The step runs in the loop's thread, from A/D counts
+//! and gear lines to a compare value as on a board; the car in the plant's.
 
 use host_loop::{Report, Settings};
 use throttle_loop::raw::{CLUTCH_LINE, Counts, RawState, Scaling, raw_step};
@@ -53,8 +53,8 @@ pub struct Row {
     pub acceleration: f64,
 }
 
-/// The car's side for so many milliseconds: `exchange` takes what [`Step::answer`] is told and gives what acts in the millisecond that begins, or `None` to end the run. `seen` gets
-/// every whole millisecond. One sample a second is bad on purpose.
+/// The car's side for so many milliseconds: `exchange` takes what [`Step::answer`] is told and gives what acts in the millisecond that begins, or
+/// `None` to end the run. `seen` gets every whole millisecond. One sample a second is bad on purpose.
 pub fn ride(
     ticks: u64,
     period_ns: u64,
@@ -95,7 +95,8 @@ pub struct Step {
 }
 
 impl Step {
-    /// The compare value of the throttle for a sample: counts of pedal, plate and road speed, and the bits of gear and clutch lines. A value that is not a count is taken as 0, a broken wire.
+    /// The compare value of the throttle for a sample: counts of pedal, plate and road speed, and the bits of gear and clutch lines. A value that is
+    /// not a count is taken as 0, a broken wire.
     pub fn answer(&mut self, [pedal, plate, speed, lines]: [f64; 4]) -> [f64; 1] {
         let counts = Counts { pedal: pedal as u16, plate: plate as u16, speed: speed as u16, lines: lines as u32 };
         [f64::from(raw_step(&mut self.state, &BOARD, &counts))]

@@ -1,7 +1,8 @@
-//! Sine and cosine, which `core` does not have, from the surface of `generated/coefficients/circle.toml`; and the second coordinate of a point on the unit circle by a square root.
+//! Sine and cosine, which `core` does not have, from the surface of `generated/coefficients/circle.toml`; and the second coordinate of a point on the
+//! unit circle by a square root.
 //!
-//! In: an angle in turns, or the square of one coordinate (a leg). Out: sine and cosine with the error that the coefficient file states, or the other leg. No table, no loop, no branch, and
-//! the same bits in C.
+//! In: an angle in turns, or the square of one coordinate (a leg). Out: sine and cosine with the error that the coefficient file states, or the other
+//! leg. No table, no loop, no branch, and the same bits in C.
 
 use branch_free::{magnitude, root};
 
@@ -40,12 +41,13 @@ fn cosine(turns: f32) -> f32 {
     circle::sine_f32(1.0 - 4.0 * magnitude(turns - whole))
 }
 
-/// The square of the circle's radius, slightly reduced, so that the roundings of both legs (6e-8 each, half a dozen) do not lead out of the circle. `rsm check
+/// The square of the circle's radius, slightly reduced, so that the roundings of both legs (6e-8 each, half a dozen) do not lead out of the circle.
+/// `rsm check
 /// --limits` proves this, in fewer steps if the radius is reduced more.
 const HELD_BACK: f32 = 0.9996;
 
-/// How long the other leg of a circle of radius 1 may be, from the square of the one, up to 0.9: never more than sqrt(1 - square), at most 6.4e-4 less. NaN
-/// above [`HELD_BACK`].
+/// How long the other leg of a circle of radius 1 may be, from the square of the one, up to 0.9: never more than sqrt(1 - square), at most 6.4e-4
+/// less. NaN above [`HELD_BACK`].
 #[inline(always)]
 pub(crate) fn other_leg(square: f32) -> f32 {
     root(HELD_BACK - square)
@@ -63,7 +65,8 @@ mod tests {
             let turns = k as f32 / 7919.0;
             let Direction { cos, sin } = Direction::of_turns(turns);
             let (true_sin, true_cos) = (f64::from(turns) * std::f64::consts::TAU).sin_cos();
-            // The polynomial's 6.0e-7 (see the coefficient file) and some six roundings of numbers up to 1.6, 6e-8 each, and what `turns - 0.25` rounds: half a unit of 5 turns, 2.4e-7 turns.
+            // The polynomial's 6.0e-7 (see the coefficient file) and some six roundings of numbers up to 1.6, 6e-8 each, and what `turns - 0.25`
+            // rounds: half a unit of 5 turns, 2.4e-7 turns.
             let tolerance = 1.0e-6 + 2.4e-7 * std::f64::consts::TAU;
             let error = (f64::from(sin) - true_sin).abs().max((f64::from(cos) - true_cos).abs());
             assert!(error <= tolerance, "{turns} turns: {error:e}");

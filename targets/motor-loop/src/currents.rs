@@ -1,7 +1,7 @@
 //! The inner step, once a PWM period: from references and measured phase currents to the duties of three legs.
 //!
-//! In: references of the outer step; phase currents, electrical angle, speed and bus voltage, sampled together. Out: duties that act in the next period, and
-//! whether the bridge is closed in it. Uses only + - * /, comparisons and selects, so C has the same bits.
+//! In: references of the outer step; phase currents, electrical angle, speed and bus voltage, sampled together. Out: duties that act in the next
+//! period, and whether the bridge is closed in it. Uses only + - * /, comparisons and selects, so C has the same bits.
 //!
 //! ```text
 //! samples --plausible?--> phase currents --Clarke, Park (19)--> i_d, i_q --PI, decoupling--> v_d, v_q --limit (20)--> --Park back, 1.5 T later--> three duties
@@ -9,16 +9,17 @@
 //!             +---- expected values of the next period, from the rotor's speed and the model of the winding (17), (18)
 //! ```
 //!
-//! The angle is advanced by 1.5 T of rotation, from the sample to the middle of the period in which the duties act. Vectors are amplitude-invariant: a vector of
-//! length I is three phases of peak I.
+//! The angle is advanced by 1.5 T of rotation, from the sample to the middle of the period in which the duties act. Vectors are amplitude-invariant:
+//! a vector of length I is three phases of peak I.
 //!
 //! **A bad sample is replaced, and the control continues.** Bus voltage and speed are replaced by the last good ones, the angle by the last one advanced by the speed, the currents by a model of the
 //! winding under the commanded voltages. So the voltages stay right in the rotor's frame and follow the references. Current
 //! samples are also compared with the model: a stuck sensor differs from it after a while.
 //!
 //! **The safe state is the open bridge** (`closed` = 0): all six switches off. It begins after the number of bad samples in a row that [`crate::Limits`] gives, or immediately if the
-//! current exceeds the circle by 7 %, or will do so in the next period. The README of `targets/firmware` says why it is not a short circuit, and what the caller must do. It ends after as many good
-//! samples in a row as the limits give. The control then begins with the measured currents as its references and without an integral, so there is no jump.
+//! current exceeds the circle by 7 %, or will do so in the next period. The README of `targets/firmware` says why it is not a short circuit, and what
+//! the caller must do. It ends after as many good samples in a row as the limits give. The control then begins with the measured currents as its
+//! references and without an integral, so there is no jump.
 
 use branch_free::{BadSamples, at_least, at_most, magnitude, reached, select, within};
 
@@ -32,11 +33,13 @@ const HALF_ROOT_3: f32 = 0.866_025_4;
 const PER_ROOT_3: f32 = 0.577_350_26;
 const TWO_THIRDS: f32 = 0.666_666_7;
 
-/// The weight of a good sample of angle or currents: the model is corrected by this share of the difference. It reduces noise to 0.3, and a stuck sensor is
-/// still detected: an angle from 94 rad/s on, where the rotor moves by 0.15 of the limit in a period; 60 A from 60 rad/s on. A speed error of 5 % turns the frame by 6 degrees at top speed.
+/// The weight of a good sample of angle or currents: the model is corrected by this share of the difference. It reduces noise to 0.3, and a stuck
+/// sensor is still detected: an angle from 94 rad/s on, where the rotor moves by 0.15 of the limit in a period; 60 A from 60 rad/s on. A speed error
+/// of 5 % turns the frame by 6 degrees at top speed.
 const BELIEVED: f32 = 0.15;
 
-/// The limit of the integral parts. They compensate errors of the constants; a fifth of the reachable voltage is 10 % of the flux linkage at top speed and 10 % of the inductance at the limit.
+/// The limit of the integral parts. They compensate errors of the constants; a fifth of the reachable voltage is 10 % of the flux linkage at top
+/// speed and 10 % of the inductance at the limit.
 const INTEGRAL_SHARE: f32 = 0.2;
 
 /// Periods between the command that closes the bridge and the first sample whose period had it closed.
@@ -51,7 +54,8 @@ const FIRST_WAIT: f32 = 11.0;
 pub struct Measured {
     /// Phase currents a, b, c into the motor, in A. A part that all three have in common is dropped.
     pub currents_a: [f32; 3],
-    /// Electrical angle from the axis of phase a to the magnets' flux, in turns; best reduced to one turn, because its unit in the last place is then 6e-8.
+    /// Electrical angle from the axis of phase a to the magnets' flux, in turns; best reduced to one turn, because its unit in the last place is then
+    /// 6e-8.
     pub angle_turns: f32,
     /// Rotor speed, in mechanical rad/s.
     pub speed_rad_s: f32,
@@ -96,7 +100,8 @@ pub struct CurrentState {
     pub bus_voltage_v: f32,
     /// The number of good samples until the bridge closes, and one more; 0 in operation.
     pub waiting: f32,
-    /// The square of the wanted voltage over the square of the reachable one; 0 while the bridge is open. The outer step trims the weakening current by it.
+    /// The square of the wanted voltage over the square of the reachable one; 0 while the bridge is open. The outer step trims the weakening current
+    /// by it.
     pub voltage_share: f32,
     /// What the bridge does in the next period.
     pub last: Command,
@@ -127,8 +132,8 @@ impl Default for CurrentState {
     }
 }
 
-/// 1/sqrt(square), to 5e-6 of it, for a square from 1 to 1e30: a line through the exponent, then two steps of Newton's method, y (3 - square y^2)/2. The first
-/// guess is within 3.5 % (Lomont, "Fast inverse square root", 2003, where the constant is derived).
+/// 1/sqrt(square), to 5e-6 of it, for a square from 1 to 1e30: a line through the exponent, then two steps of Newton's method, y (3 - square y^2)/2.
+/// The first guess is within 3.5 % (Lomont, "Fast inverse square root", 2003, where the constant is derived).
 #[inline(always)]
 fn per_root(square: f32) -> f32 {
     let half = 0.5 * square;
@@ -145,12 +150,12 @@ fn part_of_turn(turns: f32) -> f32 {
 
 /// One PWM period: what the bridge does in the next one.
 ///
-/// The axes are decoupled at the wanted currents, not at the measured ones, and a voltage beyond the reachable circle is scaled back to it. With both rules
-/// there is exactly one equilibrium. Proof: with e = wanted - measured current, L/2 |e|^2 falls at the rate e (v - v_w) + r |e|^2, where v_w is the voltage of the wanted
-/// current; the coupling of the axes only turns e, so it does not appear. v is the point of the circle nearest to v_w + K e, and v_w is in the circle. So e (v - v_w) is never
-/// negative, a property of the nearest point in any convex set. With priority for one axis, or with decoupling at the measured currents, there is no such proof, and a second equilibrium was found.
-/// The wanted currents must be inside the limits. This is the task of the outer step. They move along straight lines, and a straight line between two points of
-/// a circle is inside.
+/// The axes are decoupled at the wanted currents, not at the measured ones, and a voltage beyond the reachable circle is scaled back to it. With both
+/// rules there is exactly one equilibrium. Proof: with e = wanted - measured current, L/2 |e|^2 falls at the rate e (v - v_w) + r |e|^2, where v_w is
+/// the voltage of the wanted current; the coupling of the axes only turns e, so it does not appear. v is the point of the circle nearest to v_w + K
+/// e, and v_w is in the circle. So e (v - v_w) is never negative, a property of the nearest point in any convex set. With priority for one axis, or
+/// with decoupling at the measured currents, there is no such proof, and a second equilibrium was found. The wanted currents must be inside the
+/// limits. This is the task of the outer step. They move along straight lines, and a straight line between two points of a circle is inside.
 ///
 /// `inline(never)`, so that its object code has a name of its own, which a test reads.
 #[inline(never)]
@@ -188,7 +193,8 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let i_d = state.expected_d_a + off_d;
     let i_q = state.expected_q_a + off_q;
 
-    // The expected next sample: the model's state is corrected by only a part of the difference from the samples, so that it does not follow a stuck sensor.
+    // The expected next sample: the model's state is corrected by only a part of the difference from the samples, so that it does not follow a stuck
+    // sensor.
     let believed = select(0.0, current_good, BELIEVED, open);
     let from_d = state.expected_d_a + believed * off_d;
     let from_q = state.expected_q_a + believed * off_q;
@@ -205,7 +211,8 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let expected_q = from_q + select(0.0, open, 0.0, move_q(half_d, half_q));
 
     let all_good = (bus.good * speed.good) * (angle_good * current_good);
-    // Now, even if the sample does not agree with the model; or at the next sample, if the currents continue to move away from the model at the same rate.
+    // Now, even if the sample does not agree with the model; or at the next sample, if the currents continue to move away from the model at the same
+    // rate.
     let now = select(0.0, in_range, square, 0.0);
     let then_d = expected_d + seen_d;
     let then_q = expected_q + seen_q;
@@ -244,12 +251,14 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let scale = select(1.0, share, per_root(at_least(share, 1.0)), 1.0);
     let v_d = scale * wanted_d;
     let v_q = scale * wanted_q;
-    // An error of the constants shows as the voltage (K + r + j w_e L) e. The integral approaches this voltage with the time constant of the winding at every speed. A law without the
-    // rotation is five times as slow at top speed and approaches on a spiral, because the integrals of both axes are coupled.
+    // An error of the constants shows as the voltage (K + r + j w_e L) e. The integral approaches this voltage with the time constant of the winding
+    // at every speed. A law without the rotation is five times as slow at top speed and approaches on a spiral, because the integrals of both axes
+    // are coupled.
     let cross = w_e * drive.inductance_h;
     let missing_d = drive.gain_v_per_a * error_d - cross * error_q;
     let missing_q = drive.gain_v_per_a * error_q + cross * error_d;
-    // At the voltage limit the errors contain no information about the constants, so the integral decays. Otherwise it would wind up, and would have to decay when the references are back in the circle.
+    // At the voltage limit the errors contain no information about the constants, so the integral decays. Otherwise it would wind up, and would have
+    // to decay when the references are back in the circle.
     let target_d = select(1.0, share, -state.integral_d_v, missing_d);
     let target_q = select(1.0, share, -state.integral_q_v, missing_q);
     let integral_d = state.integral_d_v + drive.integral_share * target_d;
@@ -266,13 +275,13 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let v_a = v_alpha;
     let v_b = side - half;
     let v_c = -side - half;
-    // Half the sum of the largest and the smallest phase is subtracted from all three. This centres them on the bus and makes V/sqrt 3 reachable (zero sequence of
-    // space vector modulation).
+    // Half the sum of the largest and the smallest phase is subtracted from all three. This centres them on the bus and makes V/sqrt 3 reachable
+    // (zero sequence of space vector modulation).
     let highest = at_least(at_least(v_a, v_b), v_c);
     let lowest = at_most(at_most(v_a, v_b), v_c);
     let centre = 0.5 * (highest + lowest);
-    // While both switches of a leg are off, its current flows through a diode: the leg loses dead time / T of the bus voltage, against the current. The wanted currents
-    // of that period are used, because the sign of a bad or noisy sample is not reliable.
+    // While both switches of a leg are off, its current flows through a diode: the leg loses dead time / T of the bus voltage, against the current.
+    // The wanted currents of that period are used, because the sign of a bad or noisy sample is not reliable.
     let flow_alpha = cos * wanted_d_a - sin * wanted_q_a;
     let flow_beta = sin * wanted_d_a + cos * wanted_q_a;
     let flow_half = 0.5 * flow_alpha;

@@ -1,6 +1,7 @@
 //! Constants of the motor and its drive for both steps, computed once outside the loop.
 //!
-//! In: the motor's nominal parameters, the tuning of its drive, the plausible ranges of its sensors. Out: a [`Drive`]. Divisions are here and not in the steps.
+//! In: the motor's nominal parameters, the tuning of its drive, the plausible ranges of its sensors. Out: a [`Drive`]. Divisions are here and not in
+//! the steps.
 
 use core::f32::consts::TAU;
 
@@ -112,8 +113,8 @@ impl Limits {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Drive {
-    /// k_t = 1.5 pole_pairs lambda (21), but at most what takes the current limit to [`LARGEST_TORQUE_NM`]: the surfaces are asked at torques that it makes of
-    /// currents, and those are within the limit.
+    /// k_t = 1.5 pole_pairs lambda (21), but at most what takes the current limit to [`LARGEST_TORQUE_NM`]: the surfaces are asked at torques that it
+    /// makes of currents, and those are within the limit.
     pub newton_metres_per_ampere: f32,
     /// 1/k_t.
     pub amperes_per_newton_metre: f32,
@@ -163,11 +164,12 @@ pub struct Drive {
     pub limits: Limits,
 }
 
-/// How fast the reference of the current control moves, as a share of the current limit a period: from full torque to full braking takes 40 periods. Faster, the
-/// voltage at the limit no longer follows, and the current leaves the circle by what it lags.
+/// How fast the reference of the current control moves, as a share of the current limit a period: from full torque to full braking takes 40 periods.
+/// Faster, the voltage at the limit no longer follows, and the current leaves the circle by what it lags.
 const SLEW_SHARE: f32 = 0.05;
 
-/// The steepest descent of what zero torque needs, (0.95 V/sqrt 3)/(pole pairs w^2 L) at the surface's edge, times this: at full torque the descent is half as steep again.
+/// The steepest descent of what zero torque needs, (0.95 V/sqrt 3)/(pole pairs w^2 L) at the surface's edge, times this: at full torque the descent
+/// is half as steep again.
 const STEEPER: f32 = 1.25;
 
 impl Drive {
@@ -213,8 +215,8 @@ impl Drive {
         },
     };
 
-    /// The constants of a motor and a tuning, with [`Limits::of`] that motor. Parameters that are no physical ones (zero, negative, NaN) give constants
-    /// with which every sample is bad: nothing is commanded, and the bridge stays open. So do those of which a constant is no number.
+    /// The constants of a motor and a tuning, with [`Limits::of`] that motor. Parameters that are no physical ones (zero, negative, NaN) give
+    /// constants with which every sample is bad: nothing is commanded, and the bridge stays open. So do those of which a constant is no number.
     #[must_use]
     pub fn new(motor: &Motor, tuning: &Tuning) -> Self {
         let Motor { phase_resistance_ohm: r, phase_inductance_h: l, flux_linkage_wb: lambda, pole_pairs, .. } = *motor;

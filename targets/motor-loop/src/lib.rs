@@ -4,9 +4,9 @@
 //! - [`currents`], once a PWM period (10 kHz or more). In: references, phase currents, angle, speed, bus voltage. Out: duties of three legs.
 //!
 //! Neither allocates, panics, loops or branches; they need nothing outside `core`, and nothing but + - * / and comparisons, so that
-//! `targets/firmware/motor_step.c` gives the same bits. Every sample is checked: it must be plausible in range and in rate ([`Limits`]). A bad sample (a broken wire, a stuck
-//! encoder, a false edge) is replaced by the predicted value, and counted. Ten bad samples in a row lead to a safe state: the outer step sets the torque to 0, the inner one opens
-//! the bridge. Ten good ones end it.
+//! `targets/firmware/motor_step.c` gives the same bits. Every sample is checked: it must be plausible in range and in rate ([`Limits`]). A bad sample
+//! (a broken wire, a stuck encoder, a false edge) is replaced by the predicted value, and counted. Ten bad samples in a row lead to a safe state: the
+//! outer step sets the torque to 0, the inner one opens the bridge. Ten good ones end it.
 //!
 //! ```
 //! use motor_loop::{CurrentState, Demand, Drive, Measured, Motor, ReferenceState, Tuning, currents, references};
@@ -41,7 +41,8 @@
 //!
 //! [`published`] is the surface of the paper, (26): the advance angle of another motor.
 #![no_std]
-// Denied, not forbidden: on a host the emitted evaluators clamp with SSE instructions, which are `unsafe` functions in Rust. There is no other unsafe code.
+// Denied, not forbidden: on a host the emitted evaluators clamp with SSE instructions, which are `unsafe` functions in Rust. There is no other unsafe
+// code.
 #![deny(unsafe_code)]
 
 mod circle;

@@ -2,15 +2,17 @@
 //!
 //! In: torque demand, measured speed and bus voltage, and how much of the voltage the inner step takes. Out: i_d, i_q. The weakening current comes
 //! from the response surface `weakening_current`, which replaces the solution of the circle diagram. i_q is the demand over k_t, limited by the
-//! current circle at the voltage limit, which the surface `limit_current` gives. Never controls currents: at 7500 rpm with 4 pole pairs a millisecond is half an electrical turn.
+//! current circle at the voltage limit, which the surface `limit_current` gives. Never controls currents: at 7500 rpm with 4 pole pairs a millisecond
+//! is half an electrical turn.
 //!
-//! The voltage circle (20) has the radius V/w_e: a lower bus voltage has the same effect as a higher speed. The surfaces were measured at the nominal bus voltage.
-//! So they are evaluated at the speed that has the voltage circle of the present bus voltage, the circle speed. This is exact except for the resistive drop, 3 % of the voltage, which the surfaces contain
-//! at the nominal voltage; their margin covers it.
+//! The voltage circle (20) has the radius V/w_e: a lower bus voltage has the same effect as a higher speed. The surfaces were measured at the nominal
+//! bus voltage. So they are evaluated at the speed that has the voltage circle of the present bus voltage, the circle speed. This is exact except for
+//! the resistive drop, 3 % of the voltage, which the surfaces contain at the nominal voltage; their margin covers it.
 //!
-//! Outside the surfaces' support there are no data, and a polynomial is not valid. Then the torque is reduced (folded back), the surfaces are evaluated at
-//! the edge, and the weakening current grows along a straight line with the steepest slope that an ideal motor needs there. The remaining error, and effects that the
-//! surfaces do not contain (a hot magnet, a wrong inductance), show in the voltage: while the inner step wants nearly all of it, a trim increases the weakening current.
+//! Outside the surfaces' support there are no data, and a polynomial is not valid. Then the torque is reduced (folded back), the surfaces are
+//! evaluated at the edge, and the weakening current grows along a straight line with the steepest slope that an ideal motor needs there. The
+//! remaining error, and effects that the surfaces do not contain (a hot magnet, a wrong inductance), show in the voltage: while the inner step wants
+//! nearly all of it, a trim increases the weakening current.
 
 use branch_free::{BadSamples, at_least, at_most, magnitude, reached, select, within};
 
@@ -22,19 +24,19 @@ use crate::plausible::judge;
 /// The fastest circle speed at which the surface has support at every torque within the limit; a test checks the support.
 pub const FOLD_SPEED_RAD_S: f32 = 780.0;
 
-/// The slowest speed of the surfaces: below it, they are evaluated at this speed. With [`FOLD_SPEED_RAD_S`] and [`LARGEST_TORQUE_NM`] it keeps every argument in its range,
-/// so that the surfaces need no clamp; a test compares them with the ranges of the model.
+/// The slowest speed of the surfaces: below it, they are evaluated at this speed. With [`FOLD_SPEED_RAD_S`] and [`LARGEST_TORQUE_NM`] it keeps every
+/// argument in its range, so that the surfaces need no clamp; a test compares them with the ranges of the model.
 pub const SLOWEST_RAD_S: f32 = 440.0;
 
 /// The largest torque of the surfaces, either way. That of the largest current is below: see [`Drive::newton_metres_per_ampere`].
 pub const LARGEST_TORQUE_NM: f32 = 21.6;
 
-/// 1/the circle speed, beyond the edge, at which no torque is left: 780 rad/s beyond. At 1170 rad/s, 785 on a bus of 180 V, half of the edge's torque is left, two
-/// thirds of what an ideal motor has.
+/// 1/the circle speed, beyond the edge, at which no torque is left: 780 rad/s beyond. At 1170 rad/s, 785 on a bus of 180 V, half of the edge's torque
+/// is left, two thirds of what an ideal motor has.
 pub const FOLD_PER_RAD_S: f32 = 1.0 / 780.0;
 
-/// From this share of the reachable voltage, squared, the weakening current is trimmed up. References are within 0.95 of the voltage, 0.90 squared; the surface's
-/// worst error of 1.8 A is 0.06 more.
+/// From this share of the reachable voltage, squared, the weakening current is trimmed up. References are within 0.95 of the voltage, 0.90 squared;
+/// the surface's worst error of 1.8 A is 0.06 more.
 pub const TRIM_FROM: f32 = 0.96;
 
 /// The largest share that is used: moving the references takes more voltage for milliseconds, and this must not increase the weakening.
@@ -85,10 +87,10 @@ pub struct ReferenceState {
     pub bad: BadSamples,
 }
 
-/// One tick. A sample that is not plausible ([`crate::Limits`]) is replaced by the last good one, and the tick counts as bad. From the tenth bad tick in a row on, the
-/// torque reference is 0 (the safe state `coast`). The weakening current stays, so that the motor does not charge the bus. With the first good tick the torque
-/// comes back. The inner step moves its references at a bounded rate, so there is no jump in either direction. `inline(never)`, so that its object code has a name of its own,
-/// which a test reads.
+/// One tick. A sample that is not plausible ([`crate::Limits`]) is replaced by the last good one, and the tick counts as bad. From the tenth bad tick
+/// in a row on, the torque reference is 0 (the safe state `coast`). The weakening current stays, so that the motor does not charge the bus. With the
+/// first good tick the torque comes back. The inner step moves its references at a bounded rate, so there is no jump in either direction.
+/// `inline(never)`, so that its object code has a name of its own, which a test reads.
 #[inline(never)]
 pub fn references(state: &mut ReferenceState, drive: &Drive, demand: &Demand) -> References {
     let limits = &drive.limits;
@@ -117,8 +119,8 @@ pub fn references(state: &mut ReferenceState, drive: &Drive, demand: &Demand) ->
     let mirror = select(speed.value, 0.0, -1.0, 1.0);
     let forwards = mirror * (torque_nm * (1.0 - coast));
     let limit = drive.current_limit_a;
-    // A current vector at the current limit needs this weakening current; the rest of the circle is for torque. The torque changes it only by the resistive drop, so the torque of the last
-    // tick is used. The demand may be far beyond the available torque, and would give too much weakening.
+    // A current vector at the current limit needs this weakening current; the rest of the circle is for torque. The torque changes it only by the
+    // resistive drop, so the torque of the last tick is used. The demand may be far beyond the available torque, and would give too much weakening.
     let last_nm = drive.newton_metres_per_ampere * (mirror * state.last.i_q_a);
     let at_limit =
         within(motor::limit_current_inside_f32(last_nm, asked, drive.limit_current_once_a), 0.0, drive.most_weakening_a)

@@ -1,8 +1,9 @@
 //! The step of a drive-by-wire throttle that damps driveline shuffle, in f32.
 //!
-//! In, every millisecond: pedal, road speed, gear and clutch. Out: the throttle, 0 to 1. Between them is the compensator `tip_in` of the model `driveline`,
-//! (a s^2 + b s + c)/(a s^2 + d s + c) with coefficients from response surfaces of speed and gear. b cancels the lightly damped pole pair of the driveline, d
-//! places a new one. Its output is saturated. Where the compensator is not valid, the throttle fades to the pedal ([`step`] says where).
+//! In, every millisecond: pedal, road speed, gear and clutch. Out: the throttle, 0 to 1. Between them is the compensator `tip_in` of the model
+//! `driveline`, (a s^2 + b s + c)/(a s^2 + d s + c) with coefficients from response surfaces of speed and gear. b cancels the lightly damped pole
+//! pair of the driveline, d places a new one. Its output is saturated. Where the compensator is not valid, the throttle fades to the pedal ([`step`]
+//! says where).
 //!
 //! [`raw`] is the same step from A/D counts and gear lines to a PWM compare value. Neither allocates, panics, loops or branches; they need nothing
 //! outside `core`, and `targets/firmware/throttle_step.c` gives the same bits.
@@ -27,7 +28,8 @@
 //!
 //! [`published`] is the damping surface of the paper, (32).
 #![no_std]
-// Denied, not forbidden: on a host the emitted evaluators clamp with SSE instructions, which are `unsafe` functions in Rust. There is no other unsafe code.
+// Denied, not forbidden: on a host the emitted evaluators clamp with SSE instructions, which are `unsafe` functions in Rust. There is no other unsafe
+// code.
 #![deny(unsafe_code)]
 
 pub mod published;

@@ -15,8 +15,8 @@ pub const CLUTCH_LINE: u32 = 1 << GEARS;
 /// The commanded and the measured throttle may differ by this much before it is counted: 10 % of the stroke.
 const PLATE_TOLERANCE: f32 = 0.1;
 
-/// The throttle closes after this many ticks in a row in which the plate does not follow its command: 0.1 s. A third of the time for a whole stroke of the plate
-/// would be too short; three strokes are enough.
+/// The throttle closes after this many ticks in a row in which the plate does not follow its command: 0.1 s. A third of the time for a whole stroke
+/// of the plate would be too short; three strokes are enough.
 pub const PLATE_TICKS: f32 = 100.0;
 
 /// A linear sensor on a 12-bit converter: value = (counts - zero) * per_count.
@@ -50,8 +50,8 @@ pub struct Scaling {
 }
 
 impl Scaling {
-    /// A 12-bit converter (0 to 4095). Pedal and plate are potentiometers that use 10 % to 90 % of the reference, so that a torn wire (0 %) and a short
-    /// (100 %) are outside; 5 % is left for tolerance. Road speed is 0 V to reference for 0 to 60 m/s, from a converter of wheel pulses whose
+    /// A 12-bit converter (0 to 4095). Pedal and plate are potentiometers that use 10 % to 90 % of the reference, so that a torn wire (0 %) and a
+    /// short (100 %) are outside; 5 % is left for tolerance. Road speed is 0 V to reference for 0 to 60 m/s, from a converter of wheel pulses whose
     /// output never reaches the last 1 %. PWM with a period of 3600 counts (20 kHz from 72 MHz), 5 % to 95 % of which drive the throttle.
     pub const BOARD: Scaling = Scaling {
         pedal: Channel { zero: 409.5, per_count: 1.0 / 3276.0, lowest: 205.0, highest: 3890.0 },
@@ -85,7 +85,8 @@ pub struct RawState {
     throttle: f32,
     /// 1 while the plate's fault closes the throttle, else 0.
     closing: f32,
-    /// Ticks in which the plate did not follow its command, or its wire was broken. [`PLATE_TICKS`] of them in a row close the throttle, until the plate follows again.
+    /// Ticks in which the plate did not follow its command, or its wire was broken. [`PLATE_TICKS`] of them in a row close the throttle, until the
+    /// plate follows again.
     pub plate: BadSamples,
 }
 

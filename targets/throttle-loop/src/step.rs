@@ -16,17 +16,20 @@ pub const FADE_PER_TICK: f32 = 0.01;
 /// The change, in a tick, of the gear that the surfaces get, in gears: one in 50 ms, about the time in which a clutch closes.
 pub const GEAR_PER_TICK: f32 = 0.02;
 
-/// For this many bad pedal samples in a row the last good one is held; then the throttle closes. 50 ms: the driver does not feel a short loose contact.
+/// For this many bad pedal samples in a row the last good one is held; then the throttle closes. 50 ms: the driver does not feel a short loose
+/// contact.
 pub const HOLD_TICKS: f32 = 50.0;
 
-/// How fast a lost pedal closes the throttle, in a tick: the whole stroke in 0.25 s. With the time that it is held that is 0.3 s; FMVSS 124 (49 CFR 571.124, S5.3) asks for
-/// idle within 1 s after a connection is lost.
+/// How fast a lost pedal closes the throttle, in a tick: the whole stroke in 0.25 s. With the time that it is held that is 0.3 s; FMVSS 124 (49 CFR
+/// 571.124, S5.3) asks for idle within 1 s after a connection is lost.
 pub const CLOSE_PER_TICK: f32 = 0.004;
 
-/// How fast it may open again when the pedal is back, in a tick: the whole stroke in 1 s. So the car does not jump if the driver has kept the pedal down.
+/// How fast it may open again when the pedal is back, in a tick: the whole stroke in 1 s. So the car does not jump if the driver has kept the pedal
+/// down.
 pub const REOPEN_PER_TICK: f32 = 0.001;
 
-/// A pedal reading at least this far from the middle of the stroke is bad: three times the half stroke. A nearer reading outside the stroke counts as its end.
+/// A pedal reading at least this far from the middle of the stroke is bad: three times the half stroke. A nearer reading outside the stroke counts as
+/// its end.
 const PEDAL_BAND: f32 = 1.5;
 
 /// A road speed of this or more is bad, in m/s.
@@ -97,15 +100,16 @@ pub struct Outputs {
 /// One tick. `inline(never)`, so that its object code has a name of its own, which a test reads.
 ///
 /// The throttle is pedal + share * (compensated - pedal), saturated. The share goes to 1 under four conditions: a gear is engaged, the clutch is
-/// closed, the samples of speed and gear are good, and both are inside the support of the damping surface, where there were data. Otherwise it goes to 0,
-/// and the throttle is the pedal. The share changes by [`FADE_PER_TICK`], and the compensator always runs, so a change of the share makes no step in the throttle. In an unsupported
-/// corner (high speed in low gear) the car behaves as without this program.
+/// closed, the samples of speed and gear are good, and both are inside the support of the damping surface, where there were data. Otherwise it goes
+/// to 0, and the throttle is the pedal. The share changes by [`FADE_PER_TICK`], and the compensator always runs, so a change of the share makes no
+/// step in the throttle. In an unsupported corner (high speed in low gear) the car behaves as without this program.
 ///
 /// At a gear change the gear that the surfaces get changes by [`GEAR_PER_TICK`], through values between two gears, so the coefficients do not jump.
 ///
-/// If the pedal sample is NaN or far outside its stroke, the last good one is held for [`HOLD_TICKS`]. Then the throttle closes at [`CLOSE_PER_TICK`] and stays closed. When the pedal
-/// is back it may open at [`REOPEN_PER_TICK`]. The pedal itself may step over its whole stroke. If the speed is implausible in range or rate, or the gear is invalid, the last good one is
-/// held while the share fades out. At a share of 0 any speed in the range is accepted, so that a real jump is not refused for ever.
+/// If the pedal sample is NaN or far outside its stroke, the last good one is held for [`HOLD_TICKS`]. Then the throttle closes at [`CLOSE_PER_TICK`]
+/// and stays closed. When the pedal is back it may open at [`REOPEN_PER_TICK`]. The pedal itself may step over its whole stroke. If the speed is
+/// implausible in range or rate, or the gear is invalid, the last good one is held while the share fades out. At a share of 0 any speed in the range
+/// is accepted, so that a real jump is not refused for ever.
 #[inline(never)]
 pub fn step(state: &mut State, inputs: &Inputs) -> Outputs {
     advance(state, inputs, 0.0)

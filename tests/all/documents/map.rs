@@ -56,7 +56,8 @@ fn sections(map: &str) -> Vec<(&str, BTreeSet<&str>)> {
     sections
 }
 
-/// Names in a map that lead to nothing. A name is that of a file of the root, of the folder in the heading, or of the folder of the last whole path before it.
+/// Names in a map that lead to nothing. A name is that of a file of the root, of the folder in the heading, or of the folder of the last whole path
+/// before it.
 fn missing(map: &str, exists: impl Fn(&str) -> bool) -> Vec<String> {
     let mut missing = vec![];
     let mut folder = String::new();

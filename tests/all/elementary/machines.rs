@@ -1,7 +1,7 @@
 //! The same bits on other machines: other instructions, another byte order, floating-point numbers in software.
 //!
-//! The emitted C of every elementary function runs under emulation on special and random numbers. Each machine prints a hash of the results, which must equal that
-//! of the interpreter.
+//! The emitted C of every elementary function runs under emulation on special and random numbers. Each machine prints a hash of the results, which
+//! must equal that of the interpreter.
 
 use std::fmt::Write as _;
 use std::path::Path;

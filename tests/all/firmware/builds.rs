@@ -1,7 +1,7 @@
 //! The programs of `targets/firmware`, compiled: for this host, and for a Cortex-M4F under emulation.
 //!
-//! In: a compiler line and a program. Out: what it printed, its objects, its sizes. Sources are compiled where they are; the evaluators are emitted into a
-//! scratch folder from the same coefficient files that the Rust steps include.
+//! In: a compiler line and a program. Out: what it printed, its objects, its sizes. Sources are compiled where they are; the evaluators are emitted
+//! into a scratch folder from the same coefficient files that the Rust steps include.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,8 @@ pub const OBJECTS: [&str; 3] = ["motor_step", "throttle_step", "tables"];
 /// Both loops as interrupts. Its programs have the functions of a board.
 pub const IMAGE: &str = "image";
 
-/// What the firmware is compiled with; contraction is as the compiler has it, which is on. Beside each object stands what its functions take of the stack.
+/// What the firmware is compiled with; contraction is as the compiler has it, which is on. Beside each object stands what its functions take of the
+/// stack.
 pub const CORTEX_M4F: &str =
     "arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -ffunction-sections -fstack-usage";
 

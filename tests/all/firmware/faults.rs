@@ -1,4 +1,5 @@
-//! The campaign of faults through the steps in C: the same samples, the same commands, bit for bit. So the limits that Rust keeps under faults are kept by C.
+//! The campaign of faults through the steps in C: the same samples, the same commands, bit for bit. So the limits that Rust keeps under faults are
+//! kept by C.
 
 use host_runners::campaign::cases::{Kind, POINTS, Sensor, Spoiler};
 use host_runners::campaign::plant::Plant;

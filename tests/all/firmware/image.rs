@@ -13,7 +13,8 @@ use super::rig::Part;
 /// The functions that the interrupts of a board call.
 pub const INTERRUPTS: [&str; 2] = ["image_current_interrupt", "image_reference_interrupt"];
 
-/// Bytes that an interrupt leaves on the stack with room for the floating-point registers: 8 words, s0 to s15, FPSCR, and one that is reserved (Armv7-M, B1.5.7).
+/// Bytes that an interrupt leaves on the stack with room for the floating-point registers: 8 words, s0 to s15, FPSCR, and one that is reserved
+/// (Armv7-M, B1.5.7).
 const EXTENDED_FRAME: u32 = 4 * (8 + 16 + 1 + 1);
 
 /// ASPEN and LSPEN (Armv7-M, B3.2.21): room for the floating-point registers, filled when the interrupt uses them.
@@ -39,7 +40,8 @@ pub struct Interrupted {
 }
 
 impl Interrupted {
-    /// Nothing torn, nothing wrong, the floating-point context as after reset; and each instruction of these functions of the program was interrupted.
+    /// Nothing torn, nothing wrong, the floating-point context as after reset; and each instruction of these functions of the program was
+    /// interrupted.
     pub fn check(&self, name: &str, program: &Path, is_part: &dyn Fn(&str) -> bool) {
         let counts = &self.counts;
         assert_eq!(number(counts, "wrong"), 0, "{name}: {counts}");

@@ -1,7 +1,8 @@
 //! A linked program of the firmware in Rust: bytes of stack and of flash of a function with all that it calls.
 //!
-//! In: a program that was compiled with `-Z emit-stack-sizes`. The compiler then writes the frame of each function into the section `.stack_sizes`, as gcc does with `-fstack-usage`; the calls
-//! stand in the disassembly. So the bytes are exact: a painted stack does not show the bytes that a frame reserves and never writes, but an interrupt leaves its registers below these too.
+//! In: a program that was compiled with `-Z emit-stack-sizes`. The compiler then writes the frame of each function into the section `.stack_sizes`,
+//! as gcc does with `-fstack-usage`; the calls stand in the disassembly. So the bytes are exact: a painted stack does not show the bytes that a frame
+//! reserves and never writes, but an interrupt leaves its registers below these too.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -202,8 +202,8 @@ fn the_bits_on_a_cortex_m4f_are_those_of_the_rust_steps() {
     }
 }
 
-/// Instructions that go elsewhere, by a condition or out of the function. `it` blocks are predication, not branches, and an unconditional branch within the
-/// function, which gcc makes around its constants, is taken every time.
+/// Instructions that go elsewhere, by a condition or out of the function. `it` blocks are predication, not branches, and an unconditional branch
+/// within the function, which gcc makes around its constants, is taken every time.
 fn branches<'l>(function: &str, lines: &'l [String]) -> Vec<&'l String> {
     const CONDITIONS: [&str; 14] = ["eq", "ne", "cs", "cc", "mi", "pl", "vs", "vc", "hi", "ls", "ge", "lt", "gt", "le"];
     let inside = format!("<{function}+");
@@ -255,7 +255,8 @@ fn the_steps_on_a_cortex_m4f_have_no_branch_and_call_evaluators_only() {
     assert_eq!(branches("f", &lines), [&lines[1], &lines[4], &lines[6]]);
 }
 
-/// The allowed cost of a step, `budget.txt`: a line for each step and optimisation level with instructions, with bytes of stack and with bytes of flash; and a line for each object and level with bytes of flash and RAM.
+/// The allowed cost of a step, `budget.txt`: a line for each step and optimisation level with instructions, with bytes of stack and with bytes of
+/// flash; and a line for each object and level with bytes of flash and RAM.
 #[test]
 fn every_step_costs_the_same_for_every_input_and_no_more_than_its_budget() {
     if !builds::emulated() {

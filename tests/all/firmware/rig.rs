@@ -1,5 +1,5 @@
-//! `programs/rig.c`: both loops of the firmware against plants as code, in one program. The emulated board gives the bits of the host, and both those of a
-//! simulation in fixed steps along the inputs that the firmware gave.
+//! `programs/rig.c`: both loops of the firmware against plants as code, in one program. The emulated board gives the bits of the host, and both those
+//! of a simulation in fixed steps along the inputs that the firmware gave.
 
 use rsm_core::emit::plant::Plant;
 use rsm_core::source::{Fault, Faults, Source};
@@ -105,8 +105,8 @@ fn the_rig_on_a_cortex_m4f_has_the_bits_of_a_simulation() {
     let build = Build::new(&format!("{CORTEX_M4F} -std=gnu99 -O2"), "rig-arm").with_plants(&[&parts[0].plant, &parts[1].plant]);
     let lines = build.on_board("rig");
     check(&parts, &lines);
-    // Double precision is software on this machine: some 60 instructions an operation, some 300 a division. What a step costs is told; beyond that per
-    // operation something else than arithmetic would be in it.
+    // Double precision is software on this machine: some 60 instructions an operation, some 300 a division. What a step costs is told; beyond that
+    // per operation something else than arithmetic would be in it.
     for (name, part) in ["motor", "car"].into_iter().zip(&parts) {
         let found = lines.iter().find_map(|line| line.strip_prefix(&format!("{name}-instructions ")));
         let count: usize = found.expect("the board counts").parse().expect("a number");

@@ -1,7 +1,7 @@
 //! `targets/firmware/rust`: the firmware in Rust for a Cortex-M4F, built and run on the emulated board.
 //!
-//! It is not a member of the workspace, because it needs `core` for another machine. Debian's compiler has the sources of `core`. Without it these tests are skipped with a message, and fail in
-//! continuous integration.
+//! It is not a member of the workspace, because it needs `core` for another machine. Debian's compiler has the sources of `core`. Without it these
+//! tests are skipped with a message, and fail in continuous integration.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -91,7 +91,8 @@ const STEPS: [(&str, &str); 4] = [
     ("throttle_raw_step", "3raw8raw_step"),
 ];
 
-/// Likewise the two functions of the image that interrupts call. The functions of the board are inlined in them: here those of `interrupted.rs`, which return constants.
+/// Likewise the two functions of the image that interrupts call. The functions of the board are inlined in them: here those of `interrupted.rs`,
+/// which return constants.
 const INTERRUPTS: [(&str, &str); 2] =
     [(image::INTERRUPTS[0], "5image17current_interrupt"), (image::INTERRUPTS[1], "5image19reference_interrupt")];
 

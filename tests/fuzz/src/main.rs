@@ -1,7 +1,7 @@
 //! `cargo xtask fuzz`: changed inputs for every reader and the core of every subcommand, in this process.
 //!
-//! In: how many inputs, a seed, where wanted one subject and the number of one input. Out: a line a subject; the inputs that panic or run too long, as files in
-//! the scratch folder; status 1 where there is one. Without coverage of the code: the texts are changed blindly, from valid ones.
+//! In: how many inputs, a seed, where wanted one subject and the number of one input. Out: a line a subject; the inputs that panic or run too long,
+//! as files in the scratch folder; status 1 where there is one. Without coverage of the code: the texts are changed blindly, from valid ones.
 
 mod mutate;
 mod subjects;

@@ -1,6 +1,7 @@
 //! Case 2 of the demo: driveline oscillation (shuffle), from tip-in runs to the compensated car.
 //!
-//! plan -> track -> estimator -> fit -> compensator -> rounds, for the car without lash and the car with it; then check, emit and compare bits of the latter.
+//! plan -> track -> estimator -> fit -> compensator -> rounds, for the car without lash and the car with it; then check, emit and compare bits of the
+//! latter.
 
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! `rsm demo`: both experiments of the original work, from the plan to the controller, without a shortcut.
 //!
-//! Motor: plan -> bench -> fit -> check -> emit -> compare bits -> closed loop. Driveline: plan -> track -> fit -> compensator -> rounds. Then the 1 kHz
-//! loop against a simulated motor in real time, and one page with the figures. Plants, plans and specifications are part of the program,
-//! so the demo runs anywhere; everything that it makes lands in one folder.
+//! Motor: plan -> bench -> fit -> check -> emit -> compare bits -> closed loop. Driveline: plan -> track -> fit -> compensator -> rounds. Then the 1
+//! kHz loop against a simulated motor in real time, and one page with the figures. Plants, plans and specifications are part of the program, so the
+//! demo runs anywhere; everything that it makes lands in one folder.
 
 mod chain;
 mod driveline;
@@ -33,7 +33,8 @@ pub struct Arguments {
     /// The folder for all files of the demo
     #[arg(long, default_value = "rsm-demo")]
     out: PathBuf,
-    /// Run the long demo: one minute of the real-time loop, all 180 bench points, longer profiles, other gearboxes and loads, and sensor faults in the motor's loop
+    /// Run the long demo: one minute of the real-time loop, all 180 bench points, longer profiles, other gearboxes and loads, and sensor faults in
+    /// the motor's loop
     #[arg(long)]
     full: bool,
     /// Duration of the real-time loop in s [default: 2, with --full 60]

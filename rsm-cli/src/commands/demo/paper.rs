@@ -81,8 +81,9 @@ const LINES: [Line; 24] = [
         "&lt; 1 on its motor",
         Bound::Told,
     ),
-    // 1.06 measured, and it is the same number each time; a tenth above it. The first 20 ms from rest have 1.04 of it: there the embedded step moves its references at 3 A a
-    // period, and the full controller moves them at once. With references that move at once 0.25 is left, most of it beyond 600 rad/s, where the surface is beside the circle diagram.
+    // 1.06 measured, and it is the same number each time; a tenth above it. The first 20 ms from rest have 1.04 of it: there the embedded step moves
+    // its references at 3 A a period, and the full controller moves them at once. With references that move at once 0.25 is left, most of it beyond
+    // 600 rad/s, where the surface is beside the circle diagram.
     line(
         "runup_torque_rms_percent",
         "run-up with a coarse encoder: r.m.s. difference of torque, % of peak",

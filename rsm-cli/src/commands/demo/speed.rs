@@ -28,7 +28,8 @@ mod embedded {
 /// Rounds of the short works, of which the median is taken.
 const ROUNDS: usize = 101;
 
-/// Calls a round: 4,000 of some 10 ns are far above the clock's resolution (some 25 ns), and of some 100 ns still short enough that few rounds are interrupted.
+/// Calls a round: 4,000 of some 10 ns are far above the clock's resolution (some 25 ns), and of some 100 ns still short enough that few rounds are
+/// interrupted.
 const CALLS: usize = 4_000;
 
 /// Rounds of whole simulations, and seconds that each simulates.
@@ -98,8 +99,8 @@ fn median(mut times: Vec<f64>) -> f64 {
     times[times.len() / 2]
 }
 
-/// A chain of calls, each with an argument that waits for the last result and is always `start`: it takes the sign of a result that is never negative. That costs
-/// two operations on bits, as in the chain of `bench/`, and stays in the registers of the floating-point unit.
+/// A chain of calls, each with an argument that waits for the last result and is always `start`: it takes the sign of a result that is never
+/// negative. That costs two operations on bits, as in the chain of `bench/`, and stays in the registers of the floating-point unit.
 fn chain(start: f64, mut call: impl FnMut(f64) -> f64) {
     let start = black_box(start);
     let mut argument = start;

@@ -1,6 +1,7 @@
 //! The JSON of causes and errors, the same for a surface and for a plant (docs/book/src/reference/formats.md 4.3).
 //!
-//! In: what a diagnosis says of a cause, in its own types. Out: values, with the keys in one order. Never a figure that is not finite: null stands for it.
+//! In: what a diagnosis says of a cause, in its own types. Out: values, with the keys in one order. Never a figure that is not finite: null stands
+//! for it.
 
 use serde_json::{Map, Value, json};
 

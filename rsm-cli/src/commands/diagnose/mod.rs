@@ -1,8 +1,8 @@
 //! `rsm diagnose`: what a simulation gets wrong, the cause, the extended plant, the gain.
 //!
-//! In: a plant file, training, validation and test records. Out: one JSON object, and with `--out` diagnosis.json, extended.toml, report.html, correction.toml where
-//! a black box gains, next_experiment.csv where causes are not to be told apart, and with `--refit` the folder refit, whole or absent. Every
-//! verdict is an answer: exit status 0. A model file with new data goes to [`surface`].
+//! In: a plant file, training, validation and test records. Out: one JSON object, and with `--out` diagnosis.json, extended.toml, report.html,
+//! correction.toml where a black box gains, next_experiment.csv where causes are not to be told apart, and with `--refit` the folder refit, whole or
+//! absent. Every verdict is an answer: exit status 0. A model file with new data goes to [`surface`].
 
 mod cause_json;
 mod equations;
@@ -47,7 +47,8 @@ pub struct Arguments {
     /// A training record: causes and their parameters are estimated from it; may be repeated
     #[arg(long)]
     record: Vec<PathBuf>,
-    /// A validation record: it takes part in the choice of causes, no parameter is estimated from it; may be repeated. With a model file: holdout data for the error before and after
+    /// A validation record: it takes part in the choice of causes, no parameter is estimated from it; may be repeated. With a model file: holdout
+    /// data for the error before and after
     #[arg(long)]
     validate: Vec<PathBuf>,
     /// A test record (with a model file: test data): only the final gain is computed on it; may be repeated

@@ -1,7 +1,7 @@
 //! `rsm diagnose MODEL.toml --data`: a fitted surface against new data.
 //!
-//! In: a model file, new data, unseen rows. Out: one JSON object, and with `--out` diagnosis.json, extended.toml (a model file) and report.html, whole or absent. Every verdict is an answer:
-//! exit status 0.
+//! In: a model file, new data, unseen rows. Out: one JSON object, and with `--out` diagnosis.json, extended.toml (a model file) and report.html,
+//! whole or absent. Every verdict is an answer: exit status 0.
 
 use std::path::{Path, PathBuf};
 

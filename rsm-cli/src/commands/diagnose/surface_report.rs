@@ -1,6 +1,7 @@
 //! The page of a diagnosis of surfaces.
 //!
-//! In: a model, new data, a diagnosis. Out: one self-contained HTML page: first the causes and what to do about them, then the evidence. Decides nothing: every figure comes from the diagnosis.
+//! In: a model, new data, a diagnosis. Out: one self-contained HTML page: first the causes and what to do about them, then the evidence. Decides
+//! nothing: every figure comes from the diagnosis.
 
 mod plots;
 

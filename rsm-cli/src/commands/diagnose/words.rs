@@ -19,7 +19,8 @@ use super::next;
 use crate::page::number::short;
 use crate::page::{figure, multiple};
 
-/// The basis of the figures of training and validation records: no parameter is estimated from validation records, but they take part in the choice of causes.
+/// The basis of the figures of training and validation records: no parameter is estimated from validation records, but they take part in the choice
+/// of causes.
 pub const CHOSEN: &str = "on the records that chose it";
 
 /// Noise with at least this lag-one autocorrelation is called slow: its correlation lasts for more than ten rows.

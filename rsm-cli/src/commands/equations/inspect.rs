@@ -1,7 +1,7 @@
 //! `rsm inspect`: what the compiler understood of a plant's equations.
 //!
-//! In: a plant of equations. Out: its signals, states, parameters, what each set of equations is solved for and how, conditions, time constants at the start,
-//! where effects can stand, and sites that units and equations suggest.
+//! In: a plant of equations. Out: its signals, states, parameters, what each set of equations is solved for and how, conditions, time constants at
+//! the start, where effects can stand, and sites that units and equations suggest.
 
 use std::path::PathBuf;
 

@@ -2,9 +2,9 @@
 
 use super::*;
 
-/// (t - 1/3)^2 + c over [0, 1]: its coefficients are 1/9, -2/9, 4/9 (and c). A cell of width w that holds 1/3 has it at a third of its width: so the least
-/// value that is seen is w^2/9, and the least coefficient -2 w^2/9, a third of w^2 below it. Any other cell is above 0. So there is one cell to cut of each
-/// width, and each cut is 4 * 3 coefficients by 3.
+/// (t - 1/3)^2 + c over [0, 1]: its coefficients are 1/9, -2/9, 4/9 (and c). A cell of width w that holds 1/3 has it at a third of its width: so the
+/// least value that is seen is w^2/9, and the least coefficient -2 w^2/9, a third of w^2 below it. Any other cell is above 0. So there is one cell to
+/// cut of each width, and each cut is 4 * 3 coefficients by 3.
 fn cell_of_a_third(c: f64) -> Cell {
     Cell::new(&[&[monomial(&[2], 1.0), monomial(&[1], -2.0 / 3.0), monomial(&[0], 1.0 / 9.0 + c)]], &[Interval::new(0.0, 1.0)])
 }

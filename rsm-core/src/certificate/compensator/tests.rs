@@ -213,8 +213,8 @@ fn the_point_that_is_named_may_lie_inside_for_one_and_in_the_middle_for_the_othe
 
 #[test]
 fn a_corner_is_named_where_the_sum_is_worst_there() {
-    // Held at -0.1 and at 0.1: each alone is least along half of its range, and the first place that is seen is 2 for both; together they are least in the corner
-    // of x = 3 and y = -3 only, 0.3 lower than there.
+    // Held at -0.1 and at 0.1: each alone is least along half of its range, and the first place that is seen is 2 for both; together they are least
+    // in the corner of x = 3 and y = -3 only, 0.3 lower than there.
     let model = Model {
         inputs: vec![input("x", [-3.0, 3.0]), input("y", [-3.0, 3.0])],
         surfaces: vec![

@@ -4,7 +4,8 @@ use super::*;
 use crate::number::Precision;
 use crate::tape::Port;
 
-/// The powers of one variable that are written when some are asked for, in the order in which they are written: the exponents of both factors of each product.
+/// The powers of one variable that are written when some are asked for, in the order in which they are written: the exponents of both factors of each
+/// product.
 fn products(asked: &[u32]) -> Vec<[u32; 2]> {
     let mut tape = TapeBuilder::new(Precision::F64);
     let variable = tape.push(Op::Input(Port(0)));

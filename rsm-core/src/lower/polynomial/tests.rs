@@ -98,8 +98,8 @@ fn powers_stand_up_to_the_limit_of_the_exponents() {
     }
 }
 
-/// A hinge of a reciprocal: x = 1/xi - 1/k is below 2^20, but the variable that stands for it, (k - xi)/xi, is nearly 2^39: its fourth power is no number of
-/// f32, while the nested products are.
+/// A hinge of a reciprocal: x = 1/xi - 1/k is below 2^20, but the variable that stands for it, (k - xi)/xi, is nearly 2^39: its fourth power is no
+/// number of f32, while the nested products are.
 #[test]
 fn it_is_the_variable_of_the_tape_whose_powers_must_be_numbers() {
     let [low, knot, high] = [-20, 19, 20].map(crate::number::power_of_two);

@@ -99,8 +99,8 @@ fn orders_of_one_exchange(candidates: &[Candidate]) -> Vec<Vec<Candidate>> {
     std::iter::once(candidates.to_vec()).chain(exchanged).collect()
 }
 
-/// Every scheme of an order with at most `most` levels in the form of powers, nothing but Horner first, then counted like a binary number whose last digit
-/// is the outermost level. A level may have that form only where its powers are numbers, and where nothing at it and inside can be infinite.
+/// Every scheme of an order with at most `most` levels in the form of powers, nothing but Horner first, then counted like a binary number whose last
+/// digit is the outermost level. A level may have that form only where its powers are numbers, and where nothing at it and inside can be infinite.
 fn schemes(order: &[Candidate], most: u32) -> Vec<Vec<Level>> {
     let may = |k: usize| order[k].has_powers && order[k..].iter().all(|inside| inside.is_bounded);
     (0..1usize << order.len())

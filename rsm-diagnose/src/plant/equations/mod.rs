@@ -12,7 +12,8 @@
 //! one candidate among others. The guesses of the catalogue stay unchanged, so an equal hypothesis is found as for any other cause. Only integer
 //! parameters, which no fit changes, are added.
 //!
-//! Source: L. Ljung, System Identification, 1999, section 7.3 (equation errors and prediction errors); S. A. Billings, Nonlinear System Identification, 2013, chapter 3 (forward selection).
+//! Source: L. Ljung, System Identification, 1999, section 7.3 (equation errors and prediction errors); S. A. Billings, Nonlinear System
+//! Identification, 2013, chapter 3 (forward selection).
 
 pub mod held_out;
 pub mod led;

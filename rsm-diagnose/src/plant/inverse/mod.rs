@@ -4,7 +4,8 @@
 //! the force, also for any plant file whose effects have no memory. Only filtered derivatives of the measured position are used: no simulation, no
 //! loop, no initial state. Never decides about causes: a good fit of the force does not imply a good free run.
 //!
-//! Source: A. Janot, M. Gautier, M. Brunot, "Data Set and Reference Models of EMPS", 2019: inverse dynamic identification model with least squares (IDIM-LS).
+//! Source: A. Janot, M. Gautier, M. Brunot, "Data Set and Reference Models of EMPS", 2019: inverse dynamic identification model with least squares
+//! (IDIM-LS).
 
 pub mod filter;
 
@@ -18,7 +19,8 @@ use rsm_sim::plants::Plant;
 use rsm_sim::plants::servo_axis::ServoAxis;
 use rsm_sim::record::{Drive, Record};
 
-/// The position is filtered with a Butterworth of fourth order both ways. The cutoff as a share of the Nyquist frequency: 100 Hz at 1 kHz in the source.
+/// The position is filtered with a Butterworth of fourth order both ways. The cutoff as a share of the Nyquist frequency: 100 Hz at 1 kHz in the
+/// source.
 const CUTOFF: f64 = 0.2;
 
 /// Every tenth row is kept (as in the source), after a Chebyshev filter of eighth order with 0.05 dB ripple up to 0.8 of the new Nyquist frequency,
@@ -187,8 +189,8 @@ mod tests {
     use super::*;
     use rsm_core::source::Source;
 
-    /// 2 kg, 4 N/V, driven so that q = 0.1 sin(w t)^4, w = pi/2 rad/s: u = (2 q'' + 3 q' + 5 sgn q' - 1)/4, exactly. It begins and ends at rest, without acceleration:
-    /// whatever continues an end continues this one.
+    /// 2 kg, 4 N/V, driven so that q = 0.1 sin(w t)^4, w = pi/2 rad/s: u = (2 q'' + 3 q' + 5 sgn q' - 1)/4, exactly. It begins and ends at rest,
+    /// without acceleration: whatever continues an end continues this one.
     fn motion(file: &PlantFile, sign: fn(f64) -> f64) -> Motion {
         let mut text = "time[s],command[V],position[m]\n".to_string();
         for k in 0..4000 {

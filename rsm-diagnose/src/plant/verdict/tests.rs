@@ -23,7 +23,8 @@ fn numbers_in_sentences_have_four_digits_and_their_unit() {
 
 #[test]
 fn twice_the_noise_is_never_explained_however_wrong_the_plant_was() {
-    // A plant that is wrong by 1000 times the noise may leave 0.5 of its energy; one that is wrong by 10^7 times no more than makes twice the noise of the whole.
+    // A plant that is wrong by 1000 times the noise may leave 0.5 of its energy; one that is wrong by 10^7 times no more than makes twice the noise
+    // of the whole.
     assert_eq!(allowed_excess(0.0, 1e6), 0.5);
     assert_eq!(allowed_excess(OF_ROUNDING, 1.0), OF_ROUNDING);
     assert_eq!((1.0 + allowed_excess(0.0, 1e14)).sqrt(), 2.0);

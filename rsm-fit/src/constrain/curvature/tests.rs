@@ -131,7 +131,8 @@ fn the_worst_direction_belongs_to_its_largest_entry() {
     assert!((others[0] - (1.0 - 0.4 / (1.0 - l)) / 2.0).abs() < 1e-12 && (others[1] - 0.5).abs() < 1e-12, "{others:?} {l}");
 }
 
-/// a I - b J, J of ones, with every entry unsure by r: eigenvalues a and a - n b, and the least of the enclosure is a - n (b + r), along the ones. Binary fractions: all of it is exact.
+/// a I - b J, J of ones, with every entry unsure by r: eigenvalues a and a - n b, and the least of the enclosure is a - n (b + r), along the ones.
+/// Binary fractions: all of it is exact.
 #[test]
 fn the_worst_matrix_of_an_enclosure_is_not_called_better_than_it_is() {
     for size in 2..=6 {

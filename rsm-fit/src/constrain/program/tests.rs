@@ -42,8 +42,8 @@ fn nearly_parallel_rows_are_told_apart_to_the_last_digit() {
     assert!((c[0] - (2.0 + 1.0 / 0.5f64.cos())).abs() < 1e-15 && c[1].abs() < 1e-15, "{c:?}");
 }
 
-/// The shortest c by trying every set of at most two rows: the point of the plane that lies on them and is shortest, if it keeps all others. None where
-/// none does.
+/// The shortest c by trying every set of at most two rows: the point of the plane that lies on them and is shortest, if it keeps all others. None
+/// where none does.
 fn tried(rows: &[([f64; 2], f64)]) -> Option<[f64; 2]> {
     let mut found: Option<[f64; 2]> = None;
     let mut candidates = vec![[0.0, 0.0]];
@@ -127,7 +127,8 @@ fn from_any_guess_the_polished_answer_is_the_same() {
 
 #[test]
 fn a_row_that_depends_on_active_ones_comes_in_for_the_one_that_falls_to_nothing_first() {
-    // x >= 3 and y >= 4 hold c; x + y >= 8 depends on both and is missed. Multipliers 3 and 4, shares 1 and 1 (of x + y not scaled): x leaves, c = (4, 4).
+    // x >= 3 and y >= 4 hold c; x + y >= 8 depends on both and is missed. Multipliers 3 and 4, shares 1 and 1 (of x + y not scaled): x leaves, c =
+    // (4, 4).
     let rows = [row([1.0, 0.0], 3.0), row([0.0, 1.0], 4.0), row([1.0, 1.0], 8.0)];
     let (c, active) = polished(&rows, 2, vec![0, 1], 8.0).unwrap();
     assert_eq!((c[0].to_f64(), c[1].to_f64(), active), (4.0, 4.0, vec![1, 2]));

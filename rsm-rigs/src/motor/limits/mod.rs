@@ -1,19 +1,19 @@
 //! Proves whether the current references of the motor's loop keep the limits (20), for a whole box of operating points.
 //!
-//! In: the two surfaces of the loop, a nominal plant, the box: every torque demand, speeds of both directions up to a top speed, bus voltages.
-//! Out: a proof that in steady state at these references |v| <= V/sqrt 3 and |i| <= I, with the largest share of each limit; or
-//! a point of the box where one does not hold, checked in exact rationals; or, if the limit of work is reached, the cell that is not decided.
-//! There is no tolerance: the references are the bits that the step computes in f32 (`step.rs` encloses them; a test compares it with the target). The
-//! voltages (17), (18) at these references are enclosed as real numbers, at the sampled speed and bus voltage.
+//! In: the two surfaces of the loop, a nominal plant, the box: every torque demand, speeds of both directions up to a top speed, bus voltages. Out: a
+//! proof that in steady state at these references |v| <= V/sqrt 3 and |i| <= I, with the largest share of each limit; or a point of the box where one
+//! does not hold, checked in exact rationals; or, if the limit of work is reached, the cell that is not decided. There is no tolerance: the
+//! references are the bits that the step computes in f32 (`step.rs` encloses them; a test compares it with the target). The voltages (17), (18) at
+//! these references are enclosed as real numbers, at the sampled speed and bus voltage.
 //!
 //! ```text
 //! |v|^2 = (r i_d - w_e L i_q)^2 + (r i_q + w_e (L i_d + lambda))^2,   w_e = pole_pairs w
 //! ```
 //!
-//! The search is branch and bound over three numbers: the scaled speed s at which the surfaces are evaluated, the bus voltage V, and the wanted i_q. The wanted i_q
-//! represents every torque demand and every torque of the last tick, because they act only through it. Divided by V, the voltage depends on
-//! w/V = s/V_nominal, and on V itself only through the small resistive drop. So cells may be long in V. Step and motor are symmetric in the direction of rotation,
-//! so only forward speeds are searched.
+//! The search is branch and bound over three numbers: the scaled speed s at which the surfaces are evaluated, the bus voltage V, and the wanted i_q.
+//! The wanted i_q represents every torque demand and every torque of the last tick, because they act only through it. Divided by V, the voltage
+//! depends on w/V = s/V_nominal, and on V itself only through the small resistive drop. So cells may be long in V. Step and motor are symmetric in
+//! the direction of rotation, so only forward speeds are searched.
 
 pub mod range;
 pub mod step;
@@ -43,8 +43,8 @@ pub struct Operation {
 /// The number of cells that a search may examine before it gives up: some seconds.
 pub const WORK: usize = 3_000_000;
 
-/// After its proof a search continues until the upper bound of the largest share is this close to the largest share that was seen, because the share is reported; or
-/// until it has examined [`WORK_FOR_THE_SHARE`] cells.
+/// After its proof a search continues until the upper bound of the largest share is this close to the largest share that was seen, because the share
+/// is reported; or until it has examined [`WORK_FOR_THE_SHARE`] cells.
 const CLOSE: f64 = 1e-3;
 const WORK_FOR_THE_SHARE: usize = 100_000;
 
@@ -401,8 +401,8 @@ impl Search<'_> {
         if bound.is_nan() { f64::INFINITY } else { bound }
     }
 
-    /// The halves of the cell along its longest side. A side is measured by its effect on the voltage: the whole span of the scaled speed or of the wanted
-    /// current changes it by as much as the limit itself, the span of the bus voltage only by the resistive drop.
+    /// The halves of the cell along its longest side. A side is measured by its effect on the voltage: the whole span of the scaled speed or of the
+    /// wanted current changes it by as much as the limit itself, the span of the bus voltage only by the resistive drop.
     fn cut(&mut self, part: &Part) -> Option<Vec<Part>> {
         let limit = self.step.constants.current_limit_a;
         let sides = [

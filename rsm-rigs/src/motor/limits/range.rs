@@ -1,8 +1,8 @@
 //! Ranges of f32 numbers: the possible results of an operation of a step in f32.
 //!
-//! In: ranges of the operands. Out: the range of the computed results. Rounding is monotone. So the ends of the result's range are the results at the ends of the operands'
-//! ranges, rounded as the step rounds them. If the ranges are single numbers, the answer has the bits of
-//! the step itself. If the result may be NaN, the range is everything.
+//! In: ranges of the operands. Out: the range of the computed results. Rounding is monotone. So the ends of the result's range are the results at the
+//! ends of the operands' ranges, rounded as the step rounds them. If the ranges are single numbers, the answer has the bits of the step itself. If
+//! the result may be NaN, the range is everything.
 
 use rsm_core::interval::Interval;
 use rsm_core::values::Values;

@@ -159,8 +159,8 @@ impl<'t> Step<'t> {
         speed * (Range::point(self.constants.nominal_bus_v) / bus_voltage)
     }
 
-    /// The most i_q that is asked for, in A: what the surface `limit_current` leaves of the current limit, at the torque of the last tick; folded back beyond
-    /// the surfaces.
+    /// The most i_q that is asked for, in A: what the surface `limit_current` leaves of the current limit, at the torque of the last tick; folded
+    /// back beyond the surfaces.
     pub fn most(&mut self, last_torque: Range, circle_speed: Range) -> Range {
         let limit = Range::point(self.constants.current_limit_a);
         let most_weakening = Range::point(self.most_weakening());

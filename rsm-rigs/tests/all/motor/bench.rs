@@ -28,8 +28,8 @@ fn measured_points_lie_on_the_circle_diagram() {
         // of speed in 180 runs; 0.1 A a rad/s where the limit is steepest makes 0.1 A of it, and the reading's own error comes on top.
         let solved = diagram.solve(point.torque, point.speed, known.reference_voltage(known.bus_voltage));
         assert!((solved.i_d_a - point.i_d).abs() < 0.25, "{point:?} {solved:?}");
-        // The flange is short of the air gap by friction, b w. The search moves the speed by some tenths of a rad/s in the window of 0.2 s, and 0.06 kg m^2
-        // take 0.3 N m for each 1 rad/s of it.
+        // The flange is short of the air gap by friction, b w. The search moves the speed by some tenths of a rad/s in the window of 0.2 s, and 0.06
+        // kg m^2 take 0.3 N m for each 1 rad/s of it.
         assert!((point.torque - point.shaft_torque - 0.001 * point.speed).abs() < 0.3, "{point:?}");
     }
     // 60 A along d all but cancel the flux: no dynamometer of this speed finds the limit, and the table says so instead of a row.
@@ -49,7 +49,8 @@ fn a_run_is_the_same_in_any_plan_and_another_with_another_seed() {
 
 #[test]
 fn a_drive_that_loses_its_current_is_switched_off_and_the_other_runs_count() {
-    // At 60 A the inductance is down to 0.52 mH, and falls with every further ampere: current control made for 0.9 mH loses it where the motor brakes.
+    // At 60 A the inductance is down to 0.52 mH, and falls with every further ampere: current control made for 0.9 mH loses it where the motor
+    // brakes.
     let saturating = crate::plant("pmac", &crate::effect("magnetic-saturation", "saturation_current = 70.0"));
     let settings = [(1, 70.0, 0.0), (2, 100.0, 120.0)].map(|(run, depth, advance)| Setting { run, depth, advance });
     let outcomes = Bench::default().run(&saturating, &settings, 3).unwrap();

@@ -21,8 +21,8 @@ fn run_up(drive: &Drive, refinement: usize) -> Trace {
 #[test]
 fn a_run_up_with_constant_torque_follows_the_closed_form() {
     let trace = run_up(&Drive { encoder: encoder::Settings::IDEAL, ..Drive::default() }, 1);
-    // J dw/dt = T - b w from rest: w = T/b (1 - exp(-b t/J)), J = 0.01, b = 0.001, up to 0.2 s = 430 rad/s, below base speed. The current comes late by
-    // the period of the computation, 0.1 ms, and half of the 0.35 ms in which 156 V bring 60 A through 0.9 mH: 0.27 ms.
+    // J dw/dt = T - b w from rest: w = T/b (1 - exp(-b t/J)), J = 0.01, b = 0.001, up to 0.2 s = 430 rad/s, below base speed. The current comes late
+    // by the period of the computation, 0.1 ms, and half of the 0.35 ms in which 156 V bring 60 A through 0.9 mH: 0.27 ms.
     let late = |row: &rsm_rigs::motor::closed_loop::Row| {
         let expected = 21.6 / 0.001 * (1.0 - (-0.001 / 0.01 * row.time).exp());
         (expected - row.truth.speed) / (2160.0 - 0.1 * expected)

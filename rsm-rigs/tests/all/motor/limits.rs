@@ -144,8 +144,8 @@ fn the_shipped_surface_keeps_both_limits() {
 #[test]
 fn a_surface_that_is_broken_on_purpose_gives_a_point() {
     let text = model_file::write(shipped().model());
-    // Less weakening with the speed, less at both ends of the speeds, less with the torque. (A `limit_current` that promises too much is no fault: the current
-    // circle then takes from i_q what the weakening needs.)
+    // Less weakening with the speed, less at both ends of the speeds, less with the torque. (A `limit_current` that promises too much is no fault:
+    // the current circle then takes from i_q what the weakening needs.)
     for (from, to) in [("19.209058159290976", "12.0"), ("-4.395786208871319", "-14.0"), ("25.076584203464567", "15.0")] {
         assert!(text.contains(from), "the shipped surface has another coefficient than {from}");
         let broken = Checked::read(&Source::new("broken.toml", text.replacen(from, to, 1))).unwrap();

@@ -1,4 +1,5 @@
-//! The motor's drive: each part against a case worked out otherwise, then the loop against closed forms, then the surfaces against the full controller.
+//! The motor's drive: each part against a case worked out otherwise, then the loop against closed forms, then the surfaces against the full
+//! controller.
 
 mod bench;
 mod closed_loop;

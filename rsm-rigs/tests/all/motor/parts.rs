@@ -58,8 +58,8 @@ fn the_circle_diagram_agrees_with_a_search_over_all_currents() {
                 }
             }
         }
-        // A grid point lies within a step in i_q of the best; at the limits the boundary's slope d i_d/d i_q, up to 10 here, makes more of it in i_d. So
-        // i_q is compared by the step, i_d by that of the solution at the grid's own i_q.
+        // A grid point lies within a step in i_q of the best; at the limits the boundary's slope d i_d/d i_q, up to 10 here, makes more of it in i_d.
+        // So i_q is compared by the step, i_d by that of the solution at the grid's own i_q.
         assert!((found.i_q_a - best.2).abs() <= 1.5 * step, "{torque} at {speed}: {found:?} {best:?}");
         let same = diagram.solve(best.2 * known.torque_constant(), speed, allowed);
         assert!((same.i_d_a + best.1).abs() <= 1.01 * step, "{torque} at {speed}: {same:?} {best:?}");
@@ -110,7 +110,8 @@ fn edges_have_the_average_of_the_averaged_inverter() {
 #[test]
 fn dead_time_takes_the_fundamental_of_a_square_wave() {
     let inverter = Inverter { period: 1e-4, dead_time: 2e-6, bus_voltage: 300.0 };
-    // Currents along the d axis: each phase loses V_dc t_d/T = 6 V with the sign of its current. The fundamental of a square wave of height 1 is 4/pi.
+    // Currents along the d axis: each phase loses V_dc t_d/T = 6 V with the sign of its current. The fundamental of a square wave of height 1 is
+    // 4/pi.
     let steps = 36_000;
     let mut lost = [0.0; 2];
     for k in 0..steps {

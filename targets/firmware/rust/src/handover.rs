@@ -1,6 +1,7 @@
 //! Passes values between two interrupts of one processor, always as a consistent set: `../../handover.h` in Rust.
 //!
-//! In: a value, from one writer. Out: the newest complete value, for one reader. Two slots, and an index that is written last. Never waits and never masks interrupts.
+//! In: a value, from one writer. Out: the newest complete value, for one reader. Two slots, and an index that is written last. Never waits and never
+//! masks interrupts.
 
 use core::cell::UnsafeCell;
 use core::sync::atomic::{AtomicUsize, Ordering};
@@ -12,7 +13,8 @@ pub struct Handover<T> {
     newest: AtomicUsize,
 }
 
-// SAFETY: who calls `put` and `take` promises that there is one of each, and that no two `put` begin in one `take`; then no slot is written while it is read.
+// SAFETY: who calls `put` and `take` promises that there is one of each, and that no two `put` begin in one `take`; then no slot is written while it
+// is read.
 unsafe impl<T: Copy + Send> Sync for Handover<T> {}
 
 impl<T: Copy> Handover<T> {

@@ -7,7 +7,8 @@
 //! - [`own`]: statics that one context owns.
 //! - [`stack`]: bytes of stack that a call takes.
 //!
-//! `src/bin/board.rs` is the processor in the loop; `src/bin/count.rs` counts instructions; `src/bin/interrupted.rs` interrupts at every one; `src/bin/hangs.rs` hangs, and is reset by the watchdog.
+//! `src/bin/board.rs` is the processor in the loop; `src/bin/count.rs` counts instructions; `src/bin/interrupted.rs` interrupts at every one;
+//! `src/bin/hangs.rs` hangs, and is reset by the watchdog.
 #![no_std]
 
 pub mod board;

@@ -1,7 +1,8 @@
-//! The campaign of faults: every sensor of the motor's loop, with every kind of fault, for 1 to 500 samples, at every operating point and bus voltage.
+//! The campaign of faults: every sensor of the motor's loop, with every kind of fault, for 1 to 500 samples, at every operating point and bus
+//! voltage.
 //!
-//! In: which share of the cases. Out: a row for each sensor and fault: the longest current, the time until the torque is back, how often the bridge opened. The
-//! motor and its bridge are simulated in the frame of the stator ([`plant`]). A run with a fault is compared with a run without it.
+//! In: which share of the cases. Out: a row for each sensor and fault: the longest current, the time until the torque is back, how often the bridge
+//! opened. The motor and its bridge are simulated in the frame of the stator ([`plant`]). A run with a fault is compared with a run without it.
 
 pub mod cases;
 pub mod plant;
@@ -59,7 +60,8 @@ pub struct Row {
     pub back_ms: f64,
     /// In how many runs the bridge was opened.
     pub opened: usize,
-    /// The worst of [`Run::torque_error_nm`] of faults of 500 samples in which the bridge stayed closed: the effect of a fault that cannot be distinguished from the truth.
+    /// The worst of [`Run::torque_error_nm`] of faults of 500 samples in which the bridge stayed closed: the effect of a fault that cannot be
+    /// distinguished from the truth.
     pub torque_error_nm: f64,
 }
 
@@ -97,7 +99,8 @@ type Fault<'a> = &'a mut dyn FnMut(u32, &mut Demand, &mut Measured);
 /// The change of the bus voltage in a period, in V: 60 A from a capacitor of 1 mF.
 const BUS_V: f64 = 6.0;
 
-/// One fault of `samples` samples, in which the bus falls to `sag` and rises again if there is one; `seen` gets what the steps were told and answered, period by period.
+/// One fault of `samples` samples, in which the bus falls to `sag` and rises again if there is one; `seen` gets what the steps were told and
+/// answered, period by period.
 fn one(
     settled: &(Rig, Vec<f64>),
     point: &Point,
@@ -233,8 +236,8 @@ pub fn run_seen(every: usize, seen: &mut dyn FnMut(&Exchanged)) -> Vec<Row> {
     rows
 }
 
-/// The longest current vector of the exact controller (the circle diagram in closed form, in double precision) without a fault, over all points and buses after it has settled,
-/// in A: what the campaign is to be measured by.
+/// The longest current vector of the exact controller (the circle diagram in closed form, in double precision) without a fault, over all points and
+/// buses after it has settled, in A: what the campaign is to be measured by.
 #[must_use]
 pub fn exact_longest_a() -> f64 {
     let mut longest = 0f64;

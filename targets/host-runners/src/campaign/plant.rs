@@ -1,16 +1,17 @@
 //! The motor and its bridge for the campaign of faults, in the frame of the stator: nothing is shared with the steps, which work in the rotor's.
 //!
 //! In: duties of three legs, or a bridge whose switches are all off. Out: phase currents, angle, speed. L di/dt = v - r i - e for the two axes of the
-//! stator, e = w_e lambda (-sin, cos). With the switches off the diodes carry what flows: a leg whose current flows into the motor lies on the lower rail,
-//! one whose current flows out on the upper. Voltages are means over a period.
+//! stator, e = w_e lambda (-sin, cos). With the switches off the diodes carry what flows: a leg whose current flows into the motor lies on the lower
+//! rail, one whose current flows out on the upper. Voltages are means over a period.
 
 use std::f64::consts::TAU;
 
-/// Steps of a period. 1 us: a thousandth of an electrical turn at 1000 rad/s, and two thirds of the time constant L/(V/width) of a blocked leg (below) at 330 V.
+/// Steps of a period. 1 us: a thousandth of an electrical turn at 1000 rad/s, and two thirds of the time constant L/(V/width) of a blocked leg
+/// (below) at 330 V.
 const STEPS: u32 = 100;
 
-/// Within this current, in A, a leg of the open bridge goes from one rail to the other. An ideal diode has 0; this is what a period in 100 steps can hold, a
-/// hundredth of the current limit.
+/// Within this current, in A, a leg of the open bridge goes from one rail to the other. An ideal diode has 0; this is what a period in 100 steps can
+/// hold, a hundredth of the current limit.
 const DIODE_WIDTH_A: f64 = 0.5;
 
 /// The trial motor of the project (`rsm-sim/plants/pmac.toml`), and its state.

@@ -80,7 +80,8 @@ fn full_torque_steps_stay_in_the_circle() {
     }
 }
 
-/// From every state within 1.5 of the limits, with any state of the step, at every speed and bus voltage, the loop reaches one equilibrium. Tested with the bridge that may open, and with a bridge that stays closed, so that opening hides nothing.
+/// From every state within 1.5 of the limits, with any state of the step, at every speed and bus voltage, the loop reaches one equilibrium. Tested
+/// with the bridge that may open, and with a bridge that stays closed, so that opening hides nothing.
 fn grid(trips: bool, every: usize) {
     let mut case = 0usize;
     for bus in BUSES {

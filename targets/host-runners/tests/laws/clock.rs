@@ -2,7 +2,8 @@
 
 use host_loop::Settings;
 
-/// 1 % of 1 ms. Measured on a virtual machine: 0.4 us at opt 3, most of it the two readings of the clock. Lateness is not tested: on a virtual machine it is arbitrary.
+/// 1 % of 1 ms. Measured on a virtual machine: 0.4 us at opt 3, most of it the two readings of the clock. Lateness is not tested: on a virtual
+/// machine it is arbitrary.
 const MEDIAN_NS: u64 = 10_000;
 
 #[test]

@@ -1,7 +1,8 @@
 //! The steps cannot panic: their object code contains no panic.
 //!
 //! A panic in Rust is a call to `core::panicking`. So the object file of each target library, at opt 3, may name no function outside itself except
-//! those with which a compiler copies memory, and has no trap instruction. This is stronger than "no panic": there is no call of any unknown function.
+//! those with which a compiler copies memory, and has no trap instruction. This is stronger than "no panic": there is no call of any unknown
+//! function.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

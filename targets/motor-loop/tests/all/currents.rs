@@ -104,7 +104,8 @@ fn the_voltage_stays_in_the_circle_and_a_large_error_uses_all_of_it_in_its_direc
 #[test]
 fn integrals_do_not_wind_up_at_the_limit() {
     let (mut state, drive) = (closed(AT_REST), drive());
-    // A locked rotor that takes no current: an hour of it. The bridge opens, since the model sees that; the integral is none then. Without the model it is bounded.
+    // A locked rotor that takes no current: an hour of it. The bridge opens, since the model sees that; the integral is none then. Without the model
+    // it is bounded.
     let mut most: f32 = 0.0;
     for period in 0..36_000 {
         currents(&mut state, &drive, &i_q(60.0), &AT_REST);

@@ -56,7 +56,8 @@ fn a_lower_bus_is_a_higher_speed() {
     assert!((low.i_d_a - nominal.i_d_a).abs() < 1e-4, "{low:?} {nominal:?}");
 }
 
-/// The weakening current of an ideal motor at 0.95 of the nominal voltage: the smaller root of (r i_d - w L i_q)^2 + (r i_q + w (L i_d + lambda))^2 = V^2.
+/// The weakening current of an ideal motor at 0.95 of the nominal voltage: the smaller root of (r i_d - w L i_q)^2 + (r i_q + w (L i_d + lambda))^2 =
+/// V^2.
 fn needed(i_q: f64, speed: f64) -> f64 {
     let (r, l, lambda, w) = (0.08, 0.9e-3, 0.06, 4.0 * speed);
     let (a, b) = (r * r + w * w * l * l, w * w * l * lambda);
@@ -64,7 +65,8 @@ fn needed(i_q: f64, speed: f64) -> f64 {
     if c <= 0.0 { 0.0 } else { c / (b + (b * b - a * c).sqrt()) }
 }
 
-/// Where the surfaces are asked they have data: at every torque that the limit leaves, from where weakening begins to the edge. Below, there is nothing to weaken.
+/// Where the surfaces are asked they have data: at every torque that the limit leaves, from where weakening begins to the edge. Below, there is
+/// nothing to weaken.
 #[test]
 fn the_surface_is_asked_inside_its_support() {
     let mut asked = 0;
@@ -80,8 +82,8 @@ fn the_surface_is_asked_inside_its_support() {
             let given = 0.36 * found.i_q_a;
             // 1 % of the torque: the two surfaces do not meet to the last digit at the current limit.
             if motor::weakening_current_support_f32(0.99 * given, speed) == 0 {
-                // The bench found no limit below 440 rad/s, and none for a strong braking torque below 520: data end where weakening does. There the surface says 0
-                // or as much as its worst error on unseen rows, 1.8 A, from what the circle diagram says.
+                // The bench found no limit below 440 rad/s, and none for a strong braking torque below 520: data end where weakening does. There the
+                // surface says 0 or as much as its worst error on unseen rows, 1.8 A, from what the circle diagram says.
                 let off = found.i_d_a + needed(f64::from(found.i_q_a), f64::from(speed)) as f32;
                 assert!(speed < 520.0 && off.abs() < 1.9, "{given} N m at {speed} rad/s: {found:?}, {off} A off");
             } else {
@@ -104,7 +106,8 @@ fn beyond_the_surface_torque_folds_back_and_weakening_grows() {
     for (speed, bus) in [(820.0, 270.0), (900.0, 270.0), (900.0, 230.0), (785.0, 180.0), (900.0, 180.0), (999.0, 168.0)] {
         let found = at(speed, bus);
         assert!(found.i_q_a < last.i_q_a && found.i_d_a <= last.i_d_a, "{speed} {bus}: {found:?} {last:?}");
-        // What an ideal motor needs at that torque and voltage, from below: psi = V/w_e, i_d = -lambda/L + sqrt((psi/L)^2 - i_q^2). The trim has the rest: 3 A.
+        // What an ideal motor needs at that torque and voltage, from below: psi = V/w_e, i_d = -lambda/L + sqrt((psi/L)^2 - i_q^2). The trim has the
+        // rest: 3 A.
         let flux_a = 0.95 * bus / 3f32.sqrt() / (4.0 * speed) / 0.9e-3;
         let needed = -66.67 + (flux_a * flux_a - found.i_q_a * found.i_q_a).max(0.0).sqrt();
         assert!(found.i_d_a < needed + 3.0 || found.i_d_a < -56.0, "{speed} {bus}: {found:?}, needed {needed}");

@@ -148,7 +148,8 @@ mod tests {
         let plan = TrackPlan::full(&[1500.0, 3000.0, 4500.0], &[0.0], SEED);
         let found = with_plan(&request, &plan).unwrap();
         let of = |key: &str| found.value["damping_ratio"][key]["mean_residual"].as_f64().unwrap();
-        // Zeros at 1.2 times the true frequency cancel nothing. Fitted on the truth itself fifteen runs leave 0.02 to 0.04: rounds of the same plan do as well here.
+        // Zeros at 1.2 times the true frequency cancel nothing. Fitted on the truth itself fifteen runs leave 0.02 to 0.04: rounds of the same plan
+        // do as well here.
         assert!(of("after") < 0.5 * of("before") && of("after") < 0.08, "{}", found.value);
         let names: Vec<String> =
             found.files.iter().map(|(path, _)| path.strip_prefix(folder.path()).unwrap().display().to_string()).collect();

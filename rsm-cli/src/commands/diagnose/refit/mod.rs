@@ -6,7 +6,8 @@
 //!                                                                     '--emitted (C, Rust)
 //! ```
 //!
-//! In: a diagnosis, the nominal plant, records, and for simulated studies the true plant. Out: files for DIR/refit, the key `refit`, words. The true plant is used only for the test, never for a fit.
+//! In: a diagnosis, the nominal plant, records, and for simulated studies the true plant. Out: files for DIR/refit, the key `refit`, words. The true
+//! plant is used only for the test, never for a fit.
 
 mod driveline;
 mod motor;

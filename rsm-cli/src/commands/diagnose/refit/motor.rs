@@ -1,7 +1,7 @@
 //! The motor's part of a refit: surfaces of the weakening current from the bench.
 //!
-//! Tested by the angle error: the current advance of a surface minus that of points at the voltage limit, which the bench finds on the tested plant with noise
-//! and settings of its own, and which steady windows of the records show by their flux linkages.
+//! Tested by the angle error: the current advance of a surface minus that of points at the voltage limit, which the bench finds on the tested plant
+//! with noise and settings of its own, and which steady windows of the records show by their flux linkages.
 
 use rsm_core::check::Checked;
 use rsm_rigs::bench::limit_points::{self, AngleErrors, LimitPoint};
@@ -179,8 +179,8 @@ mod tests {
         let found = refit(&request).unwrap();
         let angle = &found.value["angle_error_deg"];
         let of = |key: &str| angle[key]["mean"].as_f64().unwrap();
-        // The circle's centre lies at lambda/L: 66.7 A are said, 61.1 A are true, so the weakening current is too large by 3 to 5 A of 10 to 40. The surfaces' own
-        // error is 0.4 deg at random points, some more at the bench's, whose smallest currents of 6 A have the largest angles.
+        // The circle's centre lies at lambda/L: 66.7 A are said, 61.1 A are true, so the weakening current is too large by 3 to 5 A of 10 to 40. The
+        // surfaces' own error is 0.4 deg at random points, some more at the bench's, whose smallest currents of 6 A have the largest angles.
         assert!(of("before") > 4.0 && of("after") < 0.25 * of("before"), "{angle}");
         assert_eq!(found.value["judged_on"], "truth");
         assert!(found.value["records_angle_error_deg"].is_null());

@@ -1,4 +1,5 @@
-//! Curves before and after: whole records, the stretch that is worst, what is left over time, by frequency and by order. A click takes a cause out of the simulation, or puts it back.
+//! Curves before and after: whole records, the stretch that is worst, what is left over time, by frequency and by order. A click takes a cause out of
+//! the simulation, or puts it back.
 //!
 //! In: a diagnosis. Out: figures. Decides nothing: which record, which stretch and what each combination of causes simulates come from the diagnosis.
 

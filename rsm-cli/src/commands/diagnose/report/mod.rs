@@ -1,7 +1,7 @@
 //! The report of a diagnosis. It needs no other document to be understood.
 //!
-//! In: a diagnosis. Out: one self-contained HTML page: the verdict, what is wrong with the data, the causes with their evidence, the extended parameters, where
-//! the plant is wrong, curves before and after, what is left. Decides nothing: every figure comes from the diagnosis.
+//! In: a diagnosis. Out: one self-contained HTML page: the verdict, what is wrong with the data, the causes with their evidence, the extended
+//! parameters, where the plant is wrong, curves before and after, what is left. Decides nothing: every figure comes from the diagnosis.
 
 mod curves;
 mod where_wrong;

@@ -1,4 +1,5 @@
-//! The processor in the loop: `../../../programs/board.c` in Rust. The image on the emulated board, by its timers and priorities, against the same plants as code.
+//! The processor in the loop: `../../../programs/board.c` in Rust. The image on the emulated board, by its timers and priorities, against the same
+//! plants as code.
 //!
 //! `RSM_RIG_PLANTS` names the folder of `rig_motor.rs` and `rig_car.rs`, as `rsm emit --lang rust --step` writes them. Out: the lines of `board.c`.
 #![no_std]

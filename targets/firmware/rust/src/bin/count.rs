@@ -1,4 +1,5 @@
-//! Counts the instructions of the steps in Rust, as `../../../programs/count.c` does in C: "STEP KIND INSTRUCTIONS", for inputs of several kinds, under `-icount shift=6`.
+//! Counts the instructions of the steps in Rust, as `../../../programs/count.c` does in C: "STEP KIND INSTRUCTIONS", for inputs of several kinds,
+//! under `-icount shift=6`.
 #![no_std]
 #![no_main]
 

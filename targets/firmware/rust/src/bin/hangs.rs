@@ -1,7 +1,7 @@
 //! The watchdog's reaction if a step does not return, or no longer runs: `../../../programs/hangs.c` in Rust, with the same output.
 //!
-//! In: the last word of the emulator's command line, which is C's `HANG`: 1, the interrupt of the currents does not return; 2, that of the references does not; 3, the timer of the
-//! currents stops; 0, nothing hangs.
+//! In: the last word of the emulator's command line, which is C's `HANG`: 1, the interrupt of the currents does not return; 2, that of the references
+//! does not; 3, the timer of the currents stops; 0, nothing hangs.
 #![no_std]
 #![no_main]
 

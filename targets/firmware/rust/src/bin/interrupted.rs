@@ -1,10 +1,12 @@
 //! The interrupt of the references, interrupted by that of the currents at every instruction: `../../../programs/interrupted.c` in Rust.
 //!
-//! In each trial the same state is restored, a timer is set one tick later than in the trial before, and the outer interrupt runs. At any time of the interruption, the inner interrupt must
-//! have the result of the references before the outer step, or of those after it; the outer one must have the result of the samples before or after the inner step. Under `-icount shift=6` an instruction takes
-//! 64 ns and a tick 40 ns, so every instruction is tested.
+//! In each trial the same state is restored, a timer is set one tick later than in the trial before, and the outer interrupt runs. At any time of the
+//! interruption, the inner interrupt must have the result of the references before the outer step, or of those after it; the outer one must have the
+//! result of the samples before or after the inner step. Under `-icount shift=6` an instruction takes 64 ns and a tick 40 ns, so every instruction is
+//! tested.
 //!
-//! Out: a line "at ADDRESS" for every address at which the outer interrupt was interrupted, then the counts, the floating-point context, and bytes of stack.
+//! Out: a line "at ADDRESS" for every address at which the outer interrupt was interrupted, then the counts, the floating-point context, and bytes of
+//! stack.
 #![no_std]
 #![no_main]
 
