@@ -3,7 +3,8 @@
 //! In: which side of which loop runs here, and where the other one is. Out: the table of what happened, a row a millisecond, and what became of the
 //! link. Two ways:
 //!
-//! - [`federate`]: lock-step on HELICS. Simulated time advances when all sides are ready, so a run gives the same bits as one process. It is not real-time.
+//! - [`federate`]: lock-step on HELICS. Simulated time advances when all sides are ready, so a run gives the same bits as one process.
+//!   It is not real-time.
 //! - [`stream`]: UDP datagrams in real time, for hardware in the loop. No side waits: values that arrive too late are missing, and are counted.
 //!
 //! ```text

@@ -1,8 +1,8 @@
 //! The certificates of a model: statements that are proved over the whole input box.
 //!
 //! In: `Checked`. Out: for each surface an enclosure of the true polynomial's range (before `output_range`), and for each precision a bound of
-//! |tape - true polynomial, with the same saturation| over all arguments of that type in the box, with operations and depth of the tape. Compensators: see
-//! `compensator.rs`.
+//! |tape - true polynomial, with the same saturation| over all arguments of that type in the box, with operations and depth of the tape.
+//! Compensators: see `compensator.rs`.
 
 pub mod compensator;
 pub mod gradient;

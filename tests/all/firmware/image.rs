@@ -1,6 +1,7 @@
 //! The firmware as one program: `image.c`, both loops as interrupts on the emulated board.
 //!
-//! - The outer interrupt is interrupted at every instruction: the data passed between the interrupts are consistent, and the floating-point registers are restored.
+//! - The outer interrupt is interrupted at every instruction: the data passed between the interrupts are consistent, and the
+//!   floating-point registers are restored.
 //! - The processor in the loop: the board, by its timers and priorities, against plants as code, has the bits of the host and of a simulation.
 //! - The watchdog: a step that does not return, or no longer runs, leads to a reset into the safe state.
 

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //!   nominal plant  --experiment--> data --fit--> surfaces of before --.
-//!   extended plant --experiment--> data --fit--> surfaces of after  --+--judged on--> the true plant where it is given, else the extended one; and the records
+//!   extended plant --experiment--> data --fit--> surfaces of after  --+--judged on--> the true plant if it is given, else the extended one;
+//!                                                                     |               and the records
 //!                                                                     '--emitted (C, Rust)
 //! ```
 //!
