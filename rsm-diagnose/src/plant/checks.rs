@@ -28,6 +28,10 @@ const DECAYED: f64 = 1e-3;
 /// A channel is stuck if it has one value from some row to the end, and this part is at least one in this many of the record's rows.
 const STAYS: usize = 4;
 
+/// The change after equal readings is a jump if it exceeds the largest other change of the channel by this factor. The largest of 400 changes by normal
+/// noise is 4.2 standard deviations; of 10^6 it is 6.9 (order statistics), so noise alone gives a factor of 1.6.
+const JUMP_AFTER_STUCK: f64 = 3.0;
+
 /// Two clipped readings belong to one clipped interval if they are at most this many rows apart. Noise takes a signal at the limit below it in half
 /// of the rows; an interval longer than this has a probability of 2^-20.
 const BETWEEN_CLIPPED: usize = 20;
@@ -129,9 +133,9 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
             }
             // At the end of the range, fewer equal readings are enough, because noise does not repeat an extreme value.
             if row - first >= STUCK || (extreme && row - first >= STUCK / 2) {
-                // A channel leaves a limit again. If it stays there to the end of the record for a large part of it, it is stuck.
+                // A channel leaves a limit again, and without a jump. If it stays there to the end of the record for a large part of it, it is stuck.
                 let stays = row == rows && row - first >= rows / STAYS;
-                if extreme && !stays {
+                if extreme && !stays && !ends_with_a_jump(values, first..row) {
                     limits.push(values[first]);
                 } else {
                     findings.push(finding(&channel, "stuck", (first, row - 1)));
@@ -169,6 +173,14 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
         in_file(prepared, &mut findings);
     }
     findings
+}
+
+/// Whether the channel changes after some equal readings by far more than between any other two rows. A signal reaches and leaves a limit at its own
+/// rate. A stuck channel holds a reading that was true, and then changes at once to the present value.
+fn ends_with_a_jump(values: &[f64], equal: std::ops::Range<usize>) -> bool {
+    let step = |row: usize| (values[row] - values[row - 1]).abs();
+    let others = (1..values.len()).filter(|row| *row != equal.end).map(step).fold(0.0, f64::max);
+    equal.end < values.len() && step(equal.end) > JUMP_AFTER_STUCK * others
 }
 
 /// The first and last row of each interval in which a channel is at a limit. Beside the limit, noise decides which readings pass it. Readings below
@@ -418,6 +430,26 @@ mod tests {
             }
         });
         assert_eq!(clipped, vec![("i_q".to_string(), "clipped", (300, 329))]);
+    }
+
+    #[test]
+    fn a_channel_that_hangs_at_its_largest_reading_is_stuck_and_one_that_a_limit_cuts_is_clipped() {
+        // A speed that swings by 10 rad/s, 400 rows. It hangs from a row before its first maximum until it is far below.
+        for first in [55, 58, 61] {
+            for last in [110, 140, 170] {
+                let swing = |k: usize| 100.0 + 10.0 * (k as f64 / 40.0).sin();
+                let hangs = found(|k, values| {
+                    let noise = values[2] - 100.0;
+                    values[2] = if (first..=last).contains(&k) { 111.0 } else { swing(k) + 0.1 * noise };
+                });
+                assert_eq!(hangs, vec![("speed".to_string(), "stuck", (first, last))]);
+                let cut = found(|k, values| {
+                    let noise = values[2] - 100.0;
+                    values[2] = (swing(k) + 0.1 * noise).min(108.0);
+                });
+                assert!(cut.iter().all(|it| it.1 == "clipped") && !cut.is_empty(), "{cut:?}");
+            }
+        }
     }
 
     #[test]
