@@ -10,7 +10,7 @@
 //! let mut buffer = PlayOut::new(1_000_000, 2_000_000, 1_000_000); // ticks of 1 ms, 2 ms of buffer, 1 ms of holding
 //! assert_eq!(buffer.play(0), Played::Waiting);
 //! for number in 0..3 {
-//!     buffer.hear(number, number * 1_000_000, [number as f64, 0.0, 0.0, 0.0]);
+//!     buffer.receive(number, number * 1_000_000, [number as f64, 0.0, 0.0, 0.0]);
 //! }
 //! assert_eq!(buffer.play(1_000_000), Played::Waiting);
 //! let values: Vec<f64> = (2..5).filter_map(|ms| buffer.play(ms * 1_000_000).values()).map(|values| values[0]).collect();

@@ -52,9 +52,9 @@ const KINDS: [(&str, &[AlternativeUnit]); 19] = [
 /// Other units of the same quantity. A quantity without a list has only its thousandths and thousands.
 ///
 /// ```
-/// use rsm_diagnose::plant::other_units::others;
+/// use rsm_diagnose::plant::other_units::alternative_units;
 ///
-/// let rpm = others("rad/s")[0];
+/// let rpm = alternative_units("rad/s")[0];
 /// assert_eq!((rpm.name, rpm.factor), ("rpm", 9.549297)); // readings over the truth
 /// ```
 #[must_use]

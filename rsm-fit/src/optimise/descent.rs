@@ -7,27 +7,8 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
+use super::pieces::{Group, Piece, value};
 use super::program::{Program, solve};
-
-/// A function with its gradient.
-#[derive(Debug, Clone)]
-pub(super) struct Piece {
-    pub value: f64,
-    pub gradient: Vec<f64>,
-}
-
-/// The largest of some pieces, times a weight above 0.
-#[derive(Debug, Clone)]
-pub(super) struct Group {
-    pub weight: f64,
-    pub pieces: Vec<Piece>,
-}
-
-impl Group {
-    pub(super) fn value(&self) -> f64 {
-        self.weight * self.pieces.iter().map(|piece| piece.value).fold(f64::NEG_INFINITY, f64::max)
-    }
-}
 
 /// The groups at a point; their number and the numbers of their pieces are the same at every point.
 pub(super) type Function<'a> = &'a dyn Fn(&[f64]) -> Vec<Group>;
@@ -50,10 +31,6 @@ const DIFFERENCE: f64 = 6e-6;
 
 /// Curvatures below this get this value, so that the program has one solution.
 const LEAST_CURVATURE: f64 = 1e-10;
-
-pub(super) fn value(groups: &[Group]) -> f64 {
-    groups.iter().map(Group::value).sum()
-}
 
 /// A local minimum from `start`, with its value. `ends`: the box.
 pub(super) fn minimum(function: Function<'_>, start: &[f64], ends: &[[f64; 2]]) -> (Vec<f64>, f64) {

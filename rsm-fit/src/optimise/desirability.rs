@@ -13,7 +13,7 @@
 //! Source: Derringer, Suich 1980, Journal of Quality Technology 12, 214 to 219, importances: Derringer 1994, Quality Progress
 //! 27(6), 51 to 58.
 
-use super::descent::Piece;
+use super::pieces::Piece;
 
 /// What a response shall be.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -9,7 +9,8 @@ use rsm_core::check::Checked;
 use rsm_core::source::Faults;
 use serde::Serialize;
 
-use super::descent::{Group, Piece, minimum, value};
+use super::descent::minimum;
+use super::pieces::{Group, Piece, value};
 use super::{Optimum, PENALTY, STRONGER, Search, Study, Surfaces, Wish};
 
 /// The smallest weight of an objective: at the ends of a front the others still count.

@@ -5,8 +5,8 @@
 
 use serde::Serialize;
 
-use super::descent::{Group, Piece};
 use super::desirability::Goal;
+use super::pieces::{Group, Piece};
 use super::study::Study;
 use super::surfaces::Surfaces;
 

@@ -8,6 +8,7 @@ mod descent;
 mod desirability;
 mod front;
 mod limits;
+mod pieces;
 mod program;
 mod read;
 mod study;
@@ -19,8 +20,9 @@ use serde::Serialize;
 
 use crate::random::Random;
 use crate::statistics::Named;
-use descent::{Group, minimum, value};
+use descent::minimum;
 use limits::Limits;
+use pieces::{Group, value};
 use surfaces::Surfaces;
 
 pub use desirability::Goal;

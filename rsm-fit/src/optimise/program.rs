@@ -7,7 +7,7 @@ use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
 use nalgebra::DMatrix;
 
-use super::descent::Group;
+use super::pieces::{Group, Piece};
 
 /// The program.
 pub(super) struct Program<'a> {
@@ -88,7 +88,7 @@ pub(super) fn solve(program: &Program<'_>) -> Option<Step> {
     let step: Vec<f64> = found.x[..n].iter().zip(&program.ends).map(inside).collect();
     // The value of the step itself, without the inaccuracy of the solver's z.
     let of_group = |(g, group): (usize, &Group)| {
-        let of_piece = |(k, piece): (usize, &super::descent::Piece)| {
+        let of_piece = |(k, piece): (usize, &Piece)| {
             let value = program.shift.map_or(piece.value, |shift| shift[g].pieces[k].value);
             value + piece.gradient.iter().zip(&step).map(|(slope, d)| slope * d).sum::<f64>()
         };

@@ -10,7 +10,7 @@ use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_core::tape::Tape;
 
-use super::descent::Piece;
+use super::pieces::Piece;
 use crate::design::Physical;
 use crate::support::Region;
 
