@@ -16,9 +16,13 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Lines that contain the name of an effect as a string, outside of tests and comments.
+/// Lines that contain the name of an effect as a string, outside of tests and comments. A module of tests with its code is the end of a file;
+/// `mod tests;` names another file, and code follows it.
 fn named(text: &str) -> Vec<(usize, &str)> {
-    let before_tests = text.lines().enumerate().take_while(|(_, line)| *line != "#[cfg(test)]");
+    let lines: Vec<&str> = text.lines().collect();
+    let begins_tests = |k: usize| lines[k] == "#[cfg(test)]" && lines.get(k + 1).is_some_and(|next| next.ends_with('{'));
+    let end = (0..lines.len()).find(|k| begins_tests(*k)).unwrap_or(lines.len());
+    let before_tests = lines[..end].iter().copied().enumerate();
     let code = before_tests.filter(|(_, line)| !line.trim_start().starts_with("//"));
     let names = |line: &str| rsm_sim::effects::ALL.iter().any(|it| line.contains(&format!("\"{}\"", it.kind)));
     code.filter(|(_, line)| names(line)).map(|(number, line)| (number + 1, line)).collect()
@@ -38,7 +42,7 @@ fn no_source_of_the_diagnosis_names_an_effect() {
 #[test]
 fn a_name_is_seen() {
     assert_eq!(
-        named("// \"windage\"\nlet a = of(\"windage\");\n#[cfg(test)]\n\"windage\"\n"),
-        [(2, "let a = of(\"windage\");")]
+        named("// \"windage\"\n#[cfg(test)]\nmod tests;\nlet a = of(\"windage\");\n#[cfg(test)]\nmod own {\n\"windage\"\n}\n"),
+        [(4, "let a = of(\"windage\");")]
     );
 }

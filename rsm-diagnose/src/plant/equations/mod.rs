@@ -194,7 +194,7 @@ fn best_orders(judged: &[Judged], candidates: &[Candidate], first: usize) -> Vec
 
 /// The guess of a term, if the term is a rotor order; otherwise `None`.
 fn order_of(entry: &Entry, hypotheses: &[Hypothesis]) -> Option<(usize, Guess)> {
-    if entry.description.kind != "cogging-torque" || entry.arguments.plant != PlantKind::Pmac {
+    if entry.description.declared.role != Role::Waves || is_wave(entry.description, entry.arguments.plant) {
         return None;
     }
     let place = hypotheses.iter().position(|it| it.describes(entry))?;
