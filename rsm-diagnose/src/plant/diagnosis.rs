@@ -6,7 +6,7 @@ use super::all_rows::AllRows;
 use super::bursts::BURST;
 use super::cause::{Cause, Interval};
 use super::checks::Finding;
-use super::equations::Said;
+use super::equations::EquationScreen;
 use super::error_breakdown::{CalibratedParameter, ErrorBreakdown};
 use super::experiment::{Alias, NextExperiment};
 use super::final_test::Refusal;
@@ -108,7 +108,7 @@ pub struct Diagnosis {
     /// The check of the sensors by the known law of the control loop.
     pub known_loop: Option<KnownLoop>,
     /// The equation errors with the recorded signals, without a free run.
-    pub equations: Option<Said>,
+    pub equations: Option<EquationScreen>,
     /// A signal that predicts a part of the residual, on the records where it predicts more.
     pub predicted: Option<Predictor>,
     /// Rivals with the same trace. Those of the strongest cause come first, the strongest first.

@@ -6,7 +6,7 @@ use super::calibrated_records::{CalibratedRecords, HeavyTails};
 use super::cause::Cause;
 use super::configurations::SeparateRecord;
 use super::diagnosis::{Diagnosis, Verdict};
-use super::equations::Said;
+use super::equations::EquationScreen;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::search::{Search, WorkLimits};
@@ -43,7 +43,7 @@ struct SearchInput<'a> {
     rounded: Vec<(usize, f64)>,
     limits: WorkLimits,
     /// The equation errors with the recorded signals.
-    equation_errors: Option<Said>,
+    equation_errors: Option<EquationScreen>,
     /// The number of guesses that were examined in addition to those of the catalogue.
     further_guesses: usize,
     progress: &'a (dyn Fn(&str) + Sync),
@@ -59,8 +59,8 @@ impl<'a> SearchInput<'a> {
         let is_rounded = |name: &str| prepared.rounded.iter().any(|(k, _)| name == file.kind.outputs()[*k].name);
         hypotheses.retain(|it| it.description.declared.role != Role::Rounding || !it.subject.is_some_and(is_rounded));
         (options.progress)("evaluating the equations along the records");
-        let equation_errors = equations::look(&prepared.whitened, &prepared.nominal, &hypotheses);
-        equation_errors.iter().for_each(|it| it.hand_over(&mut hypotheses));
+        let equation_errors = equations::screen(&prepared.whitened, &prepared.nominal, &hypotheses);
+        equation_errors.iter().for_each(|it| it.add_orders(&mut hypotheses));
         let whitened = &mut prepared.whitened;
         let before = whitened.work.done();
         whitened.run(&prepared.calibrated.model).ok_or(Refused::CannotSimulate)?;

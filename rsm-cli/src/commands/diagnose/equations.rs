@@ -2,14 +2,14 @@
 //!
 //! In: what the screen by equation error found. Out: sentences and a value. Decides nothing.
 
-use rsm_diagnose::plant::equations::{Said, Term};
+use rsm_diagnose::plant::equations::{EquationScreen, Term};
 use serde_json::{Map, Value, json};
 
 use crate::output;
 use crate::page::figure;
 
 /// As JSON.
-pub fn value(it: &Said) -> Value {
+pub fn value(it: &EquationScreen) -> Value {
     let terms = it.terms.iter().map(|term| {
         let numbers = term.entry.arguments.numbers.iter();
         let numbers: Map<String, Value> =
@@ -20,7 +20,7 @@ pub fn value(it: &Said) -> Value {
 }
 
 /// One sentence for each term; none if calibration alone explains the error.
-pub fn sentences(it: &Said) -> Vec<String> {
+pub fn sentences(it: &EquationScreen) -> Vec<String> {
     let sentence = |term: &Term| {
         let numbers = term.entry.arguments.numbers.iter();
         let numbers: Vec<String> = numbers.map(|(name, value)| format!("{name} {}", figure(Some(*value)))).collect();

@@ -2,7 +2,7 @@
 //! them.
 //!
 //! ```text
-//!   readings --led--> what each equation misses --held_out--> ordered terms --> plants from which the search goes on
+//!   readings --innovations--> errors of the equations --cross_validation--> ordered terms --> plants from which the search goes on
 //! ```
 //!
 //! In: prepared records, the nominal plant, hypotheses. Out: an ordered list of terms with their parameters, chosen by forward selection and
@@ -15,8 +15,8 @@
 //! Source: L. Ljung, System Identification, 1999, section 7.3 (equation errors and prediction errors); S. A. Billings, Nonlinear System
 //! Identification, 2013, chapter 3 (forward selection).
 
-pub mod held_out;
-pub mod led;
+pub mod cross_validation;
+pub mod innovations;
 pub mod readings;
 #[cfg(test)]
 mod tests;
@@ -31,8 +31,8 @@ use super::screen::scaled;
 use super::waves::is_wave;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use crate::engine::significance::best_gain_by_chance;
-use held_out::{Base, Blocks, Prior, blocks};
-use led::{missed, names};
+use cross_validation::{Base, Blocks, Prior, blocks};
+use innovations::{innovations, names};
 use readings::{Readings, Version};
 use rsm_sim::effect::{Guess, Role};
 use rsm_sim::hooks::Hooks;
@@ -86,7 +86,7 @@ pub struct Term {
 
 /// The result of the screen by equation errors.
 #[derive(Debug, Clone)]
-pub struct Said {
+pub struct EquationScreen {
     /// The names of the equations.
     pub equations: Vec<&'static str>,
     /// The error that calibration leaves, as a share of the nominal plant's error.
@@ -112,7 +112,7 @@ struct Candidate {
 
 /// Tests all causes on the equations; `None` if no record has the columns for an equation.
 #[must_use]
-pub fn look(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypothesis]) -> Option<Said> {
+pub fn screen(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypothesis]) -> Option<EquationScreen> {
     let equations = Equations::of(whitened, nominal)?;
     let mut candidates = equations.catalogue(nominal, hypotheses);
     let without_orders = candidates.len();
@@ -135,7 +135,7 @@ pub fn look(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypothe
         let next = best.filter(|it| round < MOST_TERMS && it.gain > least).and_then(|best| {
             let hypothesis = &hypotheses[candidates[best.candidate].hypothesis];
             let entry = hypothesis.entry(model.file.kind, &best.values);
-            let with = equations.settled(model.joined(nominal, entry))?;
+            let with = equations.fitted_to_equations(model.joined(nominal, entry))?;
             let base = equations.base(&with)?;
             (base.left().0 < left - least).then_some((with, base))
         });
@@ -152,10 +152,10 @@ pub fn look(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypothe
             candidates.extend(equations.orders(&model, hypotheses));
         }
     }
-    model = equations.needed(model, nominal, left);
+    model = equations.backward_elimination(model, nominal, left);
     orders.extend(model.file.effects.iter().filter_map(|entry| order_of(entry, hypotheses)));
-    let (terms, models) = equations.one_by_one(&model, nominal, whole);
-    Some(Said {
+    let (terms, models) = equations.nested_models(&model, nominal, whole);
+    Some(EquationScreen {
         equations: equations.names.clone(),
         calibrated: first / whole,
         terms,
@@ -167,14 +167,14 @@ pub fn look(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypothe
 }
 
 /// The effect of a candidate together with a base.
-struct Judged {
+struct CandidateGain {
     candidate: usize,
     gain: f64,
     /// Its fitted parameters.
     values: Vec<f64>,
 }
 
-impl Judged {
+impl CandidateGain {
     /// The number of its parameters; NaN marks one that is absent.
     fn numbers(&self) -> usize {
         self.values.iter().filter(|value| value.is_finite()).count()
@@ -182,10 +182,10 @@ impl Judged {
 }
 
 /// The rotor orders with the largest gain. Candidates from `first` on are orders.
-fn best_orders(judged: &[Judged], candidates: &[Candidate], first: usize) -> Vec<(usize, Guess)> {
-    let mut waves: Vec<&Judged> = judged.iter().filter(|it| it.gain > 0.0 && it.candidate >= first).collect();
+fn best_orders(judged: &[CandidateGain], candidates: &[Candidate], first: usize) -> Vec<(usize, Guess)> {
+    let mut waves: Vec<&CandidateGain> = judged.iter().filter(|it| it.gain > 0.0 && it.candidate >= first).collect();
     waves.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    let guess = |it: &Judged| {
+    let guess = |it: &CandidateGain| {
         let candidate = &candidates[it.candidate];
         (candidate.hypothesis, Guess { values: it.values.clone(), ..candidate.guess.clone() })
     };
@@ -202,9 +202,9 @@ fn order_of(entry: &Entry, hypotheses: &[Hypothesis]) -> Option<(usize, Guess)> 
     Some((place, Guess { values, neutral: Some((0, 0.0)), phase: Some(2) }))
 }
 
-impl Said {
+impl EquationScreen {
     /// Adds its orders to the guesses of the catalogue.
-    pub fn hand_over(&self, hypotheses: &mut [Hypothesis]) {
+    pub fn add_orders(&self, hypotheses: &mut [Hypothesis]) {
         for (place, guess) in &self.orders {
             let known = &mut hypotheses[*place].guesses;
             if known.iter().all(|it| it.values[1] != guess.values[1]) {
@@ -249,15 +249,15 @@ impl Equations {
             threads: whitened.threads,
             work: AtomicU64::new(0),
         };
-        let all = equations.missed(&nominal.file, Version::Raw)?;
+        let all = equations.innovations(&nominal.file, Version::Raw)?;
         equations.scales = all.iter().map(|record| record.iter().map(|values| noise(values)).collect()).collect();
         Some(equations)
     }
 
     /// The errors of all equations of all records, each in its own unit.
-    fn missed(&self, file: &PlantFile, version: Version) -> Option<Vec<Vec<Vec<f64>>>> {
+    fn innovations(&self, file: &PlantFile, version: Version) -> Option<Vec<Vec<Vec<f64>>>> {
         let each = self.records.iter().map(|(prepared, readings)| {
-            let found = missed(prepared, readings, version, file)?;
+            let found = innovations(prepared, readings, version, file)?;
             self.work.fetch_add(found.work, Ordering::Relaxed);
             Some(found.equations)
         });
@@ -265,7 +265,7 @@ impl Equations {
     }
 
     /// The same divided by the noise; rows that do not count are 0.
-    fn white(&self, mut all: Vec<Vec<Vec<f64>>>) -> Vec<Vec<f64>> {
+    fn whitened(&self, mut all: Vec<Vec<Vec<f64>>>) -> Vec<Vec<f64>> {
         for ((record, scales), (_, readings)) in all.iter_mut().zip(&self.scales).zip(&self.records) {
             for (values, scale) in record.iter_mut().zip(scales) {
                 for (value, counts) in values.iter_mut().zip(&readings.counts) {
@@ -278,7 +278,7 @@ impl Equations {
 
     /// The change of the errors between two plant files, for smoothed readings; `without` holds the errors of the first.
     fn change(&self, without: &[Vec<f64>], file: &PlantFile, step: f64) -> Option<Blocks> {
-        let mut with = self.white(self.missed(file, Version::Smooth)?);
+        let mut with = self.whitened(self.innovations(file, Version::Smooth)?);
         for (with, without) in with.iter_mut().zip(without) {
             with.iter_mut().zip(without).for_each(|(with, without)| *with = (without - *with) / step);
         }
@@ -292,8 +292,8 @@ impl Equations {
 
     /// The same, with the unknowns of the columns.
     fn linear(&self, model: &Model) -> Option<(Base, Vec<usize>)> {
-        let asked = self.white(self.missed(&model.file, Version::Raw)?).into_iter().map(Some).collect();
-        let smooth = self.white(self.missed(&model.file, Version::Smooth)?);
+        let asked = self.whitened(self.innovations(&model.file, Version::Raw)?).into_iter().map(Some).collect();
+        let smooth = self.whitened(self.innovations(&model.file, Version::Smooth)?);
         let places: Vec<usize> =
             (0..model.unknowns.len()).filter(|k| !matches!(model.unknowns[*k].place, Place::Start { .. })).collect();
         let columns = in_threads(&places, self.threads, |&k| {
@@ -313,7 +313,7 @@ impl Equations {
     }
 
     /// A model with its parameters fitted to the equations: the last step that reduces the error.
-    fn settled(&self, mut model: Model) -> Option<Model> {
+    fn fitted_to_equations(&self, mut model: Model) -> Option<Model> {
         let (mut base, mut places) = self.linear(&model)?;
         for _ in 0..STEPS {
             let change: Vec<f64> =
@@ -329,10 +329,10 @@ impl Equations {
     }
 
     /// A model without the terms that later terms have made unnecessary.
-    fn needed(&self, mut model: Model, nominal: &Model, mut left: f64) -> Model {
+    fn backward_elimination(&self, mut model: Model, nominal: &Model, mut left: f64) -> Model {
         let mut place = 0;
         while model.file.effects.len() > 1 && place < model.file.effects.len() {
-            let without = self.settled(model.without_cause(nominal, place));
+            let without = self.fitted_to_equations(model.without_cause(nominal, place));
             match without.and_then(|it| Some((self.base(&it)?.left().0, it))) {
                 Some((its, without)) if its < left + (LEAST_SHARE * left).max(best_gain_by_chance(1, 2)) => {
                     (model, left, place) = (without, its, 0);
@@ -344,11 +344,11 @@ impl Equations {
     }
 
     /// The terms of a model in their order, each with the error that is left with the terms up to it, and the models with the terms up to each.
-    fn one_by_one(&self, model: &Model, nominal: &Model, whole: f64) -> (Vec<Term>, Vec<Model>) {
+    fn nested_models(&self, model: &Model, nominal: &Model, whole: f64) -> (Vec<Term>, Vec<Model>) {
         let count = model.file.effects.len();
         let up_to = |k: usize| {
             let first = model.with_effects(nominal, model.file.effects[..=k].to_vec());
-            let settled = if k + 1 == count { model.clone() } else { self.settled(first)? };
+            let settled = if k + 1 == count { model.clone() } else { self.fitted_to_equations(first)? };
             let entry = model.file.effects[k].clone();
             let label = super::hypotheses::label(entry.description.kind, entry.arguments.subject.as_deref());
             Some((Term { label, left: self.base(&settled)?.left().0 / whole, entry }, settled))
@@ -358,8 +358,8 @@ impl Equations {
 
     /// Every guess of every hypothesis, and more delays than the catalogue has, with their columns for the nominal plant.
     fn catalogue(&self, nominal: &Model, hypotheses: &[Hypothesis]) -> Vec<Candidate> {
-        let Some(missed) = self.missed(&nominal.file, Version::Smooth) else { return Vec::new() };
-        let smooth = self.white(missed);
+        let Some(missed) = self.innovations(&nominal.file, Version::Smooth) else { return Vec::new() };
+        let smooth = self.whitened(missed);
         let kind = nominal.file.kind;
         let period = self.records[0].0.record.period;
         let mut asked: Vec<(usize, Guess)> = Vec::new();
@@ -424,7 +424,7 @@ impl Equations {
                     equations.push(wave[quarter].clone());
                     equations
                 });
-                blocks(self.white(speeds.collect()))
+                blocks(self.whitened(speeds.collect()))
             })
         });
         let at = |(order, [sin, cos]): (usize, [Option<Blocks>; 2])| {
@@ -435,7 +435,7 @@ impl Equations {
     }
 
     /// The effect of each candidate together with a base, without candidates that are already in the model.
-    fn judged(&self, base: &Base, candidates: &[Candidate], model: &Model, hypotheses: &[Hypothesis]) -> Vec<Judged> {
+    fn judged(&self, base: &Base, candidates: &[Candidate], model: &Model, hypotheses: &[Hypothesis]) -> Vec<CandidateGain> {
         let kind = model.file.kind;
         let places: Vec<usize> = (0..candidates.len()).collect();
         let judged = in_threads(&places, self.threads, |&place| {
@@ -450,9 +450,9 @@ impl Equations {
             if model.file.effects.iter().any(there) {
                 return None;
             }
-            let given = base.beside(&candidate.columns);
+            let given = base.with_columns(&candidate.columns);
             let values = scaled(&candidate.guess, &given.factors, hypothesis, kind)?;
-            Some(Judged { candidate: place, gain: given.gain, values })
+            Some(CandidateGain { candidate: place, gain: given.gain, values })
         });
         judged.into_iter().flatten().collect()
     }

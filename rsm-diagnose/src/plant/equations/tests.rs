@@ -61,14 +61,14 @@ fn axis(effects: &str, rows: usize) -> Record {
     record(&format!("{AXIS}{effects}"), "time[s],command[V],position[m]", rows, row, &[1e-5])
 }
 
-fn said(plant: &str, record: Record) -> Said {
+fn screened(plant: &str, record: Record) -> EquationScreen {
     let file = file(plant);
     let outputs = file.kind.outputs().len();
     let mut whitened = WhitenedResiduals::new(vec![Prepared::new(record, outputs)], [NoiseFloor::white(1.0); OUTPUTS], 1);
     let (nominal, fit) = calibrate(&mut whitened, &file, InitialMotion::Steady).unwrap();
     let survey = survey::survey(&whitened, &fit);
     let all = hypotheses::all(file.kind, &survey, &whitened.records[0].outputs);
-    look(&whitened, &nominal, &all).unwrap()
+    screen(&whitened, &nominal, &all).unwrap()
 }
 
 fn number(term: &Term, name: &str) -> f64 {
@@ -77,10 +77,10 @@ fn number(term: &Term, name: &str) -> f64 {
 
 #[test]
 fn a_plant_within_its_tolerance_has_no_term() {
-    let found = said(MOTOR, motor("", 3200));
+    let found = screened(MOTOR, motor("", 3200));
     assert!(found.terms.is_empty(), "{:?}", found.terms);
     assert_eq!(found.equations, ["i_d", "i_q", "speed"]);
-    let found = said(AXIS, axis("", 3000));
+    let found = screened(AXIS, axis("", 3000));
     assert!(found.terms.is_empty(), "{:?}", found.terms);
 }
 
@@ -89,7 +89,7 @@ fn a_wave_of_any_order_is_found_beside_a_friction() {
     // 37 is prime, and beyond what lists of teeth and poles have.
     let effects =
         effect("coulomb-friction", "torque = 0.8") + &effect("cogging-torque", "amplitude = 0.5, cycles = 37, phase = 1.0");
-    let found = said(MOTOR, motor(&effects, 6400));
+    let found = screened(MOTOR, motor(&effects, 6400));
     let labels: Vec<&str> = found.terms.iter().map(|it| it.label.as_str()).collect();
     assert_eq!(labels, ["coulomb-friction", "cogging-torque"], "{:?}", found.terms);
     // 6400 rows of noise of 0.05 rad/s beside steps of 0.08 rad/s a memory: a per cent.
@@ -105,17 +105,17 @@ fn a_wave_of_any_order_is_found_beside_a_friction() {
 
 #[test]
 fn a_delay_and_a_sensor_that_is_off_are_found_far_from_the_plant_file() {
-    let found = said(MOTOR, motor(&effect("input-delay", "delay = 0.004"), 3200));
+    let found = screened(MOTOR, motor(&effect("input-delay", "delay = 0.004"), 3200));
     assert_eq!(found.terms.first().map(|it| it.label.as_str()), Some("input-delay"), "{:?}", found.terms);
     assert!((number(&found.terms[0], "delay") / 0.004 - 1.0).abs() < 0.02, "{:?}", found.terms);
-    let found = said(MOTOR, motor(&effect("sensor-gain", "output = \"i_q\", gain = 0.7"), 3200));
+    let found = screened(MOTOR, motor(&effect("sensor-gain", "output = \"i_q\", gain = 0.7"), 3200));
     assert_eq!(found.terms.first().map(|it| it.label.as_str()), Some("sensor-gain:i_q"), "{:?}", found.terms);
     assert!((number(&found.terms[0], "gain") / 0.7 - 1.0).abs() < 0.01, "{:?}", found.terms);
 }
 
 #[test]
 fn a_friction_that_holds_an_axis_is_found_where_it_moves() {
-    let found = said(AXIS, axis(&effect("coulomb-friction", "force = 90"), 4900));
+    let found = screened(AXIS, axis(&effect("coulomb-friction", "force = 90"), 4900));
     assert_eq!(found.terms.first().map(|it| it.label.as_str()), Some("coulomb-friction"), "{:?}", found.terms);
     assert!((number(&found.terms[0], "force") / 90.0 - 1.0).abs() < 0.03, "{:?}", found.terms);
 }
@@ -123,7 +123,7 @@ fn a_friction_that_holds_an_axis_is_found_where_it_moves() {
 #[test]
 fn the_work_is_that_of_the_rows_that_are_looked_at() {
     // Half a second: 12,000 rows, three rates each, for some 150 guesses twice and the steps of a few terms. Longer records take no more.
-    let (short, long) = (said(MOTOR, motor("", MOST_ROWS)), said(MOTOR, motor("", MOST_ROWS + 4000)));
+    let (short, long) = (screened(MOTOR, motor("", MOST_ROWS)), screened(MOTOR, motor("", MOST_ROWS + 4000)));
     assert_eq!(short.work, long.work);
     assert!(short.work < 600 * 3 * MOST_ROWS as u64, "{}", short.work);
 }

@@ -26,14 +26,14 @@ const STATES: usize = 16;
 
 /// The equation errors of a record, and how many rates were evaluated.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Missed {
+pub struct Innovations {
     /// For each equation, one value per row, in the unit of its reading.
     pub equations: Vec<Vec<f64>>,
     /// The number of rates that were evaluated.
     pub work: u64,
 }
 
-/// The names of the equations of a record, in the order of [`missed`]; empty if the record lacks columns.
+/// The names of the equations of a record, in the order of [`innovations`]; empty if the record lacks columns.
 #[must_use]
 pub fn names(prepared: &Prepared, kind: PlantKind) -> Vec<&'static str> {
     let has = |output: usize| prepared.outputs.contains(&output);
@@ -75,7 +75,7 @@ pub fn names(prepared: &Prepared, kind: PlantKind) -> Vec<&'static str> {
 }
 
 /// The output whose reading shows the error of an equation.
-fn read_by(equation: &str) -> usize {
+fn output_of(equation: &str) -> usize {
     match equation {
         "i_d" | "position" => 0,
         "speed" => 2,
@@ -86,7 +86,7 @@ fn read_by(equation: &str) -> usize {
 /// The equation errors of a plant file along a record. `None` if columns are missing, if an effect needs a signal that no column holds (a vehicle
 /// with wheel slip), or if the plant's own states diverge.
 #[must_use]
-pub fn missed(prepared: &Prepared, readings: &Readings, version: Version, file: &PlantFile) -> Option<Missed> {
+pub fn innovations(prepared: &Prepared, readings: &Readings, version: Version, file: &PlantFile) -> Option<Innovations> {
     if names(prepared, file.kind).is_empty() || prepared.record.rows() < 2 {
         return None;
     }
@@ -125,7 +125,7 @@ pub fn missed(prepared: &Prepared, readings: &Readings, version: Version, file: 
     let found = found.map(|mut found| {
         let hooks = Hooks::new(file, STATES);
         for (values, name) in found.equations.iter_mut().zip(names(prepared, file.kind)) {
-            let reads = 1.0 / (hooks.truth(read_by(name), 1.0, 0.0) - hooks.truth(read_by(name), 0.0, 0.0));
+            let reads = 1.0 / (hooks.truth(output_of(name), 1.0, 0.0) - hooks.truth(output_of(name), 0.0, 0.0));
             values.iter_mut().for_each(|value| *value *= reads);
         }
         found
@@ -140,7 +140,7 @@ fn truths(readings: &Readings, version: Version, file: &PlantFile, hooks: &Hooks
 }
 
 /// The mean in each row of a delayed first input.
-fn acted(values: &[f64], hooks: &Hooks, period: f64) -> Vec<f64> {
+fn delayed(values: &[f64], hooks: &Hooks, period: f64) -> Vec<f64> {
     let late = hooks.delay() / period;
     let (whole, part) = (late.floor() as usize, late.fract());
     let at = |row: usize, later: usize| hooks.input(values[row.saturating_sub(later)]);
@@ -150,7 +150,7 @@ fn acted(values: &[f64], hooks: &Hooks, period: f64) -> Vec<f64> {
 type State = [f64; STATES];
 
 /// A plant along known states.
-struct Along<'a, P: Plant> {
+struct KnownStates<'a, P: Plant> {
     plant: &'a P,
     hooks: &'a Hooks,
     record: &'a Record,
@@ -164,10 +164,10 @@ struct Along<'a, P: Plant> {
     first: [f64; 3],
 }
 
-impl<P: Plant> Along<'_, P> {
+impl<P: Plant> KnownStates<'_, P> {
     /// The change of the states in each row, by the plant's equations. States that are not known are integrated with the classical fourth-order
     /// Runge-Kutta method.
-    fn flows(&self) -> Option<(Vec<State>, u64)> {
+    fn changes(&self) -> Option<(Vec<State>, u64)> {
         let (plant, hooks) = (self.plant, self.hooks);
         let (states, rows) = (hooks.states(), self.record.rows());
         if states > STATES {
@@ -190,7 +190,7 @@ impl<P: Plant> Along<'_, P> {
         if hooks.vehicle_speed(&x).is_some() {
             return None;
         }
-        let mut flows = Vec::with_capacity(rows);
+        let mut changes = Vec::with_capacity(rows);
         for row in 0..rows - 1 {
             (self.known)(row, &mut x);
             let inputs = (self.inputs)(row);
@@ -222,32 +222,32 @@ impl<P: Plant> Along<'_, P> {
                 *middle = 0.5 * (x[k] + next[k]) + 0.125 * period * (begin[k] - end[k]);
             }
             let between = rates(&inputs, &middle);
-            let mut flow = [0.0; STATES];
-            for (k, flow) in flow.iter_mut().enumerate().take(states) {
-                *flow = period / 6.0 * (begin[k] + 4.0 * between[k] + end[k]);
+            let mut change = [0.0; STATES];
+            for (k, change) in change.iter_mut().enumerate().take(states) {
+                *change = period / 6.0 * (begin[k] + 4.0 * between[k] + end[k]);
             }
-            flows.push(flow);
+            changes.push(change);
             x = next;
         }
-        Some((flows, work))
+        Some((changes, work))
     }
 }
 
 /// The innovation of a reading: the reading minus the observer's prediction.
-fn led(readings: impl Iterator<Item = f64>, mut flow: impl FnMut(usize) -> f64) -> Vec<f64> {
-    let mut said = None;
+fn innovation_of(readings: impl Iterator<Item = f64>, mut change: impl FnMut(usize) -> f64) -> Vec<f64> {
+    let mut predicted = None;
     readings
         .enumerate()
         .map(|(row, reading)| {
-            let before = said.map_or(reading, |said| said + flow(row - 1));
-            let missed = reading - before;
-            said = Some(before + missed / MEMORY);
-            missed
+            let before = predicted.map_or(reading, |predicted| predicted + change(row - 1));
+            let innovation = reading - before;
+            predicted = Some(before + innovation / MEMORY);
+            innovation
         })
         .collect()
 }
 
-fn motor(plant: &Pmac, hooks: &Hooks, record: &Record, truths: &[Option<Vec<f64>>; 3], holds: bool) -> Option<Missed> {
+fn motor(plant: &Pmac, hooks: &Hooks, record: &Record, truths: &[Option<Vec<f64>>; 3], holds: bool) -> Option<Innovations> {
     let (i_q, speed) = (truths[1].as_ref()?, truths[2].as_ref()?);
     let rows = speed.len();
     let mut angle = Vec::with_capacity(rows);
@@ -266,18 +266,18 @@ fn motor(plant: &Pmac, hooks: &Hooks, record: &Record, truths: &[Option<Vec<f64>
         _ => i_q.iter().map(|i_q| [0.0, *i_q]).collect(),
     };
     let zeros = Vec::new();
-    let v_d = acted(if record.inputs[0].is_empty() { &zeros } else { &record.inputs[0] }, hooks, record.period);
-    let v_q = acted(&record.inputs[1], hooks, record.period);
+    let v_d = delayed(if record.inputs[0].is_empty() { &zeros } else { &record.inputs[0] }, hooks, record.period);
+    let v_q = delayed(&record.inputs[1], hooks, record.period);
     let inputs = |row: usize| [v_d.get(row).copied().unwrap_or(0.0), v_q[row], record.inputs[2][row]];
     let known = |row: usize, x: &mut State| {
         x[..4].copy_from_slice(&[pairs[row][0], pairs[row][1], speed[row], angle[row]]);
     };
     let first = [truths[0].as_ref().map_or(0.0, |i_d| i_d[0]), i_q[0], speed[0]];
-    let (flows, work) = Along { plant, hooks, record, inputs: &inputs, known: &known, free: &[], first }.flows()?;
-    let current = |k: usize| led(pairs.iter().map(|it| it[k]), |row| flows[row][k]);
+    let (changes, work) = KnownStates { plant, hooks, record, inputs: &inputs, known: &known, free: &[], first }.changes()?;
+    let current = |k: usize| innovation_of(pairs.iter().map(|it| it[k]), |row| changes[row][k]);
     let mut equations: Vec<Vec<f64>> = (usize::from(holds)..2).map(current).collect();
-    equations.push(led(speed.iter().copied(), |row| flows[row][2]));
-    Some(Missed { equations, work })
+    equations.push(innovation_of(speed.iter().copied(), |row| changes[row][2]));
+    Some(Innovations { equations, work })
 }
 
 fn axis(
@@ -287,11 +287,11 @@ fn axis(
     truths: &[Option<Vec<f64>>; 3],
     smooth: &[f64],
     rests: &[bool],
-) -> Option<Missed> {
+) -> Option<Innovations> {
     let position = truths[0].as_ref()?;
     let closed = record.drive == Drive::Closed;
     let command = if closed { truths[1].as_ref()? } else { record.inputs.first()? };
-    let acting = acted(command, hooks, record.period);
+    let acting = delayed(command, hooks, record.period);
     let (period, last) = (record.period, position.len() - 1);
     let speed: Vec<f64> = (0..=last)
         .map(|row| {
@@ -302,26 +302,26 @@ fn axis(
     let inputs = |row: usize| [acting[row], command[row], 0.0];
     let known = |row: usize, x: &mut State| (x[0], x[1]) = (smooth[row], speed[row]);
     let first = [smooth[0], speed[0], 0.0];
-    let (flows, work) = Along { plant, hooks, record, inputs: &inputs, known: &known, free: &[], first }.flows()?;
+    let (changes, work) = KnownStates { plant, hooks, record, inputs: &inputs, known: &known, free: &[], first }.changes()?;
     // Both poles are at 1 - 1/memory. Slopes at the ends come from few readings, so the line through two inner points is used.
     let inner = |row: usize| speed[row.min(last)];
-    let (mut said, mut moving) = (position[0], 2.0 * inner(WIDTH) - inner(2 * WIDTH));
+    let (mut predicted, mut moving) = (position[0], 2.0 * inner(WIDTH) - inner(2 * WIDTH));
     let by_force = (0..=last)
         .map(|row| {
             if rests[row] {
                 // At rest, the holding force is unknown.
-                (said, moving) = (smooth[row], speed[row]);
+                (predicted, moving) = (smooth[row], speed[row]);
                 return 0.0;
             }
             if row > 0 {
-                let gained = flows[row - 1][1];
-                said += period * (moving + 0.5 * gained);
+                let gained = changes[row - 1][1];
+                predicted += period * (moving + 0.5 * gained);
                 moving += gained;
             }
-            let missed = position[row] - said;
-            said += 2.0 / MEMORY * missed;
-            moving += missed / (MEMORY * MEMORY * period);
-            missed
+            let innovation = position[row] - predicted;
+            predicted += 2.0 / MEMORY * innovation;
+            moving += innovation / (MEMORY * MEMORY * period);
+            innovation
         })
         .collect();
     let mut equations = vec![by_force];
@@ -333,7 +333,7 @@ fn axis(
         };
         equations.push((0..=last).map(|row| command[row] - law(row)).collect());
     }
-    Some(Missed { equations, work })
+    Some(Innovations { equations, work })
 }
 
 /// The kinematics of a driveline.
@@ -345,9 +345,15 @@ struct Geometry {
     radius: f64,
 }
 
-fn car(plant: &Driveline, hooks: &Hooks, record: &Record, truths: &[Option<Vec<f64>>; 3], it: &Geometry) -> Option<Missed> {
+fn car(
+    plant: &Driveline,
+    hooks: &Hooks,
+    record: &Record,
+    truths: &[Option<Vec<f64>>; 3],
+    it: &Geometry,
+) -> Option<Innovations> {
     let (engine, road) = (truths[0].as_ref()?, truths[1].as_ref()?);
-    let throttle = acted(&record.inputs[0], hooks, record.period);
+    let throttle = delayed(&record.inputs[0], hooks, record.period);
     let inputs = |row: usize| [throttle[row], 0.0, 0.0];
     let mut turned = Vec::with_capacity(engine.len());
     let mut way = 0.0;
@@ -370,7 +376,7 @@ fn car(plant: &Driveline, hooks: &Hooks, record: &Record, truths: &[Option<Vec<f
         ]);
     };
     let first = [engine[0], road[0], 0.0];
-    let (flows, work) = Along { plant, hooks, record, inputs: &inputs, known: &known, free: &[0], first }.flows()?;
+    let (changes, work) = KnownStates { plant, hooks, record, inputs: &inputs, known: &known, free: &[0], first }.changes()?;
     let [of_engine, of_shaft, of_wheel] = it.weights;
     // Converted to a speed of the road.
     let scale = it.radius / (of_engine * it.ratios[0] + of_shaft * it.ratios[1] + of_wheel);
@@ -379,10 +385,10 @@ fn car(plant: &Driveline, hooks: &Hooks, record: &Record, truths: &[Option<Vec<f
         let wheel = road[row] / it.radius;
         sum(engine[row], it.ratios[1] * wheel, wheel)
     });
-    let mut equations = vec![led(whole, |row| sum(flows[row][2], flows[row][4], flows[row][6]))];
+    let mut equations = vec![innovation_of(whole, |row| sum(changes[row][2], changes[row][4], changes[row][6]))];
     if let Some(acceleration) = &truths[2] {
         let gained = |row: usize| 0.5 * record.period * (acceleration[row] + acceleration[row + 1]);
-        equations.push(led(road.iter().copied(), gained));
+        equations.push(innovation_of(road.iter().copied(), gained));
     }
-    Some(Missed { equations, work })
+    Some(Innovations { equations, work })
 }

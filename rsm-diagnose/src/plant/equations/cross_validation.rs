@@ -39,7 +39,7 @@ pub type Prior = Option<f64>;
 pub struct Base {
     columns: Vec<Blocks>,
     priors: Vec<Prior>,
-    asked: Blocks,
+    target: Blocks,
     /// Inner products among the columns and with the target, for each fold.
     grams: [Vec<f64>; 2],
     rights: [Vec<f64>; 2],
@@ -48,7 +48,7 @@ pub struct Base {
 
 /// The effect of further columns.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Given {
+pub struct FurtherColumns {
     /// The reduction of the squared residual on the other blocks.
     pub gain: f64,
     /// Their factors, fitted to all rows.
@@ -56,9 +56,9 @@ pub struct Given {
 }
 
 impl Base {
-    /// A base of columns with priors; `asked` is the target.
+    /// A base of columns with priors, and the target that they must explain.
     #[must_use]
-    pub fn new(columns: Vec<Blocks>, priors: Vec<Prior>, asked: Blocks) -> Self {
+    pub fn new(columns: Vec<Blocks>, priors: Vec<Prior>, target: Blocks) -> Self {
         let n = columns.len();
         let (mut grams, mut rights) = ([vec![0.0; n * n], vec![0.0; n * n]], [vec![0.0; n], vec![0.0; n]]);
         for i in 0..n {
@@ -68,29 +68,29 @@ impl Base {
                     (grams[fold][i * n + j], grams[fold][j * n + i]) = (both[fold], both[fold]);
                 }
             }
-            let right = products(&columns[i], &asked);
+            let right = products(&columns[i], &target);
             (rights[0][i], rights[1][i]) = (right[0], right[1]);
         }
-        let squares = products(&asked, &asked);
-        Base { columns, priors, asked, grams, rights, squares }
+        let squares = products(&target, &target);
+        Base { columns, priors, target, grams, rights, squares }
     }
 
     /// The factors of its columns, fitted to all rows.
     #[must_use]
     pub fn factors(&self) -> Vec<f64> {
-        solved(&self.sums(), &self.priors)
+        factors_of(&self.sums(), &self.priors)
     }
 
     /// The squared residual of its columns on the other blocks, and the squared target.
     #[must_use]
     pub fn left(&self) -> (f64, f64) {
         let folds = [0, 1].map(|fold| Sums { gram: &self.grams[fold], right: &self.rights[fold], square: self.squares[fold] });
-        (crossed(&folds, &self.priors), self.squares.iter().sum())
+        (cross_validated(&folds, &self.priors), self.squares.iter().sum())
     }
 
     /// The effect of further columns together with these.
     #[must_use]
-    pub fn beside(&self, more: &[Blocks]) -> Given {
+    pub fn with_columns(&self, more: &[Blocks]) -> FurtherColumns {
         let (before, n) = (self.columns.len(), self.columns.len() + more.len());
         let mut grams = [vec![0.0; n * n], vec![0.0; n * n]];
         let mut rights = [vec![0.0; n], vec![0.0; n]];
@@ -109,19 +109,19 @@ impl Base {
                     (grams[fold][(before + k) * n + j], grams[fold][j * n + before + k]) = (both[fold], both[fold]);
                 }
             }
-            let right = products(column, &self.asked);
+            let right = products(column, &self.target);
             (rights[0][before + k], rights[1][before + k]) = (right[0], right[1]);
         }
         let priors: Vec<Prior> = self.priors.iter().copied().chain(more.iter().map(|_| None)).collect();
         let folds = [0, 1].map(|fold| Sums { gram: &grams[fold], right: &rights[fold], square: self.squares[fold] });
-        let gain = self.left().0 - crossed(&folds, &priors);
-        let whole = Whole::of(&folds);
-        let factors = solved(&whole, &priors)[before..].to_vec();
-        Given { gain: if gain.is_finite() { gain } else { 0.0 }, factors }
+        let gain = self.left().0 - cross_validated(&folds, &priors);
+        let whole = AllRows::of(&folds);
+        let factors = factors_of(&whole, &priors)[before..].to_vec();
+        FurtherColumns { gain: if gain.is_finite() { gain } else { 0.0 }, factors }
     }
 
-    fn sums(&self) -> Whole {
-        Whole::of(&[0, 1].map(|fold| Sums { gram: &self.grams[fold], right: &self.rights[fold], square: 0.0 }))
+    fn sums(&self) -> AllRows {
+        AllRows::of(&[0, 1].map(|fold| Sums { gram: &self.grams[fold], right: &self.rights[fold], square: 0.0 }))
     }
 }
 
@@ -133,20 +133,20 @@ struct Sums<'a> {
 }
 
 /// The normal equations of both folds.
-struct Whole {
+struct AllRows {
     gram: Vec<f64>,
     right: Vec<f64>,
 }
 
-impl Whole {
+impl AllRows {
     fn of([a, b]: &[Sums<'_>; 2]) -> Self {
         let sum = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + b).collect();
-        Whole { gram: sum(a.gram, b.gram), right: sum(a.right, b.right) }
+        AllRows { gram: sum(a.gram, b.gram), right: sum(a.right, b.right) }
     }
 }
 
 /// Solves normal equations with priors for the factors.
-fn solved(sums: &Whole, priors: &[Prior]) -> Vec<f64> {
+fn factors_of(sums: &AllRows, priors: &[Prior]) -> Vec<f64> {
     let n = priors.len();
     let (mut gram, mut right) = (sums.gram.clone(), sums.right.clone());
     for (k, prior) in priors.iter().enumerate() {
@@ -159,10 +159,10 @@ fn solved(sums: &Whole, priors: &[Prior]) -> Vec<f64> {
 }
 
 /// The squared residual of each fold's factors on the other fold.
-fn crossed(folds: &[Sums<'_>; 2], priors: &[Prior]) -> f64 {
+fn cross_validated(folds: &[Sums<'_>; 2], priors: &[Prior]) -> f64 {
     let n = priors.len();
     let on = |made: &Sums<'_>, judged: &Sums<'_>| {
-        let factors = solved(&Whole { gram: made.gram.to_vec(), right: made.right.to_vec() }, priors);
+        let factors = factors_of(&AllRows { gram: made.gram.to_vec(), right: made.right.to_vec() }, priors);
         let mut left = judged.square;
         for i in 0..n {
             left -= 2.0 * factors[i] * judged.right[i];
@@ -187,34 +187,34 @@ mod tests {
         let mut random = Random::new(3);
         let (rows, factor) = (4000, 0.5);
         let (cause, other, noise) = (drawn(&mut random, rows), drawn(&mut random, rows), drawn(&mut random, rows));
-        let asked: Vec<f64> = cause.iter().zip(&noise).map(|(cause, noise)| factor * cause + noise).collect();
-        let base = Base::new(Vec::new(), Vec::new(), vec![Some(asked), None]);
-        let given = base.beside(&[vec![Some(cause), None]]);
+        let target: Vec<f64> = cause.iter().zip(&noise).map(|(cause, noise)| factor * cause + noise).collect();
+        let base = Base::new(Vec::new(), Vec::new(), vec![Some(target), None]);
+        let given = base.with_columns(&[vec![Some(cause), None]]);
         // A quarter of 4000 rows, with a standard deviation of 2 factor sqrt(rows).
         assert!((given.gain - 1000.0).abs() < 4.0 * 63.0, "{}", given.gain);
         // 1/sqrt(rows) is a standard deviation.
         assert!((given.factors[0] - factor).abs() < 4.0 / 63.0, "{:?}", given.factors);
         // A column without a part in it loses what its factor takes from noise, about 2, in each fold.
-        let given = base.beside(&[vec![Some(other), None]]);
+        let given = base.with_columns(&[vec![Some(other), None]]);
         assert!(given.gain < 6.0 && given.gain > -30.0, "{}", given.gain);
         // What acts in the even blocks alone is judged by the odd ones.
         let even = (0..rows).map(|row| if (row / BLOCK).is_multiple_of(2) { noise[row] } else { -noise[row] }).collect();
-        assert!(base.beside(&[vec![Some(even), None]]).gain < 0.0);
+        assert!(base.with_columns(&[vec![Some(even), None]]).gain < 0.0);
     }
 
     #[test]
     fn a_column_that_is_there_already_gives_nothing_and_a_prior_holds() {
         let mut random = Random::new(4);
         let cause = drawn(&mut random, 2000);
-        let asked: Vec<f64> = cause.iter().map(|value| 3.0 * value).collect();
+        let target: Vec<f64> = cause.iter().map(|value| 3.0 * value).collect();
         let column = vec![Some(cause)];
-        let free = Base::new(vec![column.clone()], vec![None], vec![Some(asked.clone())]);
+        let free = Base::new(vec![column.clone()], vec![None], vec![Some(target.clone())]);
         assert!((free.factors()[0] - 3.0).abs() < 1e-6 && free.left().0 < 1e-6 * free.left().1);
-        assert!(free.beside(&[column]).gain.abs() < 1e-3);
+        assert!(free.with_columns(&[column]).gain.abs() < 1e-3);
         // 0.02 of the column has a square of 0.8: a prior of one standard deviation about 0 holds the factor of 3 of it at 2.4 of 1.8.
-        let small: Vec<f64> = (0..2000).map(|row| asked[row] / 3.0 * 0.02).collect();
+        let small: Vec<f64> = (0..2000).map(|row| target[row] / 3.0 * 0.02).collect();
         let square: f64 = small.iter().map(|value| value * value).sum();
-        let held = Base::new(vec![vec![Some(small)]], vec![Some(0.0)], vec![Some(asked)]);
+        let held = Base::new(vec![vec![Some(small)]], vec![Some(0.0)], vec![Some(target)]);
         let expected = 150.0 * square / (square + 1.0);
         assert!((held.factors()[0] / expected - 1.0).abs() < 1e-6, "{:?}", held.factors());
     }
