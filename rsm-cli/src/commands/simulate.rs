@@ -9,7 +9,7 @@ use rsm_core::source::Source;
 use rsm_sim::kind::{PlantKind, Signal};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{self, Drive, Record};
-use rsm_sim::simulate::{Outputs, Simulator};
+use rsm_sim::simulate::{Outputs, Simulator, Stopped};
 use serde_json::{Map, Value, json};
 
 use super::equations;
@@ -26,13 +26,13 @@ pub struct Arguments {
     /// The CSV file to write
     #[arg(long)]
     out: PathBuf,
-    /// For a plant of equations: `explicit` (Taylor series), `stiff` (order 3 to 4, with the exact Jacobian) or `automatic`
+    /// The method: `explicit` (Taylor series), `stiff` (order 3 to 4, with the exact Jacobian) or `automatic`
     #[arg(long, value_parser = ["automatic", "explicit", "stiff"])]
     method: Option<String>,
-    /// For a plant of equations: the error of a step, relative to the size of each state [default: 1e-8]
+    /// The error of a step, relative to the size of each state [default: 1e-8]
     #[arg(long)]
     tolerance: Option<f64>,
-    /// For a plant of equations: use classical Runge-Kutta steps of this length, in s; the record's period must be a whole multiple of it
+    /// Use classical Runge-Kutta steps of this length, in s; the record's period must be a whole multiple of it
     #[arg(long, conflicts_with_all = ["method", "tolerance"])]
     fixed_step: Option<f64>,
     /// For a plant of equations: a folder of further effects, one TOML file each
@@ -54,17 +54,20 @@ pub fn run(arguments: &Arguments) -> Outcome {
     if equations::is_equations(&source) || arguments.plant.extension().is_some_and(|it| it.eq_ignore_ascii_case("mo")) {
         return equations::simulate::run(&arguments.plant, &arguments.record, &arguments.out, &options, arguments.json);
     }
-    if options.is_some() {
+    if options.effects.is_some() {
         return Err(Refusal::new(format!(
-            "{}: --method, --tolerance, --fixed-step and --effects are for plants of equations (`format = 2`); this is a plant file of format 1",
+            "--effects: found {}, a plant file of format 1, which has built-in effects only; expected format 2",
             arguments.plant.display()
         )));
     }
     let plant = PlantFile::read(&source)?;
     let record = Record::read(&Source::read(&arguments.record)?, &plant)?;
-    let mut simulator = Simulator::new(&plant, &record)?;
-    let outputs =
-        simulator.run(&record).map_err(|stopped| Refusal::new(format!("{}: {stopped}", arguments.record.display())))?;
+    let setting = options.setting(record.period)?;
+    let mut simulator = Simulator::new(&plant, &record)?.method(setting.method).tolerance(setting.tolerance);
+    let outputs = simulator.run(&record).map_err(|stopped| match stopped {
+        Stopped::Step(what) => Refusal::new(format!("--fixed-step: {what}")),
+        stopped => Refusal::new(format!("{}: {stopped}", arguments.record.display())),
+    })?;
     let text = csv(&plant, &record, &outputs);
     output::write_all(&[(arguments.out.clone(), text.as_bytes())])?;
     if arguments.json {

@@ -382,6 +382,31 @@ fn simulate_writes_a_record_that_it_reads_again() {
         assert_eq!(read("one.csv"), read("two.csv"), "{plant}");
         assert!(read("one.csv").lines().count() > 100);
     }
+    // How it integrates is an option for every plant. A sixteenth of the period divides it, a third of a period and a bit does not.
+    let (axis, record) = (file("servo-axis.toml"), file("servo-axis.csv"));
+    let with = |more: &[&str]| {
+        let arguments: Vec<&str> = ["simulate", axis.as_str(), "--record", record.as_str(), "--out", "three.csv", "--force"]
+            .iter()
+            .chain(more)
+            .copied()
+            .collect();
+        rsm(&arguments, here.path())
+    };
+    for more in
+        [&["--method", "explicit"][..], &["--method", "stiff"], &["--tolerance", "1e-10"], &["--fixed-step", "0.0000625"]]
+    {
+        let output = with(more);
+        assert_eq!(output.status.code(), Some(0), "{more:?}: {}", text(&output.stderr));
+    }
+    for (more, words) in [
+        (&["--fixed-step", "0.00037"][..], "--fixed-step: found 0.00037 s"),
+        (&["--tolerance", "1"], "--tolerance: found 1, expected 1e-14 to 0.1"),
+        (&["--effects", "."], "a plant file of format 1, which has built-in effects only"),
+    ] {
+        let output = with(more);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(text(&output.stderr).contains(words), "{}", text(&output.stderr));
+    }
     let output = rsm(&["simulate", &file("pmac.toml"), "--record", &file("driveline.csv"), "--out", "bad.csv"], here.path());
     assert_eq!(output.status.code(), Some(2));
     assert!(!here.path().join("bad.csv").exists() && output.stdout.is_empty());

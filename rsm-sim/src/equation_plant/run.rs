@@ -14,7 +14,7 @@ use super::{built_in, plant_of};
 use crate::effect::Subject;
 use crate::equations::file::{EquationFile, NamedValue, of_rows};
 use crate::equations::lanes::Controller;
-use crate::equations::{self, Inputs, Lane, Lanes, Machine, Point, Setting, Signals, Starts, Stopped, lanes};
+use crate::equations::{self, Inputs, Lane, Lanes, Machine, Method, Point, Setting, Signals, Starts, Stopped, lanes};
 use crate::kind::{Described, PlantKind};
 use crate::plant_file::{Entry, PlantFile};
 use crate::quantity::Signal;
@@ -280,9 +280,9 @@ impl Model {
 pub type Values = Vec<Vec<f64>>;
 
 /// The settings of a run with a limit on its steps per row, on average over its record.
-fn setting(record: &Record, tolerance: f64, steps_a_row: usize) -> Setting {
+fn setting(record: &Record, method: Method, tolerance: f64, steps_a_row: usize) -> Setting {
     let steps = u64::try_from(steps_a_row.saturating_mul(record.rows())).unwrap_or(u64::MAX);
-    Setting { tolerance, steps, ..Setting::default() }
+    Setting { method, tolerance, steps }
 }
 
 /// Runs plants of one kind side by side along one record. They must have the same effects at the same places; their numbers may differ. Each result
@@ -306,7 +306,8 @@ pub fn together(files: &[PlantFile], record: &Record, steps_a_row: usize) -> (Ve
     }
     let (places, lanes): (Vec<usize>, Vec<Lane>) = lanes.into_iter().unzip();
     let values = inputs(first.kind, record);
-    let setting = setting(record, Setting::default().tolerance, steps_a_row);
+    let default = Setting::default();
+    let setting = setting(record, default.method, default.tolerance, steps_a_row);
     let time = instants(first.kind, record);
     let inputs = Inputs { time: &time, values: &values };
     for (place, found) in places.into_iter().zip(slot.lanes.run(&lanes, inputs, setting)) {
@@ -342,6 +343,8 @@ pub struct Run {
     model: &'static Model,
     slot: Option<Slot>,
     start: Option<Point>,
+    /// The integration method.
+    pub(crate) method: Method,
     /// The permitted error of a step, as in [`Setting`].
     pub(crate) tolerance: f64,
     /// The largest number of steps per row, on average over the record.
@@ -357,8 +360,8 @@ impl Run {
         let model = models(file.kind).of(file, record)?;
         let mut slot = model.slot();
         let start = model.begin(&mut slot.machine, file, record);
-        let tolerance = Setting::default().tolerance;
-        let mut run = Run { kind: file.kind, model, slot: Some(slot), start: None, tolerance, steps_a_row: usize::MAX };
+        let Setting { method, tolerance, .. } = Setting::default();
+        let mut run = Run { kind: file.kind, model, slot: Some(slot), start: None, method, tolerance, steps_a_row: usize::MAX };
         run.start = Some(start?);
         Ok(run)
     }
@@ -389,9 +392,18 @@ impl Run {
         let values = inputs(self.kind, record);
         let time = instants(self.kind, record);
         let inputs = Inputs { time: &time, values: &values };
-        let setting = setting(record, self.tolerance, self.steps_a_row);
+        let setting = setting(record, self.method, self.tolerance, self.steps_a_row);
         let mut found = match controller {
+            Some(_) if matches!(self.method, Method::Fixed { .. }) => {
+                return Err(Stopped::Step(
+                    "found a fixed step with a controller in the loop, expected another method".to_string(),
+                ));
+            }
             Some(controller) => slot.lanes.controlled(&lane, inputs, setting, controller)?,
+            // The code of the lanes has the parameters of the model; a fixed step has those of its machine.
+            None if matches!(self.method, Method::Fixed { .. }) => {
+                Lanes::new(&slot.machine).run(&[lane], inputs, setting).remove(0)?
+            }
             None => slot.lanes.run(&[lane], inputs, setting).remove(0)?,
         };
         Ok(found.split_off(found.len() - shown))

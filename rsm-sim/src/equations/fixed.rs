@@ -25,7 +25,9 @@ pub(super) fn run(machine: &Machine, start: &Point, inputs: Inputs<'_>, length: 
     let rows = inputs.time.len();
     let period = if rows < 2 { length } else { (inputs.time[rows - 1] - inputs.time[0]) / (rows - 1) as f64 };
     let Some(count) = steps(length, period) else {
-        let what = format!("found a step of {length} s, expected the period of the record, {period} s, or a whole share of it");
+        let what = format!(
+            "found a step of {length} s, expected the period of the record, {period} s, or this period divided by a whole number"
+        );
         return Err(Stopped::Step(what));
     };
     let step = Step::new(machine, length).map_err(Stopped::Step)?;

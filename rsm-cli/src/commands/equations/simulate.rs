@@ -24,13 +24,8 @@ pub struct Options<'a> {
 }
 
 impl Options<'_> {
-    /// Whether anything is wished.
-    pub fn is_some(&self) -> bool {
-        self.method.is_some() || self.tolerance.is_some() || self.fixed_step.is_some() || self.effects.is_some()
-    }
-
     /// The setting for rows of a period.
-    fn setting(&self, period: f64) -> Result<Setting, Refusal> {
+    pub fn setting(&self, period: f64) -> Result<Setting, Refusal> {
         let mut setting = Setting::default();
         if let Some(tolerance) = self.tolerance {
             // Below some 1e-14 the error of a step is rounding, above 0.1 it is none.
