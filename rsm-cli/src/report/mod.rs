@@ -154,7 +154,7 @@ fn of_response(
     };
     let fitted = pairs(&outcome.fitted);
     let is_unseen = response.chosen_by == ChosenBy::Nobody;
-    let of_validation = if is_unseen { "unseen rows" } else { "validation rows" };
+    let of_validation = if is_unseen { "holdout rows" } else { "validation rows" };
     let apart: Vec<(&str, Pairs)> = [(of_validation, &outcome.validation), ("test rows", &outcome.test)]
         .into_iter()
         .filter_map(|(name, records)| Some((name, pairs(records.as_ref()?))))

@@ -22,7 +22,7 @@ pub fn print_fit(printer: &Printer, fitted: &Fitted) -> Result<(), Refusal> {
         let unit = fitted.model.surface(&response.name).map_or("", |surface| surface.unit.as_str());
         let unseen = statistics.validation.as_ref().map_or(f64::NAN, |validation| validation.mean_abs_error);
         printer.print(&format!(
-            "fit      {}: {} terms from {} rows; mean error on unseen rows {unseen:.4} {unit}",
+            "fit      {}: {} terms from {} rows; mean error on holdout rows {unseen:.4} {unit}",
             response.name,
             statistics.terms.len(),
             statistics.rows,

@@ -193,7 +193,7 @@ fn html(found: &Figures, checked: &Checked) -> Result<String, Refusal> {
         plots += &plot::curves(&Words { title: &title, x: "road speed [m/s]", y: "damping ratio" }, &series)?;
     }
     let mut forms =
-        "<table>\n<tr><th>car</th><th>terms of the damping surface</th><th>mean residual on unseen runs</th></tr>\n"
+        "<table>\n<tr><th>car</th><th>terms of the damping surface</th><th>mean residual on holdout runs</th></tr>\n"
             .to_string();
     for (name, car) in [("without lash", without_lash), ("with lash", with_lash)] {
         let terms =

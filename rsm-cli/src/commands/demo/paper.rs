@@ -70,7 +70,7 @@ const LINES: [Line; 24] = [
     line("points_full", "points of the full plan", "180", Bound::Equal(180.0)),
     line(
         "angle_error_mean_deg",
-        "mean difference of the advance angle from the full controller's, weakening region, unseen profiles, deg",
+        "mean difference of the advance angle from the full controller's, weakening region, holdout profiles, deg",
         "&lt; 1",
         Bound::Below(0.5),
     ),
@@ -103,7 +103,7 @@ const LINES: [Line; 24] = [
     time("realtime_factor", "simulated over elapsed time, averaged inverter", "&gt; 10", Bound::AtLeast(100.0)),
     line(
         "damping_residual_percent",
-        "damping surface: mean absolute residual on unseen runs over mean damping ratio, %",
+        "damping surface: mean absolute residual on holdout runs over mean damping ratio, %",
         "1.65",
         Bound::Below(1.65),
     ),

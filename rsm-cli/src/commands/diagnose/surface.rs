@@ -112,7 +112,7 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
             tell!("  Note: {note}.");
         }
         tell!(
-            "  noise {:.4} {unit} (from {}); on unseen rows ({}): {:.2} times the noise before, {:.2} after",
+            "  noise {:.4} {unit} (from {}); on holdout rows ({}): {:.2} times the noise before, {:.2} after",
             response.floor.sd,
             response.floor.from,
             response.holdout_source,

@@ -100,7 +100,7 @@ fn in_short(response: &ResponseDiagnosis) -> String {
         Verdict::Unexplained => (Tone::Bad, "not explained"),
     };
     let (before, after) = (response.nominal.noise_ratio, response.extended.noise_ratio);
-    let rows = format!("on {} unseen rows", response.nominal.rows);
+    let rows = format!("on {} holdout rows", response.nominal.rows);
     let mut numbers = Vec::new();
     if response.verdict == Verdict::NoDiscrepancy {
         numbers.push(Number::new("Error", format!("{before:.2} × noise"), rows));

@@ -121,6 +121,6 @@ impl Plots<'_> {
         if self.response.verdict != Verdict::NoDiscrepancy {
             all.push(Series::new("extended", BLUE, Mark::Circle, pairs(&judged.extended)));
         }
-        curves(&Words { title: "unseen rows", x: &x, y: &y }, &all)
+        curves(&Words { title: "holdout rows", x: &x, y: &y }, &all)
     }
 }
