@@ -279,7 +279,7 @@ fn each_thing_wrong_is_warned_of_by_its_name() {
         let words = of("lack-of-fit", &data, "", "select = { method = \"fixed\", order = 1 }");
         assert!(words.contains("repeated points") || words.contains("x0*x1"), "{words}");
         let words = of("outliers", &clean(seed, |run, y| if run == 17 { y + 5.0 } else { y }), "", RIGHT);
-        assert!(words.starts_with("1 row lies") && words.contains("x0 = "), "{words}");
+        assert!(words.starts_with("1 row has an error") && words.contains("x0 = "), "{words}");
         of("correlated-residuals", &clean(seed, |run, y| y + 0.06 * run as f64), "", RIGHT);
         let words = of("output-bound", &data, "", &format!("output_range = [296.0, 302.0]\n{RIGHT}"));
         assert!(words.contains("of 40 fitted rows"), "{words}");
