@@ -7,6 +7,7 @@ use rsm_core::model::Evidence;
 use rsm_core::source::Source;
 
 use crate::constrain::{ConstraintReport, ConstraintStatistics};
+use crate::left_out::LeftOut;
 use crate::observations::{Named, ValidationStatistics};
 use crate::outcome::ResponseOutcome;
 use crate::records::{DataFile, Records, hash};
@@ -19,9 +20,8 @@ pub(crate) fn of(
     specification: &Specification,
     response: &ResponseSpec,
     outcome: &ResponseOutcome,
-    fit: &Records,
-    validate: Option<&Records>,
-    test: Option<&Records>,
+    left_out: &[LeftOut],
+    [fit, validate, test]: [Option<&Records>; 3],
 ) -> Vec<(String, Evidence)> {
     let Some(statistics) = &outcome.statistics else { return Vec::new() };
     let mut evidence = Vec::new();
@@ -29,7 +29,10 @@ pub(crate) fn of(
     let number = |value: Option<f64>| value.map(Evidence::Number);
     tell("rows", Some(whole(statistics.rows)));
     tell("rows_outside_range", Some(whole(outcome.rows_outside)).filter(|_| outcome.rows_outside > 0));
-    tell("data", Some(files(&fit.files)));
+    for one in left_out.iter().filter(|one| one.key == "data") {
+        tell("rows_left_out", Some(whole(one.rows)));
+    }
+    tell("data", fit.map(|fit| files(&fit.files)));
     tell("specification", specification.source().map(specification_of));
     tell("method", Some(Evidence::Text(method(&response.method))));
     tell(

@@ -4,12 +4,15 @@
 //! error with every fault; a numerical outcome (confidence not reached, linearly dependent columns) is data. The way of one
 //! response is in `response.rs`. Never writes a file.
 
+use std::borrow::Cow;
+
 use rsm_core::check::Checked;
 use rsm_core::model::{Input, Model};
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
 use crate::constrain::NotProven;
 use crate::evidence;
+use crate::left_out::{self, LeftOut, OfResponse};
 use crate::records::{DataFile, Records, Refused, Rows, Units};
 use crate::response::Task;
 use crate::selection::Sample;
@@ -36,6 +39,8 @@ pub struct Outcome {
     pub validation: Option<Records>,
     /// The test rows, which are used only for the final errors.
     pub test: Option<Records>,
+    /// For each response the rows that it leaves out because a cell is missing.
+    pub left_out: Vec<Vec<LeftOut>>,
 }
 
 impl Outcome {
@@ -91,7 +96,9 @@ impl Outcome {
         let responses = self.responses.iter().map(|response| (of_one(response), response.statistics.as_ref())).collect();
         let without = self.responses.iter().filter(|response| response.statistics.is_none());
         let not_fitted = without.map(|response| (of_one(response), NotFitted::new(&response.verdict))).collect();
-        Report { model: &self.model.name, responses: Named(responses), not_fitted: Named(not_fitted) }
+        let missing = self.responses.iter().zip(&self.left_out).filter(|(_, left_out)| !left_out.is_empty());
+        let missing = missing.map(|(response, left_out)| (of_one(response), &left_out[..])).collect();
+        Report { model: &self.model.name, responses: Named(responses), not_fitted: Named(not_fitted), missing: Named(missing) }
     }
 }
 
@@ -105,6 +112,9 @@ pub struct Report<'a> {
     /// Why a response is null; omitted if none is.
     #[serde(skip_serializing_if = "is_empty")]
     pub not_fitted: Named<NotFitted<'a>>,
+    /// The rows that a response leaves out because a cell is missing; omitted if there are none.
+    #[serde(skip_serializing_if = "is_empty")]
+    pub missing: Named<&'a [LeftOut]>,
 }
 
 /// Why a response could not be fitted.
@@ -191,35 +201,41 @@ pub(crate) fn fit_rows(
     data: Data,
     progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Outcome, Refused> {
-    let data = set_aside(specification, in_one_period(specification, data))?;
+    let mut data = in_one_period(specification, data);
+    let left_out = left_out::remove(specification, &mut data.fit, data.validate.as_mut(), data.test.as_mut())?;
+    let data = set_aside(specification, data)?;
+    let rows = [Some(&data.fit), data.validate.as_ref(), data.test.as_ref()];
+    let of_one = |(k, left_out): (usize, &Vec<LeftOut>)| left_out::of_response(specification, rows, k, left_out);
+    let own: Vec<OfResponse<'_>> = left_out.iter().enumerate().map(of_one).collect::<Result<_, Faults>>()?;
     let inputs = inputs(specification, &data)?;
     let mut model = Model { name: specification.model.clone(), inputs: inputs.clone(), ..Model::default() };
     let mut responses = Vec::new();
     for (k, response) in specification.responses.iter().enumerate() {
         let name = &response.surface.name;
         progress(Progress::Fitting { response: name, number: k + 1, of: specification.responses.len() });
-        let used = response.surface.inputs.iter().map(|name| {
-            let index = specification.inputs.iter().position(|input| input.name == *name);
-            index.expect("a read specification names known inputs")
-        });
-        let used: Vec<usize> = used.collect();
+        let used = left_out::inputs_of(specification, response);
         let mut surface = response.surface.clone();
         surface.unit = data.units.get(specification.inputs.len() + k).to_string();
+        let own = &own[k];
+        let apart = |records: &Option<Cow<'_, Records>>| {
+            records.as_ref().map(|records| sample(specification, records, &used, k, Vec::new()))
+        };
         let task = Task {
             specification,
             response,
             inputs: used.iter().map(|k| inputs[*k].clone()).collect(),
-            fit: sample(specification, &data.fit, &used, k, relative(&data.fit.weights[k])),
-            order: &data.fit.order,
-            validate: data.validate.as_ref().map(|records| sample(specification, records, &used, k, Vec::new())),
-            validate_weights: data.validate.as_ref().map_or_else(Vec::new, |records| relative(&records.weights[k])),
-            test: data.test.as_ref().map(|records| sample(specification, records, &used, k, Vec::new())),
-            copies: copies(specification, &data),
+            fit: sample(specification, &own.fit, &used, k, relative(&own.fit.weights[k])),
+            sequence: &own.sequence,
+            validate: apart(&own.validate),
+            validate_weights: own.validate.as_ref().map_or_else(Vec::new, |records| relative(&records.weights[k])),
+            test: apart(&own.test),
+            copies: copies(specification, own),
+            left_out: &left_out[k],
         };
         let outcome = task.run(&mut surface, progress)?;
         if outcome.statistics.is_some() {
-            let (validate, test) = (data.validate.as_ref(), data.test.as_ref());
-            surface.evidence = evidence::of(specification, response, &outcome, &data.fit, validate, test);
+            let (validate, test) = (own.validate.as_deref(), own.test.as_deref());
+            surface.evidence = evidence::of(specification, response, &outcome, &left_out[k], [Some(&own.fit), validate, test]);
             model.surfaces.push(surface);
         }
         responses.push(outcome);
@@ -230,7 +246,7 @@ pub(crate) fn fit_rows(
     };
     let apart = [of_files(&data.validate, &specification.validation), of_files(&data.test, &specification.test)];
     let files = data.fit.files.iter().cloned().chain(apart.into_iter().flatten()).collect();
-    Ok(Outcome { model, responses, files, fitted: data.fit, validation: data.validate, test: data.test })
+    Ok(Outcome { model, responses, files, fitted: data.fit, validation: data.validate, test: data.test, left_out })
 }
 
 /// The rows of a response. Rows with the same values of its inputs stay together, as do the groups of the specification.
@@ -257,8 +273,8 @@ fn in_one_period(specification: &Specification, mut data: Data) -> Data {
 }
 
 /// The number of rows in other files that are exact copies of fitted rows. The fit has already used these.
-fn copies(specification: &Specification, data: &Data) -> Vec<(&'static str, usize)> {
-    let of = |key, rows: &Validation, records: &Option<Records>| match (rows, records) {
+fn copies(specification: &Specification, data: &OfResponse<'_>) -> Vec<(&'static str, usize)> {
+    let of = |key, rows: &Validation, records: &Option<Cow<'_, Records>>| match (rows, records) {
         (Validation::Files(_), Some(records)) => Some((key, records.copies_of(&data.fit))).filter(|(_, count)| *count > 0),
         _ => None,
     };
@@ -320,7 +336,7 @@ fn inputs(specification: &Specification, data: &Data) -> Result<Vec<Input>, Faul
     let mut inputs = Vec::new();
     let mut from_data = Vec::new();
     for (k, input) in specification.inputs.iter().enumerate() {
-        let values = &data.fit.inputs[k];
+        let values = left_out::used_values(specification, &data.fit, k);
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);
         let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let symmetric = |response: &ResponseSpec| response.surface.symmetry.iter().any(|(name, _)| *name == input.name);
@@ -377,7 +393,7 @@ mod tests {
             serde_json::json!({ "why": "infeasible: no coefficients of the chosen terms fulfil: convex" })
         );
         let responses = Named(vec![("y".to_string(), None)]);
-        let fine = Report { model: "m", responses: responses.clone(), not_fitted: Named(vec![]) };
+        let fine = Report { model: "m", responses: responses.clone(), not_fitted: Named(vec![]), missing: Named(vec![]) };
         assert_eq!(serde_json::to_string(&fine).unwrap(), "{\"model\":\"m\",\"responses\":{\"y\":null}}");
         let not_fitted = Named(vec![("y".to_string(), NotFitted::new(&contradiction))]);
         assert_eq!(serde_json::to_value(Report { not_fitted, ..fine }).unwrap()["not_fitted"]["y"], object(&contradiction));

@@ -62,11 +62,17 @@
 
 pub mod units;
 
+pub mod missing;
+
 pub mod table;
 
 pub mod spec;
 
 pub mod records;
+
+mod sequence;
+
+pub mod left_out;
 
 pub mod random;
 
@@ -122,6 +128,7 @@ pub mod optimise;
 
 pub use fit::{Outcome, Progress, ResponseOutcome};
 pub use in_memory::{Fit, Input, Response, Select};
+pub use missing::Missing;
 pub use records::Refused;
 pub use spec::{Constraint, Specification};
 pub use verdict::Verdict;

@@ -1,14 +1,15 @@
 //! Records: the rows of the data files in the units of the model.
 //!
 //! In: a specification and the names of some of its files. Out: [`Records`] (one list for each variable, all of the same length) with the name, hash
-//! and rows of each file, or every fault of every file. If the specification gives no unit, that of the first file with a unit is used. Never drops a
-//! row.
+//! and rows of each file, or every fault of every file. If the specification gives no unit, that of the first file with a unit is used. A missing number is
+//! NaN, if the specification permits that. Never drops a row while it reads.
 
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use sha2::{Digest, Sha256};
 
+use crate::missing::{self, Missing};
 use crate::spec::{Specification, Weights};
-use crate::table::{Column, Table, Wanted, is_run};
+use crate::table::{Column, MissingAs, Table, Wanted, is_run};
 
 /// Every file's faults, in the order in which the files are named. Never empty.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,7 +83,7 @@ pub enum Rows {
 pub struct Records {
     /// Their files.
     pub files: Vec<DataFile>,
-    /// The values of every input, in natural units.
+    /// The values of every input, in natural units; NaN where one is missing.
     pub inputs: Vec<Vec<f64>>,
     /// The values of every response.
     pub responses: Vec<Vec<f64>>,
@@ -92,6 +93,10 @@ pub struct Records {
     pub labels: Vec<Vec<String>>,
     /// The place of each row in run order; empty if no column gives it for every row.
     pub order: Vec<f64>,
+    /// The number of each row among those that were read, from 0; empty if no row was left out.
+    pub numbers: Vec<usize>,
+    /// Rows that were left out because no response can use them: their places in run order if it is known, else their numbers.
+    pub left_out: Vec<f64>,
 }
 
 impl Records {
@@ -142,7 +147,7 @@ impl Records {
                 Err(faults) => refused.push(faults),
             }
         }
-        records.order = in_order(&runs, records.rows());
+        records.order = in_order(&runs, records.rows(), specification.missing);
         if refused.is_empty() { Ok(records) } else { Err(Refused(refused)) }
     }
 
@@ -157,7 +162,7 @@ impl Records {
                     Weights::Weight(_) => *value,
                     Weights::StandardError(_) => 1.0 / (value * value),
                 };
-                if *value <= 0.0 || !(weight.is_normal()) {
+                if *value <= 0.0 || !(weight.is_normal() || value.is_nan()) {
                     let what = format!("column {} `{}`: found {value}, expected a number above 0", column.place, column.name);
                     let fault = Fault::at_line(&table.file, *line, 0, what);
                     faults.push(fault.help("remove the row from the file if it must not count"));
@@ -213,6 +218,34 @@ impl Records {
             weights: self.weights.iter().map(weights).collect(),
             labels: self.labels.iter().map(|column| rows.iter().map(|row| column[*row].clone()).collect()).collect(),
             order: rows.iter().filter_map(|row| self.order.get(*row).copied()).collect(),
+            numbers: rows.iter().filter_map(|row| self.numbers.get(*row).copied()).collect(),
+            left_out: self.left_out.clone(),
+        }
+    }
+
+    /// The rows with a number for a response, its weight and its inputs.
+    #[must_use]
+    pub fn complete(&self, inputs: &[usize], response: usize) -> Vec<usize> {
+        let columns = inputs.iter().map(|input| &self.inputs[*input]);
+        let weights = self.weights.get(response).filter(|weights| !weights.is_empty());
+        let columns: Vec<&Vec<f64>> = columns.chain([&self.responses[response]]).chain(weights).collect();
+        (0..self.rows()).filter(|row| columns.iter().all(|column| !column[*row].is_nan())).collect()
+    }
+
+    /// Leaves all but some rows out, and keeps where they were. A run order counts if it is known of all rows that are kept.
+    pub(crate) fn leave_out(&mut self, kept: &[usize]) {
+        let rows = self.rows();
+        if kept.len() < rows {
+            let mut out = vec![true; rows];
+            kept.iter().for_each(|row| out[*row] = false);
+            self.numbers = (0..rows).collect();
+            let all = self.clone();
+            *self = all.select(kept);
+            self.order = distinct(std::mem::take(&mut self.order), kept.len());
+            let place = |row: usize| if self.order.is_empty() { row as f64 } else { all.order[row] };
+            self.left_out = (0..rows).filter(|row| out[*row]).map(place).filter(|place| !place.is_nan()).collect();
+        } else {
+            self.order = distinct(std::mem::take(&mut self.order), rows);
         }
     }
 
@@ -228,9 +261,16 @@ impl Records {
     }
 }
 
-/// The cells of the run column as numbers, if all are different; otherwise empty.
-fn in_order(cells: &[String], rows: usize) -> Vec<f64> {
-    distinct(cells.iter().filter_map(|cell| cell.parse().ok()).filter(|run: &f64| run.is_finite()).collect(), rows)
+/// The cells of the run column as numbers, if all are different; otherwise empty. If rows may be left out, this is decided without them
+/// ([`Records::leave_out`]), and NaN is a run that is not known.
+fn in_order(cells: &[String], rows: usize, missing: Missing) -> Vec<f64> {
+    let number = |cell: &String| cell.parse().ok().filter(|run: &f64| run.is_finite()).unwrap_or(f64::NAN);
+    let order: Vec<f64> = cells.iter().map(number).collect();
+    match missing {
+        Missing::Error => distinct(order, rows),
+        Missing::DropRow if order.len() == rows => order,
+        Missing::DropRow => Vec::new(),
+    }
 }
 
 /// The places of rows in an order, if all are different; otherwise empty.
@@ -238,14 +278,18 @@ pub(crate) fn distinct(order: Vec<f64>, rows: usize) -> Vec<f64> {
     let mut sorted = order.clone();
     sorted.sort_by(f64::total_cmp);
     sorted.dedup();
-    if sorted.len() == rows { order } else { Vec::new() }
+    if sorted.len() == rows && order.len() == rows && !order.iter().any(|place| place.is_nan()) { order } else { Vec::new() }
 }
 
 fn wanted(specification: &Specification) -> Wanted {
     let inputs = specification.inputs.iter().map(|input| input.column.clone());
     let numbers = inputs.chain(specification.responses.iter().map(|response| response.column.clone())).collect();
     let labels = specification.labels().into_iter().map(str::to_string).collect();
-    Wanted { numbers, labels, run: true, ..Wanted::default() }
+    let missing = match specification.missing {
+        Missing::Error => MissingAs::Counted(missing::HELP),
+        Missing::DropRow => MissingAs::Nan,
+    };
+    Wanted { numbers, labels, run: true, missing, ..Wanted::default() }
 }
 
 /// SHA-256 in hexadecimal. A source keeps every byte of its file, so this is the output of `sha256sum`.

@@ -12,10 +12,12 @@ use crate::constrain::{self, Constrained, ConstraintStatistics};
 use crate::design::{self, Design};
 use crate::forms::{Forms, Taken};
 use crate::ladder::{LadderModel, first_rung};
+use crate::left_out::{self, LeftOut};
 use crate::outcome::{Progress, ResponseOutcome};
 use crate::qr::{Dependent, Growing};
 use crate::search::{Found, Searcher};
 use crate::selection::{Choice, ChosenBy, Sample, Selection};
+use crate::sequence::Sequence;
 use crate::spec::{Method, ResponseSpec, Specification, Validation};
 use crate::statistics::{self, CrossValidation, Judged, Observations, ResponseStatistics, RowsUsed};
 use crate::support::{self, Region, SupportStatistics};
@@ -56,14 +58,16 @@ pub(crate) struct Task<'a> {
     pub response: &'a ResponseSpec,
     pub inputs: Vec<Input>,
     pub fit: Sample,
-    /// The place of each row to fit in run order, if known.
-    pub order: &'a [f64],
+    /// The order of the rows to fit.
+    pub sequence: &'a Sequence,
     pub validate: Option<Sample>,
     /// The weights of the validation rows, if they are part of the data.
     pub validate_weights: Vec<f64>,
     pub test: Option<Sample>,
     /// The files with copies of fitted rows, and their number.
     pub copies: Vec<(&'static str, usize)>,
+    /// The rows that are left out because a cell is missing.
+    pub left_out: &'a [LeftOut],
 }
 
 impl Task<'_> {
@@ -141,7 +145,8 @@ impl Task<'_> {
                     surface.name
                 ),
             };
-            return Err(Faults::one(self.fault(what).help("fit fewer terms or measure more points")));
+            let missing: String = self.left_out.iter().map(|one| format!("; {}", one.words())).collect();
+            return Err(Faults::one(self.fault(what).help(format!("fit fewer terms or measure more points{missing}"))));
         }
         if let Some(wanted) = self.response.support {
             surface.support = self.fit.observed(|fitted| support::of_data(surface, &self.inputs, fitted, wanted));
@@ -224,7 +229,7 @@ impl Task<'_> {
         statistics.canonical = canonical::analyse(surface, &self.inputs);
         statistics.support = self.support(surface);
         if shrunk.is_none() && !is_held(&statistics) {
-            statistics.analysis = self.fit.observed(|rows| analysis::report(&design, rows, self.order));
+            statistics.analysis = self.fit.observed(|rows| analysis::report(&design, rows, self.sequence));
         }
         statistics.selection = found.as_ref().and_then(|found| found.report.clone());
         let cross = || {
@@ -248,7 +253,7 @@ impl Task<'_> {
             inputs: &self.inputs,
             design: &design,
             fit: &self.fit,
-            order: self.order,
+            sequence: self.sequence,
             constraints: &self.response.constraints,
             statistics: &statistics,
             is_shrunk: shrunk.is_some(),
@@ -261,6 +266,7 @@ impl Task<'_> {
         if quality.explained.is_none() && chosen.by != ChosenBy::Nobody {
             warnings.push(warnings::not_judged(&statistics.rows_used));
         }
+        warnings.extend(left_out::warning(self.left_out));
         statistics.warnings = warnings;
         statistics.serial = serial;
         let verdict = self.verdict(&statistics, &chosen, &quality, is_lacking);

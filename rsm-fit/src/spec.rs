@@ -28,6 +28,12 @@
 //! weights = "runs"                 # or { standard_error = "damping_ratio_error" }; only ratios of weights count
 //! ```
 //!
+//! `missing` is what to do with a row that lacks a number:
+//!
+//! ```toml
+//! missing = "drop-row"             # leave it out for the responses that use the number; the default is "error"
+//! ```
+//!
 //! Rows with the same cell in every column of `keep_together` stay together (a run, a day, a specimen). So do rows whose inputs differ only in the
 //! sign of those named by `mirror` (a map with mirrored halves).
 
@@ -40,6 +46,8 @@ use std::path::{Path, PathBuf};
 use rsm_core::model::{Outside, Surface};
 use rsm_core::places::Places;
 use rsm_core::source::{Collector, Fault, Faults, Source};
+
+use crate::missing::Missing;
 
 pub(crate) use rules::check_basis_against_ranges;
 pub use shape::{Constraint, SupportSpec};
@@ -63,6 +71,8 @@ pub struct Specification {
     pub inputs: Vec<InputSpec>,
     /// The responses, in the order of the file.
     pub responses: Vec<ResponseSpec>,
+    /// What to do with missing cells.
+    pub missing: Missing,
     /// Rows that stay together in every split, in addition to the settings of the splits.
     pub(crate) together: Together,
     /// Its text; `None` if it was made in memory.
@@ -318,6 +328,7 @@ impl Specification {
                 test: draft.test,
                 inputs: draft.inputs,
                 responses: draft.responses,
+                missing: draft.missing,
                 together: Together::default(),
                 places: draft.places,
                 source: Some(source),
@@ -335,12 +346,12 @@ impl Specification {
         (validation, test): (Validation, Validation),
         inputs: Vec<InputSpec>,
         responses: Vec<ResponseSpec>,
-        together: Together,
+        (together, missing): (Together, Missing),
         faults: &mut Collector,
     ) -> Self {
         let (data, folder, places) = (Vec::new(), PathBuf::new(), Places::default());
         let specification =
-            Specification { model, data, validation, test, inputs, responses, together, source: None, folder, places };
+            Specification { model, data, validation, test, inputs, responses, missing, together, source: None, folder, places };
         rules::check(&specification, faults);
         specification
     }

@@ -116,7 +116,10 @@ fn groups(specification: &Specification, split: Option<&Split>, records: &Record
     let is_mirrored: Vec<bool> = specification.inputs.iter().map(|input| mirrored.contains(&&input.name)).collect();
     let value = |x: f64, mirrored: bool| if mirrored { x.abs() } else { x + 0.0 };
     let columns = || records.inputs.iter().zip(&is_mirrored);
-    let key = |row: usize| columns().map(|(column, mirrored)| format!("{},", value(column[row], *mirrored))).collect();
+    // A point that is not known completely is a point of its own.
+    let own = |x: f64, row: usize| if x.is_nan() { format!("row {row},") } else { String::new() };
+    let cell = |x: f64, mirrored: bool, row: usize| format!("{},{}", value(x, mirrored), own(x, row));
+    let key = |row: usize| columns().map(|(column, mirrored)| cell(column[row], *mirrored, row)).collect();
     join((0..rows).map(key).collect());
     let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for row in 0..rows {

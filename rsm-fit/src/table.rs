@@ -10,7 +10,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use csv::{ReaderBuilder, StringRecord, Trim};
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
+use crate::missing::is_missing;
 use crate::units::Conversion;
+
+pub use crate::missing::MissingAs;
 
 /// The allowed magnitudes of a response: sums of 10^7 squares stay finite, and squares of a ten-thousandth of it keep their digits.
 pub const MAGNITUDES: [f64; 2] = [1e-140, 1e150];
@@ -32,6 +35,8 @@ pub struct Wanted {
     pub every_number: bool,
     /// The run number as labels, if a column has a name that [`is_run`] accepts.
     pub run: bool,
+    /// Missing cells in columns of numbers.
+    pub missing: MissingAs,
 }
 
 /// Column names for a run number, in upper or lower case.
@@ -52,7 +57,7 @@ pub struct Column {
     pub unit: Option<String>,
     /// Its number in the file, from 1.
     pub place: usize,
-    /// One finite number for each row; empty if it was not requested as numbers.
+    /// One finite number for each row, or NaN as [`MissingAs`] says; empty if it was not requested as numbers.
     pub values: Vec<f64>,
     /// The text of the cells; empty if it was not requested as labels.
     pub labels: Vec<String>,
@@ -193,7 +198,8 @@ impl Table {
 
 /// The row of a response with a magnitude outside [`MAGNITUDES`], the expected range, and what to do.
 pub(crate) fn magnitude_fault(values: &[f64]) -> Option<(usize, String, &'static str)> {
-    let (row, largest) = values.iter().map(|value| value.abs()).enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let known = values.iter().map(|value| value.abs()).enumerate().filter(|(_, value)| !value.is_nan());
+    let (row, largest) = known.max_by(|a, b| a.1.total_cmp(&b.1))?;
     let [low, high] = MAGNITUDES;
     if largest > high {
         let what = format!("expected a magnitude up to {high:e}: the squares of a response must be finite");
@@ -255,7 +261,7 @@ impl Reader<'_> {
 
     fn finish(self, table: Option<Table>) -> Result<Table, Faults> {
         let mut collector = Collector::new();
-        let last_line = self.faults.last().map_or(0, |fault| fault.line);
+        let last_line = self.faults.iter().map(|fault| fault.line).max().unwrap_or(0);
         for fault in self.faults {
             collector.push(fault);
         }
@@ -290,9 +296,14 @@ impl Reader<'_> {
         let columns = self.header(&header, header_line);
         let mut table = Table { file: self.source.name().to_string(), header_line, columns, lines: Vec::new() };
         let roles = self.roles(&table, wanted);
+        let mut missing = vec![None; table.columns.len()];
         for record in records {
             let Some(record) = self.record(record) else { continue };
-            self.row(&record, &roles, &mut table);
+            self.row(&record, &roles, wanted.missing, &mut missing, &mut table);
+        }
+        for (first, column) in missing.iter().zip(&table.columns) {
+            let (Some(first), MissingAs::Counted(help)) = (first, wanted.missing) else { continue };
+            self.fault(self.missing_cells(first, column).help(help));
         }
         if table.lines.is_empty() && self.faults.is_empty() {
             let what = "there is no row below the header";
@@ -364,7 +375,26 @@ impl Reader<'_> {
         table.columns.iter().map(of).collect()
     }
 
-    fn row(&mut self, record: &StringRecord, roles: &[(bool, bool)], table: &mut Table) {
+    fn missing_cells(&self, first: &FirstMissing, column: &Column) -> Fault {
+        let found = if first.cell.is_empty() { "an empty cell".to_string() } else { format!("`{}`", first.cell) };
+        let (place, name) = (column.place, &column.name);
+        let what = match first.cells {
+            1 => format!("column {place} `{name}`: found {found}, expected a number; no other cell of this column is missing"),
+            cells => {
+                format!("column {place} `{name}`: found {found}, expected a number; {cells} cells of this column are missing")
+            }
+        };
+        self.at_line(first.line, what)
+    }
+
+    fn row(
+        &mut self,
+        record: &StringRecord,
+        roles: &[(bool, bool)],
+        missing_as: MissingAs,
+        missing: &mut [Option<FirstMissing>],
+        table: &mut Table,
+    ) {
         let line = self.lines.of(record);
         // A line of blanks; the CSV reader skips only empty lines.
         if record.len() == 1 && record[0].is_empty() && table.columns.len() > 1 {
@@ -376,11 +406,18 @@ impl Reader<'_> {
             return;
         }
         table.lines.push(line);
-        for ((cell, column), (is_number, is_label)) in record.iter().zip(&mut table.columns).zip(roles) {
+        for (((cell, column), (is_number, is_label)), missing) in record.iter().zip(&mut table.columns).zip(roles).zip(missing)
+        {
             if *is_label {
                 column.labels.push(cell.to_string());
             }
             if !is_number {
+                continue;
+            }
+            if missing_as != MissingAs::Faults && is_missing(cell) {
+                column.values.push(f64::NAN);
+                let first = FirstMissing { line, cell: cell.to_string(), cells: 0 };
+                missing.get_or_insert(first).cells += 1;
                 continue;
             }
             let found = match cell.parse::<f64>() {
@@ -397,6 +434,14 @@ impl Reader<'_> {
             self.fault(self.at_line(line, what));
         }
     }
+}
+
+/// The first missing cell of a column, and their number.
+#[derive(Clone)]
+struct FirstMissing {
+    line: usize,
+    cell: String,
+    cells: usize,
 }
 
 fn cells(count: usize) -> String {

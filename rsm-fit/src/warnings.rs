@@ -13,6 +13,7 @@
 //! bounds-off-data       most responses lie beyond the bounds of a constraint or of the output range
 //! rows-seen             rows kept apart are exact copies of fitted rows
 //! judged-by-choosers    there are no holdout rows
+//! missing-rows          a large share of the rows is left out because a cell is missing (`left_out.rs`)
 //! ```
 //!
 //! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 2.6 and 2.7 (lack of fit, R-student); Cook, Weisberg 1982,
@@ -25,6 +26,7 @@ use crate::design::{self, Design, count_of_terms};
 use crate::distributions::two_sided_t;
 use crate::qr::{Growing, Triangle};
 use crate::selection::Sample;
+use crate::sequence::Sequence;
 use crate::spec::{Constraint, MOST_TERMS};
 use crate::statistics::{ResponseStatistics, RowsUsed, Serial, Warning, serial, value};
 use crate::verdict::LEAST_EXPLAINED;
@@ -53,7 +55,7 @@ pub(crate) struct Notes<'a> {
     pub inputs: &'a [Input],
     pub design: &'a Design,
     pub fit: &'a Sample,
-    pub order: &'a [f64],
+    pub sequence: &'a Sequence,
     pub constraints: &'a [Constraint],
     pub statistics: &'a ResponseStatistics,
     /// Whether the coefficients are shrunken.
@@ -238,26 +240,21 @@ impl Notes<'_> {
         format!("({})", each.collect::<Vec<String>>().join(", "))
     }
 
-    /// The rows in run order or, if that is not known, in file order: recordings are in the order of time.
     fn serial(&self, residuals: &Residuals, is_held: bool) -> Option<Serial> {
-        let mut places: Vec<usize> = (0..self.fit.rows()).collect();
-        let is_known = self.order.len() == places.len();
-        if is_known {
-            places.sort_by(|a, b| self.order[*a].total_cmp(&self.order[*b]));
-        }
-        let errors: Vec<f64> = places.iter().map(|row| residuals.weighted[*row]).collect();
-        let (correlation, p) = serial::of_neighbours(&errors).filter(|(_, p)| *p <= ALARM)?;
+        let sequence = self.sequence;
+        let errors: Vec<f64> = sequence.rows.iter().map(|row| residuals.weighted[*row]).collect();
+        let (correlation, p) = serial::of_neighbours(&errors, &sequence.places).filter(|(_, p)| *p <= ALARM)?;
         let errors = || {
             let terms: Vec<usize> = (0..self.design.width()).collect();
             let solved = Growing::of(&residuals.triangle, &terms).ok().filter(|_| !is_held)?;
             let weighted = &residuals.weighted;
-            self.fit.observed(|fit| serial::newey_west(self.design, &solved, fit, &places, weighted, correlation))
+            self.fit.observed(|fit| serial::newey_west(self.design, &solved, fit, sequence, weighted, correlation))
         };
         let (lags, standard_errors) = errors().map_or((None, Vec::new()), |(lags, errors)| (Some(lags), errors));
         let coefficients = self.statistics.terms.iter().map(|term| term.coefficient);
         let freedom = self.fit.rows().saturating_sub(self.design.width()).max(1);
         let intervals = serial::intervals(coefficients, &standard_errors, freedom);
-        let order = if is_known { "run-order" } else { "rows" };
+        let order = if sequence.is_known { "run-order" } else { "rows" };
         Some(Serial { order, correlation, p, lags, standard_errors, intervals })
     }
 

@@ -103,8 +103,9 @@ pub fn require_all(fitted: &Fitted) -> Result<(), Refusal> {
 /// A few lines a response.
 pub fn in_words(fitted: &Fitted) -> String {
     let mut text = String::new();
-    for response in &fitted.responses {
+    for (response, left_out) in fitted.responses.iter().zip(&fitted.left_out) {
         text += &format!("{}: {}\n", response.name, verdict_in_words(response));
+        text += &left_out.iter().map(|one| format!("  {}\n", one.words())).collect::<String>();
         let Some(statistics) = &response.statistics else {
             text += "  no surface was written for this response\n";
             continue;

@@ -11,6 +11,7 @@ use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_fit::constrain::ConstraintStatistics;
 use rsm_fit::fit::{ChosenBy, Outcome, ResponseOutcome, Verdict};
+use rsm_fit::left_out::LeftOut;
 use rsm_fit::records::Records;
 use rsm_fit::statistics::{Named, ResponseStatistics, ValidationStatistics};
 
@@ -57,7 +58,19 @@ pub fn fit(outcome: &Outcome) -> Result<String, Refusal> {
         })
         .collect();
     body += &format!("<h2>Data</h2>\n<ul>\n{}\n</ul>\n", files.join("\n"));
+    body += &left_out(outcome);
     Ok(page(&format!("rsm fit: {}", outcome.model.name), &body))
+}
+
+/// The rows that responses leave out because a cell is missing.
+fn left_out(outcome: &Outcome) -> String {
+    let pairs = outcome.responses.iter().zip(&outcome.left_out);
+    let of_one = |(response, left_out): (&ResponseOutcome, &Vec<LeftOut>)| {
+        let line = |one: &LeftOut| format!("<li><b>{}</b>: {}</li>\n", escaped(&response.name), escaped(&one.words()));
+        left_out.iter().map(line).collect::<String>()
+    };
+    let lines: String = pairs.map(of_one).collect();
+    if lines.is_empty() { lines } else { format!("<h3>Rows with missing cells</h3>\n<ul>\n{lines}</ul>\n") }
 }
 
 /// The verdict's colour, and its state in a word or two.
@@ -146,11 +159,12 @@ fn of_response(
             .iter()
             .map(|name| outcome.model.inputs.iter().position(|input| input.name == *name).expect("a known input"))
             .collect();
-        let predicted = (0..records.rows()).map(|row| {
-            let point: Vec<f64> = columns.iter().map(|column| records.inputs[*column][row]).collect();
+        let complete = records.complete(&columns, place);
+        let predicted = complete.iter().map(|row| {
+            let point: Vec<f64> = columns.iter().map(|column| records.inputs[*column][*row]).collect();
             interpreter.eval(&point)
         });
-        Pairs { predicted: predicted.collect(), measured: records.responses[place].clone() }
+        Pairs { predicted: predicted.collect(), measured: complete.iter().map(|row| records.responses[place][*row]).collect() }
     };
     let fitted = pairs(&outcome.fitted);
     let is_unseen = response.chosen_by == ChosenBy::Nobody;

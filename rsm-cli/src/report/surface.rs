@@ -117,13 +117,14 @@ fn columns(it: &Shown<'_>, inputs: &[Input]) -> Vec<usize> {
 fn sets(it: &Shown<'_>, inputs: &[Input]) -> Vec<(&'static str, Vec<Vec<f64>>)> {
     let columns = columns(it, inputs);
     let rows = |records: &Records| -> Vec<Vec<f64>> {
-        let step = records.rows().div_ceil(MOST_ROWS).max(1);
-        let row = |row: usize| {
-            let mut values: Vec<f64> = columns.iter().map(|column| records.inputs[*column][row]).collect();
-            values.push(records.responses[it.response][row]);
+        let complete = records.complete(&columns, it.response);
+        let step = complete.len().div_ceil(MOST_ROWS).max(1);
+        let row = |row: &usize| {
+            let mut values: Vec<f64> = columns.iter().map(|column| records.inputs[*column][*row]).collect();
+            values.push(records.responses[it.response][*row]);
             values
         };
-        (0..records.rows()).step_by(step).map(row).collect()
+        complete.iter().step_by(step).map(row).collect()
     };
     let outcome = it.outcome;
     let mut sets = vec![("fitted rows", rows(&outcome.fitted))];
@@ -164,7 +165,8 @@ fn plane(
     let columns = columns(it, &[first.clone(), second.clone()]);
     let points = |records: &Records| {
         let [x, y] = [columns[0], columns[1]].map(|column| &records.inputs[column]);
-        x.iter().copied().zip(y.iter().copied()).collect::<Vec<_>>()
+        let complete = records.complete(&columns, it.response);
+        complete.iter().map(|row| (x[*row], y[*row])).collect::<Vec<_>>()
     };
     let outcome = it.outcome;
     let mut series = vec![Series::new("fitted rows", PINK, Mark::Circle, points(&outcome.fitted))];

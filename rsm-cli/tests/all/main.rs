@@ -7,6 +7,7 @@ mod diagnose;
 mod diagnose_surface;
 mod driveline;
 mod federation;
+mod fit_missing;
 mod guides;
 mod import;
 mod libhelics;

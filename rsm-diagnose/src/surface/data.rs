@@ -8,13 +8,17 @@ use rsm_core::source::{Collector, Fault, Faults, Source};
 
 use super::sample::ExtraColumn;
 use rsm_fit::records::{DataFile, Refused, hash};
-use rsm_fit::table::{Table, Wanted, is_run};
+use rsm_fit::table::{MissingAs, Table, Wanted, is_run};
 
 /// Columns of numbers with these names are levels only.
 const BLOCK: [&str; 15] = [
     "block", "blocks", "day", "rig", "batch", "session", "bench", "lot", "shift", "operator", "group", "series", "setup",
     "machine", "week",
 ];
+
+/// The help at a missing cell of an input or a response.
+const MISSING: &str =
+    "a diagnosis compares rows in their order and leaves none out: delete the rows from the file, or fill the cells";
 
 /// A column of integers with more distinct values than this is a quantity, not a column of levels.
 const MOST_LEVELS: usize = 12;
@@ -169,7 +173,8 @@ impl NewData {
         let names = inputs.iter().map(|k| &model.inputs[*k].name);
         let numbers = names.chain(compared.iter().map(|k| &model.surfaces[*k].name)).cloned().collect();
         let labels = others.iter().map(|(name, _)| name.clone()).collect();
-        let table = origin.table(file, &Wanted { numbers, labels, ..Wanted::default() })?;
+        let table =
+            origin.table(file, &Wanted { numbers, labels, missing: MissingAs::Counted(MISSING), ..Wanted::default() })?;
         let mut faults = Collector::new();
         let mut take = |values: Result<(Vec<f64>, String), Fault>, target: &mut Vec<f64>| match values {
             Ok((values, _)) => target.extend(values),

@@ -9,6 +9,7 @@ use super::{Analysis, BoxCox, Group, Influence, Line, box_cox};
 use crate::dd::Dd;
 use crate::design::{Design, order};
 use crate::observations::Observations;
+use crate::sequence::Sequence;
 
 /// The limit of double-double multiplications: 10^8 take a second.
 const WORK: f64 = 1e8;
@@ -50,7 +51,8 @@ pub struct Report {
     pub aicc: Option<f64>,
     /// Schwarz's criterion.
     pub bic: f64,
-    /// The Durbin-Watson statistic in run order if it is known, otherwise in row order.
+    /// The Durbin-Watson statistic in run order if it is known, otherwise in row order. Pairs over a left-out row do not count, and the sum is scaled
+    /// to the number of pairs without gaps.
     pub durbin_watson: Option<f64>,
     /// The rows with the largest Cook's distances, the largest first.
     pub influential: Vec<RowReport>,
@@ -58,17 +60,13 @@ pub struct Report {
     pub box_cox: Option<BoxCox>,
 }
 
-/// `places`: the place of each row in run order; empty if it is not known.
-pub(crate) fn of(design: &Design, fit: Observations<'_>, places: &[f64]) -> Option<Report> {
+pub(crate) fn of(design: &Design, fit: Observations<'_>, sequence: &Sequence) -> Option<Report> {
     let width = design.width();
     if fit.response.len() as f64 * (width as f64 + 1.0).powi(2) > WORK {
         return None;
     }
     let constant = design.terms().iter().position(|powers| order(powers) == 0)?;
-    let mut rows: Vec<usize> = (0..fit.response.len()).collect();
-    if places.len() == rows.len() {
-        rows.sort_by(|a, b| places[*a].total_cmp(&places[*b]));
-    }
+    let rows = &sequence.rows;
     let values: Vec<Vec<Dd>> = rows.iter().map(|row| design.row_as_measured(&fit.point(*row))).collect();
     let response: Vec<f64> = rows.iter().map(|row| fit.response[*row]).collect();
     let weights: Vec<f64> = rows.iter().filter_map(|row| fit.weights.get(*row).copied()).collect();
@@ -115,9 +113,22 @@ pub(crate) fn of(design: &Design, fit: Observations<'_>, places: &[f64]) -> Opti
         aic: analysis.aic,
         aicc: analysis.aicc,
         bic: analysis.bic,
-        durbin_watson: Some(analysis.durbin_watson).filter(|d| d.is_finite()),
+        durbin_watson: durbin_watson(&analysis, &weights, sequence).filter(|d| d.is_finite()),
         influential,
         box_cox: power,
         sequential: analysis.sequential,
     })
+}
+
+/// The statistic of all rows, or of the pairs of neighbours beside gaps.
+fn durbin_watson(analysis: &Analysis, weights: &[f64], sequence: &Sequence) -> Option<f64> {
+    if !sequence.has_gaps() {
+        return Some(analysis.durbin_watson);
+    }
+    let root = |k: usize| weights.get(k).map_or(1.0, |weight| weight.sqrt());
+    let errors: Vec<f64> = analysis.rows.iter().enumerate().map(|(k, row)| row.residual * root(k)).collect();
+    let seconds: Vec<usize> = (1..errors.len()).filter(|k| sequence.places[*k] == sequence.places[*k - 1] + 1).collect();
+    let neighbours: f64 = seconds.iter().map(|k| (errors[*k] - errors[*k - 1]).powi(2)).sum();
+    let square: f64 = errors.iter().map(|error| error * error).sum();
+    Some(neighbours / seconds.len() as f64 * (errors.len() - 1) as f64 / square)
 }

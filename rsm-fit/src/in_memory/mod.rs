@@ -30,6 +30,7 @@ pub use rows::{Inputs, Responses};
 pub use select::Select;
 
 use crate::fit::{Data, Outcome, Progress, fit_rows};
+use crate::missing::Missing;
 use crate::records::{DataFile, Records, Refused, Units, hexadecimal};
 use crate::spec::{IN_MEMORY, InputSpec, Specification, Split, Together, Validation};
 use crate::table::magnitude_fault;
@@ -62,6 +63,7 @@ pub struct Fit {
     groups: Option<Vec<String>>,
     mirror: Vec<String>,
     run_order: Option<Vec<f64>>,
+    missing: Missing,
 }
 
 /// Rows that are not fitted.
@@ -96,6 +98,7 @@ impl Fit {
             groups: None,
             mirror: Vec::new(),
             run_order: None,
+            missing: Missing::default(),
         }
     }
 
@@ -204,6 +207,23 @@ impl Fit {
         self
     }
 
+    /// What to do with a row that has NaN in place of a number. By default it is refused.
+    ///
+    /// ```
+    /// use rsm_fit::{Fit, Missing};
+    ///
+    /// let (x, y) = ([0.0, 1.0, 2.0, 3.0, f64::NAN], [1.0, 3.0, f64::NAN, 7.0, 9.0]);
+    /// let outcome = Fit::new(&x, &y).order(1).missing(Missing::DropRow).fit()?;
+    /// assert_eq!(outcome.statistics("y").unwrap().rows, 3);
+    /// assert_eq!(outcome.left_out[0][0].rows, 2);
+    /// # Ok::<(), rsm_fit::Refused>(())
+    /// ```
+    #[must_use]
+    pub fn missing(mut self, missing: Missing) -> Self {
+        self.missing = missing;
+        self
+    }
+
     /// Fits.
     ///
     /// # Errors
@@ -216,7 +236,8 @@ impl Fit {
     /// let refused = Fit::new(&[1.0, 2.0, f64::NAN], &[1.0, 2.0]).fit().unwrap_err();
     /// assert_eq!(
     ///     refused.to_string(),
-    ///     "fit: input `x1`: row 3: found NaN, expected a finite number\nfit: response `y`: found 2 rows, expected 3"
+    ///     "fit: input `x1`: row 3: found NaN, expected a finite number; no other value is NaN\n  \
+    ///      help: `Fit::missing(Missing::DropRow)` leaves such rows out\nfit: response `y`: found 2 rows, expected 3"
     /// );
     /// ```
     pub fn fit(&self) -> Result<Outcome, Refused> {
@@ -279,7 +300,7 @@ impl Fit {
         let together =
             Together { columns: self.groups.iter().map(|_| GROUPS.to_string()).collect(), mirror: self.mirror.clone() };
         let apart = (self.validation.specification(VALIDATE), self.test.specification(TEST));
-        Some(Specification::in_memory(self.name.clone(), apart, inputs, responses, together, faults))
+        Some(Specification::in_memory(self.name.clone(), apart, inputs, responses, (together, self.missing), faults))
     }
 
     fn data(&self, faults: &mut Collector) -> Data {
@@ -291,13 +312,15 @@ impl Fit {
         }
         if let Some(order) = &self.run_order {
             same_length(faults, "the run order", order.len(), rows);
-            if let Some(bad) = order.iter().find(|place| !place.is_finite()) {
+            if let Some(bad) = order.iter().find(|place| !self.is_accepted(**place)) {
                 tell(faults, format!("the run order: found {bad}, expected a finite number"));
             }
-            fit.order = crate::records::distinct(order.clone(), rows);
+            // If rows may be left out, only the kept ones must be different.
+            let is_settled = self.missing == Missing::Error || order.len() != rows;
+            fit.order = if is_settled { crate::records::distinct(order.clone(), rows) } else { order.clone() };
         }
         for (response, name) in self.responses.columns.iter().zip(self.response_names()) {
-            fit.weights.push(weights(response, &name, faults));
+            fit.weights.push(self.weights(response, &name, faults));
         }
         let mut apart = |key: &str, rows: &Apart| match rows {
             Apart::Rows(inputs, responses) => {
@@ -348,8 +371,8 @@ impl Fit {
                 tell(faults, format!("{who}: found `{given}` in its place, expected the same order as in the rows to fit"));
             }
             same_length(faults, &who, values.len(), rows);
-            if let Some(row) = values.iter().position(|value| !value.is_finite()) {
-                tell(faults, format!("{who}: row {}: found {}, expected a finite number", row + 1, values[row]));
+            if let Some(row) = values.iter().position(|value| !self.is_accepted(*value)) {
+                faults.push(not_finite(&who, values, row));
             } else if let Some((row, what, help)) = magnitude_fault(values).filter(|_| is_response) {
                 let what = format!("{who}: row {}: found {:?}, {what}", row + 1, values[row]);
                 faults.push(Fault::whole_file(IN_MEMORY, what).help(help));
@@ -360,6 +383,28 @@ impl Fit {
         let sha256 = hexadecimal(&hash.finalize());
         records.files = vec![DataFile { name: name.to_string(), sha256, rows }];
         records
+    }
+
+    /// Whether the value can be in the rows: a finite number, or NaN if rows may be left out.
+    fn is_accepted(&self, value: f64) -> bool {
+        value.is_finite() || value.is_nan() && self.missing == Missing::DropRow
+    }
+
+    fn weights(&self, response: &Response, name: &str, faults: &mut Collector) -> Vec<f64> {
+        let (given, weights): (&Vec<f64>, Vec<f64>) = match &response.weights {
+            None => return Vec::new(),
+            Some(RowWeights::Weights(weights)) => (weights, weights.clone()),
+            Some(RowWeights::StandardErrors(sigma)) => (sigma, sigma.iter().map(|sigma| 1.0 / (sigma * sigma)).collect()),
+        };
+        same_length(faults, &format!("response `{name}`: the weights"), given.len(), response.values.len());
+        if let Some(row) = (0..given.len()).find(|row| {
+            given[*row] <= 0.0 || !self.is_accepted(given[*row]) || !(given[*row].is_nan() || weights[*row].is_normal())
+        }) {
+            let what =
+                format!("response `{name}`: the weight of row {}: found {}, expected a number above 0", row + 1, given[row]);
+            faults.push(Fault::whole_file(IN_MEMORY, what).help("leave the row out if it must not count"));
+        }
+        weights
     }
 }
 
@@ -385,18 +430,17 @@ fn names<'a>(given: impl Iterator<Item = &'a Option<String>>, letter: &str, numb
     given.enumerate().map(|(k, name)| name.clone().unwrap_or_else(|| own(k))).collect()
 }
 
-fn weights(response: &Response, name: &str, faults: &mut Collector) -> Vec<f64> {
-    let (given, weights): (&Vec<f64>, Vec<f64>) = match &response.weights {
-        None => return Vec::new(),
-        Some(RowWeights::Weights(weights)) => (weights, weights.clone()),
-        Some(RowWeights::StandardErrors(sigma)) => (sigma, sigma.iter().map(|sigma| 1.0 / (sigma * sigma)).collect()),
-    };
-    same_length(faults, &format!("response `{name}`: the weights"), given.len(), response.values.len());
-    if let Some(row) = (0..given.len()).find(|row| given[*row] <= 0.0 || !weights[*row].is_normal()) {
-        let what = format!("response `{name}`: the weight of row {}: found {}, expected a number above 0", row + 1, given[row]);
-        faults.push(Fault::whole_file(IN_MEMORY, what).help("leave the row out if it must not count"));
+/// The fault of the first number that is not finite. Missing ones are counted, with the method that leaves them out.
+fn not_finite(who: &str, values: &[f64], row: usize) -> Fault {
+    let what = format!("{who}: row {}: found {}, expected a finite number", row + 1, values[row]);
+    if !values[row].is_nan() {
+        return Fault::whole_file(IN_MEMORY, what);
     }
-    weights
+    let what = match values.iter().filter(|value| value.is_nan()).count() {
+        1 => format!("{what}; no other value is NaN"),
+        all => format!("{what}; {all} values are NaN"),
+    };
+    Fault::whole_file(IN_MEMORY, what).help("`Fit::missing(Missing::DropRow)` leaves such rows out")
 }
 
 fn same_length(faults: &mut Collector, who: &str, found: usize, expected: usize) {

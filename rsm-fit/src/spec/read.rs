@@ -12,6 +12,8 @@ use rsm_core::source::{Collector, Source};
 use rsm_core::toml_reader::{self, TableReader, Value, describe};
 use toml::de::DeValue;
 
+use crate::missing::Missing;
+
 use super::{Criterion, Direction, InputSpec, Method, ResponseSpec, Search, SearchBy, Split, Validation, Weights, shape};
 
 /// The parts of the text with the right shape.
@@ -20,6 +22,7 @@ pub(super) struct Draft {
     pub data: Vec<String>,
     pub validation: Validation,
     pub test: Validation,
+    pub missing: Missing,
     pub inputs: Vec<InputSpec>,
     pub responses: Vec<ResponseSpec>,
     pub places: Places,
@@ -47,6 +50,7 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<Draft> {
         }
     };
     let (validation, test) = (apart("validate"), apart("test"));
+    let missing = top.choice("missing", &[("error", Missing::Error), ("drop-row", Missing::DropRow)], faults);
     let mut inputs = Vec::new();
     let section = top.required("inputs", faults);
     places.each_entry(section, ("inputs", "input"), source, faults, |path, name, reader, places, faults| {
@@ -65,6 +69,7 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<Draft> {
         data: data.unwrap_or_default(),
         validation: validation.unwrap_or(Validation::None),
         test: test.unwrap_or(Validation::None),
+        missing: missing.unwrap_or_default(),
         inputs,
         responses,
         places,

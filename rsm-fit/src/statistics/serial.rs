@@ -24,6 +24,7 @@ use crate::distributions::{quantile_t, two_sided_t};
 use crate::observations::Observations;
 use crate::qr::Growing;
 use crate::random::Random;
+use crate::sequence::Sequence;
 
 /// With fewer rows, no test is made.
 const LEAST_ROWS: usize = 8;
@@ -66,8 +67,9 @@ impl Serial {
     }
 }
 
-/// The correlation of neighbours and its probability in a random order. `None` with too few rows.
-pub(crate) fn of_neighbours(errors: &[f64]) -> Option<(f64, f64)> {
+/// The correlation of neighbours and its probability in a random order. `places`: where the errors are; neighbours are 1 apart. `None` with too few
+/// rows or neighbours.
+pub(crate) fn of_neighbours(errors: &[f64], places: &[usize]) -> Option<(f64, f64)> {
     let count = errors.len() as f64;
     if errors.len() < LEAST_ROWS {
         return None;
@@ -75,10 +77,19 @@ pub(crate) fn of_neighbours(errors: &[f64]) -> Option<(f64, f64)> {
     let mean = errors.iter().sum::<f64>() / count;
     let mut errors: Vec<f64> = errors.iter().map(|error| error - mean).collect();
     let square: f64 = errors.iter().map(|error| error * error).sum();
-    let serial = |errors: &[f64]| errors.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / square;
+    // The places of the second of two neighbours; all but the first without gaps.
+    let seconds: Vec<usize> = (1..errors.len()).filter(|k| places[*k] == places[*k - 1] + 1).collect();
+    let pairs = seconds.len() as f64;
+    if seconds.len() + 1 < LEAST_ROWS {
+        return None;
+    }
+    // Beside gaps the mean over the pairs, as without gaps. The factor is exactly 1 there.
+    let scale = (count - 1.0) / pairs;
+    let serial = |errors: &[f64]| scale * (seconds.iter().map(|k| errors[*k - 1] * errors[*k]).sum::<f64>() / square);
     let found = serial(&errors);
     if errors.len() >= MANY_ROWS {
-        let z = (found + 1.0 / (count - 1.0)) * (count - 1.0).sqrt();
+        // The mean over fewer pairs has the variance 1/pairs.
+        let z = (found + 1.0 / (count - 1.0)) * pairs.sqrt();
         let p = two_sided_t(z, count)? / 2.0;
         // mutant `> to >=`: at 0 both are a half.
         return Some((found, if z > 0.0 { p } else { 1.0 - p }));
@@ -114,28 +125,30 @@ fn takes_too_long(rows: usize, width: usize, lags: usize) -> bool {
     each * width as f64 > WORK || each * lags as f64 > 10.0 * WORK
 }
 
-/// The number of lags, with a standard error for each term. `places`: the rows in their order; `errors`: sqrt(w) (y - yhat), by row. `None` if it
-/// would take too long.
+/// The number of lags, with a standard error for each term. `errors`: sqrt(w) (y - yhat), by row. A left-out row is a part of 0 (Parzen 1963, On
+/// spectral analysis with missing observations), so that rows keep their distance and no variance is negative. `None` if it would take too long.
 pub(crate) fn newey_west(
     design: &Design,
     solved: &Growing,
     fit: Observations<'_>,
-    places: &[usize],
+    sequence: &Sequence,
     errors: &[f64],
     correlation: f64,
 ) -> Option<(usize, Vec<f64>)> {
-    let (rows, width) = (places.len(), design.width());
+    let (rows, width) = (sequence.rows.len(), design.width());
     let lags = lags(correlation, rows);
     let freedom = NonZeroUsize::new(rows.checked_sub(width)?)?;
-    if takes_too_long(rows, width, lags) {
+    let first = *sequence.places.first()?;
+    if takes_too_long(sequence.places.last()? - first + 1, width, lags) {
         return None;
     }
     let mut parts = vec![Vec::with_capacity(rows); width];
-    for row in places {
+    for (row, place) in sequence.rows.iter().zip(&sequence.places) {
         let pushed = Dd::from(errors[*row]) * fit.weight(*row).sqrt();
         let x = design.row_as_measured(&fit.point(*row));
         let moved = solved.coefficients_of(solved.projected(x));
         for (part, moved) in parts.iter_mut().zip(moved) {
+            part.resize(place - first, 0.0);
             part.push((moved * pushed).to_f64());
         }
     }
@@ -153,6 +166,10 @@ pub(crate) fn intervals(coefficients: impl Iterator<Item = f64>, errors: &[f64],
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn alike(errors: &[f64]) -> Option<(f64, f64)> {
+        of_neighbours(errors, &(0..errors.len()).collect::<Vec<usize>>())
+    }
 
     #[test]
     fn a_sum_of_four_parts_worked_by_hand() {
@@ -234,27 +251,45 @@ mod tests {
         // 0 to 7 less their mean: squares 42, neighbours 8.75 + 3.75 + 0.75 - 0.25 + 0.75 + 3.75 + 8.75 = 26.25. Of 8! = 40,320 orders only few are
         // as alike.
         let rows: Vec<f64> = (0..8).map(f64::from).collect();
-        let (found, p) = of_neighbours(&rows).unwrap();
+        let (found, p) = alike(&rows).unwrap();
         assert_eq!(found, 0.625);
         assert!(p <= 0.005, "{p}");
-        assert_eq!(of_neighbours(&rows[1..]), None);
+        assert_eq!(alike(&rows[1..]), None);
         // Of 20! orders none is met that is as alike: the order itself, of 1000 with it.
         let rows: Vec<f64> = (0..20).map(f64::from).collect();
-        assert_eq!(of_neighbours(&rows).unwrap().1, 0.001);
+        assert_eq!(alike(&rows).unwrap().1, 0.001);
         // Four of each sign have 70 orders; two of them have a single change, as many as this one: 2/70 = 0.029, which 999 orders find to 0.005.
         let halves = [1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0];
-        let (found, p) = of_neighbours(&halves).unwrap();
+        let (found, p) = alike(&halves).unwrap();
         assert_eq!(found, 0.625);
         assert!((p - 2.0 / 70.0).abs() < 0.02, "{p}");
         assert_eq!((p * 1000.0).round() / 1000.0, p);
         // 500 rows + + - - + + - -: of 499 pairs 250 have one sign, so 1/500 = 0.002. z = (1/500 + 1/499) sqrt(499) = 0.089443, and Student's t with
         // 500 degrees of freedom lies above it with 0.464383 (normal: 0.464365).
         let signs: Vec<f64> = (0..MANY_ROWS).map(|row| if row % 4 < 2 { 1.0 } else { -1.0 }).collect();
-        let (found, p) = of_neighbours(&signs).unwrap();
+        let (found, p) = alike(&signs).unwrap();
         assert_eq!(found, 0.002);
         assert!((p - 0.464_383).abs() < 2e-6, "{p}");
         let turns: Vec<f64> = (0..MANY_ROWS).map(|row| if row % 2 == 0 { 1.0 } else { -1.0 }).collect();
-        assert!(of_neighbours(&turns).unwrap().1 > 0.999);
+        assert!(alike(&turns).unwrap().1 > 0.999);
+    }
+
+    #[test]
+    fn pairs_over_a_gap_do_not_count() {
+        // 0 to 7 again, with a gap before 3: less 0.75, 25.5 are left of six pairs. One pair fewer than seven is too few, so row 8 is added: the mean
+        // is 4, the squares 60, neighbours 12 + 6 + 0 + 0 + 2 + 6 + 12 = 38 without the pair 2 * 1 = 2 over the gap; 8/7 of them by the pairs.
+        let rows: Vec<f64> = (0..9).map(f64::from).collect();
+        let places: Vec<usize> = (0..9).map(|k| if k < 3 { k } else { k + 1 }).collect();
+        let (found, p) = of_neighbours(&rows, &places).unwrap();
+        // Three roundings.
+        assert!((found - 8.0 / 7.0 * 38.0 / 60.0).abs() < 1e-15, "{found}");
+        assert!(p <= 0.01, "{p}");
+        assert_eq!(of_neighbours(&rows[..8], &places[..8]), None);
+        // 600 rows in pairs of one sign, +1 or -1 in turn, with a gap after each pair: 300 pairs, all alike. Against random orders that is certain.
+        let signs: Vec<f64> = (0..600).map(|row| if row % 4 < 2 { 1.0 } else { -1.0 }).collect();
+        let places: Vec<usize> = (0..600).map(|row| row + row / 2).collect();
+        let (found, p) = of_neighbours(&signs, &places).unwrap();
+        assert!((found - 599.0 / 600.0).abs() < 1e-15 && p < 1e-30, "{found} {p}");
     }
 
     #[test]
@@ -265,14 +300,14 @@ mod tests {
             let alarms = (0..series).filter(|seed| {
                 let mut random = Random::new(*seed);
                 let errors: Vec<f64> = (0..rows).map(|_| random.normal()).collect();
-                of_neighbours(&errors).unwrap().1 <= level
+                alike(&errors).unwrap().1 <= level
             });
             let alarms = alarms.count();
             assert!((1..=most).contains(&alarms), "{rows} rows: {alarms}");
         }
         let mut random = Random::new(3);
         let errors: Vec<f64> = (0..MANY_ROWS).map(|_| random.normal()).collect();
-        let (short, long) = (of_neighbours(&errors[1..]).unwrap().1, of_neighbours(&errors).unwrap().1);
+        let (short, long) = (alike(&errors[1..]).unwrap().1, alike(&errors).unwrap().1);
         // One row less moves the correlation by about 1/500; 999 orders tell a probability to 0.016 (one standard deviation), three of them.
         assert!((short - long).abs() < 0.08, "{short} {long}");
     }

@@ -10,6 +10,7 @@ mod forms;
 mod honest;
 mod in_memory;
 mod ladder;
+mod missing;
 mod nist;
 mod optimal;
 mod optimise;
