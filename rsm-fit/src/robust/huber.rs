@@ -43,11 +43,13 @@ pub(super) fn fit(rows: &Rows<'_>, start: &Growing) -> Robust {
     Robust { coefficients, errors, scale, iterations, has_converged, is_unique: None, standard_errors }
 }
 
-/// The asymptotic standard errors (Huber 1981, (6.5) in 7.6): of a coefficient with the variance factor v of least squares
+/// The asymptotic standard errors (Huber 1981, (6.5) in 7.6), from the variance factor v of each coefficient of least squares:
 ///
-///     kappa^2 sum(psi^2)/(n - p)/m^2 v,   kappa = 1 + p/n var(psi')/m^2,   m = mean(psi'),
+/// ```text
+/// variance = kappa^2 sum(psi^2)/(n - p)/m^2 v,   kappa = 1 + p/n var(psi')/m^2,   m = mean(psi')
+/// ```
 ///
-/// where psi is the error, limited to k s, and psi' is 1 below the limit and 0 above. Empty without a degree of freedom or a row below the limit.
+/// psi is the error, limited to k s; psi' is 1 below the limit and 0 above. Empty without a degree of freedom or a row below the limit.
 fn standard_errors(rows: &Rows<'_>, start: &Growing, errors: &[f64], scale: f64) -> Vec<f64> {
     let (n, p) = (errors.len() as f64, rows.design.width() as f64);
     let limit = K * scale;
