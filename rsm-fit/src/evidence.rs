@@ -12,7 +12,7 @@ use crate::observations::{Named, ValidationStatistics};
 use crate::outcome::ResponseOutcome;
 use crate::records::{DataFile, Records, hash};
 use crate::selection::ChosenBy;
-use crate::spec::{Form, Method, ResponseSpec, Specification, Validation, Weights};
+use crate::spec::{Form, Loss, Method, ResponseSpec, Specification, Validation, Weights};
 
 /// The evidence of a fitted response.
 #[must_use]
@@ -34,7 +34,7 @@ pub(crate) fn of(
     }
     tell("data", fit.map(|fit| files(&fit.files)));
     tell("specification", specification.source().map(specification_of));
-    tell("method", Some(Evidence::Text(method(&response.method))));
+    tell("method", Some(Evidence::Text(method(&response.method, response.loss))));
     tell(
         "weights",
         response.weights.as_ref().map(|weights| {
@@ -44,6 +44,9 @@ pub(crate) fn of(
             })
         }),
     );
+    if let Some(loss) = &statistics.loss {
+        tell("error_scale", Some(Evidence::Number(loss.scale)));
+    }
     tell("residual_sd", number(statistics.residual_sd));
     tell("r2", number(statistics.r2));
     tell("r2_predicted", number(statistics.r2_predicted));
@@ -147,11 +150,16 @@ fn specification_of(source: &Source) -> Evidence {
     Evidence::Table(vec![text("file", name), text("sha256", &hash(source.text()))])
 }
 
-fn method(method: &Method) -> String {
+fn method(method: &Method, loss: Loss) -> String {
+    let by = match loss {
+        Loss::LeastSquares => "least squares",
+        Loss::Huber => "Huber's loss",
+        Loss::L1 => "least absolute errors",
+    };
     match method {
         Method::Ladder { max_order, confidence } => format!("ladder up to order {max_order}, confidence {confidence} % wanted"),
-        Method::Fixed(terms) => format!("least squares on {} given terms", terms.len()),
-        Method::FixedOrder(order) => format!("least squares on all terms up to order {order}"),
+        Method::Fixed(terms) => format!("{by} on {} given terms", terms.len()),
+        Method::FixedOrder(order) => format!("{by} on all terms up to order {order}"),
         Method::Search(search) => format!("{} up to order {}", search.by.word(), search.max_order),
     }
 }

@@ -1,8 +1,8 @@
 //! Rows that are left out because a cell is missing.
 //!
-//! In: records with NaN in place of missing numbers. Out: the records without rows that no response can use, the rows of each response, and the counts
-//! for each file and column. Never fills a cell: a number of a fit is a number of the data. For one response the fit has the bits of the same files
-//! without these rows; only the tests of neighbouring rows differ, because rows on both sides of a gap are no neighbours.
+//! In: records with NaN in place of missing numbers. Out: the records without rows that no response can use, the rows of each response, and the
+//! counts for each file and column. Never fills a cell: a number of a fit is a number of the data. For one response the fit has the bits of the same
+//! files without these rows; only the tests of neighbouring rows differ, because rows on both sides of a gap are no neighbours.
 
 use std::borrow::Cow;
 
@@ -15,8 +15,8 @@ use crate::sequence::Sequence;
 use crate::spec::{ResponseSpec, Specification};
 use crate::statistics::Warning;
 
-/// The share of left-out rows above which a fit warns: beyond a tenth, estimates from the complete rows are likely to be biased (Bennett 2001, How can
-/// I deal with missing data in my study?).
+/// The share of left-out rows above which a fit warns: beyond a tenth, estimates from the complete rows are likely to be biased (Bennett 2001, How
+/// can I deal with missing data in my study?).
 pub const WARN_ABOVE: f64 = 0.1;
 
 /// Rows that a response leaves out, of one use of rows.

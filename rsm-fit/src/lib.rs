@@ -108,6 +108,8 @@ pub mod constrain;
 
 pub mod verdict;
 
+pub mod robust;
+
 mod warnings;
 
 mod evidence;

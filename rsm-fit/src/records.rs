@@ -1,8 +1,8 @@
 //! Records: the rows of the data files in the units of the model.
 //!
 //! In: a specification and the names of some of its files. Out: [`Records`] (one list for each variable, all of the same length) with the name, hash
-//! and rows of each file, or every fault of every file. If the specification gives no unit, that of the first file with a unit is used. A missing number is
-//! NaN, if the specification permits that. Never drops a row while it reads.
+//! and rows of each file, or every fault of every file. If the specification gives no unit, that of the first file with a unit is used. A missing
+//! number is NaN, if the specification permits that. Never drops a row while it reads.
 
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use sha2::{Digest, Sha256};

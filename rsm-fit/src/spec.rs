@@ -147,6 +147,8 @@ pub struct ResponseSpec {
     pub method: Method,
     /// The weights of the rows; `None` if all count equally.
     pub weights: Option<Weights>,
+    /// The loss that the coefficients minimise.
+    pub loss: Loss,
     /// The constraints, over its whole supported region.
     pub constraints: Vec<Constraint>,
     /// Whether the model contains the region supported by the data.
@@ -165,6 +167,30 @@ pub enum Form {
     Sigmoid,
     /// Cosines and sines of a periodic input, with orders chosen by the data.
     Wave,
+}
+
+/// The loss that coefficients minimise.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Loss {
+    /// The sum of squared errors.
+    #[default]
+    LeastSquares,
+    /// Huber's: squares up to 1.345 scales, then lines.
+    Huber,
+    /// The sum of absolute errors.
+    L1,
+}
+
+impl Loss {
+    /// The name in a specification.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Loss::LeastSquares => "least-squares",
+            Loss::Huber => "huber",
+            Loss::L1 => "l1",
+        }
+    }
 }
 
 /// A column of the data with the weights of the rows.

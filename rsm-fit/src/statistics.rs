@@ -15,6 +15,7 @@ use crate::dd::Dd;
 use crate::design::{Design, order};
 use crate::distributions::{two_sided_t, upper_f};
 use crate::qr::Growing;
+use crate::robust::LossReport;
 use crate::spec::Form;
 use crate::support::SupportStatistics;
 
@@ -215,6 +216,9 @@ pub struct ResponseStatistics {
     /// The report on the constraints; `None` if the specification has none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub constraints: Option<ConstraintStatistics>,
+    /// The report on a robust loss; `None` with least squares.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub loss: Option<LossReport>,
 }
 
 /// The value of a polynomial at a row of its design.
@@ -321,6 +325,7 @@ fn figures(
         forms: None,
         support: None,
         constraints: None,
+        loss: None,
     }
 }
 

@@ -142,6 +142,9 @@ pub fn in_words(fitted: &Fitted) -> String {
             statistics.rows_used.coefficients, statistics.rows_used.terms
         );
         text += &format!("  error estimate: {}\n", statistics.rows_used.error);
+        if let Some(loss) = &statistics.loss {
+            text += &format!("  loss: {}\n", loss.words(unit));
+        }
         if let Some(forms) = &statistics.forms {
             text += &format!("  form: {}\n", forms.words());
         }

@@ -248,6 +248,9 @@ fn of_the_fit(statistics: &ResponseStatistics, inputs: &[Input], has_rows_apart:
         "R<sup>2</sup>, adjusted, predicted",
         [statistics.r2, statistics.r2_adjusted, statistics.r2_predicted].map(share).join(", "),
     );
+    if let Some(loss) = &statistics.loss {
+        row("loss", escaped(&loss.words("")));
+    }
     row("confidence C on the fitted rows", figure(statistics.confidence_c) + " %");
     if let Some(lack) = &statistics.lack_of_fit {
         let number = |value: Option<f64>| value.map_or("none".to_string(), short);

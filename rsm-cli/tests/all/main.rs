@@ -7,6 +7,7 @@ mod diagnose;
 mod diagnose_surface;
 mod driveline;
 mod federation;
+mod fit_loss;
 mod fit_missing;
 mod guides;
 mod import;

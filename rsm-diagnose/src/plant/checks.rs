@@ -28,8 +28,8 @@ const DECAYED: f64 = 1e-3;
 /// A channel is stuck if it has one value from some row to the end, and this part is at least one in this many of the record's rows.
 const STAYS: usize = 4;
 
-/// The change after equal readings is a jump if it exceeds the largest other change of the channel by this factor. The largest of 400 changes by normal
-/// noise is 4.2 standard deviations; of 10^6 it is 6.9 (order statistics), so noise alone gives a factor of 1.6.
+/// The change after equal readings is a jump if it exceeds the largest other change of the channel by this factor. The largest of 400 changes by
+/// normal noise is 4.2 standard deviations; of 10^6 it is 6.9 (order statistics), so noise alone gives a factor of 1.6.
 const JUMP_AFTER_STUCK: f64 = 3.0;
 
 /// Two clipped readings belong to one clipped interval if they are at most this many rows apart. Noise takes a signal at the limit below it in half

@@ -5,7 +5,7 @@
 use rsm_core::model::{Coding, Knot, Outside, Sigmoid, Surface, Symmetry, Wave};
 
 use super::Select;
-use crate::spec::{Constraint, FACES, Form, InputSpec, MOST_FACES, ResponseSpec, SupportSpec, Weights};
+use crate::spec::{Constraint, FACES, Form, InputSpec, Loss, MOST_FACES, ResponseSpec, SupportSpec, Weights};
 
 /// An input: one value for each row, and its properties.
 ///
@@ -106,6 +106,7 @@ pub struct Response {
     constraints: Vec<Constraint>,
     support: Option<SupportSpec>,
     forms: Option<Vec<Form>>,
+    loss: Loss,
 }
 
 /// The weights of the rows.
@@ -134,6 +135,7 @@ impl Response {
             constraints: Vec::new(),
             support: None,
             forms: None,
+            loss: Loss::default(),
         }
     }
 
@@ -228,6 +230,22 @@ impl Response {
         self
     }
 
+    /// The loss that the coefficients minimise, for given terms. The default is least squares.
+    ///
+    /// ```
+    /// use rsm_fit::{Fit, Response, spec::Loss};
+    ///
+    /// let y = [1.0, 3.0, 5.0, 70.0, 9.0]; // 1 + 2 x with one wrong row
+    /// let outcome = Fit::new(&[0.0, 1.0, 2.0, 3.0, 4.0], Response::new("y", y).loss(Loss::L1)).order(1).fit()?;
+    /// assert_eq!(outcome.model.surfaces[0].terms[1].coefficient, 4.0); // 2 for each unit, 4 for the half range
+    /// # Ok::<(), rsm_fit::Refused>(())
+    /// ```
+    #[must_use]
+    pub fn loss(mut self, loss: Loss) -> Self {
+        self.loss = loss;
+        self
+    }
+
     /// A constraint on the surface over its whole supported region. It is proved; otherwise there is no surface.
     #[must_use]
     pub fn constraint(mut self, constraint: Constraint) -> Self {
@@ -264,6 +282,7 @@ impl Response {
                 RowWeights::Weights(_) => Weights::Weight("weights in memory".to_string()),
                 RowWeights::StandardErrors(_) => Weights::StandardError("standard errors in memory".to_string()),
             }),
+            loss: self.loss,
             constraints: self.constraints.clone(),
             support: self.support,
             forms: self.forms.clone(),

@@ -14,7 +14,7 @@ use toml::de::DeValue;
 
 use crate::missing::Missing;
 
-use super::{Criterion, Direction, InputSpec, Method, ResponseSpec, Search, SearchBy, Split, Validation, Weights, shape};
+use super::{Criterion, Direction, InputSpec, Loss, Method, ResponseSpec, Search, SearchBy, Split, Validation, Weights, shape};
 
 /// The parts of the text with the right shape.
 pub(super) struct Draft {
@@ -245,7 +245,9 @@ fn read_response(
     let support = shape::read_support(path, reader, places, faults);
     let weights = read_weights(path, reader, places, faults);
     let forms = shape::read_forms(path, reader, places, faults);
-    refuse_later_work(reader, faults);
+    note_key(places, format!("{path}.loss"), "loss", reader);
+    let losses = [Loss::LeastSquares, Loss::Huber, Loss::L1].map(|loss| (loss.word(), loss));
+    let loss = reader.choice("loss", &losses, faults);
     let (unit, basis) = (unit?, basis?);
     let surface = Surface {
         name: name.to_string(),
@@ -266,21 +268,11 @@ fn read_response(
         surface,
         method: select?,
         weights: weights?,
+        loss: loss.unwrap_or_default(),
         constraints: constraints?,
         support: support?,
         forms: forms?,
     })
-}
-
-/// Rejects keys of the format that this version does not support. Ignoring them would give a different model.
-fn refuse_later_work(reader: &mut TableReader<'_>, faults: &mut Collector) {
-    if let Some(value) = reader.optional("loss") {
-        let is_least_squares = matches!(value.get_ref(), DeValue::String(word) if word == "least-squares");
-        if !is_least_squares {
-            let what = format!("`loss`: {} is not available in this version", describe(value.get_ref()));
-            faults.push(reader.fault(value.span(), what).help("accepted: \"least-squares\""));
-        }
-    }
 }
 
 /// `Some(None)` if absent.

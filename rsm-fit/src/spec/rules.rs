@@ -8,14 +8,24 @@ use rsm_core::names;
 use rsm_core::source::Collector;
 
 use super::{
-    Criterion, MOST_FOR_SUBSETS, MOST_TERMS, Method, ResponseSpec, Search, SearchBy, Specification, Validation, shape,
+    Criterion, Form, Loss, MOST_FOR_SUBSETS, MOST_TERMS, Method, ResponseSpec, Search, SearchBy, Specification, Validation,
+    shape,
 };
 use crate::design::{count_of_terms, missing_odd_input};
 use crate::units;
 
 pub(super) fn check(specification: &Specification, faults: &mut Collector) {
-    let rules =
-        [check_model, check_validation, check_inputs, check_units, check_responses, check_basis, check_method, shape::check];
+    let rules = [
+        check_model,
+        check_validation,
+        check_inputs,
+        check_units,
+        check_responses,
+        check_basis,
+        check_method,
+        check_loss,
+        shape::check,
+    ];
     for rule in rules {
         rule(specification, faults);
     }
@@ -204,6 +214,35 @@ fn check_method(specification: &Specification, faults: &mut Collector) {
                 }
             }
             Method::Search(search) => check_search(specification, response, search, faults),
+        }
+    }
+}
+
+/// A robust loss needs given terms and a form without a search: criteria and proofs are for squared errors.
+fn check_loss(specification: &Specification, faults: &mut Collector) {
+    for response in specification.responses.iter().filter(|response| response.loss != Loss::LeastSquares) {
+        let name = &response.surface.name;
+        let mut fault = |what: &str, help: &str| {
+            let what = format!("response `{name}`: `loss`: \"{}\" {what}", response.loss.word());
+            faults.push(specification.fault(&format!("responses.{name}.loss"), what).help(help));
+        };
+        if matches!(response.method, Method::Ladder { .. } | Method::Search(_)) {
+            fault(
+                "needs given terms: the criteria that choose terms are of squared errors",
+                "use `select = { method = \"fixed\", ... }`; least squares may choose the terms on rows without outliers",
+            );
+        }
+        if !response.constraints.is_empty() {
+            fault("cannot be combined with `constraints`, which are proved for squared errors", "remove one of them");
+        }
+        let is_periodic = |name: &String| specification.input(name).is_some_and(|input| input.period.is_some());
+        let searches_waves = response.forms.is_none() && response.surface.inputs.iter().any(is_periodic);
+        let searches = response.forms.iter().flatten().any(|form| *form != Form::Polynomial);
+        if searches || searches_waves {
+            fault(
+                "cannot be combined with a search of sigmoids or waves, which compares squared errors",
+                "use `forms = [\"polynomial\"]`, and give `sigmoids` or `waves` if they are known",
+            );
         }
     }
 }

@@ -20,6 +20,7 @@ mod recursive;
 #[path = "../../../tests/src/refused.rs"]
 mod refused;
 mod rejected;
+mod robust;
 mod selection;
 mod serial;
 mod splits;
