@@ -12,14 +12,14 @@
 //! The angle is advanced by 1.5 T of rotation, from the sample to the middle of the period in which the duties act. Vectors are amplitude-invariant:
 //! a vector of length I is three phases of peak I.
 //!
-//! **A bad sample is replaced, and the control continues.** Bus voltage and speed are replaced by the last good ones, the angle by the last one advanced by the speed, the currents by a model of the
-//! winding under the commanded voltages. So the voltages stay right in the rotor's frame and follow the references. Current
-//! samples are also compared with the model: a stuck sensor differs from it after a while.
+//! **A bad sample is replaced, and the control continues.** Bus voltage and speed are replaced by the last good ones, the angle by the last one
+//! advanced by the speed, the currents by a model of the winding under the commanded voltages. So the voltages stay right in the rotor's frame and
+//! follow the references. Current samples are also compared with the model: a stuck sensor differs from it after a while.
 //!
-//! **The safe state is the open bridge** (`closed` = 0): all six switches off. It begins after the number of bad samples in a row that [`crate::Limits`] gives, or immediately if the
-//! current exceeds the circle by 7 %, or will do so in the next period. The README of `targets/firmware` says why it is not a short circuit, and what
-//! the caller must do. It ends after as many good samples in a row as the limits give. The control then begins with the measured currents as its
-//! references and without an integral, so there is no jump.
+//! **The safe state is the open bridge** (`closed` = 0): all six switches off. It begins after the number of bad samples in a row that
+//! [`crate::Limits`] gives, or immediately if the current exceeds the circle by 7 %, or will do so in the next period. The README of
+//! `targets/firmware` says why it is not a short circuit, and what the caller must do. It ends after as many good samples in a row as the limits
+//! give. The control then begins with the measured currents as its references and without an integral, so there is no jump.
 
 use branch_free::{BadSamples, at_least, at_most, magnitude, reached, select, within};
 
