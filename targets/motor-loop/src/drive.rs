@@ -81,12 +81,12 @@ impl Limits {
     /// The limits of a drive on a bus of two thirds to four thirds of the nominal voltage, and of its speed up to that of the surface and a quarter.
     ///
     /// - Bus: 150 to 360 V of 270. 50 V a call: at 60 A a capacitor of 1 mF moves by 6 V in a period; a noise of 5 % has 19 V between two samples.
-    /// - Speed: 1000 rad/s of 785. 100 rad/s a call: far beyond what the shaft can do (2200 rad/s^2), and below what hurts (a tenth of the range for one
-    ///   period is 24 V of back-EMF, 3 A).
+    /// - Speed: 1000 rad/s of 785. 100 rad/s a call: far beyond what the shaft can do (2200 rad/s^2), and below what hurts (a tenth of the range for
+    ///   one period is 24 V of back-EMF, 3 A).
     /// - Torque: twice what the current limit gives.
     /// - Angle: 4 turns; 0.04 turns, two and a half counts of an encoder with 256 counts and 4 pole pairs.
-    /// - Currents: sum a fifth of the current limit, vector twice the limit. A quarter of the limit from the model: an inductance that is off by a quarter
-    ///   makes 10 A of the 38 A that the largest voltage moves in a period.
+    /// - Currents: sum a fifth of the current limit, vector twice the limit. A quarter of the limit from the model: an inductance that is off by a
+    ///   quarter makes 10 A of the 38 A that the largest voltage moves in a period.
     /// - The bridge opens at 1.07 of the limit: what the current control itself overshoots is below.
     /// - 10 in a row: within a millisecond a free rotor turns its speed by 2 rad/s and its angle by 0.001 turns from what was last known.
     #[must_use]
