@@ -111,9 +111,9 @@ pub fn in_words(fitted: &Fitted) -> String {
             continue;
         };
         let unit = fitted.model.surface(&response.name).map_or("", |surface| surface.unit.as_str());
-        let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e}"));
+        let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e} {unit}"));
         text += &format!(
-            "  {} terms from {} rows, residual sd {} {unit}, R2 {}\n",
+            "  {} terms from {} rows, residual sd {}, R2 {}\n",
             statistics.terms.len(),
             statistics.rows,
             figure(statistics.residual_sd),
