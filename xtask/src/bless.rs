@@ -51,29 +51,16 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     use super::*;
-    use crate::workspace::root;
-
-    fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
-        for entry in std::fs::read_dir(folder).expect("a folder of the workspace").flatten() {
-            let (path, name) = (entry.path(), entry.file_name());
-            if path.is_dir() && name != "target" && !name.to_string_lossy().starts_with('.') {
-                sources(&path, found);
-            } else if path.extension().is_some_and(|it| it == "rs") {
-                found.push(path);
-            }
-        }
-    }
+    use crate::workspace::{root, sources};
 
     #[test]
     fn every_file_that_reads_the_variable_is_among_the_writers() {
-        let mut found = Vec::new();
-        sources(&root(), &mut found);
         // The test that compares refused texts is a function that the tests of several packages call.
         let is_test = |path: &PathBuf| {
             let own = path.strip_prefix(root()).unwrap_or(path);
             !own.starts_with("xtask") && !own.starts_with("bench") && own != Path::new("tests/src/refused.rs")
         };
-        let readers = found
+        let readers = sources(&root())
             .into_iter()
             .filter(is_test)
             .filter(|path| std::fs::read_to_string(path).is_ok_and(|text| text.contains("var_os(\"RSM_BLESS\")")));

@@ -120,27 +120,20 @@ fn has_core(machine: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use super::*;
-    use crate::workspace::root;
+    use crate::workspace::{root, sources};
 
     /// The sources of the target `across`, by module: the path of a test begins with it.
     fn across() -> Vec<(String, String)> {
         let folder = root().join("tests/all");
-        let mut found = Vec::new();
-        let mut folders = vec![folder.clone()];
-        while let Some(inside) = folders.pop() {
-            for entry in std::fs::read_dir(inside).expect("a folder of tests").flatten() {
-                let path = entry.path();
-                if path.is_dir() {
-                    folders.push(path);
-                } else if path.extension().is_some_and(|it| it == "rs") {
-                    let name = path.strip_prefix(&folder).expect("a file inside").with_extension("");
-                    let module = name.to_string_lossy().replace('/', "::").replace("::mod", "");
-                    found.push((module, std::fs::read_to_string(&path).expect("a source")));
-                }
-            }
-        }
-        found
+        let of_one = |path: PathBuf| {
+            let name = path.strip_prefix(&folder).expect("a file inside").with_extension("");
+            let module = name.to_string_lossy().replace('/', "::").replace("::mod", "");
+            (module, std::fs::read_to_string(&path).expect("a source"))
+        };
+        sources(&folder).into_iter().map(of_one).collect()
     }
 
     /// The paths of the tests of a module that the long matrix runs.

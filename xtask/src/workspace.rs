@@ -1,5 +1,7 @@
 //! Where the workspace is, and how cargo is called in it.
 
+#[cfg(test)]
+use std::path::Path;
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -30,4 +32,19 @@ pub(crate) fn cargo(arguments: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(root()).args(arguments);
     command
+}
+
+/// The Rust sources in a folder and in the folders below it, without build outputs and hidden folders.
+#[cfg(test)]
+pub(crate) fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("a folder of the workspace").flatten() {
+        let (path, name) = (entry.path(), entry.file_name());
+        if path.is_dir() && name != "target" && !name.to_string_lossy().starts_with('.') {
+            found.extend(sources(&path));
+        } else if path.extension().is_some_and(|it| it == "rs") {
+            found.push(path);
+        }
+    }
+    found
 }

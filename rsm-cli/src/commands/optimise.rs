@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 use super::model_source;
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
+use crate::page::number::with_unit;
 
 #[derive(Args)]
 pub struct Arguments {
@@ -76,17 +77,12 @@ fn object(found: &impl serde::Serialize) -> Result<Value, Refusal> {
     serde_json::to_value(found).map_err(|error| Refusal::new(format!("cannot be written as JSON: {error}")))
 }
 
-/// A unit behind a number.
-fn unit_of(unit: &str) -> String {
-    if unit == "1" { String::new() } else { format!(" {unit}") }
-}
-
 fn input_unit<'a>(checked: &'a Checked, name: &str) -> &'a str {
     checked.model().input(name).map_or("1", |input| &input.unit)
 }
 
 fn settings(checked: &Checked, optimum: &Optimum) -> String {
-    let setting = |(name, value): &(String, f64)| format!("{name} = {}{}", six(*value), unit_of(input_unit(checked, name)));
+    let setting = |(name, value): &(String, f64)| format!("{name} = {}", with_unit(&six(*value), input_unit(checked, name)));
     optimum.settings.0.iter().map(setting).collect::<Vec<_>>().join(", ")
 }
 
@@ -94,7 +90,7 @@ fn in_words(checked: &Checked, study: &Study, optimum: &Optimum) -> String {
     let mut text = format!("{}: {}\n", study.name, settings(checked, optimum));
     let width = optimum.responses.iter().map(|it| it.response.chars().count()).max().unwrap_or(0);
     for it in &optimum.responses {
-        let value = format!("{}{}", six(it.value), unit_of(&it.unit));
+        let value = with_unit(&six(it.value), &it.unit);
         text += &format!("  {:width$}  {value:>20}  {:8}  desirability {:.4}\n", it.response, it.goal, it.desirability);
     }
     text += &format!(
@@ -137,7 +133,7 @@ fn front_in_words(checked: &Checked, study: &Study, front: &Front) -> String {
         let of_objective = |it: &&rsm_fit::optimise::ResponseValue| front.objectives.contains(&it.response);
         let values = point.responses.iter().filter(of_objective);
         let values: Vec<String> =
-            values.map(|it| format!("{} = {}{}", it.response, six(it.value), unit_of(&it.unit))).collect();
+            values.map(|it| format!("{} = {}", it.response, with_unit(&six(it.value), &it.unit))).collect();
         text += &format!("  {}: {}\n", values.join(", "), settings(checked, point));
     }
     text

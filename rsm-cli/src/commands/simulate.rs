@@ -55,10 +55,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         return equations::simulate::run(&arguments.plant, &arguments.record, &arguments.out, &options, arguments.json);
     }
     if options.effects.is_some() {
-        return Err(Refusal::new(format!(
-            "--effects: found {}, a plant file of format 1, which has built-in effects only; expected format 2",
-            arguments.plant.display()
-        )));
+        return Err(equations::built_in_effects_only());
     }
     let plant = PlantFile::read(&source)?;
     let record = Record::read(&Source::read(&arguments.record)?, &plant)?;

@@ -120,6 +120,7 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
         let values = prepared.measured(k);
         let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
         let channel = names[prepared.outputs[k]].name.to_string();
+        let jump = largest_jump(values);
         let mut limits = Vec::new();
         let mut first = 0;
         for row in 1..=rows {
@@ -135,7 +136,7 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
             if row - first >= STUCK || (extreme && row - first >= STUCK / 2) {
                 // A channel leaves a limit again, and without a jump. If it stays there to the end of the record for a large part of it, it is stuck.
                 let stays = row == rows && row - first >= rows / STAYS;
-                if extreme && !stays && !ends_with_a_jump(values, first..row) {
+                if extreme && !stays && jump != Some(row) {
                     limits.push(values[first]);
                 } else {
                     findings.push(finding(&channel, "stuck", (first, row - 1)));
@@ -175,12 +176,19 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
     findings
 }
 
-/// Whether the channel changes after some equal readings by far more than between any other two rows. A signal reaches and leaves a limit at its own
-/// rate. A stuck channel holds a reading that was true, and then changes at once to the present value.
-fn ends_with_a_jump(values: &[f64], equal: std::ops::Range<usize>) -> bool {
-    let step = |row: usize| (values[row] - values[row - 1]).abs();
-    let others = (1..values.len()).filter(|row| *row != equal.end).map(step).fold(0.0, f64::max);
-    equal.end < values.len() && step(equal.end) > JUMP_AFTER_STUCK * others
+/// The row at which the channel changes by far more than at any other row, if there is one. A signal reaches and leaves a limit at its own rate. A
+/// stuck channel holds a reading that was true, and then changes at once to the present value.
+fn largest_jump(values: &[f64]) -> Option<usize> {
+    let (mut largest, mut second) = ((0, 0.0), 0.0);
+    for row in 1..values.len() {
+        let step = (values[row] - values[row - 1]).abs();
+        if step > largest.1 {
+            (largest, second) = ((row, step), largest.1);
+        } else if step > second {
+            second = step;
+        }
+    }
+    (largest.1 > JUMP_AFTER_STUCK * second).then_some(largest.0)
 }
 
 /// The first and last row of each interval in which a channel is at a limit. Beside the limit, noise decides which readings pass it. Readings below

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
+use crate::page::number::with_unit;
 
 /// Factors of the alias matrix of at least this size are printed in words. JSON has all.
 const LEAST_ALIAS: f64 = 0.1;
@@ -81,8 +82,7 @@ fn in_words(specification: &DesignSpecification, found: &Evaluation, file: Optio
     if let Some(prediction) = &found.prediction {
         let setting = |(name, value): &(String, f64)| {
             let unit = specification.factors.iter().find(|factor| factor.name == *name).map_or("", |factor| &factor.unit);
-            let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
-            format!("{name} = {}{unit}", short(*value))
+            format!("{name} = {}", with_unit(&short(*value), unit))
         };
         let at: Vec<String> = prediction.at.0.iter().map(setting).collect();
         text += &format!(

@@ -179,9 +179,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
 fn plant_file(source: &Source, arguments: &Arguments) -> Result<PlantFile, Refusal> {
     if !plants::is_equations(source) {
         if arguments.effects.is_some() {
-            return Err(Refusal::new(
-                "--effects: found a plant file of format 1, which has built-in effects only; expected format 2",
-            ));
+            return Err(plants::built_in_effects_only());
         }
         return Ok(PlantFile::read(source)?);
     }

@@ -61,6 +61,11 @@ pub fn plant(path: &Path, effects: Option<&Path>) -> Result<(EquationFile, Machi
     Ok((file, machine))
 }
 
+/// The refusal of `--effects` with a plant file of format 1.
+pub fn built_in_effects_only() -> Refusal {
+    Refusal::new("--effects: found a plant file of format 1, which has built-in effects only; expected format 2")
+}
+
 /// Whether a plant file is of format 2.
 pub fn is_equations(source: &Source) -> bool {
     rsm_sim::equations::file::format(source) == Some(2)
