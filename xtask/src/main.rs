@@ -8,6 +8,7 @@ mod bench;
 mod bless;
 mod book;
 mod dask;
+mod failures;
 mod federation;
 mod fuzz;
 mod generated;

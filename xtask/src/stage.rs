@@ -1,18 +1,20 @@
 //! Stages: one after another, each with its time; the first that fails ends the run.
 //!
-//! In: a name and a command or a check. Out: a summary: what passed, what failed, and how to run it again. The output of a command is printed
-//! line by line as it arrives.
+//! In: a name and a command or a check. Out: a summary: what passed, what failed with the output of each failed test, and how to run it again. The
+//! output of a command is printed line by line as it arrives.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::failures::Failures;
 use crate::totals::Totals;
 
 /// What ran so far.
 pub(crate) struct Run {
     stages: Vec<Stage>,
     totals: Totals,
+    failures: Failures,
 }
 
 struct Stage {
@@ -24,17 +26,17 @@ struct Stage {
 
 impl Run {
     pub(crate) fn new() -> Self {
-        Run { stages: Vec::new(), totals: Totals::default() }
+        Run { stages: Vec::new(), totals: Totals::default(), failures: Failures::default() }
     }
 
     /// Runs a check that says why it failed. Does nothing when an earlier stage failed.
     pub(crate) fn check(&mut self, name: &'static str, check: impl FnOnce() -> Result<(), String>) -> &mut Self {
-        self.stage(name, |_| check())
+        self.stage(name, |_, _| check())
     }
 
     /// Runs a command, which must end with status 0.
     pub(crate) fn command(&mut self, name: &'static str, mut command: Command) -> &mut Self {
-        self.stage(name, |totals| {
+        self.stage(name, |totals, failures| {
             let shown = shown(&command);
             println!("$ {shown}");
             let mut child = command
@@ -50,6 +52,7 @@ impl Run {
                 let text = String::from_utf8_lossy(&line);
                 print!("{text}");
                 seen.add_line(&text);
+                failures.add_line(&text);
                 line.clear();
             }
             let status = child.wait().map_err(|error| format!("waiting for `{shown}`: {error}"))?;
@@ -66,13 +69,13 @@ impl Run {
         })
     }
 
-    fn stage(&mut self, name: &'static str, run: impl FnOnce(&mut Totals) -> Result<(), String>) -> &mut Self {
+    fn stage(&mut self, name: &'static str, run: impl FnOnce(&mut Totals, &mut Failures) -> Result<(), String>) -> &mut Self {
         if !self.held() {
             return self;
         }
         println!("\n== {name}");
         let started = Instant::now();
-        let failure = run(&mut self.totals).err();
+        let failure = run(&mut self.totals, &mut self.failures).err();
         let took = started.elapsed();
         println!("== {name}: {}, {:.1} s", if failure.is_none() { "ok" } else { "FAILED" }, took.as_secs_f64());
         self.stages.push(Stage { name, took, failure });
@@ -84,8 +87,9 @@ impl Run {
         self.stages.iter().all(|stage| stage.failure.is_none())
     }
 
-    /// Prints the summary and returns whether everything passed.
+    /// Prints what failed tests printed and the summary, and returns whether everything passed.
     pub(crate) fn finish(&self) -> bool {
+        print!("{}", self.failures);
         println!("\nstages");
         for Stage { name, took, failure } in &self.stages {
             println!("  {:<12} {:>7.1} s  {}", name, took.as_secs_f64(), if failure.is_none() { "ok" } else { "FAILED" });
