@@ -81,12 +81,14 @@ impl Shared {
     }
 }
 
-/// Runs roles until all have ended. Each role has its own thread and its own connection to the broker. If one of them was lost, threads may still be
-/// blocked in the library. Then end the process by [`crate::helics::exit_without_destructors`] after the tables are written.
+/// Runs roles until all have ended. Each role has its own thread and its own connection to the broker. `begins` is called when the simulated time of
+/// the first role begins, if it does. If a role was lost, threads may still be blocked in the library. Then end the process by
+/// [`crate::helics::exit_without_destructors`] after the tables are written.
 #[must_use]
-pub fn run(library: &'static Library, roles: &[Role], settings: &Settings) -> Vec<Done> {
+pub fn run(library: &'static Library, roles: &[Role], settings: &Settings, begins: impl FnOnce()) -> Vec<Done> {
     let watched: Vec<_> = roles.iter().map(|role| start(library, *role, settings)).collect();
-    watched.into_iter().map(|(shared, worker)| watch(&shared, &worker, settings)).collect()
+    let mut begins = Some(begins);
+    watched.into_iter().map(|(shared, worker)| watch(&shared, &worker, settings, &mut begins)).collect()
 }
 
 fn start(library: &'static Library, role: Role, settings: &Settings) -> (Arc<Shared>, std::thread::JoinHandle<()>) {
@@ -121,7 +123,12 @@ fn start(library: &'static Library, role: Role, settings: &Settings) -> (Arc<Sha
 }
 
 /// Waits for a worker as long as the simulated time advances.
-fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, settings: &Settings) -> Done {
+fn watch<B: FnOnce()>(
+    shared: &Shared,
+    worker: &std::thread::JoinHandle<()>,
+    settings: &Settings,
+    begins: &mut Option<B>,
+) -> Done {
     /// A hundredth of the shortest useful silence.
     const LOOK: Duration = Duration::from_millis(10);
     /// The longest time to wait for the end of a worker after an error. The state of the library is unknown then.
@@ -136,6 +143,9 @@ fn watch(shared: &Shared, worker: &std::thread::JoinHandle<()>, settings: &Setti
         }
         let now = shared.start.elapsed();
         let moved = shared.moved.load(Ordering::Acquire);
+        if let Some(report) = begins.take_if(|_| moved > 0) {
+            report();
+        }
         if moved == 0 && now > settings.wait + settings.silence {
             break Some(format!(
                 "the federation did not begin within {:.0} s: not all have joined",

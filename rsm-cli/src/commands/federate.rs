@@ -100,7 +100,8 @@ pub fn run(arguments: &Arguments) -> Outcome {
         return Err(Refusal::new("--federates: found without the role `broker`; only the broker takes this option"));
     }
     let library = Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
-    let done = federate::run(library, &roles, &settings);
+    let names = || roles.iter().map(|role| role.unique_name()).collect::<Vec<_>>().join(", ");
+    let done = federate::run(library, &roles, &settings, || output::tell(format_args!("{}: the run begins\n", names())));
     tell(arguments, &done)
 }
 

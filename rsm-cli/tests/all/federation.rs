@@ -2,7 +2,7 @@
 //!
 //! The tests need libhelics. Without it they print a message and pass.
 
-use std::io::{BufRead as _, BufReader, Read as _};
+use std::io::Read;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -142,15 +142,12 @@ impl Federation {
         Federation { folder, children }
     }
 
-    /// Waits until the broker reports that all have joined, and then some milliseconds of the run.
+    /// Waits until the broker and every role report that the run has begun, and then some milliseconds of the run.
     fn goes_on(&mut self) {
-        let (_, broker) = self.children.iter_mut().find(|(role, _)| *role == "broker").unwrap();
-        let mut words = BufReader::new(broker.stderr.take().unwrap());
-        let mut line = String::new();
-        words.read_line(&mut line).unwrap();
-        assert!(line.contains("all have joined: 3"), "{line}");
-        // The later output of the broker is read too, so that its pipe does not fill.
-        std::thread::spawn(move || std::io::copy(&mut words, &mut std::io::sink()));
+        for (role, child) in &mut self.children {
+            let line = first_line(child.stderr.as_mut().unwrap());
+            assert!(line.contains(if *role == "broker" { "all have joined: 3" } else { "the run begins" }), "{role}: {line}");
+        }
         std::thread::sleep(Duration::from_millis(500));
     }
 
@@ -197,6 +194,16 @@ impl Federation {
             assert!(found == expected.csv(), "{role}: {rows} rows differ from those of one process");
         }
     }
+}
+
+/// The first line of a stream, read byte by byte: the later output stays in it.
+fn first_line(stream: &mut impl Read) -> String {
+    let mut line = Vec::new();
+    let mut byte = [0];
+    while stream.read(&mut byte).unwrap() == 1 && byte != [b'\n'] {
+        line.push(byte[0]);
+    }
+    String::from_utf8(line).unwrap()
 }
 
 /// The time that the project promises: 5 s.
