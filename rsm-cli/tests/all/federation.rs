@@ -4,7 +4,7 @@
 
 use std::io::Read;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use rsm_link::loops::{self, Loop, Run};
@@ -30,6 +30,24 @@ const SPLITS: [(&str, &str); 6] = [
     ("ipc", "a.roles = ['motor', 'throttle']\nb.roles = ['driveline', 'controller', 'recorder']"),
 ];
 
+/// The number of starts of a federation whose processes lose each other. HELICS ends a federation if a process does not answer for 2 s, and a machine
+/// that does other work may stop a process for that long.
+const STARTS: usize = 3;
+
+/// Runs a command again while its processes lose each other. All other results are returned as they are.
+fn until_no_peer_is_lost(mut run: impl FnMut() -> Output) -> Output {
+    let mut output = run();
+    for start in 1..STARTS {
+        let message = text(&output.stderr);
+        if output.status.success() || !message.contains("whole ticks are recorded") {
+            break;
+        }
+        println!("start {start} of a federation lost a process: {message}");
+        output = run();
+    }
+    output
+}
+
 #[test]
 fn records_have_the_bits_of_one_process_for_every_split_order_and_core() {
     let Some(helics) = helics("splits") else { return };
@@ -38,7 +56,8 @@ fn records_have_the_bits_of_one_process_for_every_split_order_and_core() {
         // 0.6 s: these include a bad sample and the first change of gear in the pedal's record.
         std::fs::write(here.path().join("s.toml"), scenario(core, 0.6, processes)).unwrap();
         let helics = helics.display().to_string();
-        let output = rsm(&["cosim", "s.toml", "--out", "r", "--check", "--json", "--helics", &helics], here.path());
+        let arguments = ["cosim", "s.toml", "--out", "r", "--check", "--json", "--helics", &helics];
+        let output = until_no_peer_is_lost(|| rsm(&arguments, here.path()));
         assert_eq!(output.status.code(), Some(0), "{core}, {processes}: {}", text(&output.stderr));
         let told = json(&output);
         assert_eq!(told["equal_to_one_process"], true);
@@ -60,7 +79,7 @@ fn a_record_that_differs_is_told() {
     std::fs::write(here.path().join("s.toml"), scenario("ipc", 0.05, processes)).unwrap();
     let helics = helics.display().to_string();
     let arguments = ["cosim", "s.toml", "--out", "r", "--json", "--helics", &helics];
-    assert_eq!(rsm(&arguments, here.path()).status.code(), Some(0));
+    assert_eq!(until_no_peer_is_lost(|| rsm(&arguments, here.path())).status.code(), Some(0));
     let alone = rsm(&["cosim", "s.toml", "--out", "one", "--alone"], here.path());
     assert_eq!(alone.status.code(), Some(0), "{}", text(&alone.stderr));
     for name in ["motor.csv", "controller.csv"] {
@@ -133,7 +152,7 @@ impl Federation {
             if role == "broker" {
                 command.arg("--federates").arg("3");
             } else {
-                command.args(["--seconds", "86400", "--out", "r", "--silence", "3", "--wait", "20"]);
+                command.args(["--seconds", "86400", "--out", "r", "--silence", "2", "--wait", "20"]);
             }
             command.arg("--helics").arg(helics).current_dir(folder.path()).stdout(Stdio::null()).stderr(Stdio::piped());
             (role, command.spawn().unwrap())

@@ -343,7 +343,9 @@ fn the_guide_to_federations_does_what_it_says() {
     for name in ["motor.toml", "both-loops.toml", "two-hosts.toml"] {
         std::fs::copy(of_the_project(&format!("examples/federation/{name}")), folder.path().join(name)).unwrap();
     }
-    let set = format!("export RSM_HELICS={}\n", helics.display());
+    // A federation that loses a process is started again, as in `until_no_peer_is_lost`.
+    let again = "rsm() { command rsm \"$@\" || { [ \"$1\" = cosim ] && command rsm \"$@\"; }; }";
+    let set = format!("export RSM_HELICS={}\n{again}\n", helics.display());
     let told = run(&(set.clone() + &block("federation.md", 1)), folder.path());
     assert!(told.contains("the records are identical, bit by bit, to those of one process"), "{told}");
     let told = run(&block("federation.md", 2), folder.path());
