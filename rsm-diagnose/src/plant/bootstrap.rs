@@ -4,6 +4,7 @@
 
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_fit::random::Random;
+use rsm_sim::kind::OUTPUTS;
 
 /// The number of draws. The ends of a 95 % interval are the 25th values from either end.
 const DRAWS: usize = 1000;
@@ -12,7 +13,7 @@ const DRAWS: usize = 1000;
 const LEAST_BLOCKS: usize = 16;
 
 /// Sums over a block, by output: the squared error over the noise before, the same after, and the number of rows.
-type Sums = [[f64; 3]; 3];
+type Sums = [[f64; 3]; OUTPUTS];
 
 /// The interval of the removed share of the squared error above the noise.
 #[must_use]

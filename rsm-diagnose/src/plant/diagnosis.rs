@@ -12,6 +12,7 @@ use super::experiment::{Alias, NextExperiment};
 use super::final_test::Refusal;
 use super::gaps::FilledGaps;
 use super::known_loop::KnownLoop;
+use super::law::Law;
 use super::nested_models::Step;
 use super::predictors::Predictor;
 use super::row_share::UnusedRows;
@@ -73,6 +74,9 @@ pub struct Diagnosis {
     pub gain_interval: (f64, f64),
     /// The plant file with the causes added.
     pub plant: PlantFile,
+    /// A law that is in no textbook, if one removes error that nothing in the catalogue explains. It is then a part of the extended plant, and the
+    /// helpers are not. The verdict stays [`Verdict::Unexplained`].
+    pub law: Option<Law>,
     /// What is wrong with the data.
     pub findings: Vec<Finding>,
     /// Rows that were left out, because the records are longer than the work limit allows.

@@ -45,6 +45,7 @@ pub mod identifiability;
 pub mod initial_motion;
 pub mod inverse;
 pub mod known_loop;
+pub mod law;
 pub mod levenberg;
 pub mod model;
 pub mod multistart;

@@ -7,6 +7,7 @@ use super::cause::Cause;
 use super::configurations::SeparateRecord;
 use super::diagnosis::{Diagnosis, Verdict};
 use super::equations::EquationScreen;
+use super::law::{self, Law};
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::search::{Search, WorkLimits};
@@ -153,13 +154,45 @@ pub(super) fn diagnose_records(
         let all: Vec<&Record> = training.iter().chain(validation).collect();
         selection.all_rows = Some(all_rows::check(&all, file, &whitened, &selection.fit));
     }
-    let fit = selection.fit.clone();
-    let mut found = verdict::conclude(file, &whitened, &unseen, &nominal, selection, findings, &rounded);
+    let mut fit = selection.fit.clone();
+    let concluded =
+        |selection: Selection| verdict::conclude(file, &whitened, &unseen, &nominal, selection, findings.clone(), &rounded);
+    let mut found = concluded(selection.clone());
     found.next = experiment::next(&whitened, &fit, &found.aliases, found.verdict, options.progress);
+    if found.verdict == Verdict::Unexplained
+        && let Some((law, with_law)) = with_law(&selection, &found, &whitened, &unseen, &nominal, options)
+    {
+        let (next, helpers) = (found.next.take(), std::mem::take(&mut found.helpers));
+        fit = with_law.fit.clone();
+        found = concluded(with_law);
+        // A law names no cause. What helped without it is listed as before.
+        found.verdict = Verdict::Unexplained;
+        (found.next, found.helpers, found.law) = (next, helpers, Some(law));
+    }
     found.tested = tested::tested(file, test, &whitened, &nominal, &fit.model);
     found.unused_rows = share.unused_rows();
     found.equations = input.equation_errors;
     Ok(found)
+}
+
+/// A law for what the named causes leave, and the selection with these causes and the law in the plant.
+fn with_law(
+    selection: &Selection,
+    found: &Diagnosis,
+    whitened: &WhitenedResiduals,
+    unseen: &WhitenedResiduals,
+    nominal: &Model,
+    options: &Options<'_>,
+) -> Option<(Law, Selection)> {
+    let is_named = |it: &Entry| {
+        let subject = it.arguments.subject.as_deref();
+        found.causes.iter().any(|cause| cause.kind == it.description.kind && cause.subject.as_deref() == subject)
+    };
+    let effects = selection.fit.model.file.effects.iter().zip(&selection.causes).filter(|(entry, _)| is_named(entry));
+    let (entries, causes): (Vec<Entry>, Vec<_>) = effects.map(|(entry, cause)| (entry.clone(), cause.clone())).unzip();
+    let law = law::find(whitened, unseen, nominal, &selection.fit, &entries, options.progress)?;
+    let with = Selection { fit: law.fit.clone(), causes, ..selection.clone() };
+    Some((law, with))
 }
 
 /// Searches, and searches again if the causes of the first round show that noise, initial states or gaps were wrong with the calibrated plant.

@@ -147,7 +147,7 @@ pub fn gain(before: &[Error], after: &[Error]) -> f64 {
 }
 
 /// The same from sums over each output: squares over the noise before and after, and counts.
-pub fn gain_of(sums: &[[f64; 3]; 3]) -> f64 {
+pub fn gain_of<const N: usize>(sums: &[[f64; 3]; N]) -> f64 {
     let of = |which: usize| sums.iter().filter(|it| it[2] > 0.0).map(|it| excess(it[which] / it[2])).sum();
     removed_share(of(0), of(1))
 }

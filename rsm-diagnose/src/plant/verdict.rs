@@ -198,6 +198,7 @@ pub fn conclude(
         nominal: nominal_errors,
         extended: extended_errors,
         plant,
+        law: None,
         findings,
         unused_rows: None,
         all_rows: everywhere,

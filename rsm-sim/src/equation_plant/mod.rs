@@ -8,6 +8,7 @@
 //!
 //! In: a plant file of format 2. Out: the same types as for the built-in plants. This module contains no name of a plant or of an effect.
 
+pub mod added;
 mod built_in;
 mod describe;
 mod run;
@@ -46,6 +47,8 @@ struct Plant {
     places: Vec<Place>,
     descriptions: OnceLock<Vec<&'static Description>>,
     models: run::Models,
+    /// The catalogue without the plant's own files of effects.
+    given: added::Given,
 }
 
 /// The equations of a kind.
@@ -130,7 +133,8 @@ pub fn read_with(
         machine.system().parameter_value(symbol)
     };
     let parameters = nominals(&machine, &decisions);
-    let plant = Plant { places: places.list, descriptions: OnceLock::new(), models: run::Models::default(), file };
+    let (list, given) = (places.list, catalogue.clone());
+    let plant = Plant { places: list, descriptions: OnceLock::new(), models: run::Models::default(), given, file };
     let kind: &'static Described = Box::leak(Box::new(Described {
         name: kept(&machine.system().flat().name),
         inputs: machine.inputs().iter().map(signal).collect(),
@@ -145,7 +149,7 @@ pub fn read_with(
         equations: Box::new(plant),
     }));
     let plant = plant_of(kind);
-    plant.descriptions.get_or_init(|| describe::all(PlantKind::Equations(kind), &plant.places, catalogue));
+    plant.descriptions.get_or_init(|| describe::all(PlantKind::Equations(kind), &plant.places, plant.file.catalogue()));
     let parameters = Parameters {
         kind: PlantKind::Equations(kind),
         values: kind.values.iter().map(|it| Some(*it)).collect(),

@@ -122,6 +122,39 @@ pub(super) fn without_effects(
     Ok((whole, machine, points))
 }
 
+/// The equations of a plant file without its effects, and the points of a run with its effects at some rows of a record, evenly spread: time, states
+/// and inputs of the equations without effects.
+pub(super) fn with_effects(
+    kind: &'static Described,
+    file: &PlantFile,
+    record: &Record,
+) -> Result<(EquationFile, Machine, Vec<Point>), Faults> {
+    let without = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
+    let plain = file_of(kind, &without, record)?;
+    let mut plain_machine = Machine::new(&plain)?;
+    let start = started(&plain, &mut plain_machine, &file.initial, record)?;
+    let whole = file_of(kind, file, record)?;
+    let mut machine = Machine::new(&whole)?;
+    let begin = started(&whole, &mut machine, &file.initial, record)?;
+    let inputs = Inputs { time: &record.time, values: &record.inputs };
+    let points = lanes::points(&machine, begin, inputs, Setting::default(), (record.rows() / ROWS).max(1));
+    let states = machine.states();
+    let places: Vec<Option<usize>> =
+        plain_machine.states().iter().map(|it| states.iter().position(|other| other.0 == it.0)).collect();
+    let of = |point: &Point| {
+        let mut found = start.clone();
+        found.time = point.time;
+        for (value, place) in found.states.iter_mut().zip(&places) {
+            *value = place.map_or(*value, |place| point.states[place]);
+        }
+        let count = found.inputs.len();
+        found.inputs.copy_from_slice(&point.inputs[..count]);
+        found
+    };
+    let points = points.iter().map(of).collect();
+    Ok((plain, plain_machine, points))
+}
+
 /// The largest magnitude of each start variable of a kind along a record.
 pub(super) fn largest(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<Vec<f64>, Faults> {
     let (_, machine, points) = without_effects(kind, file, record)?;

@@ -5,6 +5,7 @@
 //! ```toml
 //! format = 2
 //! model = "axis.mo"             # or "axis.mo#Axis", where the text holds several, or "rsm:pmac", a shipped text
+//! effect_files = ["bell.toml"]  # files of effects that are added to the catalogue
 //! [parameters]                  # values in place of those of the text, in its units
 //! mass = 95.1
 //! [tolerance]                   # relative standard deviations
@@ -33,6 +34,7 @@ use rsm_model::expression::Symbol;
 use rsm_model::flat::{Basic, Flat, Options, Role};
 use rsm_model::system::System;
 
+use super::effect_files;
 pub use super::extended::NamedValue;
 use super::extended::{self, Entry, RecordValues, Rules};
 
@@ -152,6 +154,7 @@ impl EquationFile {
         let initial = numbers(&mut top, "initial", true, &mut faults);
         let columns = columns(&mut top, &mut faults);
         let functions = functions(&mut top, &mut faults);
+        let effect_files = effect_files::read(&mut top, &mut faults);
         let own_sites = match top.optional("sites") {
             Some(value) => Site::read_all(source, value, &mut faults),
             None => Vec::new(),
@@ -160,6 +163,7 @@ impl EquationFile {
         let rules = extended::rules(&mut top, &mut faults);
         top.finish(&mut faults);
         let Some(model) = faults.finish(Some(model))? else { unreachable!("a missing model is a fault") };
+        let catalogue = &effect_files::added(catalogue, &effect_files, open)?;
         let (file, name) = model.split_once('#').map_or((model.as_str(), None), |(file, name)| (file, Some(name.to_string())));
         let text = match file.strip_prefix("rsm:") {
             None => open(file)?,

@@ -12,6 +12,7 @@ mod carried;
 mod changes;
 pub mod code;
 mod computed;
+pub(crate) mod effect_files;
 pub mod engine;
 mod events;
 mod exponential;

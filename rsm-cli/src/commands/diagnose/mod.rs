@@ -1,13 +1,14 @@
 //! `rsm diagnose`: what a simulation gets wrong, the cause, the extended plant, the gain.
 //!
 //! In: a plant file, training, validation and test records. Out: one JSON object, and with `--out` diagnosis.json, extended.toml, report.html,
-//! correction.toml where a black box gains, next_experiment.csv where causes are not to be told apart, and with `--refit` the folder refit, whole or
+//! correction.toml where a black box gains, law.toml where a law that is in no textbook acts, next_experiment.csv where causes are not to be told apart, and with `--refit` the folder refit, whole or
 //! absent. Every verdict is an answer: exit status 0. A model file with new data goes to [`surface`].
 
 mod cause_json;
 mod equations;
 mod error_breakdown;
 mod evidence;
+mod law;
 mod next;
 mod refit;
 mod report;
@@ -152,7 +153,8 @@ pub fn run(arguments: &Arguments) -> Outcome {
             (folder.join("extended.toml"), found.plant.write()),
             (folder.join("report.html"), page),
         ];
-        files.extend(named_files(&plant).into_iter().map(|(name, text)| (folder.join(name), text)));
+        files.extend(named_files(&found.plant).into_iter().map(|(name, text)| (folder.join(name), text)));
+        files.extend(law::file(&found).map(|text| (folder.join(plant::law::MODEL_FILE), text)));
         files.extend(next::csv(&found).map(|csv| (folder.join(next::FILE), csv)));
         files.extend(error_breakdown::correction_file(&found).map(|text| (folder.join(error_breakdown::CORRECTION), text)));
         if let Some(Ok(refitted)) = &refitted {
@@ -323,6 +325,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         "helpers": helpers,
         "refused": refused,
         "claims": claims(found),
+        "law": law::value(found),
         "practical": found.practical.map(|it| json!({ "gone": output::finite(it.removed), "left": output::finite(it.left) })),
         "nominal": errors(&found.nominal, tested.map(|it| it.nominal.as_slice())),
         "extended": errors(&found.extended, tested.map(|it| it.extended.as_slice())),

@@ -111,6 +111,9 @@ pub fn verdict(kind: PlantKind, found: &Diagnosis) -> String {
             let helpers = and(&found.helpers.iter().map(Cause::label).collect::<Vec<_>>());
             let (some, one) = (found.helpers.len() + found.causes.len(), found.helpers.len() == 1);
             let helps = match (some, found.causes.len()) {
+                _ if found.law.is_some() => {
+                    format!("{} {gain}", found.law.as_ref().map_or("", |law| law.words.as_str()))
+                }
                 (0, _) => "No cause of the catalogue reduces the error.".to_string(),
                 (_, 0) => format!(
                     "{helpers} {} in the extended plant, but a cause outside the catalogue may produce the effect of {}. {gain}",

@@ -10,7 +10,7 @@
 use std::ops::Range;
 
 use super::refit::{Trace, refit};
-use super::{ALL, Cause, Drive, System, Truth, draw, run};
+use super::{ALL, Cause, Drive, SiteKind, System, Truth, draw, run};
 use crate::bench::{self, Damage, Noise, Spoiled};
 use crate::case::Family;
 use crate::plant::Record;
@@ -55,7 +55,18 @@ const PAIRS: [(&str, [(&str, &str); 2]); 18] = [
 const NULLS: usize = 2;
 
 /// Disturbances that are in no file.
-const OUTSIDE: [&str; 2] = ["gusts", "change"];
+const OUTSIDE: [&str; 3] = ["gusts", "change", "law"];
+
+/// The site of each plant at which a law acts that no textbook contains, and the value of its variable at the origin of the law.
+const LAWS: [(&str, &str, f64); 6] = [
+    ("gear-motor", "shaft", 0.0),
+    ("coupled-tanks", "first_tank", 0.0),
+    ("road-vehicle", "motion", 0.0),
+    // Room temperature, in K.
+    ("heated-block", "block", 293.0),
+    ("two-mass-drive", "load", 0.0),
+    ("quadrotor-pitch", "body", 0.0),
+];
 
 /// Kinds that are tested with a missing output, for each plant; a plant with one output has none.
 const MISSING: [(&str, [&str; 4]); 5] = [
@@ -77,13 +88,14 @@ const UNDER_NOISE: [(&str, &str); 6] = [
 ];
 
 /// The quick subset.
-const QUICK: [&str; 6] = [
+const QUICK: [&str; 7] = [
     "gear-motor-coulomb-friction",
     "coupled-tanks-leak",
     "two-mass-drive-backlash",
     "gear-motor-null-0",
     "heated-block-null-0",
     "road-vehicle-outside-gusts",
+    "coupled-tanks-outside-law",
 ];
 
 /// The plan of a case.
@@ -400,7 +412,15 @@ fn outside(kind: &str, system: &'static System, bare: &Truth, like: &Trace, nois
     let row = random.whole(3, 7) * (like.record.inputs[0].len() as u64 / 10);
     let sense = random.sign();
     let effort = system.sites.last().map_or(1.0, |it| it.effort);
+    let (_, at, origin) = LAWS.iter().find(|it| it.0 == system.name).expect("a law for each plant");
+    let site = system.site(at).expect("a site of the plant");
+    // The knee is well inside of the range of the variable.
+    let range = if matches!(site.kind, SiteKind::Storage) { site.position } else { site.speed };
+    let (knee, shape) = (random.uniform(0.3, 0.6) * range, random.uniform(0.0, 1.0));
     let of = |size: f64| match kind {
+        "law" => {
+            Cause::new("law", at, &[("size", 2.0 * size * site.effort), ("origin", *origin), ("knee", knee), ("shape", shape)])
+        }
         "gusts" => {
             Cause::new("gusts", "", &[("amplitude", size * effort), ("one", hertz[0]), ("two", hertz[1]), ("three", hertz[2])])
         }

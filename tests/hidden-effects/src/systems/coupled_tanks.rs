@@ -70,7 +70,7 @@ impl Law for CoupledTanks {
         let [one, two] = self.levels.map(|state| y[state]);
         let pipe = self.pipe_area * torricelli(one - two);
         let drain = self.drain_area * self.outside.factor(y[TIME]) * torricelli(two);
-        let into = self.pump_gain * inputs[0] - pipe + self.outside.gust(y[TIME]);
+        let into = self.pump_gain * inputs[0] - pipe + self.outside.gust(y[TIME]) + self.outside.law(one);
         dy[self.levels[0]] = (into + self.first.flow(one, self.area[0])) / self.area[0];
         dy[self.levels[1]] = (pipe - drain + self.second.flow(two, self.area[1])) / self.area[1];
     }

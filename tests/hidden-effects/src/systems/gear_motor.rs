@@ -117,7 +117,7 @@ impl Law for GearMotor {
             speed: w,
             inertia: self.load_inertia,
             beside: self.reflected,
-            effort: constant * i - viscous * w + self.outside.gust(y[TIME]),
+            effort: constant * i - viscous * w + self.outside.gust(y[TIME]) + self.outside.law(w),
             load: inputs[1],
             viscous,
             drive: constant * i,

@@ -82,7 +82,7 @@ impl Law for HeatedBlock {
         let to_room = self.block_loss * self.outside.factor(y[TIME]) * (block - ambient);
         let flows = [
             power - through_contact,
-            through_contact - through_foot - to_room + self.outside.gust(y[TIME]),
+            through_contact - through_foot - to_room + self.outside.gust(y[TIME]) + self.outside.law(block),
             through_foot - self.table_loss * (table - ambient),
         ];
         for place in 0..3 {

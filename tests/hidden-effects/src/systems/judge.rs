@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::cases::Case;
 use super::refit::{Trace, refit};
-use super::{Cause, System, draw};
+use super::{Cause, Outside, System, draw};
 use crate::bench;
 use crate::case::Family;
 use crate::judge::{Judgement, covers};
@@ -19,6 +19,9 @@ use crate::reliability::Named;
 ///
 /// A fifth of the noise is below the accuracy in a sensor's data sheet. A cause that is visible at 1 to 30 times the noise is well above it.
 pub const SAME: f64 = 0.2;
+
+/// The share of the error above the noise that a law must remove on validation records.
+const LAW: f64 = 0.95;
 
 /// The largest useful number of equivalent causes in a list.
 const EQUALS: usize = 4;
@@ -126,6 +129,24 @@ fn list(found: &[Found<'_>]) -> String {
     found.iter().map(|it| it.cause.name()).collect::<Vec<_>>().join(", ")
 }
 
+/// The share of the points of a law's curve whose band contains the true law, if the law is at the true site and depends on one variable.
+fn bands(case: &Case, answer: &Value) -> String {
+    let truth = case.truth.outside.iter().find(|it| it.kind == "law");
+    let curves = answer["law"]["curves"].as_array();
+    let (Some(truth), Some([curve])) = (truth, curves.map(Vec::as_slice)) else { return "no curve to compare".to_string() };
+    if answer["law"]["at"] != truth.at.as_str() {
+        return "at another site".to_string();
+    }
+    let law = Outside::new(&case.truth);
+    let points = curve["points"].as_array().map_or(&[][..], Vec::as_slice);
+    let is_inside = |it: &&Value| {
+        let [at, low, high] = [0, 2, 3].map(|k| it[k].as_f64().unwrap_or(f64::NAN));
+        (low..=high).contains(&law.law(at))
+    };
+    let inside = points.iter().filter(is_inside).count();
+    format!("{:.0} % of the curve in its band", 100.0 * inside as f64 / points.len().max(1) as f64)
+}
+
 /// Evaluates an answer.
 pub fn judge(case: &Case, answer: &Value) -> Judgement {
     let verdict = answer["verdict"].as_str().unwrap_or("no verdict");
@@ -137,7 +158,15 @@ pub fn judge(case: &Case, answer: &Value) -> Judgement {
             verdict != "unexplained" && is_told(case, answer) && found.iter().all(|it| it.cause.kind == "data-fault")
         }
         _ if case.truth.causes.is_empty() && case.truth.outside.is_empty() => verdict == "no-discrepancy" && found.is_empty(),
-        Family::Outside => verdict == "unexplained",
+        Family::Outside => {
+            let has_law = case.truth.outside.iter().any(|it| it.kind == "law");
+            let gain = answer["law"]["gain"].as_f64().unwrap_or(0.0);
+            if has_law {
+                let at = answer["law"]["at"].as_str().unwrap_or("no site");
+                words.push_str(&format!(" (law at {at}, gain {gain:.3}, {})", bands(case, answer)));
+            }
+            verdict == "unexplained" && (!has_law || gain >= LAW)
+        }
         _ if found.is_empty() && verdict == "no-discrepancy" && is_told_as_data(case, answer) => true,
         _ if verdict != "explained" => false,
         _ if is_named(case, &found) => true,

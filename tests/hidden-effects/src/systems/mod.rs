@@ -192,7 +192,7 @@ pub struct Truth {
     pub parameters: Vec<f64>,
     /// Effects of the catalogue.
     pub causes: Vec<Cause>,
-    /// Effects outside it: `gusts` and `change`.
+    /// Effects outside it: `gusts`, `change` and `law`.
     pub outside: Vec<Cause>,
 }
 
@@ -269,6 +269,8 @@ pub struct Outside {
     gusts: Option<(f64, [f64; 3])>,
     /// Factor and instant.
     change: Option<(f64, f64)>,
+    /// A law that no textbook contains: size, the value of its variable at the origin, the value of its knee from there, and its shape.
+    law: Option<(f64, f64, f64, f64)>,
 }
 
 impl Outside {
@@ -279,6 +281,7 @@ impl Outside {
         Outside {
             gusts: of("gusts").map(|it| (number(it, "amplitude"), [number(it, "one"), number(it, "two"), number(it, "three")])),
             change: of("change").map(|it| (number(it, "factor"), number(it, "time"))),
+            law: of("law").map(|it| (number(it, "size"), number(it, "origin"), number(it, "knee"), number(it, "shape"))),
         }
     }
 
@@ -287,6 +290,13 @@ impl Outside {
         let Some((amplitude, hertz)) = self.gusts else { return 0.0 };
         let wave = |(place, hertz): (usize, &f64)| (std::f64::consts::TAU * hertz * time + place as f64).sin();
         amplitude * hertz.iter().enumerate().map(wave).sum::<f64>()
+    }
+
+    /// An effort that depends on a variable of its site: it grows up to a knee, and falls behind it.
+    pub fn law(&self, variable: f64) -> f64 {
+        let Some((size, origin, knee, shape)) = self.law else { return 0.0 };
+        let u = (variable - origin) / knee;
+        if shape > 0.5 { -size * u / (1.0 + u.powi(4)) } else { -size * u * (-0.5 * u * u).exp() }
     }
 
     /// The factor of the changed parameter: from an instant on it has another value.

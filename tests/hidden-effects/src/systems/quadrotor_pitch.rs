@@ -78,7 +78,7 @@ impl Law for QuadrotorPitch {
             speed: rate,
             inertia: self.inertia,
             beside: 0.0,
-            effort: drive - damping * rate - self.restoring * pitch.sin() + self.outside.gust(y[TIME]),
+            effort: drive - damping * rate - self.restoring * pitch.sin() + self.outside.gust(y[TIME]) + self.outside.law(rate),
             load: 0.0,
             viscous: damping,
             drive,

@@ -92,7 +92,8 @@ impl Law for RoadVehicle {
 
     fn rates(&self, inputs: &[f64], y: &State, _regime: u8, dy: &mut State) {
         let (time, w) = (y[TIME], y[self.wheel]);
-        let at_wheel = inputs[0] - self.brake * w.tanh() + self.radius * self.outside.gust(time);
+        let at_wheel =
+            inputs[0] - self.brake * w.tanh() + self.radius * (self.outside.gust(time) + self.outside.law(self.radius * w));
         if let Some((stiffness, state)) = self.tyre {
             let v = y[state];
             let grip = stiffness * (self.radius * w - v) / v.abs().max(1.0);

@@ -114,7 +114,7 @@ impl Law for TwoMassDrive {
             speed: slow,
             inertia: self.load_inertia,
             beside: 0.0,
-            effort: torque - load_friction * slow + self.outside.gust(y[TIME]),
+            effort: torque - load_friction * slow + self.outside.gust(y[TIME]) + self.outside.law(slow),
             load: 0.0,
             viscous: self.load_friction,
             drive: 0.0,

@@ -1,0 +1,127 @@
+//! An effect that belongs to one plant: it is added to the plant's catalogue, and its sites are described.
+//!
+//! In: a plant file of format 2, the text of an effect. Out: the same plant, on which the effect is possible; and what a law at a site can depend on,
+//! with its values along a record.
+
+use std::sync::Arc;
+
+use rsm_core::source::{Fault, Faults, Source};
+use rsm_model::effects::SiteKind;
+use rsm_model::expression::Id;
+use rsm_model::system::System;
+
+use super::{effects_on, plant_of, read_with, run};
+use crate::effect::Arguments;
+use crate::equations::effect_files::KEY;
+use crate::kind::PlantKind;
+use crate::plant_file::{Entry, PlantFile};
+use crate::record::Record;
+
+/// A site with a balance, to which a law can add a term.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Balance {
+    /// The name of the site in the plant file.
+    pub at: String,
+    /// The kind of the site, as effect files name it.
+    pub kind: &'static str,
+    /// The name of the added term in effect files.
+    pub term: &'static str,
+    /// The unit of the added term, as effect files write it.
+    pub unit: &'static str,
+    /// The variables of the site on which a law can depend, with their units. The first is the one in whose balance the term is.
+    pub variables: Vec<(String, String)>,
+}
+
+/// The sites of a plant that have a balance.
+#[must_use]
+pub fn balances(kind: PlantKind) -> Vec<Balance> {
+    let PlantKind::Equations(kind) = kind else { return Vec::new() };
+    let one = |place: &rsm_model::effects::Place| {
+        let (term, unit, names): (_, _, &[&str]) = match place.kind {
+            SiteKind::Rotation => ("effort", "N.m", &["speed", "position"]),
+            SiteKind::Translation => ("effort", "N", &["speed", "position"]),
+            SiteKind::Vehicle => ("effort", "N.m", &["wheel_speed"]),
+            SiteKind::Storage => ("flow", "{capacity}.{level}/s", &["level"]),
+            SiteKind::Heat => ("flow", "{capacity}.{temperature}/s", &["temperature"]),
+            _ => return None,
+        };
+        let role = |name: &&str| place.roles.iter().find(|it| it.role == *name && it.parts.len() == 1);
+        let variables: Vec<(String, String)> =
+            names.iter().filter_map(role).map(|it| (it.role.clone(), it.unit.clone())).collect();
+        let is_whole = variables.first().is_some_and(|it| it.0 == names[0]);
+        is_whole.then(|| Balance { at: place.at.clone(), kind: place.kind.name(), term, unit, variables })
+    };
+    plant_of(kind).places.iter().filter_map(one).collect()
+}
+
+/// The values of the variables of a site along a record, at a few hundred rows, evenly spread; `None` if the plant cannot follow the record. Effects
+/// of the file act; the variables are those of the equations without them.
+#[must_use]
+pub fn along(file: &PlantFile, record: &Record, balance: &Balance) -> Option<Vec<Vec<f64>>> {
+    let PlantKind::Equations(kind) = file.kind else { return None };
+    let (whole, machine, points) = run::with_effects(kind, file, record).ok()?;
+    let places = whole.places_of_effects().ok()?;
+    let place = places.list.iter().find(|it| it.at == balance.at)?;
+    let part = |name: &str| place.roles.iter().find(|it| it.role == name).map(|it| it.parts[0]);
+    let roles: Vec<Id> = balance.variables.iter().map(|it| part(&it.0)).collect::<Option<_>>()?;
+    let mut system = System::new(&places.flat).ok()?;
+    let roles: Vec<Id> = roles.into_iter().map(|id| system.expressed(id)).collect();
+    let rows = machine.evaluated_at(&whole, &system, &roles, &points).ok()?;
+    Some((0..roles.len()).map(|k| rows.iter().map(|row| row[k]).collect()).collect())
+}
+
+/// The plant with one more file of an effect. Its parameters, its other effects and all other data stay.
+///
+/// # Errors
+/// Faults of the file; a kind of effect that exists already; a plant file of format 1.
+pub fn with_effect(file: &PlantFile, name: &str, text: &str) -> Result<PlantFile, Faults> {
+    let PlantKind::Equations(kind) = file.kind else {
+        return Err(Faults::one(Fault::whole_file(name, "found a plant file of format 1, expected one of format 2")));
+    };
+    let wrong = |what: String| Faults::one(Fault::whole_file(kind.name, what));
+    let mut whole: toml::Table = kind.text.parse().map_err(|error: toml::de::Error| wrong(error.to_string()))?;
+    let list = whole.entry(KEY).or_insert_with(|| toml::Value::Array(Vec::new()));
+    list.as_array_mut().ok_or_else(|| wrong(format!("`{KEY}` is no list")))?.push(toml::Value::String(name.to_string()));
+    // Effects are added below, with their present numbers.
+    whole.remove("effects");
+    let open = |wanted: &str| {
+        let own = (wanted == name).then_some(text);
+        let found = own.or_else(|| kind.files.iter().find(|it| it.0 == wanted).map(|it| it.1.as_str()));
+        found
+            .map(|text| Source::new(wanted, text))
+            .ok_or_else(|| wrong(format!("the file {wanted} was not read with the plant")))
+    };
+    let catalogue = plant_of(kind).given.clone();
+    let mut added = read_with(&Source::new(kind.name, whole.to_string()), &open, &catalogue)?;
+    let new = added.kind;
+    let moved =
+        |list: &[Entry]| -> Result<Vec<Entry>, Faults> { list.iter().map(|it| on(new, it).ok_or_else(|| lost(it))).collect() };
+    (added.given, added.effects) = (moved(&file.given)?, moved(&file.effects)?);
+    added.parameters.values.clone_from(&file.parameters.values);
+    (added.tolerance, added.noise, added.initial) = (file.tolerance.clone(), file.noise.clone(), file.initial.clone());
+    Ok(added)
+}
+
+fn lost(entry: &Entry) -> Faults {
+    Faults::one(Fault::whole_file(entry.description.kind, "this effect is not possible on the extended plant"))
+}
+
+/// An entry of a plant, on the same plant with another catalogue.
+fn on(kind: PlantKind, entry: &Entry) -> Option<Entry> {
+    let old = entry.description;
+    let description = effects_on(kind).into_iter().find(|it| it.kind == old.kind && it.at == old.at)?;
+    Some(Entry { description, arguments: Arguments { plant: kind, ..entry.arguments.clone() } })
+}
+
+/// The entry of an added effect at a site, with these numbers.
+#[must_use]
+pub fn entry(kind: PlantKind, effect: &str, at: &str, numbers: &[(String, f64)]) -> Option<Entry> {
+    let description = effects_on(kind).into_iter().find(|it| it.kind == effect && it.at == Some(at))?;
+    let one =
+        |(name, value): &(String, f64)| description.arguments.iter().find(|it| it.name == name).map(|it| (it.name, *value));
+    let numbers = numbers.iter().map(one).collect::<Option<Vec<_>>>()?;
+    Some(Entry { description, arguments: Arguments { plant: kind, subject: Some(at.to_string()), numbers } })
+}
+
+/// A catalogue as it was given to the reader of a plant file.
+pub(super) type Given = Arc<rsm_model::effects::Catalogue>;
