@@ -22,20 +22,20 @@ use crate::helics::{Address, Core, Federate, Library, Publication, Subscription}
 use crate::loops::{self, Loop, Role, Run, Step, Table, WIDEST, time_of};
 use crate::peers;
 
-/// The time of each role within a millisecond, in s.
+/// The time within a millisecond at which each role sends or receives, in s.
 const STEP_AT: f64 = 0.0005;
 const RECORDER_AT: f64 = 0.00075;
 
-/// Which roles run here, and how.
+/// The settings of a process: transport, run and time limits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// Where the broker is.
+    /// The address of the broker.
     pub broker: Address,
-    /// How the processes communicate.
+    /// The transport between the processes.
     pub core: Core,
-    /// The run.
+    /// Duration and load of the run.
     pub run: Run,
-    /// How long to wait for the broker and the other federates.
+    /// The longest time to wait for the broker and the other federates.
     pub wait: Duration,
     /// The longest time without a grant after the simulated time has begun.
     pub silence: Duration,
@@ -46,26 +46,26 @@ pub struct Settings {
 pub struct Done {
     /// The role.
     pub role: Role,
-    /// Its complete rows; fewer than wanted if the run ended early.
+    /// Its complete rows; fewer than requested if the run ended early.
     pub table: Table,
     /// Times from a sample to its command; only for the plant's side.
     pub round_trip: Option<Summary>,
     /// Milliseconds of the loop per second.
     pub steps_per_second: f64,
-    /// Samples that the step called bad; only for the step's side.
+    /// Number of bad samples; only for the step's side.
     pub bad_samples: Option<u32>,
     /// Whether the simulated time began.
     pub began: bool,
-    /// Why it ended early.
+    /// The reason why the run ended early.
     pub lost: Option<String>,
 }
 
 /// The data that a worker and its watchdog share.
 struct Shared {
     start: Instant,
-    /// When the simulated time advanced last, in ns after the start, plus 1; 0 before it begins.
+    /// When the simulated time advanced last, in ns after the start, plus 1; 0 before the simulated time begins.
     moved: AtomicU64,
-    /// The watchdog has given up: later results of the worker are ignored.
+    /// True after the watchdog has ended the role: later results of the worker are ignored.
     over: AtomicBool,
     round_trips_ns: Mutex<Vec<u64>>,
     done: Mutex<Done>,
@@ -107,7 +107,7 @@ fn start(library: &'static Library, role: Role, settings: &Settings) -> (Arc<Sha
     let worker = std::thread::spawn(move || {
         let result = join(library, role, &settings).and_then(|(federate, ends)| {
             let result = take_part(&federate, role, &settings, &ends, &known);
-            // Otherwise all others would wait for this role. After an error too: the broker would wait for it until its heartbeats are missing.
+            // Disconnect also after an error: otherwise all other roles wait for this one, and the broker waits until its heartbeats are missing.
             if let Err(words) = &result {
                 known.with(|done| done.lost = Some(words.clone()));
                 federate.fail(words);
@@ -129,7 +129,7 @@ fn watch<B: FnOnce()>(
     settings: &Settings,
     begins: &mut Option<B>,
 ) -> Done {
-    /// A hundredth of the shortest useful silence.
+    /// Time between two checks: a hundredth of the shortest useful `silence`.
     const LOOK: Duration = Duration::from_millis(10);
     /// The longest time to wait for the end of a worker after an error. The state of the library is unknown then.
     const LEAVE: Duration = Duration::from_millis(500);
@@ -172,12 +172,12 @@ fn watch<B: FnOnce()>(
     done
 }
 
-/// Runs a broker until this many federates have ended, or until one of their processes has ended and the library does not notice. `begins` is called
-/// when all have joined. When this function returns, the library may still wait for a process: end this process by
+/// Runs a broker until this many federates have ended, or until one of their processes has ended without notice by the library. `begins` is called
+/// when all federates have joined. When this function returns, the library may still wait for a process: end this process by
 /// [`crate::helics::exit_without_destructors`].
 ///
 /// # Errors
-/// It cannot listen; not all have joined in time.
+/// The broker cannot listen; or some federates have not joined in time.
 pub fn broker(library: &'static Library, federates: usize, settings: &Settings, begins: impl FnOnce()) -> Result<(), String> {
     let broker = library.broker(settings.core, &settings.broker, federates)?;
     let until = Instant::now() + settings.wait;
@@ -186,8 +186,8 @@ pub fn broker(library: &'static Library, federates: usize, settings: &Settings, 
     while !broker.ended_within(Duration::from_millis(200))? {
         if let Some(report) = begins.take_if(|_| broker.has_begun()) {
             report();
-            // Asked only once: for the library every query counts as activity, and more queries would keep it from noticing lost processes. Only with
-            // shared memory is it certain that the processes are on this host.
+            // One query only: the library counts every query as activity, so that further queries would hide lost processes. Only with shared memory
+            // is it certain that the processes are on this host.
             processes = if settings.core == Core::Ipc { broker.processes() } else { Vec::new() };
         }
         if processes.iter().any(|it| peers::is_gone(*it)) {
@@ -204,7 +204,7 @@ pub fn broker(library: &'static Library, federates: usize, settings: &Settings, 
     Ok(())
 }
 
-/// The library notices most lost peers after 2 s; half a second more for its own end.
+/// The library notices most lost peers after 2 s. Half a second more lets it end by itself.
 const NOTICED: Duration = Duration::from_millis(2500);
 
 /// The vectors that a role sends and receives.
@@ -251,8 +251,8 @@ fn join(library: &'static Library, role: Role, settings: &Settings) -> Result<(F
     Ok((federate, ends))
 }
 
-/// Waits until something listens at the broker's address. The library would wait too, but it prints every refused connection on the terminal, and
-/// after a request that is a moment too early it waits 2 s.
+/// Waits until something listens at the broker's address. The library can wait too, but it prints every refused connection on the terminal, and after
+/// a request that comes a moment too early it waits 2 s.
 fn await_port(broker: &Address, until: Instant) -> Result<(), String> {
     use std::net::{TcpStream, ToSocketAddrs as _};
     let mut why = String::from("this name has no address");

@@ -26,7 +26,7 @@ use rsm_core::toml_reader::{self, TableReader};
 use crate::helics::{Address, Core};
 use crate::loops::{Loop, Role, Run};
 
-/// A day: the rows, one for each millisecond, are kept in memory.
+/// A day in s: the rows, one for each millisecond, are kept in memory.
 const LONGEST_S: f64 = 86_400.0;
 
 /// The limit of `rsm federate --load-inertia`: 1000 kg at a radius of 1 m.
@@ -39,7 +39,7 @@ pub struct Process {
     pub name: String,
     /// The roles that run in it.
     pub roles: Vec<Role>,
-    /// The host that it runs on, where the file says so.
+    /// The host on which it runs, if the file states it.
     pub host: Option<String>,
 }
 
@@ -48,24 +48,24 @@ pub struct Process {
 pub struct Scenario {
     /// Its name.
     pub name: String,
-    /// The run.
+    /// Duration and load of the run.
     pub run: Run,
-    /// How the processes communicate.
+    /// The transport between the processes.
     pub core: Core,
-    /// Where the broker listens.
+    /// The address at which the broker listens.
     pub broker: Address,
-    /// The host that the broker runs on, where the file says so.
+    /// The host on which the broker runs, if the file states it.
     pub broker_host: Option<String>,
     /// The processes, in the order of the file.
     pub processes: Vec<Process>,
 }
 
-/// A command to start: the arguments after `rsm`.
+/// A command to start a process: the arguments after `rsm`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Start {
     /// The name of the process; the broker is `broker`.
     pub process: String,
-    /// The host, where the file says so.
+    /// The host, if the file states it.
     pub host: Option<String>,
     /// The arguments.
     pub words: Vec<String>,
@@ -75,7 +75,7 @@ impl Scenario {
     /// Reads a file.
     ///
     /// # Errors
-    /// Every fault with its place.
+    /// All faults with their places.
     pub fn read(source: &Source) -> Result<Self, Faults> {
         let mut faults = Collector::new();
         let document = toml_reader::parse(source, &mut faults);
@@ -116,7 +116,7 @@ impl Scenario {
         hosts
     }
 
-    /// The commands to start, the broker first; records are written into a folder.
+    /// The commands to start the processes, the broker first. Records are written to the folder `out`.
     #[must_use]
     pub fn commands(&self, out: &str) -> Vec<Start> {
         let common = ["--broker".to_string(), self.broker.to_string(), "--core".to_string(), self.core.name().to_string()];
@@ -127,7 +127,7 @@ impl Scenario {
             let mut words = vec!["federate".to_string()];
             words.extend(process.roles.iter().map(|role| role.name().to_string()));
             words.extend(common.clone());
-            // Shortest decimals: they read back to the same bits.
+            // The shortest decimals that read back to the same bits.
             words.extend(["--seconds".to_string(), (self.run.ticks as f64 * 1e-3).to_string()]);
             if self.run.load_inertia > 0.0 {
                 words.extend(["--load-inertia".to_string(), self.run.load_inertia.to_string()]);

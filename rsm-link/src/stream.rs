@@ -1,8 +1,8 @@
 //! One side of a loop in real time, connected to the other side by UDP, for hardware in the loop.
 //!
 //! In: the side, its address and the address of the other side, a key, the length of the play-out buffer. Out: a table and counts. No side waits:
-//! each tick takes the value that the buffer plays and sends its own. For a missing value, the last one is held ([`Settings::hold`]), then the safe
-//! state applies:
+//! each tick uses the value that the buffer plays, and sends its own value. If a value is missing, the last one is held ([`Settings::hold`]); then
+//! the safe state applies:
 //!
 //! - the motor's plant sets its torque reference to zero and keeps the weakening current, the car closes its throttle;
 //! - a step gets an invalid sample, and treats it like a bad sample of a sensor.
@@ -22,26 +22,26 @@ use crate::loops::{self, Loop, PERIOD_NS, Role, Run, Step, Table, WIDEST, time_o
 use crate::play_out::{Counts, PlayOut, Played};
 use crate::wire::{Datagram, Key, Kind, LONGEST, Rejected, Side, model_hash};
 
-/// A side to run.
+/// The settings of a side.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// The loop, and its side here.
+    /// The loop, and the side that runs here.
     pub side: (Loop, Side),
-    /// Where this side listens: ADDRESS:PORT.
+    /// The address at which this side listens: ADDRESS:PORT.
     pub listen: String,
-    /// Where the other side listens: HOST:PORT.
+    /// The address at which the other side listens: HOST:PORT.
     pub peer: String,
     /// The secret key of both sides.
     pub key: Key,
-    /// The run.
+    /// Duration and load of the run.
     pub run: Run,
     /// The length of the play-out buffer.
     pub buffer: Duration,
-    /// How long the last value is held.
+    /// The time for which the last value is held.
     pub hold: Duration,
     /// After this time without a datagram the peer counts as lost.
     pub silence: Duration,
-    /// How long to wait for the peer at the start.
+    /// The longest time to wait for the peer at the start.
     pub wait: Duration,
 }
 
@@ -54,10 +54,10 @@ pub struct RejectedCounts {
     pub other_model: u64,
 }
 
-/// The result.
+/// The result of a side.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Done {
-    /// The rows: those of the role, then the number that was played and how (0 waiting, 1 fresh, 2 held, 3 safe).
+    /// The rows: the columns of the role, then the number that was played and its code (0 waiting, 1 fresh, 2 held, 3 safe).
     pub table: Table,
     /// Datagrams with a sample or a command that were sent.
     pub sent: u64,
@@ -71,15 +71,15 @@ pub struct Done {
     pub round_trip: Option<Summary>,
     /// How late the ticks began by the clock.
     pub lateness: Summary,
-    /// Ticks that began after their period was over. They are still computed, one after another.
+    /// Ticks that began after the end of their period. They are still computed, one after another.
     pub late_ticks: u64,
-    /// Ticks that ended after their period was over.
+    /// Ticks that ended after the end of their period.
     pub deadlines_missed: u64,
-    /// How late the last tick began: the delay of this side against the clock at its end, in ns.
+    /// The delay of the last tick's beginning, in ns: at the end this side is behind the clock by this time.
     pub skew_ns: u64,
     /// Whether any datagram of the peer arrived.
     pub began: bool,
-    /// Why it ended early.
+    /// The reason why the run ended early.
     pub lost: Option<String>,
 }
 
@@ -92,7 +92,7 @@ struct Received {
     known: bool,
     ended: bool,
     last_ns: u64,
-    /// The peer's time in its last datagram, and when that was received.
+    /// The peer's time in its last datagram, and the time at which it was received.
     echo: (u64, u64),
     rejected: RejectedCounts,
     round_trips_ns: Vec<u64>,
@@ -106,7 +106,7 @@ fn now_ns() -> u64 {
     SystemClock.now_ns()
 }
 
-/// A random number that cannot be guessed, never 0: the standard library takes the keys of its hash from the system's random numbers.
+/// A random number, never 0, that cannot be guessed: the standard library takes the keys of its hash function from the random numbers of the system.
 fn session() -> u64 {
     use std::hash::{BuildHasher as _, RandomState};
     loop {
@@ -117,7 +117,7 @@ fn session() -> u64 {
     }
 }
 
-/// Everything that does not change during a run.
+/// The data that do not change during a run.
 struct Link<'a> {
     socket: UdpSocket,
     peer: SocketAddr,
@@ -129,7 +129,7 @@ struct Link<'a> {
 }
 
 impl Link<'_> {
-    /// Whether the system took it.
+    /// Sends a datagram. Returns whether the operating system accepted it.
     fn send(&self, received: &Mutex<Received>, kind: Kind, number: u64, sent: &[f64]) -> bool {
         let (peer_session, (echo_ns, at_ns)) = {
             let received = locked(received);
@@ -157,10 +157,10 @@ impl Link<'_> {
     /// Receives until the run is over.
     fn listen(&self, received: &Mutex<Received>, over: &AtomicBool) {
         let other = if self.side == Side::Plant { Side::Step } else { Side::Plant };
-        // A byte more than the longest datagram: otherwise a truncated datagram would not be noticed.
+        // The buffer has one byte more than the longest datagram, so that a longer datagram is noticed.
         let mut bytes = [0; LONGEST + 1];
         while !over.load(Ordering::Acquire) {
-            // A timeout, or a peer that does not listen yet: continue in both cases.
+            // A timeout, or the peer does not listen yet: continue in both cases.
             let Ok((length, _)) = self.socket.recv_from(&mut bytes) else { continue };
             let now = now_ns();
             let read = Datagram::read(&bytes[..length], other, &self.model, self.key);
@@ -180,7 +180,7 @@ impl Link<'_> {
                 return;
             }
         };
-        // A hello may come from every sender with the key, at any time; the first one that answers to this session is the peer.
+        // Every sender with the key may send a hello at any time. The first one that contains this session is the peer.
         let answers = datagram.peer_session == self.session;
         let is_first = !received.known && (received.peer == 0 || datagram.kind == Kind::Hello || answers);
         if !(is_first || datagram.session == received.peer) || (datagram.kind != Kind::Hello && !answers) {
@@ -203,7 +203,7 @@ impl Link<'_> {
     }
 }
 
-/// Between two hellos.
+/// Time between two hello datagrams.
 const HELLO: Duration = Duration::from_millis(5);
 
 /// The end of the run is sent this many times, because each datagram may be lost.
@@ -314,12 +314,12 @@ fn connect(link: &Link<'_>, received: &Mutex<Received>, settings: &Settings) -> 
         }
         std::thread::sleep(HELLO);
     }
-    // The peer may still wait for this side's answer. The datagrams of the ticks contain the answer too.
+    // The peer may still wait for an answer. The datagrams of the ticks contain the answer too.
     link.send(received, Kind::Hello, 0, &[]);
     Ok(())
 }
 
-/// The ticks of a run, by the clock.
+/// The ticks of a run in real time.
 struct Ticks<'a> {
     link: &'a Link<'a>,
     received: &'a Mutex<Received>,
@@ -350,7 +350,7 @@ impl<'a> Ticks<'a> {
         self.done
     }
 
-    /// Sleeps until the tick begins, and takes the value that the buffer gives for it; `None` if the peer is lost.
+    /// Sleeps until the tick begins, and returns what the buffer plays for it; `None` if the peer is lost.
     fn begin(&mut self) -> Option<Played> {
         self.end_of_tick();
         let due = self.first_ns + self.tick * PERIOD_NS;
@@ -418,12 +418,12 @@ impl<'a> Ticks<'a> {
     }
 }
 
-/// The command that acts on the plant: the one that is played, or the safe state.
+/// The command that acts on the plant: the played one, or the safe state.
 fn command_of(side: Loop, played: Played) -> [f64; WIDEST] {
     let mut command = [0.0; WIDEST];
     match played {
         Played::Fresh { values, .. } | Played::Held { values, .. } => return values,
-        // No torque. The weakening current stays: without it a fast motor would charge the bus.
+        // The torque is zero. The weakening current remains: without it a fast motor would charge the bus.
         Played::Safe { values, .. } if side == Loop::Motor => command[0] = values[0],
         Played::Waiting | Played::Safe { .. } => {
             let first = side.first_command();

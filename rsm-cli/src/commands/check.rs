@@ -1,4 +1,5 @@
-//! `rsm check`: the rules of the file, and what is proved about its surfaces and compensators; with `--limits`, about the control loop with them.
+//! `rsm check`: checks the rules of the file, and certifies range and rounding error of its surfaces and the stability of its compensators. With
+//! `--limits` it also checks the limits of the control loop around the surfaces.
 
 use std::path::PathBuf;
 
@@ -34,7 +35,7 @@ pub struct Arguments {
     json: bool,
 }
 
-/// What a check found that does not hold.
+/// A property that does not hold.
 #[derive(Serialize)]
 pub struct Problem {
     pub r#where: String,
@@ -54,7 +55,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     for precision in wanted {
         match checked.refusal(precision) {
             None => held.push(precision),
-            // The user did not name this precision.
+            // A precision that the user did not name is no problem.
             Some(_) if asked.is_empty() => {}
             Some(faults) => {
                 problems.extend(faults.list().iter().map(|fault| Problem {
@@ -117,7 +118,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     Ok(if problems.is_empty() { Answer::Positive } else { Answer::Negative })
 }
 
-/// What a tape does at the bounds of `output_range`, and why.
+/// Whether the result can reach the bounds of `output_range`, and why.
 fn at_bounds(saturation: &Saturation) -> String {
     let why = match saturation.values {
         Some(Interval { low, high }) => format!("Before a clamp every value of this tape lies in [{low:?}, {high:?}]."),

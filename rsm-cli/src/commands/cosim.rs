@@ -1,4 +1,4 @@
-//! `rsm cosim`: a co-simulation by its scenario: broker and federates as processes of this host, or the commands for each host.
+//! `rsm cosim`: runs a co-simulation from its scenario. Broker and federates are processes of this host; or it prints the commands for each host.
 //!
 //! In: a scenario. Out: the records of all roles in one folder, the exit status of every process, and whether the records are identical, bit by bit,
 //! to those of one process. The processes are `rsm federate`, started by this same program.
@@ -45,7 +45,7 @@ pub struct Arguments {
     json: bool,
 }
 
-/// After the first process has failed, the others end by themselves within 5 s. A process that still runs after this time is ended.
+/// After the first process has failed, the others end by themselves within 5 s. A process that still runs after this time is killed.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 pub fn run(arguments: &Arguments) -> Outcome {
@@ -62,7 +62,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     if arguments.commands || (arguments.host.is_none() && hosts.len() > 1) {
         return print(arguments, &starts);
     }
-    // One message in place of one from every process.
+    // Load the library once here: one error message in place of one from every process.
     Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
     let here = starts.into_iter().filter(|start| arguments.host.is_none() || start.host == arguments.host).collect();
     let ended = start_and_wait(here, arguments.helics.as_deref())?;
@@ -101,13 +101,13 @@ fn print(arguments: &Arguments, starts: &[Start]) -> Outcome {
 /// A process that has ended.
 struct Ended {
     process: String,
-    /// `None`: by a signal.
+    /// `None` if a signal ended the process.
     status: Option<i32>,
     /// Its output as JSON.
     told: Value,
 }
 
-/// A child process that is ended if this program fails.
+/// A child process that is killed when this value is dropped, for example after an error.
 struct Guarded(Child);
 
 impl Drop for Guarded {
@@ -141,7 +141,7 @@ fn start_and_wait(starts: Vec<Start>, helics: Option<&Path>) -> Result<Vec<Ended
                     if !status.success() {
                         failed.get_or_insert_with(Instant::now);
                     }
-                    // One object: it fits in the pipe.
+                    // Each process prints one JSON object, which fits in the buffer of the pipe.
                     let mut told = String::new();
                     let _ = child.0.stdout.take().map(|mut pipe| pipe.read_to_string(&mut told));
                     let told = serde_json::from_str(&told).unwrap_or(Value::Null);
@@ -163,7 +163,7 @@ fn start_and_wait(starts: Vec<Start>, helics: Option<&Path>) -> Result<Vec<Ended
     Ok(ended)
 }
 
-/// The records of one process, by role.
+/// The records of a run in one process, by role.
 fn of_one_process(scenario: &Scenario) -> Vec<(Role, Table)> {
     let loops: Vec<_> = scenario.loops().map(|side| (side, loops::alone(side, scenario.run))).collect();
     let table = |role: Role| {

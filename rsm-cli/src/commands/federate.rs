@@ -67,14 +67,14 @@ pub(super) fn loop_of(word: &str) -> Result<Loop, String> {
     found.ok_or_else(|| format!("expected one of {}", Loop::ALL.map(Loop::name).join(", ")))
 }
 
-/// A time in s: above 0, a day at most. The rows, one for each millisecond, are kept in memory.
+/// A time in s: above 0, at most one day, because all rows (one for each millisecond) are kept in memory.
 pub(super) fn seconds(word: &str) -> Result<f64, String> {
     let number = word.parse::<f64>().ok().filter(|number| (0.001..=86_400.0).contains(number));
     number.ok_or_else(|| "expected seconds from 0.001 to 86400".to_string())
 }
 
 pub(super) fn inertia(word: &str) -> Result<f64, String> {
-    // 1000 kg at a radius of 1 m: this motor cannot turn such a load.
+    // Larger moments of inertia are refused. 1000 kg m^2 is 1000 kg at a radius of 1 m: this motor cannot turn such a load.
     let number = word.parse::<f64>().ok().filter(|number| (0.0..=1000.0).contains(number));
     number.ok_or_else(|| "expected kg m^2 from 0 to 1000".to_string())
 }

@@ -92,7 +92,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     Ok(Answer::Positive)
 }
 
-/// Time, the inputs that acted, the outputs.
+/// The table: time, the inputs that acted, the outputs.
 fn csv(plant: &PlantFile, record: &Record, outputs: &Outputs) -> String {
     let gears = vec![record.gear as f64; record.rows()];
     let mut columns: Vec<(Signal, &[f64])> = vec![(Signal { name: "time", unit: "s" }, &record.time)];

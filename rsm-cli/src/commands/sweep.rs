@@ -1,7 +1,7 @@
-//! `rsm sweep`: many simulations or diagnoses as a list of tasks, on all cores, as a shard, or on a Dask cluster.
+//! `rsm sweep`: runs many simulations or diagnoses as a list of tasks, on all cores, as a shard, or on a Dask cluster.
 //!
-//! In: a scenario. Out: a folder with a JSON file for each task, and then one table and one summary of all of them. A task whose result exists is not
-//! run again.
+//! In: a scenario. Out: a folder with a JSON file for each task, then one table and one summary of all tasks. A task whose result exists is not run
+//! again.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -84,12 +84,12 @@ pub fn run(arguments: &Arguments) -> Outcome {
     match (&arguments.task, &arguments.out) {
         (Some(hash), _) => alone(&scenario, &tasks, hash, arguments),
         (None, Some(out)) => all(&scenario, &tasks, out, arguments),
-        // The parser does not accept such arguments.
+        // Unreachable: clap requires --out here.
         (None, None) => Err(Refusal::new("`--out` is missing")),
     }
 }
 
-/// The answer of `rsm diagnose` for one case.
+/// The result of `rsm diagnose` for one case.
 fn diagnosis(case: &Case<'_>) -> Result<Value, String> {
     let [training, validation, test] = case.records;
     let options = Options { threads: case.threads, progress: &|_| {} };
@@ -101,7 +101,7 @@ fn has_failed(result: &Value) -> bool {
     !result["failed"].is_null()
 }
 
-/// Runs one task, as a worker does.
+/// Runs one task, as on a worker.
 fn alone(scenario: &Scenario, tasks: &[Task], hash: &str, arguments: &Arguments) -> Outcome {
     let Some(task) = tasks.iter().find(|it| it.hash == hash) else {
         return Err(Refusal::new(format!(
@@ -115,7 +115,7 @@ fn alone(scenario: &Scenario, tasks: &[Task], hash: &str, arguments: &Arguments)
     Ok(if has_failed(&result) { Answer::Negative } else { Answer::Positive })
 }
 
-/// `2/3`: the second of three.
+/// Reads a shard: `2/3` is the second of three.
 fn shard(words: &str) -> Result<[usize; 2], Refusal> {
     let numbers = words.split_once('/').and_then(|(k, n)| Some([k.parse().ok()?, n.parse().ok()?]));
     match numbers {
@@ -150,7 +150,7 @@ fn all(scenario: &Scenario, tasks: &[Task], out: &Path, arguments: &Arguments) -
         }
     }
     let seconds = began.elapsed().as_secs_f64();
-    // Each file is read once: results from before, and new results now.
+    // Each file is read only once: results of earlier runs before the tasks run, new results here.
     for (task, result) in mine.iter().zip(&mut results).filter(|(_, result)| result.is_none()) {
         *result = store.get(task);
     }
@@ -197,13 +197,13 @@ fn all(scenario: &Scenario, tasks: &[Task], out: &Path, arguments: &Arguments) -
     Ok(if counts.missing == 0 && counts.failed == 0 { Answer::Positive } else { Answer::Negative })
 }
 
-/// How many tasks there are of each kind.
+/// Numbers of tasks.
 struct Counts {
     tasks: usize,
     there: usize,
     missing: usize,
     failed: usize,
-    /// Results in the folder that are of other lists.
+    /// Results in the folder that belong to other lists.
     others: usize,
 }
 
@@ -213,12 +213,12 @@ impl Counts {
     }
 }
 
-/// Runs what is left, with a bar on a terminal.
+/// Runs the remaining tasks, with a progress bar on a terminal.
 fn make(scenario: &Scenario, left: &[&Task], store: &Store, there: usize, arguments: &Arguments) -> Result<(), Refusal> {
     if left.is_empty() {
         return Ok(());
     }
-    // Draws on standard error, and nothing at all when that is no terminal.
+    // Draws on standard error, and only on a terminal.
     let bar = ProgressBar::new((there + left.len()) as u64);
     let style = ProgressStyle::with_template("{elapsed_precise} {wide_bar} {pos} of {len} tasks, {eta} left");
     bar.set_style(style.expect("the template is ours"));

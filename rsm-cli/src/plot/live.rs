@@ -1,6 +1,6 @@
-//! The numbers of a live plot, for the page's script.
+//! The numbers of an interactive plot, for the page's script.
 //!
-//! In: series, a map. Out: JSON. Numbers have the digits that a plot can show, many points are thinned to their extremes.
+//! In: series, a surface. Out: JSON. Numbers have the digits that a plot can show. A curve of many points is reduced to its extremes.
 
 use serde_json::{Map as Object, Value, json};
 
@@ -10,7 +10,7 @@ use super::{CELLS, Map, Mark, Series, Words, along, finite, name_of, thinned};
 /// has all its rows.
 const MOST_POINTS: usize = 3000;
 
-/// The same for a line of a group of which one line is shown at a time.
+/// The same for a line of a group of which only one line is shown at a time.
 const FEW_POINTS: usize = 600;
 
 /// Significant digits of a number in a plot.
@@ -35,7 +35,7 @@ pub fn curves(words: &Words<'_>, series: &[Series], decades: bool) -> Value {
     })
 }
 
-/// A surface over the plane; marks lie on it.
+/// A surface over a rectangle; marks are drawn on it.
 pub fn surface(
     words: &Words<'_>,
     value_words: &str,
@@ -44,7 +44,7 @@ pub fn surface(
     series: &[Series],
 ) -> Value {
     let axis = |range: (f64, f64), title: &str| json!({ "title": title, "at": (0..=CELLS).map(|k| number(along(range, k))).collect::<Vec<_>>() });
-    // The script wants a list for each place of the second axis.
+    // The script expects one list for each value of the second axis.
     let z: Vec<Vec<Value>> =
         (0..=CELLS).map(|j| (0..=CELLS).map(|i| map.corners[i][j].map_or(Value::Null, number)).collect()).collect();
     let mut one = |it: &Series| {
@@ -83,7 +83,7 @@ pub fn mark(mark: Mark) -> &'static str {
 /// A number with the digits that a plot can show; null where it is not finite.
 pub fn number(value: f64) -> Value {
     let short: f64 = format!("{value:.*e}", DIGITS - 1).parse().unwrap_or(value);
-    // A whole number needs no point.
+    // A whole number is written without a decimal point.
     if short.fract() == 0.0 && short.abs() < 1e15 { json!(short as i64) } else { json!(short) }
 }
 

@@ -1,6 +1,6 @@
 //! The report of a fit. For each response: verdict, three numbers and a plot of the surface, then statistics of the fit, constraints and terms.
 //!
-//! In: what a fit found. Out: text. Predictions come from the interpreter, so a report shows what an evaluator will return.
+//! In: the outcome of a fit. Out: text. Predictions come from the interpreter, so a report shows the values that an evaluator returns.
 
 mod surface;
 
@@ -33,7 +33,7 @@ pub fn fit(outcome: &Outcome) -> Result<String, Refusal> {
             overview(outcome)
         );
     }
-    // Where no response could be fitted there is no surface, and no model to check.
+    // If no response could be fitted, there is no surface and no model to check.
     let fitted = (!outcome.model.surfaces.is_empty()).then(|| Checked::from_model(&outcome.model));
     let checked = fitted.transpose()?;
     for response in &outcome.responses {
@@ -73,7 +73,7 @@ fn left_out(outcome: &Outcome) -> String {
     if lines.is_empty() { lines } else { format!("<h3>Rows with missing cells</h3>\n<ul>\n{lines}</ul>\n") }
 }
 
-/// The verdict's colour, and its state in a word or two.
+/// The colour of the verdict, and its state in a word or two.
 fn tone(verdict: &Verdict) -> (Tone, &'static str) {
     match verdict {
         Verdict::Fitted => (Tone::Good, "fitted"),
@@ -103,7 +103,7 @@ fn overview(outcome: &Outcome) -> String {
     format!("<table>\n<tr><th>response</th><th>verdict</th><th>error estimate (root mean square)</th></tr>\n{lines}</table>\n")
 }
 
-/// The error estimate (root mean square) and its rows: those with the least influence on the choice of terms.
+/// The error estimate (root mean square) and its rows: the rows that influenced the choice of terms least.
 fn believed(response: &ResponseOutcome, statistics: &ResponseStatistics) -> Option<(f64, String)> {
     let on = |errors: &ValidationStatistics, of: &str| (errors.rmse, format!("on {} {of}", errors.rows));
     let test = statistics.test.as_ref().map(|it| on(it, "test rows"));
@@ -208,7 +208,7 @@ fn of_response(
     Ok(text)
 }
 
-/// Errors by the rows on which they are.
+/// Errors by the rows on which they are computed.
 fn errors(statistics: &ResponseStatistics, is_unseen: bool, unit: &str) -> String {
     let validation = if is_unseen { "holdout rows" } else { "validation rows, which chose the terms" };
     let cross = statistics.cross_validation.as_ref();
@@ -287,7 +287,7 @@ fn terms(surface: &Surface, statistics: &ResponseStatistics, unit: &str) -> Stri
         text += &format!(
             "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>{related}</tr>\n",
             escaped(&surface.term_name(&term.powers)),
-            // Two standard errors are about the half of a 95 % interval.
+            // Two standard errors are about half the width of a 95 % interval.
             known(term.coefficient, 2.0 * term.standard_error.unwrap_or(0.0)),
             number(term.standard_error),
             number(term.t),
@@ -364,10 +364,10 @@ fn over_rows(fitted: &Pairs, apart: &[(&str, Pairs)], brackets: &str) -> Result<
     with_rule(&words, vec![(0.0, 0.0), (last, 0.0)], fitted, apart)
 }
 
-/// Points of rows that were kept apart, under their name.
+/// Points of holdout rows, with the name of their set.
 type NamedPoints<'a> = Vec<(&'a str, Vec<(f64, f64)>)>;
 
-/// The rule shows where a perfect model would lie.
+/// Adds the line on which the points of a perfect model would be.
 fn with_rule(
     words: &Words<'_>,
     rule: Vec<(f64, f64)>,

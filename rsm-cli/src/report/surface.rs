@@ -1,6 +1,6 @@
-//! Plots of a fitted surface: static pictures, and the numbers from which the page's script rotates and cuts it.
+//! Plots of a fitted surface: static pictures, and the numbers from which the page's script rotates the surface and draws slices.
 //!
-//! In: a model, one of its surfaces, the rows. Out: a figure. Values come from the tape, so a page shows what an evaluator will return.
+//! In: a model, one of its surfaces, the rows. Out: a figure. Values come from the tape, so a page shows the values that an evaluator returns.
 
 use rsm_core::check::Checked;
 use rsm_core::lower;
@@ -20,19 +20,19 @@ use crate::plot::{self, BLACK, BLUE, GREY, Mark, ORANGE, PINK, Series, Words};
 /// The largest number of rows of one kind in a plot. From more rows, a regular selection is drawn.
 const MOST_ROWS: usize = 2000;
 
-/// Points of a cut in a still picture.
+/// Points of a slice in a static picture.
 const CUT: usize = 200;
 
 /// One response of a fit, for the figure.
 pub struct Shown<'a> {
     pub outcome: &'a Outcome,
     pub checked: &'a Checked,
-    /// The place of its surface in the model.
+    /// The index of its surface in the model.
     pub surface: usize,
-    /// Its place among the responses of the rows.
+    /// Its index among the responses of the rows.
     pub response: usize,
     pub constraints: Option<&'a ConstraintStatistics>,
-    /// The error estimate, with its rows in words.
+    /// The error estimate, and the rows on which it is computed.
     pub error: Option<(f64, String)>,
 }
 
@@ -86,11 +86,11 @@ fn operations(tape: &Tape) -> Value {
     let one = |op: &Op| match op {
         Op::Constant(constant) => json!(["constant", constant.value]),
         Op::Input(port) => json!(["input", port.0]),
-        // A surface keeps nothing from step to step.
+        // A surface has no state.
         Op::State(_) => json!(["state"]),
         Op::Negate(a) => json!(["negate", a.0]),
         Op::Absolute(a) => json!(["absolute", a.0]),
-        // Only elementary functions have these, and no surface has one.
+        // Only elementary functions have these operations, and no surface has an elementary function.
         Op::Exponent(_) | Op::PowerOfTwo(_) => json!(["state"]),
         Op::Add(a, b) => json!(["add", a.0, b.0]),
         Op::Subtract(a, b) => json!(["subtract", a.0, b.0]),
@@ -105,7 +105,7 @@ fn operations(tape: &Tape) -> Value {
     })
 }
 
-/// Columns of the surface's inputs among those of the rows.
+/// Indices of the surface's inputs among the columns of the rows.
 fn columns(it: &Shown<'_>, inputs: &[Input]) -> Vec<usize> {
     let place = |input: &Input| {
         it.outcome.model.inputs.iter().position(|other| other.name == input.name).expect("a surface's input is in the model")
@@ -113,7 +113,7 @@ fn columns(it: &Shown<'_>, inputs: &[Input]) -> Vec<usize> {
     inputs.iter().map(place).collect()
 }
 
-/// Rows as lists of the inputs' values and the measured response, by what they were used for.
+/// Rows as lists of the inputs' values and the measured response, grouped by their use.
 fn sets(it: &Shown<'_>, inputs: &[Input]) -> Vec<(&'static str, Vec<Vec<f64>>)> {
     let columns = columns(it, inputs);
     let rows = |records: &Records| -> Vec<Vec<f64>> {
@@ -133,7 +133,7 @@ fn sets(it: &Shown<'_>, inputs: &[Input]) -> Vec<(&'static str, Vec<Vec<f64>>)> 
     sets
 }
 
-/// The value at a point, where the data support it.
+/// Computes the value at a point; `None` where the data do not support it.
 type Valued<'a> = &'a mut dyn FnMut(&[f64]) -> Option<f64>;
 
 /// A surface of one input: a curve with the rows.
@@ -189,7 +189,7 @@ fn plane(
     Ok((plot::still::map(&words, &surface.unit, &map, &series)?, series))
 }
 
-/// A surface of more inputs: a cut along each of them through the middle of the box.
+/// A surface of more inputs: a slice along each input through the middle of the box.
 fn cuts(surface: &Surface, inputs: &[Input], value: Valued<'_>) -> Result<(String, Vec<Series>), Refusal> {
     let middle: Vec<f64> = inputs.iter().map(|input| 0.5 * (input.range[0] + input.range[1])).collect();
     let y = titled(&surface.name, &surface.unit);

@@ -1,7 +1,7 @@
-//! The figures of the original work, and ours beside them.
+//! The figures of the original work beside the figures of this demo.
 //!
-//! In: numbers that the demo measured. Out: one JSON object, and one table for the report. The bounds are written here
-//! only. Times are reported and compared with their bounds, but a time on a busy machine is no reason to fail.
+//! In: numbers that the demo measured. Out: one JSON object, and one table for the report. The bounds are written here only. Times are reported and
+//! compared with their bounds, but a missed time is no failure, because the machine may be busy.
 
 use serde_json::{Map, Value, json};
 
@@ -52,7 +52,7 @@ struct Line {
     words: &'static str,
     paper: &'static str,
     bound: Bound,
-    /// Depends on how fast the machine is and what else it does.
+    /// Whether the figure depends on the machine's speed and load.
     is_time: bool,
 }
 
@@ -81,9 +81,9 @@ const LINES: [Line; 24] = [
         "&lt; 1 on its motor",
         Bound::Told,
     ),
-    // 1.06 measured, and it is the same number each time; a tenth above it. The first 20 ms from rest have 1.04 of it: there the embedded step moves
-    // its references at 3 A a period, and the full controller moves them at once. With references that move at once 0.25 is left, most of it beyond
-    // 600 rad/s, where the surface is beside the circle diagram.
+    // Every run gives 1.06; the bound is a tenth above it. The first 20 ms from rest contribute 1.04: the embedded step moves its references at 3 A a
+    // period, and the full controller moves them at once. If both move them at once, 0.25 is left, most of it beyond 600 rad/s, where the surface
+    // differs from the circle diagram.
     line(
         "runup_torque_rms_percent",
         "run-up with a coarse encoder: r.m.s. difference of torque, % of peak",
@@ -147,10 +147,10 @@ pub struct Paper {
 }
 
 impl Paper {
-    /// Notes a figure.
+    /// Stores a figure.
     ///
     /// # Panics
-    /// When the key is not in the table, or was noted before.
+    /// When the key is not in the table, or has been stored before.
     pub fn note(&mut self, key: &'static str, value: f64) {
         assert!(LINES.iter().any(|line| line.key == key), "`{key}` is no key of the table");
         assert!(self.value(key).is_none(), "`{key}` is noted twice");

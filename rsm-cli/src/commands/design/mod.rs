@@ -1,7 +1,7 @@
 //! `rsm design`: from a design specification to a plan in random run order, or to its evaluation.
 //!
-//! In: a design specification. Out: a CSV `run[1],factor[unit],...`, whole or absent; with `--evaluate` what the runs can determine. The same
-//! specification gives the same bytes.
+//! In: a design specification. Out: a CSV `run[1],factor[unit],...`, complete or not written at all; with `--evaluate` the evaluation of the design.
+//! The same specification gives the same bytes.
 
 mod evaluate;
 
@@ -51,7 +51,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     };
     if arguments.evaluate.is_some() {
         let runs = existing.map_or_else(|| Runs::of(&plan), |existing| Runs::of_augmented(&plan, &existing));
-        // Evaluated first: if that is refused, no file is written.
+        // The evaluation comes first: if it is refused, no file is written.
         let evaluation = specification.evaluate(&runs)?;
         if let Some(out) = &arguments.out {
             output::write_all(&[(out.clone(), plan.csv())])?;

@@ -1,6 +1,6 @@
 //! Errors of the plant's equations, evaluated with the recorded signals, for the report and as JSON.
 //!
-//! In: what the screen by equation error found. Out: sentences and a value. Decides nothing.
+//! In: the results of the screen by equation error. Out: sentences and a value. Decides nothing.
 
 use rsm_diagnose::plant::equations::{EquationScreen, Term};
 use serde_json::{Map, Value, json};

@@ -90,7 +90,7 @@ fn rivals(cause: &Cause, it: &mut Evidence) {
     match behind {
         Some((name, behind)) => it.supports.push(format!(
             "The best alternative, {name}, in its place and with all parameters fitted again, gains {:.0} % of what this cause gains.",
-            // A rival that was fitted badly may do worse than nothing.
+            // A rival whose fit did not converge may even increase the error.
             100.0 * (1.0 - behind / cause.gain).max(0.0)
         )),
         _ if !cause.rivals_tested => {
@@ -102,7 +102,7 @@ fn rivals(cause: &Cause, it: &mut Evidence) {
         }
         None => {}
     }
-    // What half of the evidence would be is a coin.
+    // Below 0.5 the cause is more probably wrong than right.
     if cause.confidence < 0.5 {
         it.speaks_against.push(format!(
             "Its rivals and causes outside the catalogue are together more probable than this cause: confidence {:.2}.",

@@ -75,7 +75,7 @@ fn record(excitation: &Excitation) -> String {
     format!("{} rows of {} s", record.rows(), record.period)
 }
 
-/// The same for programs; null where there is nothing to do.
+/// The same as JSON; null if no experiment is proposed.
 pub fn value(found: &Diagnosis) -> Value {
     let pairs = |differences: &[Difference]| -> Vec<Value> {
         let each = differences.iter().map(|it| {

@@ -1,7 +1,7 @@
-//! `rsm diagnose MODEL.toml --data`: a fitted surface against new data.
+//! `rsm diagnose MODEL.toml --data`: compares a fitted surface with new data.
 //!
-//! In: a model file, new data, unseen rows. Out: one JSON object, and with `--out` diagnosis.json, extended.toml (a model file) and report.html,
-//! whole or absent. Every verdict is an answer: exit status 0.
+//! In: a model file, new data, holdout rows. Out: one JSON object, and with `--out` diagnosis.json, extended.toml (a model file) and report.html,
+//! complete or not written at all. Every verdict is an answer: exit status 0.
 
 use std::path::{Path, PathBuf};
 
@@ -22,15 +22,15 @@ use super::surface_report;
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
-/// What the command line says of a surface.
+/// The arguments of the command line for a surface.
 pub struct Task<'a> {
     /// The model file.
     pub model: &'a Source,
     /// New data.
     pub data: &'a [PathBuf],
-    /// Unseen rows.
+    /// Holdout rows.
     pub validate: &'a [PathBuf],
-    /// Rows for the last figures.
+    /// Test rows: only the final gain is computed on them.
     pub test: &'a [PathBuf],
     /// The folder for the files.
     pub out: Option<&'a Path>,
@@ -79,7 +79,7 @@ pub fn run(task: &Task<'_>) -> Outcome {
     Ok(Answer::Positive)
 }
 
-/// Verdict and causes on standard error.
+/// Prints verdict and causes on standard error.
 fn words(model: &Model, data: &NewData, found: &Diagnosis) {
     for (column, why) in &data.ignored {
         tell!("column `{column}` is not used: {why}");
@@ -130,7 +130,7 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
     }
 }
 
-/// docs/book/src/reference/formats.md 4.3, as far as it goes for surfaces; every cause has its `response`.
+/// The object of docs/book/src/reference/formats.md 4.3, with the keys that exist for surfaces; every cause has its `response`.
 pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
     let name = |response: &ResponseDiagnosis| model.surfaces[response.surface].name.clone();
     let mut all: Vec<(&ResponseDiagnosis, &Cause)> =
@@ -173,7 +173,7 @@ pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
 fn cause_value(response: &str, data: &NewData, cause: &Cause) -> Value {
     let mut place = vec![("response", json!(response))];
     place.extend(cause.subject.as_ref().map(|(key, subject)| (*key, json!(subject))));
-    // Numbers and lists of them stay what they are.
+    // Numbers and lists of numbers keep their JSON type.
     let detail = |value: &String| serde_json::from_str(value).unwrap_or_else(|_| json!(value));
     let mut details: cause_json::Keys = cause.details.iter().map(|(key, value)| (*key, detail(value))).collect();
     if !cause.runs.is_empty() {

@@ -19,14 +19,14 @@ use super::next;
 use crate::page::number::short;
 use crate::page::{figure, multiple};
 
-/// The basis of the figures of training and validation records: no parameter is estimated from validation records, but they take part in the choice
-/// of causes.
+/// The records on which the figures of training and validation are computed. No parameter is estimated from validation records, but they take part in
+/// the choice of causes.
 pub const CHOSEN: &str = "on the records that chose it";
 
 /// Noise with at least this lag-one autocorrelation is called slow: its correlation lasts for more than ten rows.
 const SLOW_NOISE: f64 = 0.9;
 
-/// The basis of the figures of test records.
+/// The records on which the figures of the test are computed.
 pub fn tested_on() -> String {
     format!(
         "on test records, which nothing has seen before: their starts are estimated on the first {} % of each, errors are of the rest",
@@ -207,7 +207,7 @@ pub fn claim(it: &Claim) -> String {
     format!("{}{subject} {judged}: {}.", it.kind, numbers.join("; "))
 }
 
-/// The lines on standard error.
+/// Prints the results on standard error.
 pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     for it in &found.findings {
         let rows = (it.rows.0 + 1, it.rows.1 + 1);
@@ -292,7 +292,7 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     }
 }
 
-/// A step of the ladder by the inverse model of an axis.
+/// The error of the force at a step of the ladder, by the inverse model of an axis.
 fn force(step: &Step) -> Option<String> {
     let name = if step.causes.is_empty() { "calibrated".to_string() } else { step.causes.join(" and ") };
     Some(format!("{name} {:.1} %", 100.0 * step.force_error?))

@@ -1,4 +1,4 @@
-//! `rsm linearise`: the linear model of a plant at a point.
+//! `rsm linearise`: computes the linear model of a plant at a point.
 //!
 //! In: a plant of equations and a point. Out: the matrices as CSV and JSON, the poles with their damping.
 
@@ -31,7 +31,7 @@ pub struct Arguments {
     json: bool,
 }
 
-/// `None` where a number is not finite, as JSON has it.
+/// `None` where a number is not finite, because JSON has no such number.
 fn finite(matrix: &[Vec<f64>]) -> Vec<Vec<Option<f64>>> {
     matrix.iter().map(|row| row.iter().map(|it| output::finite(*it)).collect()).collect()
 }

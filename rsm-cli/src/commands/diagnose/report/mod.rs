@@ -1,7 +1,7 @@
 //! The report of a diagnosis. It needs no other document to be understood.
 //!
-//! In: a diagnosis. Out: one self-contained HTML page: the verdict, what is wrong with the data, the causes with their evidence, the extended
-//! parameters, where the plant is wrong, curves before and after, what is left. Decides nothing: every figure comes from the diagnosis.
+//! In: a diagnosis. Out: one self-contained HTML page: the verdict, faults of the data, the causes with their evidence, the extended parameters, the
+//! regions with a large error, curves before and after, the remaining error. Decides nothing: every figure comes from the diagnosis.
 
 mod curves;
 mod where_wrong;
@@ -322,7 +322,7 @@ fn parameters(body: &mut String, found: &Diagnosis) {
             is
         );
     };
-    // What acts in one record alone is none of the plant's.
+    // A cause that acts in one record only is not part of the extended plant.
     for cause in found.causes.iter().chain(&found.helpers).filter(|it| it.only_in.is_none()) {
         for it in &cause.parameters {
             let half = 0.5 * (it.high - it.low);
@@ -398,7 +398,7 @@ fn ranking(body: &mut String, found: &Diagnosis) {
     }
 }
 
-/// Gains are in the thousands: decimals have no meaning.
+/// A gain without decimals, because gains are in the thousands.
 fn rounded(value: Option<f64>) -> String {
     value.map_or(String::new(), |value| format!("{value:.0}"))
 }
