@@ -7,13 +7,13 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 /// Prints a line on standard error.
-macro_rules! tell {
-    ($($words:tt)*) => { $crate::output::tell(format_args!("{}\n", format_args!($($words)*))) };
+macro_rules! stderr_line {
+    ($($words:tt)*) => { $crate::output::stderr(format_args!("{}\n", format_args!($($words)*))) };
 }
 
 /// Prints on standard error without an end of line.
-macro_rules! tell_part {
-    ($($words:tt)*) => { $crate::output::tell(format_args!($($words)*)) };
+macro_rules! stderr_text {
+    ($($words:tt)*) => { $crate::output::stderr(format_args!($($words)*)) };
 }
 
 mod commands;

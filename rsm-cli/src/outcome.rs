@@ -47,7 +47,7 @@ pub fn exit(outcome: Outcome) -> ExitCode {
         Ok(Answer::Positive) => 0,
         Ok(Answer::Negative) => 1,
         Err(refusal) => {
-            tell!("{refusal}");
+            stderr_line!("{refusal}");
             2
         }
     };

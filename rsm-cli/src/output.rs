@@ -164,8 +164,8 @@ pub fn line(text: &str) -> Result<(), Refusal> {
 
 /// Prints a message on standard error. The reader may have closed it (`2>&1 | head`). This is not an error and does not stop the program, because the
 /// files and the exit status are still needed. `eprintln!` would panic.
-pub fn tell(words: std::fmt::Arguments<'_>) {
-    let _ = std::io::stderr().write_fmt(words);
+pub fn stderr(text: std::fmt::Arguments<'_>) {
+    let _ = std::io::stderr().write_fmt(text);
 }
 
 /// A number for JSON: null if it is not finite.

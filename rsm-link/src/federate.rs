@@ -103,20 +103,20 @@ fn start(library: &'static Library, role: Role, settings: &Settings) -> (Arc<Sha
     };
     let (start, moved, over) = (Instant::now(), AtomicU64::new(0), AtomicBool::new(false));
     let shared = Arc::new(Shared { start, moved, over, round_trips_ns: Mutex::default(), done: Mutex::new(done) });
-    let (settings, known) = (settings.clone(), Arc::clone(&shared));
+    let (settings, worker_shared) = (settings.clone(), Arc::clone(&shared));
     let worker = std::thread::spawn(move || {
         let result = join(library, role, &settings).and_then(|(federate, ends)| {
-            let result = take_part(&federate, role, &settings, &ends, &known);
+            let result = take_part(&federate, role, &settings, &ends, &worker_shared);
             // Disconnect also after an error: otherwise all other roles wait for this one, and the broker waits until its heartbeats are missing.
-            if let Err(words) = &result {
-                known.with(|done| done.lost = Some(words.clone()));
-                federate.fail(words);
+            if let Err(message) = &result {
+                worker_shared.with(|done| done.lost = Some(message.clone()));
+                federate.fail(message);
             }
             federate.disconnect();
             result
         });
-        if !known.over.load(Ordering::Acquire) {
-            known.with(|done| done.lost = result.err());
+        if !worker_shared.over.load(Ordering::Acquire) {
+            worker_shared.with(|done| done.lost = result.err());
         }
     });
     (shared, worker)

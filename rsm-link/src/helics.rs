@@ -104,8 +104,8 @@ impl RawError {
     }
 }
 
-fn text(words: &str) -> CString {
-    CString::new(words.replace('\0', " ")).expect("it has no zero left")
+fn text(text: &str) -> CString {
+    CString::new(text.replace('\0', " ")).expect("it has no zero left")
 }
 
 /// How the processes of a federation communicate.
@@ -149,9 +149,9 @@ impl Address {
     ///
     /// # Errors
     /// A message with what was found and what is expected.
-    pub fn parse(words: &str) -> Result<Self, String> {
-        let wrong = || format!("found `{words}`, expected HOST:PORT, as 192.168.1.10:23500");
-        let (host, port) = words.rsplit_once(':').ok_or_else(wrong)?;
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let wrong = || format!("found `{text}`, expected HOST:PORT, as 192.168.1.10:23500");
+        let (host, port) = text.rsplit_once(':').ok_or_else(wrong)?;
         // Both become part of a line of options for HELICS, in which text cannot be quoted.
         let plain = |c: char| c.is_ascii_alphanumeric() || ".-_:[]".contains(c);
         let port = port.parse().ok().filter(|port| *port > 0).ok_or_else(wrong)?;
@@ -188,8 +188,8 @@ const FILES: [&str; 3] = ["libhelics.so", "libhelics.dylib", "helics.dll"];
 /// Subfolders that may contain the library: the folder itself, those of an installation, those of a package that pip has unpacked.
 const FOLDERS: [&str; 6] = ["", "lib64", "lib", "bin", "helics/install/lib64", "helics/install/lib"];
 
-fn candidates(asked: Option<&Path>) -> Vec<PathBuf> {
-    match asked {
+fn candidates(requested: Option<&Path>) -> Vec<PathBuf> {
+    match requested {
         Some(folder) if folder.is_dir() => {
             let inside = FOLDERS.iter().flat_map(|below| FILES.iter().map(move |file| folder.join(below).join(file)));
             inside.filter(|file| file.is_file()).collect()
@@ -209,11 +209,11 @@ impl Library {
     ///
     /// # Errors
     /// The file is missing or is not this library. The message contains the paths that were tried and how to install the library.
-    pub fn load(asked: Option<&Path>) -> Result<&'static Library, String> {
+    pub fn load(requested: Option<&Path>) -> Result<&'static Library, String> {
         let from_variable = std::env::var_os(VARIABLE).map(PathBuf::from);
-        let asked = asked.or(from_variable.as_deref());
+        let requested = requested.or(from_variable.as_deref());
         let mut tried = Vec::new();
-        for place in candidates(asked) {
+        for place in candidates(requested) {
             // SAFETY: the initialisers of libhelics are those of a C++ library. If another library has this name, the user has chosen it.
             match unsafe { libloading::Library::new(&place) } {
                 Ok(library) => {
@@ -224,8 +224,8 @@ impl Library {
                 Err(error) => tried.push(format!("{}: {error}", place.display())),
             }
         }
-        if let Some(asked) = asked.filter(|_| tried.is_empty()) {
-            tried.push(format!("{}: no such library in this folder", asked.display()));
+        if let Some(requested) = requested.filter(|_| tried.is_empty()) {
+            tried.push(format!("{}: no such library in this folder", requested.display()));
         }
         Err(format!(
             "HELICS was not found: {}\n  help: pip install --target helics helics==3.6.1, then {VARIABLE}=$PWD/helics (the folder or the file libhelics.so), or --helics PATH",
@@ -328,17 +328,17 @@ impl Broker {
     /// Whether all federates have joined; false if the query fails.
     #[must_use]
     pub fn has_begun(&self) -> bool {
-        self.asked(c"isinit").is_some_and(|answer| answer == "true")
+        self.answer_to(c"isinit").is_some_and(|answer| answer == "true")
     }
 
     /// The process numbers of the federates of this program, read from the names of their cores.
     #[must_use]
     pub fn processes(&self) -> Vec<u32> {
-        peers::processes(&self.asked(c"current_state").unwrap_or_default())
+        peers::processes(&self.answer_to(c"current_state").unwrap_or_default())
     }
 
     /// The answer to a query about the broker itself.
-    fn asked(&self, question: &CStr) -> Option<String> {
+    fn answer_to(&self, question: &CStr) -> Option<String> {
         let functions = &self.library.functions;
         // SAFETY: both texts are valid until the call returns; an empty target is the broker itself.
         let query = unsafe { (functions.create_query)(c"".as_ptr(), question.as_ptr()) };
@@ -437,15 +437,15 @@ impl Federate {
     /// # Errors
     /// The text of the library.
     pub fn read(&self, from: Subscription, values: &mut [f64]) -> Result<usize, String> {
-        let room = c_int::try_from(values.len()).map_err(|error| error.to_string())?;
+        let capacity = c_int::try_from(values.len()).map_err(|error| error.to_string())?;
         let mut length = 0;
-        checked!(self.library.functions.read, from.0, values.as_mut_ptr(), room, &mut length)?;
+        checked!(self.library.functions.read, from.0, values.as_mut_ptr(), capacity, &mut length)?;
         Ok(usize::try_from(length).unwrap_or(0).min(values.len()))
     }
 
     /// Ends the federation for all federates, with a message.
-    pub fn fail(&self, words: &str) {
-        let _ = checked!(self.library.functions.global_error, self.handle, -1, text(words).as_ptr());
+    pub fn fail(&self, message: &str) {
+        let _ = checked!(self.library.functions.global_error, self.handle, -1, text(message).as_ptr());
     }
 
     /// Leaves the federation; the others continue.
@@ -483,7 +483,7 @@ mod tests {
     }
 
     #[test]
-    fn a_library_that_is_missing_or_none_is_told_with_the_way_to_get_it() {
+    fn a_missing_or_wrong_library_is_reported_with_how_to_install_it() {
         let folder = std::env::temp_dir();
         let missing = Library::load(Some(&folder.join("no-such-libhelics.so"))).unwrap_err();
         assert!(

@@ -217,8 +217,8 @@ impl Table {
     /// The values of a column.
     #[must_use]
     pub fn column(&self, name: &str) -> Option<&[f64]> {
-        let place = self.columns.iter().position(|it| it.name == name)?;
-        Some(&self.values[place])
+        let index = self.columns.iter().position(|it| it.name == name)?;
+        Some(&self.values[index])
     }
 
     /// The table as CSV. It has the shortest decimals that read back to the same bits, so equal texts mean equal bits.
@@ -238,7 +238,7 @@ pub fn time_of(tick: u64) -> f64 {
 
 /// Runs the plant's side. `exchange` gets a sample and writes the command to its second argument. It returns whether the run continues. `seen` gets
 /// every row.
-pub fn plant(side: Loop, run: Run, mut exchange: impl FnMut(&[f64], &mut [f64]) -> bool, mut seen: impl FnMut(&[f64])) {
+pub fn plant(side: Loop, run: Run, mut exchange: impl FnMut(&[f64], &mut [f64]) -> bool, mut on_row: impl FnMut(&[f64])) {
     match side {
         Loop::Motor => {
             let exchange = |sample: [f64; 4]| {
@@ -246,12 +246,12 @@ pub fn plant(side: Loop, run: Run, mut exchange: impl FnMut(&[f64], &mut [f64]) 
                 exchange(&sample, &mut command).then_some(command)
             };
             motor::ride(run.ticks, PERIOD_NS, run.load_inertia, exchange, |row| {
-                let (truth, wanted) = (&row.truth, &row.references);
-                seen(&[
+                let (truth, references) = (&row.truth, &row.references);
+                on_row(&[
                     row.time,
                     row.demand,
-                    wanted.i_d_a,
-                    wanted.i_q_a,
+                    references.i_d_a,
+                    references.i_q_a,
                     truth.i_d,
                     truth.i_q,
                     truth.speed,
@@ -269,7 +269,7 @@ pub fn plant(side: Loop, run: Run, mut exchange: impl FnMut(&[f64], &mut [f64]) 
             };
             let mut tick = 0;
             throttle::ride(run.ticks, PERIOD_NS, exchange, |row| {
-                seen(&[time_of(tick), row.pedal, row.gear as f64, row.throttle, row.speed, row.acceleration]);
+                on_row(&[time_of(tick), row.pedal, row.gear as f64, row.throttle, row.speed, row.acceleration]);
                 tick += 1;
             });
         }

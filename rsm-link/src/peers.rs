@@ -48,7 +48,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn a_process_that_was_killed_is_gone_before_and_after_somebody_asks_for_its_status() {
+    fn a_killed_process_is_gone_before_and_after_its_status_is_read() {
         assert!(!is_gone(std::process::id()));
         let mut child = std::process::Command::new("sleep").arg("60").spawn().unwrap();
         assert!(!is_gone(child.id()));

@@ -151,12 +151,12 @@ impl PlayOut {
         let period_ns = period_ns.max(1);
         // As many slots for past as for future numbers, and a second more than the length of the buffer: after an interruption many datagrams may
         // arrive at once.
-        let room = 2 * KEPT + buffer_ns.div_ceil(period_ns);
+        let slots = 2 * KEPT + buffer_ns.div_ceil(period_ns);
         PlayOut {
             period_ns,
             buffer_ns,
             hold: hold_ns / period_ns,
-            slots: vec![Slot::Empty; usize::try_from(room).expect("a buffer fits in memory")],
+            slots: vec![Slot::Empty; usize::try_from(slots).expect("a buffer fits in memory")],
             from: 0,
             next: None,
             base_ns: None,
@@ -167,8 +167,8 @@ impl PlayOut {
     }
 
     fn slot(&mut self, number: u64) -> &mut Slot {
-        let place = number % self.slots.len() as u64;
-        &mut self.slots[place as usize]
+        let index = number % self.slots.len() as u64;
+        &mut self.slots[index as usize]
     }
 
     /// Stores a datagram that was received at this time.
@@ -237,8 +237,8 @@ impl PlayOut {
         let due = i128::from(now_ns) - self.base_ns? - i128::from(self.buffer_ns);
         let number = u64::try_from(due.div_euclid(i128::from(self.period_ns))).ok()?;
         // Nothing can be played before the first number has arrived.
-        let there = (self.from..=number).any(|it| self.slots[(it % self.slots.len() as u64) as usize] != Slot::Empty);
-        there.then_some(number)
+        let has_arrived = (self.from..=number).any(|it| self.slots[(it % self.slots.len() as u64) as usize] != Slot::Empty);
+        has_arrived.then_some(number)
     }
 
     /// The counts.

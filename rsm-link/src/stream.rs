@@ -238,8 +238,8 @@ pub fn run(settings: &Settings) -> Result<Done, String> {
     let mut done = std::thread::scope(|scope| {
         scope.spawn(|| link.listen(&received, &over));
         let _ended = Ended(&over);
-        if let Err(words) = connect(&link, &received, settings) {
-            return Done { lost: Some(words), ..nothing(side, mine) };
+        if let Err(message) = connect(&link, &received, settings) {
+            return Done { lost: Some(message), ..nothing(side, mine) };
         }
         let done = Ticks::new(&link, &received, settings).run();
         for _ in 0..LEAVE_DATAGRAMS {

@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn another_key_another_model_and_the_wrong_side_are_told_apart() {
+    fn another_key_another_model_and_the_wrong_side_have_different_errors() {
         let key = key("sixteen bytes ok");
         let (bytes, length) = datagram().write(&MODEL, &key);
         let bytes = &bytes[..length];

@@ -44,19 +44,19 @@ pub struct Problem {
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
-    let asked = precisions(&arguments.precision);
+    let requested = precisions(&arguments.precision);
     let checked = Checked::read(&model_source(&arguments.model)?)?;
     let mut problems = Vec::new();
-    let wanted = if asked.is_empty() { Precision::ALL.to_vec() } else { asked.clone() };
-    if asked.is_empty() {
+    let candidates = if requested.is_empty() { Precision::ALL.to_vec() } else { requested.clone() };
+    if requested.is_empty() {
         print_left_out(&checked);
     }
-    let mut held = Vec::new();
-    for precision in wanted {
+    let mut representable = Vec::new();
+    for precision in candidates {
         match checked.refusal(precision) {
-            None => held.push(precision),
+            None => representable.push(precision),
             // A precision that the user did not name is no problem.
-            Some(_) if asked.is_empty() => {}
+            Some(_) if requested.is_empty() => {}
             Some(faults) => {
                 problems.extend(faults.list().iter().map(|fault| Problem {
                     r#where: format!("{}:{}:{}", fault.file, fault.line, fault.column),
@@ -66,7 +66,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
             }
         }
     }
-    let certificates = certificate::surfaces(&checked, &held)?;
+    let certificates = certificate::surfaces(&checked, &representable)?;
     for surface in &certificates {
         for tape in surface.tapes.iter().filter(|tape| !tape.error.is_finite()) {
             problems.push(Problem {
@@ -92,16 +92,16 @@ pub fn run(arguments: &Arguments) -> Outcome {
     problems.extend(of_loop.iter().filter_map(limits::Checked::problem));
     if arguments.explain {
         for index in 0..checked.model().surfaces.len() {
-            for precision in &held {
-                tell_part!("{}", lower::surface(&checked, index, *precision));
+            for precision in &representable {
+                stderr_text!("{}", lower::surface(&checked, index, *precision));
                 if let Some(saturation) = lower::saturation(&checked, index, *precision) {
-                    tell!("{}", at_bounds(&saturation));
+                    stderr_line!("{}", at_bounds(&saturation));
                 }
             }
         }
         for index in 0..compensators.len() {
-            for precision in &held {
-                tell_part!("{}", lower::compensator(&checked, index, *precision));
+            for precision in &representable {
+                stderr_text!("{}", lower::compensator(&checked, index, *precision));
             }
         }
     }

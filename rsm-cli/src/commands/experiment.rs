@@ -108,7 +108,7 @@ fn pmac(arguments: &Pmac) -> Outcome {
         }))?;
     } else {
         let runs = outcomes.len();
-        tell!("{}: {runs} runs, {measured} of them at the voltage limit", arguments.out.display());
+        stderr_line!("{}: {runs} runs, {measured} of them at the voltage limit", arguments.out.display());
     }
     Ok(Answer::Positive)
 }
@@ -143,9 +143,9 @@ fn driveline(arguments: &Driveline) -> Outcome {
             "out": arguments.out.display().to_string(),
         }))?;
     } else {
-        tell!("{}: {} runs, {} flagged", arguments.out.display(), measured.len(), flagged.len());
+        stderr_line!("{}: {} runs, {} flagged", arguments.out.display(), measured.len(), flagged.len());
         for it in &flagged {
-            tell!("  run {}: {}", it.run.run, it.flags.join("; "));
+            stderr_line!("  run {}: {}", it.run.run, it.flags.join("; "));
         }
     }
     // At most 2 of 25 runs may be flagged: with more the data are not good enough for a surface.

@@ -47,16 +47,16 @@ pub fn run(arguments: &Arguments) -> Outcome {
     output::write_all(&files)?;
     if arguments.json {
         output::json(&fitted.report())?;
-        tell_part!("{}", in_words(&fitted));
+        stderr_text!("{}", in_words(&fitted));
     } else if arguments.out.is_some() {
         output::line(in_words(&fitted).trim_end())?;
         // Standard output may be a file, so warnings also go to standard error.
-        tell_part!("{}", warnings(&fitted));
+        stderr_text!("{}", warnings(&fitted));
         for (path, _) in &files {
             output::line(&format!("written: {}", path.display()))?;
         }
     } else {
-        tell_part!("{}", in_words(&fitted));
+        stderr_text!("{}", in_words(&fitted));
         if !fitted.model.surfaces.is_empty() {
             output::line(model_file::write(&fitted.model).trim_end())?;
         }
@@ -183,20 +183,21 @@ fn warnings(fitted: &Fitted) -> String {
 }
 
 /// The constraints that hold, and how much they increase the error.
-fn in_words_of_constraints(told: &ConstraintStatistics, unit: &str) -> String {
+fn in_words_of_constraints(statistics: &ConstraintStatistics, unit: &str) -> String {
     let mut text = String::new();
-    for report in &told.constraints {
-        let held = if report.points.is_empty() { "not active".to_string() } else { format!("active at {}", places(report)) };
-        text += &format!("  constraint {}: proven over the whole region, {held}\n", report.constraint);
+    for report in &statistics.constraints {
+        let activity =
+            if report.points.is_empty() { "not active".to_string() } else { format!("active at {}", places(report)) };
+        text += &format!("  constraint {}: proven over the whole region, {activity}\n", report.constraint);
     }
-    if let Some(change) = &told.largest_change {
+    if let Some(change) = &statistics.largest_change {
         let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e}"));
-        let unseen = told.validation_without.as_ref();
+        let unseen = statistics.validation_without.as_ref();
         let unseen = unseen
             .map_or(String::new(), |unseen| format!(", mean error on validation rows {:.4e} {unit}", unseen.mean_abs_error));
         text += &format!(
             "  without constraints: residual sd {} {unit}{unseen}; largest change {:.4e} {unit}\n",
-            figure(told.residual_sd_without),
+            figure(statistics.residual_sd_without),
             change.value
         );
     }

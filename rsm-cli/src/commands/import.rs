@@ -70,12 +70,12 @@ pub fn run(arguments: &Arguments) -> Outcome {
     }
     output::write_all(&[(arguments.out.clone(), text.as_bytes())])?;
     for note in &record.notes {
-        tell!("{note}");
+        stderr_line!("{note}");
     }
     if arguments.json {
         output::json(&report(&record, &arguments.out))?;
     } else {
-        tell!(
+        stderr_line!(
             "{}: {} rows, {} columns, period {} s",
             arguments.out.display(),
             record.rows(),

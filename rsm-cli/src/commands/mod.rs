@@ -75,7 +75,7 @@ pub fn precisions(names: &[PrecisionName]) -> Vec<Precision> {
 pub fn print_left_out(checked: &Checked) {
     for precision in Precision::ALL {
         if let Some(faults) = checked.refusal(precision) {
-            tell!("{} is left out, because it cannot represent this model:\n{faults}", precision.name());
+            stderr_line!("{} is left out, because it cannot represent this model:\n{faults}", precision.name());
         }
     }
 }

@@ -67,7 +67,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     } else {
         output::line(words.trim_end())?;
         if let Some(out) = &arguments.out {
-            tell!("written: {}", out.display());
+            stderr_line!("written: {}", out.display());
         }
     }
     Ok(answer)

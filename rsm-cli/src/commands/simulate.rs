@@ -87,7 +87,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
             "out": arguments.out.display().to_string(),
         }))?;
     } else {
-        tell!("{}: {} rows of {}", arguments.out.display(), record.rows(), plant.kind.name());
+        stderr_line!("{}: {} rows of {}", arguments.out.display(), record.rows(), plant.kind.name());
     }
     Ok(Answer::Positive)
 }

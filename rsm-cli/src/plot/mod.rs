@@ -132,7 +132,7 @@ pub fn explorer(pictures: &str, series: &[Series], spec: &Value) -> String {
 
 /// A button for each cause. It is pressed while the cause is in the shown curves; at the beginning all are. The state of the switch is the set of
 /// pressed buttons as bits; the first button is the lowest bit. `told` is the text for each state. Empty without causes.
-pub fn switch(group: &str, of: &str, causes: &[String], told: &[String]) -> String {
+pub fn switch(group: &str, of: &str, causes: &[String], state_texts: &[String]) -> String {
     if causes.is_empty() {
         return String::new();
     }
@@ -140,7 +140,7 @@ pub fn switch(group: &str, of: &str, causes: &[String], told: &[String]) -> Stri
     format!(
         "<div class=\"switch\" role=\"group\" data-group=\"{}\" data-told=\"{}\">{}\n{}<span class=\"told\" aria-live=\"polite\"></span></div>\n",
         escaped(group),
-        escaped(&json!(told).to_string()),
+        escaped(&json!(state_texts).to_string()),
         escaped(of),
         causes.iter().map(button).collect::<String>()
     )

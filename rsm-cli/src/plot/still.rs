@@ -251,9 +251,9 @@ fn crossings(cell: &[Option<(f64, f64, f64)>; 4], level: f64) -> Vec<(f64, f64)>
 fn colour(share: f64) -> RGBColor {
     const ANCHORS: [[f64; 3]; 5] =
         [[58.0, 50.0, 120.0], [48.0, 104.0, 150.0], [52.0, 152.0, 140.0], [130.0, 200.0, 100.0], [245.0, 230.0, 90.0]];
-    let place = share.clamp(0.0, 1.0) * 4.0;
-    let below = (place.floor() as usize).min(3);
-    let part = place - below as f64;
+    let position = share.clamp(0.0, 1.0) * 4.0;
+    let below = (position.floor() as usize).min(3);
+    let part = position - below as f64;
     let [red, green, blue] =
         [0, 1, 2].map(|k| (ANCHORS[below][k] + part * (ANCHORS[below + 1][k] - ANCHORS[below][k])).round() as u8);
     RGBColor(red, green, blue)

@@ -151,7 +151,7 @@ fn of_response(
     let surface = &outcome.model.surfaces[index];
     let inputs = checked.inputs_of(surface);
     let tape = lower::surface(checked, index, Precision::F64);
-    let place = outcome.responses.iter().position(|other| other.name == response.name).expect("it is one of them");
+    let response_index = outcome.responses.iter().position(|other| other.name == response.name).expect("it is one of them");
     let pairs = |records: &Records| {
         let mut interpreter = Interpreter::<f64>::new(&tape);
         let columns: Vec<usize> = surface
@@ -159,12 +159,15 @@ fn of_response(
             .iter()
             .map(|name| outcome.model.inputs.iter().position(|input| input.name == *name).expect("a known input"))
             .collect();
-        let complete = records.complete(&columns, place);
+        let complete = records.complete(&columns, response_index);
         let predicted = complete.iter().map(|row| {
             let point: Vec<f64> = columns.iter().map(|column| records.inputs[*column][*row]).collect();
             interpreter.eval(&point)
         });
-        Pairs { predicted: predicted.collect(), measured: complete.iter().map(|row| records.responses[place][*row]).collect() }
+        Pairs {
+            predicted: predicted.collect(),
+            measured: complete.iter().map(|row| records.responses[response_index][*row]).collect(),
+        }
     };
     let fitted = pairs(&outcome.fitted);
     let is_unseen = response.chosen_by == ChosenBy::Nobody;
@@ -181,7 +184,7 @@ fn of_response(
         outcome,
         checked,
         surface: index,
-        response: place,
+        response: response_index,
         constraints: statistics.constraints.as_ref(),
         error: believed(response, statistics).map(|(error, on)| (error, format!("(root mean square {on})"))),
     })?;
@@ -201,9 +204,9 @@ fn of_response(
     text += "</div>\n<div>\n<h3>Terms</h3>\n<p>Of variables that are coded to -1 and 1 at the ends of their ranges. Each coefficient is rounded to the digits that its 95 % interval supports; the model file has all digits.</p>\n";
     text += &terms(surface, statistics, &unit);
     text += "</div>\n</div>\n";
-    if let Some(told) = &statistics.constraints {
+    if let Some(constrained) = &statistics.constraints {
         text += "<h3>Constraints</h3>\n";
-        text += &constraints(told, &inputs, &unit);
+        text += &constraints(constrained, &inputs, &unit);
     }
     Ok(text)
 }
@@ -230,15 +233,15 @@ fn errors(statistics: &ResponseStatistics, is_unseen: bool, unit: &str) -> Strin
     );
     text += &line("fitted rows (residual standard deviation)", statistics.rows, [None, statistics.residual_sd, None]);
     for (name, errors) in lists {
-        let Some(it) = errors else { continue };
-        text += &line(name, it.rows, [Some(it.mean_abs_error), Some(it.rmse), Some(it.max_abs_error)]);
+        let Some(errors) = errors else { continue };
+        text += &line(name, errors.rows, [Some(errors.mean_abs_error), Some(errors.rmse), Some(errors.max_abs_error)]);
     }
-    let mut said = vec![
+    let mut sources = vec![
         ("terms chosen by".to_string(), escaped(&statistics.rows_used.terms)),
         ("error estimate".to_string(), escaped(&statistics.rows_used.error)),
     ];
-    said.extend(statistics.forms.as_ref().map(|forms| ("form".to_string(), escaped(&forms.words()))));
-    text + "</table>\n" + &rows(&said)
+    sources.extend(statistics.forms.as_ref().map(|forms| ("form".to_string(), escaped(&forms.words()))));
+    text + "</table>\n" + &rows(&sources)
 }
 
 fn of_the_fit(statistics: &ResponseStatistics, inputs: &[Input], has_rows_apart: bool) -> String {
@@ -282,8 +285,8 @@ fn terms(surface: &Surface, statistics: &ResponseStatistics, unit: &str) -> Stri
         if related.is_empty() { "" } else { "<th class=\"number\">standard error with related errors</th>" }
     );
     let number = |value: Option<f64>| value.map_or("none".to_string(), short);
-    for (place, term) in statistics.terms.iter().enumerate() {
-        let related = related.get(place).map_or(String::new(), |error| format!("<td class=\"number\">{}</td>", short(*error)));
+    for (index, term) in statistics.terms.iter().enumerate() {
+        let related = related.get(index).map_or(String::new(), |error| format!("<td class=\"number\">{}</td>", short(*error)));
         text += &format!(
             "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>{related}</tr>\n",
             escaped(&surface.term_name(&term.powers)),
@@ -298,24 +301,24 @@ fn terms(surface: &Surface, statistics: &ResponseStatistics, unit: &str) -> Stri
 }
 
 /// The proved constraints, and the increase of the error that they cause.
-fn constraints(told: &ConstraintStatistics, inputs: &[Input], unit: &str) -> String {
+fn constraints(statistics: &ConstraintStatistics, inputs: &[Input], unit: &str) -> String {
     let mut text = String::from("<table>\n<tr><th>constraint</th><th>proved distance</th><th>active at</th></tr>\n");
-    for report in &told.constraints {
+    for report in &statistics.constraints {
         let places: Vec<String> = report.points.iter().map(|point| place(point, inputs)).collect();
         let places = if places.is_empty() { "nowhere".to_string() } else { places.join("; ") };
         let distance = short(report.distance) + unit;
         text += &format!("<tr><td>{}</td><td>{distance}</td><td>{places}</td></tr>\n", escaped(&report.constraint));
     }
     text += "</table>\n";
-    match &told.largest_change {
+    match &statistics.largest_change {
         None => text += "<p>The constraints hold without changing a coefficient.</p>\n",
         Some(change) => {
-            let unseen = told.validation_without.as_ref().map_or(String::new(), |unseen| {
+            let unseen = statistics.validation_without.as_ref().map_or(String::new(), |unseen| {
                 format!(", mean error on validation rows {}{unit}", short(unseen.mean_abs_error))
             });
             text += &format!(
                 "<p>Without constraints: residual standard deviation {}{unit}{unseen}. The surface was changed most, by {}{unit}, at {}.</p>\n",
-                told.residual_sd_without.map_or("none".to_string(), short),
+                statistics.residual_sd_without.map_or("none".to_string(), short),
                 short(change.value),
                 place(&change.at, inputs)
             );

@@ -26,9 +26,9 @@ pub(super) fn cost() -> String {
 mod tests {
     /// `tests/all/measured_motor.rs` compares the book's table with the measured map.
     #[test]
-    fn the_first_sentences_of_the_page_say_what_the_table_of_the_book_says() {
+    fn the_first_sentences_of_the_page_agree_with_the_table_of_the_book() {
         let book = include_str!("../../../../docs/book/src/results/demo.md");
-        let said = super::cost();
+        let sentence_part = super::cost();
         let cell = |name: &str, column: usize| {
             let row = book.lines().find_map(|line| line.strip_prefix(&format!("| {name} | "))).expect("a row");
             row.split(" | ").nth(column).expect("a cell").to_string()
@@ -37,7 +37,7 @@ mod tests {
         let [own, mean, most] = [number("surfaces", 3), number("full controller", 2), number("full controller", 3)];
         let [mean_times, most_times] = [mean, most].map(|solver| (solver / own).round());
         assert_eq!(
-            said,
+            sentence_part,
             format!(
                 "{own} instructions on a Cortex-M4F, the solver {mean} in the mean ({mean_times} times as many) and {most} at most ({most_times} times)"
             )

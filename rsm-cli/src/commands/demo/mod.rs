@@ -53,7 +53,7 @@ struct Printer {
 impl Printer {
     fn print(&self, line: &str) -> Result<(), Refusal> {
         if self.json {
-            tell!("{line}");
+            stderr_line!("{line}");
             Ok(())
         } else {
             output::line(line)

@@ -55,7 +55,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         let evaluation = specification.evaluate(&runs)?;
         if let Some(out) = &arguments.out {
             output::write_all(&[(out.clone(), plan.csv())])?;
-            tell!("{}: {} runs", out.display(), plan.runs.len());
+            stderr_line!("{}: {} runs", out.display(), plan.runs.len());
         }
         return evaluate::print(&specification, &evaluation, None, arguments.json);
     }
@@ -109,15 +109,15 @@ pub fn run(arguments: &Arguments) -> Outcome {
         let (runs, points) = (plan.runs.len(), plan.points());
         if let Some(fraction) = fraction {
             let resolution = fraction.resolution().map_or("full".to_string(), |length| length.to_string());
-            tell!("resolution {resolution}; aliased effects:");
+            stderr_line!("resolution {resolution}; aliased effects:");
             for class in effects(fraction) {
-                tell!("  {}", class.join(" = "));
+                stderr_line!("  {}", class.join(" = "));
             }
         }
-        tell!("{out}: {runs} runs of {points} points in {}, {}", names.join(", "), specification.design.name());
+        stderr_line!("{out}: {runs} runs of {points} points in {}, {}", names.join(", "), specification.design.name());
     }
     if let Some(kept) = &plan.kept {
-        tell!("warning: {}", kept.words(specification.design.name()));
+        stderr_line!("warning: {}", kept.words(specification.design.name()));
     }
     Ok(Answer::Positive)
 }

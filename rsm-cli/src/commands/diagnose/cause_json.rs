@@ -32,19 +32,19 @@ pub(super) struct CauseJson<'a> {
 impl CauseJson<'_> {
     /// The cause as JSON.
     pub(super) fn value(self) -> Value {
-        let mut one: Map<String, Value> = Map::new();
-        let mut tell = |keys: Keys| one.extend(keys.into_iter().map(|(key, value)| (key.to_string(), value)));
-        tell(vec![("kind", json!(self.kind))]);
-        tell(self.place);
-        tell(vec![("parameters", Value::Object(self.numbers.into_iter().collect()))]);
-        tell(self.details);
-        tell(vec![
+        let mut object: Map<String, Value> = Map::new();
+        let mut add = |keys: Keys| object.extend(keys.into_iter().map(|(key, value)| (key.to_string(), value)));
+        add(vec![("kind", json!(self.kind))]);
+        add(self.place);
+        add(vec![("parameters", Value::Object(self.numbers.into_iter().collect()))]);
+        add(self.details);
+        add(vec![
             ("confidence", json!(finite(self.confidence))),
             ("confidence_of_any", json!(finite(self.confidence_of_any))),
             ("indistinguishable_from", json!(self.indistinguishable_from)),
         ]);
-        tell(self.evidence);
-        Value::Object(one)
+        add(self.evidence);
+        Value::Object(object)
     }
 }
 

@@ -30,9 +30,9 @@ pub fn regions(kind: PlantKind, regions: &[Region]) -> Value {
 
 /// Evidence for and against a cause, and how to check it.
 pub fn evidence(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Value {
-    let it = evidence::of(kind, found, cause);
+    let sentences = evidence::of(kind, found, cause);
     json!({
-        "for": it.supports, "against": it.speaks_against, "check": cause.check, "gain": finite(cause.gain),
+        "for": sentences.supports, "against": sentences.speaks_against, "check": cause.check, "gain": finite(cause.gain),
         "rivals": cause_json::rivals(&cause.rivals), "rivals_asked": cause.rivals_tested,
     })
 }

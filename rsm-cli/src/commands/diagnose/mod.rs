@@ -112,7 +112,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         ProgressStyle::with_template("{elapsed} {spinner} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner()),
     );
     bar.enable_steady_tick(std::time::Duration::from_millis(200));
-    let progress = |words: &str| bar.set_message(words.to_string());
+    let progress = |message: &str| bar.set_message(message.to_string());
     let options = Options { threads: threads(), progress: &progress };
     let found = plant::diagnose_and_test(&plant, &training, &validation, &test, &options);
     let found = found.map_err(|why| Refusal::new(format!("{}: {why}", arguments.plant.display())))?;
@@ -135,12 +135,12 @@ pub fn run(arguments: &Arguments) -> Outcome {
     let mut value = value(plant.kind, &found);
     let mut page_words: &[String] = &[];
     if let Some(refitted) = &refitted {
-        let what = match refitted {
+        let refit_value = match refitted {
             Ok(refitted) => refitted.value.clone(),
             // The diagnosis is valid without the refit.
             Err(why) => json!({ "failed": why.to_string() }),
         };
-        value["refit"] = what;
+        value["refit"] = refit_value;
         page_words = refitted.as_ref().map_or(&[], |refitted| &refitted.words);
     }
     if let Some(folder) = &arguments.out {
@@ -163,11 +163,11 @@ pub fn run(arguments: &Arguments) -> Outcome {
     if arguments.json {
         output::json(&value)?;
     }
-    words::tell(&found, plant.kind, began.elapsed().as_secs_f64());
+    words::print(&found, plant.kind, began.elapsed().as_secs_f64());
     match refitted {
-        Some(Ok(refitted)) => refitted.words.iter().for_each(|line| tell!("  {line}")),
+        Some(Ok(refitted)) => refitted.words.iter().for_each(|line| stderr_line!("  {line}")),
         Some(Err(why)) => {
-            tell!("  The extended plant could not be refitted: {why}");
+            stderr_line!("  The extended plant could not be refitted: {why}");
             return Ok(Answer::Negative);
         }
         None => {}

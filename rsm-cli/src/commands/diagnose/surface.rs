@@ -75,33 +75,33 @@ pub fn run(task: &Task<'_>) -> Outcome {
     if task.json {
         output::json(&value)?;
     }
-    words(model, &data, &found);
+    print(model, &data, &found);
     Ok(Answer::Positive)
 }
 
 /// Prints verdict and causes on standard error.
-fn words(model: &Model, data: &NewData, found: &Diagnosis) {
+fn print(model: &Model, data: &NewData, found: &Diagnosis) {
     for (column, why) in &data.ignored {
-        tell!("column `{column}` is not used: {why}");
+        stderr_line!("column `{column}` is not used: {why}");
     }
-    tell!("{}", found.verdict.name());
+    stderr_line!("{}", found.verdict.name());
     for response in &found.responses {
         let surface = &model.surfaces[response.surface];
         let unit = &surface.unit;
-        tell!("{}: {}, {} rows compared", surface.name, response.verdict.name(), response.rows);
+        stderr_line!("{}: {}, {} rows compared", surface.name, response.verdict.name(), response.rows);
         if !response.outside.is_empty() {
             let places: Vec<String> = response.outside.iter().take(5).map(|row| data.place_of(*row)).collect();
             let more = if response.outside.len() > 5 { " ..." } else { "" };
-            tell!(
+            stderr_line!(
                 "  {} rows are outside the ranges or the support and are not used: {}{more}",
                 response.outside.len(),
                 places.join(", ")
             );
         }
         for cause in &response.causes {
-            tell!("  {} Confidence {:.2}.", cause.sentence, cause.confidence);
+            stderr_line!("  {} Confidence {:.2}.", cause.sentence, cause.confidence);
             if !cause.indistinguishable_from.is_empty() {
-                tell!(
+                stderr_line!(
                     "    These data do not distinguish it from {}. Confidence that one of these is right: {:.2}.",
                     cause.indistinguishable_from.join(", "),
                     cause.confidence_of_any
@@ -109,9 +109,9 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
             }
         }
         for note in &response.notes {
-            tell!("  Note: {note}.");
+            stderr_line!("  Note: {note}.");
         }
-        tell!(
+        stderr_line!(
             "  noise {:.4} {unit} (from {}); on holdout rows ({}): {:.2} times the noise before, {:.2} after",
             response.floor.sd,
             response.floor.from,
@@ -120,7 +120,7 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
             response.extended.noise_ratio
         );
         if let Some(it) = &response.tested {
-            tell!(
+            stderr_line!(
                 "  on {} test rows, not used before: {:.2} times the noise before, {:.2} after",
                 it.nominal.rows,
                 it.nominal.noise_ratio,
@@ -171,8 +171,8 @@ pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
 }
 
 fn cause_value(response: &str, data: &NewData, cause: &Cause) -> Value {
-    let mut place = vec![("response", json!(response))];
-    place.extend(cause.subject.as_ref().map(|(key, subject)| (*key, json!(subject))));
+    let mut identity = vec![("response", json!(response))];
+    identity.extend(cause.subject.as_ref().map(|(key, subject)| (*key, json!(subject))));
     // Numbers and lists of numbers keep their JSON type.
     let detail = |value: &String| serde_json::from_str(value).unwrap_or_else(|_| json!(value));
     let mut details: cause_json::Keys = cause.details.iter().map(|(key, value)| (*key, detail(value))).collect();
@@ -191,7 +191,7 @@ fn cause_value(response: &str, data: &NewData, cause: &Cause) -> Value {
     });
     CauseJson {
         kind: cause.kind,
-        place,
+        place: identity,
         numbers: cause
             .parameters
             .iter()

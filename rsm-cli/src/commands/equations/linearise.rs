@@ -62,16 +62,18 @@ pub fn run(arguments: &Arguments) -> Outcome {
         return Ok(Answer::Positive);
     }
     for (state, value) in states.iter().zip(&at.states) {
-        tell!("at {} = {}", with_unit(state), decimal(*value));
+        stderr_line!("at {} = {}", with_unit(state), decimal(*value));
     }
     if [&found.a, &found.b, &found.c, &found.d].iter().any(|it| it.iter().flatten().any(|it| !it.is_finite())) {
-        tell!("a derivative is not finite at this point (a square root at 0, a division by 0): choose another with --at");
+        stderr_line!(
+            "a derivative is not finite at this point (a square root at 0, a division by 0): choose another with --at"
+        );
     }
     for line in pole_lines(&found.poles) {
-        tell!("{line}");
+        stderr_line!("{line}");
     }
     if let Some(out) = &arguments.out {
-        tell!("{}: {} states, {} inputs, {} outputs", out.display(), states.len(), inputs.len(), outputs.len());
+        stderr_line!("{}: {} states, {} inputs, {} outputs", out.display(), states.len(), inputs.len(), outputs.len());
     }
     Ok(Answer::Positive)
 }

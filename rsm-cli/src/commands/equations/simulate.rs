@@ -91,7 +91,7 @@ pub fn run(path: &Path, record: &Path, out: &Path, options: &Options<'_>, as_jso
             "out": out.display().to_string(),
         }))?;
     } else {
-        tell!("{}: {} rows of {name}", out.display(), signals.time.len());
+        stderr_line!("{}: {} rows of {name}", out.display(), signals.time.len());
     }
     Ok(Answer::Positive)
 }

@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn magnets_that_are_weaker_than_said_cost_degrees_that_a_refit_brings_back() {
+    fn a_refit_removes_the_angle_error_of_magnets_that_are_weaker_than_nominal() {
         let nominal = plant(0.06, "");
         let truth = plant(0.055, "");
         // The result of a diagnosis: the nominal file with the cause.

@@ -113,13 +113,13 @@ impl<'a> Shown<'a> {
 
     /// A button for each cause. Empty if no cause can be removed.
     fn switch(&self, group: &str) -> String {
-        let told = |plant: &Option<Combined>| {
+        let state_text = |plant: &Option<Combined>| {
             let errors = plant.iter().flat_map(|it| &it.errors);
             let error = errors.filter(|it| it.output == self.trace.output).map(|it| multiple(it.noise_ratio)).next();
             error.map_or("cannot be simulated".to_string(), |times| format!("error {times} times the noise"))
         };
-        let told: Vec<String> = self.combinations.of.iter().map(told).collect();
-        plot::switch(group, "Causes in the simulation:", &self.combinations.causes, &told)
+        let state_texts: Vec<String> = self.combinations.of.iter().map(state_text).collect();
+        plot::switch(group, "Causes in the simulation:", &self.combinations.causes, &state_texts)
     }
 
     /// Measured and simulated values over time.
@@ -168,16 +168,16 @@ impl<'a> Shown<'a> {
     }
 }
 
-fn of_order(kind: PlantKind, it: &Orders) -> Result<String, Refusal> {
-    let pairs = |values: &[f64]| it.order.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
+fn of_order(kind: PlantKind, orders: &Orders) -> Result<String, Refusal> {
+    let pairs = |values: &[f64]| orders.order.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
     let series = [
-        Series::new("calibrated", ORANGE, Mark::Line, pairs(&it.before)),
-        Series::new("extended", BLUE, Mark::Line, pairs(&it.after)),
-        Series::new("noise", BLACK, Mark::Line, it.order.iter().map(|order| (*order, 1.0)).collect()),
+        Series::new("calibrated", ORANGE, Mark::Line, pairs(&orders.before)),
+        Series::new("extended", BLUE, Mark::Line, pairs(&orders.after)),
+        Series::new("noise", BLACK, Mark::Line, orders.order.iter().map(|order| (*order, 1.0)).collect()),
     ];
-    let (title, x) = match it.of {
-        "position" => (format!("{} over the position", kind.outputs()[it.output].name), "waves per metre".to_string()),
-        of => (format!("{} over the angle: {of}", kind.outputs()[it.output].name), format!("order ({of})")),
+    let (title, x) = match orders.of {
+        "position" => (format!("{} over the position", kind.outputs()[orders.output].name), "waves per metre".to_string()),
+        of => (format!("{} over the angle: {of}", kind.outputs()[orders.output].name), format!("order ({of})")),
     };
     decades(&Words { title: &title, x: &x, y: "power divided by noise" }, &series)
 }

@@ -165,15 +165,15 @@ fn causes(body: &mut String, kind: PlantKind, found: &Diagnosis) {
     list(body, "Effects of the plant file", &claims);
     let refused: Vec<String> = found.refused.iter().map(|it| format!("{}: {}.", it.cause, it.why)).collect();
     list(body, "Tried and rejected", &refused);
-    if let Some(said) = &found.equations {
-        let sentences = equations::sentences(said);
+    if let Some(screen) = &found.equations {
+        let sentences = equations::sentences(screen);
         if !sentences.is_empty() {
             let _ = writeln!(
                 body,
                 "<h3>Errors of the equations</h3>\n<p>The equations are evaluated with the recorded signals, without a simulation. Their errors ({}) are computed on holdout blocks of rows. \
                  Calibration leaves {:.2} %. The search also tries these terms in free-running simulations, beside all other causes. They are candidates, not results.</p>",
-                escaped(&said.equations.join(", ")),
-                100.0 * said.calibrated
+                escaped(&screen.equations.join(", ")),
+                100.0 * screen.calibrated
             );
             list(body, "Terms, in the order in which they were chosen", &sentences);
         }

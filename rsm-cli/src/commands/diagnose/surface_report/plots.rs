@@ -33,8 +33,8 @@ impl Plots<'_> {
     /// A button for each cause. Empty if the surface agrees with the data.
     pub fn switch(&self, of: &str) -> String {
         let Some(combinations) = self.combinations() else { return String::new() };
-        let told = vec![String::new(); combinations.of.len()];
-        plot::switch(&self.group(of), "Causes in what is computed:", &combinations.causes, &told)
+        let state_texts = vec![String::new(); combinations.of.len()];
+        plot::switch(&self.group(of), "Causes in what is computed:", &combinations.causes, &state_texts)
     }
 
     /// The plot that shows the strongest cause: residuals over the input to which the cause belongs, otherwise over the run order.
