@@ -135,7 +135,7 @@ pub struct Turn<T> {
 }
 
 impl<T: Arithmetic> Turn<T> {
-    /// Of t in turns.
+    /// Cosine and sine for t in turns.
     #[must_use]
     pub fn of(t: T, order: u32) -> Self {
         let magnitude = |x: T| if x < T::of(0.0) { -x } else { x };

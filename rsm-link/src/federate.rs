@@ -213,12 +213,12 @@ struct Ends {
     subscribed: Vec<Subscription>,
 }
 
-fn sample_name(side: Loop) -> String {
-    format!("{}/sample", side.name())
+fn sample_name(control_loop: Loop) -> String {
+    format!("{}/sample", control_loop.name())
 }
 
-fn command_name(side: Loop) -> String {
-    format!("{}/command", side.name())
+fn command_name(control_loop: Loop) -> String {
+    format!("{}/command", control_loop.name())
 }
 
 fn join(library: &'static Library, role: Role, settings: &Settings) -> Result<(Federate, Ends), String> {
@@ -235,8 +235,8 @@ fn join(library: &'static Library, role: Role, settings: &Settings) -> Result<(F
     }
     let left = until.saturating_duration_since(Instant::now()).max(Duration::from_secs(1));
     let federate = library.federate(&role.unique_name(), settings.core, &settings.broker, left)?;
-    let side = role.of_loop();
-    let (sample, command) = (sample_name(side), command_name(side));
+    let control_loop = role.of_loop();
+    let (sample, command) = (sample_name(control_loop), command_name(control_loop));
     let ends = match role {
         Role::Plant(_) => {
             Ends { published: Some(federate.publication(&sample)?), subscribed: vec![federate.subscription(&command)?] }
@@ -304,11 +304,13 @@ fn take_part(federate: &Federate, role: Role, settings: &Settings, ends: &Ends, 
     shared.with(|done| done.began = true);
     shared.note_move();
     let began = Instant::now();
-    let side = role.of_loop();
+    let control_loop = role.of_loop();
     let result = match (role, ends.published) {
-        (Role::Plant(_), Some(published)) => plant(federate, side, settings.run, published, ends.subscribed[0], shared),
-        (Role::Step(_), Some(published)) => step(federate, side, settings.run.ticks, published, ends.subscribed[0], shared),
-        _ => recorder(federate, side, settings.run.ticks, &ends.subscribed, shared),
+        (Role::Plant(_), Some(published)) => plant(federate, control_loop, settings.run, published, ends.subscribed[0], shared),
+        (Role::Step(_), Some(published)) => {
+            step(federate, control_loop, settings.run.ticks, published, ends.subscribed[0], shared)
+        }
+        _ => recorder(federate, control_loop, settings.run.ticks, &ends.subscribed, shared),
     };
     let seconds = began.elapsed().as_secs_f64();
     shared.with(|done| done.steps_per_second = done.table.rows() as f64 / seconds);
@@ -317,20 +319,20 @@ fn take_part(federate: &Federate, role: Role, settings: &Settings, ends: &Ends, 
 
 fn plant(
     federate: &Federate,
-    side: Loop,
+    control_loop: Loop,
     run: Run,
     published: Publication,
     subscribed: Subscription,
     shared: &Shared,
 ) -> Result<(), String> {
-    let name = command_name(side);
+    let name = command_name(control_loop);
     let mut tick = 0;
     let mut sent_at = Instant::now();
     let mut failed = None;
     let exchange = |sample: &[f64], command: &mut [f64]| {
         let mut one = || {
             if tick == 0 {
-                command.copy_from_slice(side.first_command());
+                command.copy_from_slice(control_loop.first_command());
             } else {
                 federate.request_time(time_of(tick))?;
                 let round_trip = sent_at.elapsed().as_nanos() as u64;
@@ -346,21 +348,21 @@ fn plant(
         failed = one().err();
         failed.is_none() && !shared.over.load(Ordering::Acquire)
     };
-    loops::plant(side, run, exchange, |row| shared.with(|done| done.table.push(row.iter().copied())));
+    loops::plant(control_loop, run, exchange, |row| shared.with(|done| done.table.push(row.iter().copied())));
     failed.map_or(Ok(()), Err)
 }
 
 fn step(
     federate: &Federate,
-    side: Loop,
+    control_loop: Loop,
     ticks: u64,
     published: Publication,
     subscribed: Subscription,
     shared: &Shared,
 ) -> Result<(), String> {
-    let name = sample_name(side);
-    let mut step = Step::new(side);
-    let (mut sample, mut command) = (vec![0.0; side.sample().len()], vec![0.0; side.command().len()]);
+    let name = sample_name(control_loop);
+    let mut step = Step::new(control_loop);
+    let (mut sample, mut command) = (vec![0.0; control_loop.sample().len()], vec![0.0; control_loop.command().len()]);
     for tick in 0..ticks {
         federate.request_time(time_of(tick) + STEP_AT)?;
         receive(federate, subscribed, &name, tick, &mut sample)?;
@@ -375,9 +377,15 @@ fn step(
     Ok(())
 }
 
-fn recorder(federate: &Federate, side: Loop, ticks: u64, subscribed: &[Subscription], shared: &Shared) -> Result<(), String> {
-    let names = [sample_name(side), command_name(side)];
-    let (mut sample, mut command) = (vec![0.0; side.sample().len()], vec![0.0; side.command().len()]);
+fn recorder(
+    federate: &Federate,
+    control_loop: Loop,
+    ticks: u64,
+    subscribed: &[Subscription],
+    shared: &Shared,
+) -> Result<(), String> {
+    let names = [sample_name(control_loop), command_name(control_loop)];
+    let (mut sample, mut command) = (vec![0.0; control_loop.sample().len()], vec![0.0; control_loop.command().len()]);
     for tick in 0..ticks {
         federate.request_time(time_of(tick) + RECORDER_AT)?;
         receive(federate, subscribed[0], &names[0], tick, &mut sample)?;

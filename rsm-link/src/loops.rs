@@ -238,8 +238,13 @@ pub fn time_of(tick: u64) -> f64 {
 
 /// Runs the plant's side. `exchange` gets a sample and writes the command to its second argument. It returns whether the run continues. `seen` gets
 /// every row.
-pub fn plant(side: Loop, run: Run, mut exchange: impl FnMut(&[f64], &mut [f64]) -> bool, mut on_row: impl FnMut(&[f64])) {
-    match side {
+pub fn plant(
+    control_loop: Loop,
+    run: Run,
+    mut exchange: impl FnMut(&[f64], &mut [f64]) -> bool,
+    mut on_row: impl FnMut(&[f64]),
+) {
+    match control_loop {
         Loop::Motor => {
             let exchange = |sample: [f64; 4]| {
                 let mut command = [0.0; 2];
@@ -288,8 +293,8 @@ pub enum Step {
 impl Step {
     /// The step at rest.
     #[must_use]
-    pub fn new(side: Loop) -> Self {
-        match side {
+    pub fn new(control_loop: Loop) -> Self {
+        match control_loop {
             Loop::Motor => Step::Motor(Box::new(motor::Outer::shipped())),
             Loop::Throttle => Step::Throttle(throttle::Step::default()),
         }
@@ -331,10 +336,10 @@ impl Step {
 /// assert_eq!(asked[..49], acted[1..]);
 /// ```
 #[must_use]
-pub fn alone(side: Loop, run: Run) -> [Table; 2] {
-    let (mut plants, mut exchanged) = (Role::Plant(side).table(), Role::Step(side).table());
-    let mut step = Step::new(side);
-    let mut command = side.first_command().to_vec();
+pub fn alone(control_loop: Loop, run: Run) -> [Table; 2] {
+    let (mut plants, mut exchanged) = (Role::Plant(control_loop).table(), Role::Step(control_loop).table());
+    let mut step = Step::new(control_loop);
+    let mut command = control_loop.first_command().to_vec();
     let mut tick = 0;
     let exchange = |sample: &[f64], acting: &mut [f64]| {
         acting.copy_from_slice(&command);
@@ -343,7 +348,7 @@ pub fn alone(side: Loop, run: Run) -> [Table; 2] {
         tick += 1;
         true
     };
-    plant(side, run, exchange, |row| plants.push(row.iter().copied()));
+    plant(control_loop, run, exchange, |row| plants.push(row.iter().copied()));
     [plants, exchanged]
 }
 
@@ -364,29 +369,29 @@ mod tests {
 
     #[test]
     fn both_loops_run_alone_and_say_so_twice_with_the_same_bits() {
-        for side in Loop::ALL {
+        for control_loop in Loop::ALL {
             let run = Run { ticks: 300, load_inertia: 0.0 };
-            let once = alone(side, run);
+            let once = alone(control_loop, run);
             assert_eq!(once.each_ref().map(Table::rows), [300, 300]);
-            assert_eq!(once.each_ref().map(Table::csv), alone(side, run).each_ref().map(Table::csv));
+            assert_eq!(once.each_ref().map(Table::csv), alone(control_loop, run).each_ref().map(Table::csv));
             // The plant moves: the motor accelerates under torque, the car slows down on a closing throttle.
             let speed = once[0].column("speed").unwrap();
-            assert!((speed[299] - speed[0]).abs() > 0.05, "{side:?}: {} to {}", speed[0], speed[299]);
+            assert!((speed[299] - speed[0]).abs() > 0.05, "{control_loop:?}: {} to {}", speed[0], speed[299]);
         }
     }
 
     #[test]
     fn an_exchange_that_ends_leaves_whole_rows() {
-        for side in Loop::ALL {
+        for control_loop in Loop::ALL {
             let mut rows = 0;
             let mut left = 10;
             let exchange = |_: &[f64], command: &mut [f64]| {
-                command.copy_from_slice(side.first_command());
+                command.copy_from_slice(control_loop.first_command());
                 left -= 1;
                 left >= 0
             };
-            plant(side, Run { ticks: 300, load_inertia: 0.0 }, exchange, |_| rows += 1);
-            assert_eq!(rows, 10, "{side:?}");
+            plant(control_loop, Run { ticks: 300, load_inertia: 0.0 }, exchange, |_| rows += 1);
+            assert_eq!(rows, 10, "{control_loop:?}");
         }
     }
 }

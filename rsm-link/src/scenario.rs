@@ -224,14 +224,14 @@ fn read_processes(top: &TableReader<'_>, value: toml_reader::Value<'_>, faults: 
         processes.push(Process { name: name.to_string(), roles, host });
     }
     let has = |role: Role| processes.iter().any(|process| process.roles.contains(&role));
-    for side in Loop::ALL {
-        let (plant, step, recorder) = (Role::Plant(side), Role::Step(side), Role::Recorder(side));
+    for control_loop in Loop::ALL {
+        let (plant, step, recorder) = (Role::Plant(control_loop), Role::Step(control_loop), Role::Recorder(control_loop));
         let some = has(plant) || has(step) || has(recorder);
         for missing in [plant, step].into_iter().filter(|role| some && !has(*role)) {
             let what = format!(
                 "`processes`: no process has the role \"{}\"; the loop of the {} needs it",
                 missing.name(),
-                side.name()
+                control_loop.name()
             );
             faults.push(top.fault(top.key_span("processes"), what));
         }

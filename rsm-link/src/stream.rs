@@ -89,7 +89,7 @@ struct Received {
     /// The session of the peer; 0 before its first datagram.
     peer: u64,
     /// The peer has received a datagram of this session.
-    known: bool,
+    session_received: bool,
     ended: bool,
     last_ns: u64,
     /// The peer's time in its last datagram, and the time at which it was received.
@@ -182,13 +182,13 @@ impl Link<'_> {
         };
         // Every sender with the key may send a hello at any time. The first one that contains this session is the peer.
         let answers = datagram.peer_session == self.session;
-        let is_first = !received.known && (received.peer == 0 || datagram.kind == Kind::Hello || answers);
+        let is_first = !received.session_received && (received.peer == 0 || datagram.kind == Kind::Hello || answers);
         if !(is_first || datagram.session == received.peer) || (datagram.kind != Kind::Hello && !answers) {
             received.rejected.foreign += 1;
             return;
         }
         received.peer = datagram.session;
-        received.known |= answers;
+        received.session_received |= answers;
         received.last_ns = now;
         received.echo = (datagram.time_ns, now);
         if answers && datagram.echo_ns > 0 {
@@ -214,7 +214,7 @@ const LEAVE_DATAGRAMS: u32 = 5;
 /// # Errors
 /// An invalid address, or one on which the socket cannot listen.
 pub fn run(settings: &Settings) -> Result<Done, String> {
-    let (side, mine) = settings.side;
+    let (control_loop, side) = settings.side;
     let peer = settings.peer.to_socket_addrs().map_err(|error| format!("--peer {}: {error}", settings.peer))?.next();
     let peer = peer.ok_or_else(|| format!("--peer {}: this name has no address", settings.peer))?;
     let socket = UdpSocket::bind(&settings.listen).map_err(|error| format!("--listen {}: {error}", settings.listen))?;
@@ -222,12 +222,12 @@ pub fn run(settings: &Settings) -> Result<Done, String> {
         .set_read_timeout(Some(Duration::from_millis(20)))
         .map_err(|error| format!("--listen {}: {error}", settings.listen))?;
     let (session, start_ns) = (session(), now_ns());
-    let link = Link { socket, peer, key: &settings.key, model: model_hash(side), side: mine, session, start_ns };
+    let link = Link { socket, peer, key: &settings.key, model: model_hash(control_loop), side, session, start_ns };
     let ns = |time: Duration| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
     let received = Mutex::new(Received {
         buffer: PlayOut::new(PERIOD_NS, ns(settings.buffer), ns(settings.hold)),
         peer: 0,
-        known: false,
+        session_received: false,
         ended: false,
         last_ns: start_ns,
         echo: (0, start_ns),
@@ -239,7 +239,7 @@ pub fn run(settings: &Settings) -> Result<Done, String> {
         scope.spawn(|| link.listen(&received, &over));
         let _ended = Ended(&over);
         if let Err(message) = connect(&link, &received, settings) {
-            return Done { lost: Some(message), ..nothing(side, mine) };
+            return Done { lost: Some(message), ..empty_result(control_loop, side) };
         }
         let done = Ticks::new(&link, &received, settings).run();
         for _ in 0..LEAVE_DATAGRAMS {
@@ -264,14 +264,14 @@ impl Drop for Ended<'_> {
     }
 }
 
-fn role(side: Loop, mine: Side) -> Role {
-    if mine == Side::Plant { Role::Plant(side) } else { Role::Step(side) }
+fn role(control_loop: Loop, side: Side) -> Role {
+    if side == Side::Plant { Role::Plant(control_loop) } else { Role::Step(control_loop) }
 }
 
-fn nothing(side: Loop, mine: Side) -> Done {
+fn empty_result(control_loop: Loop, side: Side) -> Done {
     let signal = |name| Signal { name, unit: "1" };
     Done {
-        table: role(side, mine).table().with(&[signal("played_number"), signal("played_how")]),
+        table: role(control_loop, side).table().with(&[signal("played_number"), signal("played_how")]),
         sent: 0,
         not_sent: 0,
         counts: Counts::default(),
@@ -293,7 +293,7 @@ fn connect(link: &Link<'_>, received: &Mutex<Received>, settings: &Settings) -> 
         link.send(received, Kind::Hello, 0, &[]);
         {
             let received = locked(received);
-            if received.known {
+            if received.session_received {
                 break;
             }
             if now_ns() - link.start_ns > wait {
@@ -332,17 +332,17 @@ struct Ticks<'a> {
 
 impl<'a> Ticks<'a> {
     fn new(link: &'a Link<'a>, received: &'a Mutex<Received>, settings: &'a Settings) -> Self {
-        let (side, mine) = settings.side;
+        let (control_loop, side) = settings.side;
         let lateness_ns = Vec::with_capacity(usize::try_from(settings.run.ticks).unwrap_or(0).min(1 << 24));
-        let done = Done { began: true, ..nothing(side, mine) };
+        let done = Done { began: true, ..empty_result(control_loop, side) };
         Ticks { link, received, settings, done, first_ns: now_ns(), tick: 0, lateness_ns }
     }
 
     fn run(mut self) -> Done {
-        let (side, mine) = self.settings.side;
-        match mine {
-            Side::Plant => self.plant(side),
-            Side::Step => self.step(side),
+        let (control_loop, side) = self.settings.side;
+        match side {
+            Side::Plant => self.plant(control_loop),
+            Side::Step => self.step(control_loop),
         }
         self.end_of_tick();
         self.done.skew_ns = self.lateness_ns.last().copied().unwrap_or(0);
@@ -388,25 +388,25 @@ impl<'a> Ticks<'a> {
         self.done.not_sent += u64::from(!taken);
     }
 
-    fn plant(&mut self, side: Loop) {
+    fn plant(&mut self, control_loop: Loop) {
         let run = self.settings.run;
         let (ticks, how) = (std::cell::RefCell::new(self), std::cell::Cell::new([f64::NAN, 0.0]));
         let exchange = |sample: &[f64], command: &mut [f64]| {
             let mut ticks = ticks.borrow_mut();
             let Some(played) = ticks.begin() else { return false };
-            command.copy_from_slice(&command_of(side, played)[..command.len()]);
+            command.copy_from_slice(&command_of(control_loop, played)[..command.len()]);
             how.set([played.number(), played.code()]);
             ticks.send(sample);
             true
         };
-        loops::plant(side, run, exchange, |row| {
+        loops::plant(control_loop, run, exchange, |row| {
             ticks.borrow_mut().done.table.push(row.iter().copied().chain(how.get()));
         });
     }
 
-    fn step(&mut self, side: Loop) {
-        let mut step = Step::new(side);
-        let mut command = vec![0.0; side.command().len()];
+    fn step(&mut self, control_loop: Loop) {
+        let mut step = Step::new(control_loop);
+        let mut command = vec![0.0; control_loop.command().len()];
         for tick in 0..self.settings.run.ticks {
             let Some(played) = self.begin() else { break };
             let sample = played.values().unwrap_or([f64::NAN; WIDEST]);
@@ -419,14 +419,14 @@ impl<'a> Ticks<'a> {
 }
 
 /// The command that acts on the plant: the played one, or the safe state.
-fn command_of(side: Loop, played: Played) -> [f64; WIDEST] {
+fn command_of(control_loop: Loop, played: Played) -> [f64; WIDEST] {
     let mut command = [0.0; WIDEST];
     match played {
         Played::Fresh { values, .. } | Played::Held { values, .. } => return values,
         // The torque is zero. The weakening current remains: without it a fast motor would charge the bus.
-        Played::Safe { values, .. } if side == Loop::Motor => command[0] = values[0],
+        Played::Safe { values, .. } if control_loop == Loop::Motor => command[0] = values[0],
         Played::Waiting | Played::Safe { .. } => {
-            let first = side.first_command();
+            let first = control_loop.first_command();
             command[..first.len()].copy_from_slice(first);
         }
     }
@@ -440,7 +440,7 @@ mod tests {
     #[test]
     fn the_safe_state_has_no_torque_and_a_closed_throttle() {
         let values = [-12.0, 30.0, 0.0, 0.0];
-        let safe = |side, values| command_of(side, Played::Safe { number: 9, values });
+        let safe = |control_loop, values| command_of(control_loop, Played::Safe { number: 9, values });
         assert_eq!(safe(Loop::Motor, values), [-12.0, 0.0, 0.0, 0.0]);
         assert_eq!(safe(Loop::Throttle, [900.0, 0.0, 0.0, 0.0])[..1], host_runners::throttle::CLOSED);
         assert_eq!(command_of(Loop::Motor, Played::Held { number: 9, values }), values);

@@ -56,8 +56,8 @@ impl Key {
 
 /// The hash of all data that must be equal on both sides: coefficients and plant of a loop, and names and units of the exchanged values.
 #[must_use]
-pub fn model_hash(side: Loop) -> [u8; 16] {
-    let files: [&[u8]; 3] = match side {
+pub fn model_hash(control_loop: Loop) -> [u8; 16] {
+    let files: [&[u8]; 3] = match control_loop {
         Loop::Motor => [
             include_bytes!("../../generated/coefficients/motor.toml"),
             include_bytes!("../../generated/coefficients/circle.toml"),
@@ -74,7 +74,7 @@ pub fn model_hash(side: Loop) -> [u8; 16] {
         hash.update((file.len() as u64).to_le_bytes());
         hash.update(file);
     }
-    for signal in side.sample().iter().chain(side.command()) {
+    for signal in control_loop.sample().iter().chain(control_loop.command()) {
         hash.update(format!("{}[{}];", signal.name, signal.unit));
     }
     let hash = hash.finalize();

@@ -165,9 +165,10 @@ fn start_and_wait(starts: Vec<Start>, helics: Option<&Path>) -> Result<Vec<Ended
 
 /// The records of a run in one process, by role.
 fn of_one_process(scenario: &Scenario) -> Vec<(Role, Table)> {
-    let loops: Vec<_> = scenario.loops().map(|side| (side, loops::alone(side, scenario.run))).collect();
+    let loops: Vec<_> = scenario.loops().map(|control_loop| (control_loop, loops::alone(control_loop, scenario.run))).collect();
     let table = |role: Role| {
-        let [plant, exchanged] = &loops.iter().find(|(side, _)| *side == role.of_loop()).expect("both sides take part").1;
+        let [plant, exchanged] =
+            &loops.iter().find(|(control_loop, _)| *control_loop == role.of_loop()).expect("both sides take part").1;
         if matches!(role, Role::Plant(_)) { plant.clone() } else { exchanged.clone() }
     };
     scenario.roles().map(|role| (role, table(role))).collect()

@@ -22,7 +22,7 @@ const LIBRARY: &str = include_str!("assets/plotly/plotly-gl3d-4.1.1.min.js.gz.b6
 /// The licence must be kept with the library.
 const LICENCE: &str = include_str!("assets/plotly/LICENSE");
 
-/// The content security policy: only this page, and what it makes itself (a picture of a plot).
+/// The content security policy: only this page, and pictures of plots that its own script makes.
 const POLICY: &str =
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:";
 

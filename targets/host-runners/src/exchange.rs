@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use host_loop::{Clock as _, Numbered, Report, Ring, Sequence, Settings, SystemClock, run_measured};
 
-/// 150 ms: three times the longest time that a virtual machine was seen to sleep too long (44 ms).
+/// 150 ms: three times the longest observed oversleep of a virtual machine (44 ms).
 pub const BUFFER_NS: u64 = 150_000_000;
 
 /// Space in each direction: the buffer at 1 kHz, twice.

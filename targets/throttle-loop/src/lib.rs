@@ -22,7 +22,7 @@
 //! let tip_in = step(&mut state, &drive(0.9)).throttle;
 //! assert!(tip_in < 0.9 && tip_in > 0.2);                              // a step of the pedal is taken in gently
 //! let torn = step(&mut state, &drive(f32::NAN)).throttle;
-//! assert!(torn < 0.9 && torn > 0.2 && state.bad.all == 1);              // a torn wire: the pedal is taken to stand where it stood
+//! assert!(torn < 0.9 && torn > 0.2 && state.bad.all == 1);              // a torn wire: the last good pedal is held
 //! ```
 //!
 //! [`published`] is the damping surface of the paper, (32).

@@ -13,7 +13,7 @@ pub(super) type Keys = Vec<(&'static str, Value)>;
 pub(super) struct CauseJson<'a> {
     /// The kind.
     pub(super) kind: &'a str,
-    /// What identifies the cause beside its kind: the response of a surface, with its subject.
+    /// The keys that identify the cause in addition to its kind: the response of a surface, with its subject.
     pub(super) place: Keys,
     /// Its parameters by name.
     pub(super) numbers: Vec<(String, Value)>,
