@@ -41,8 +41,8 @@ fn cosine(turns: f32) -> f32 {
     circle::sine_f32(1.0 - 4.0 * magnitude(turns - whole))
 }
 
-/// The square of the circle's radius, slightly reduced, so that the roundings of both legs (about six of 6e-8 each) do not leave the circle. `rsm
-/// check --limits` proves this, in fewer steps if the radius is reduced more.
+/// The square of the circle's radius, slightly reduced, so that the roundings of both legs (about six of 6e-8 each) do not leave the circle.
+/// `rsm check --limits` proves this, in fewer steps if the radius is reduced more.
 const HELD_BACK: f32 = 0.9996;
 
 /// The largest length of the other leg in a circle of radius 1, from the square of one leg, up to 0.9: never more than sqrt(1 - square), and at most
