@@ -130,15 +130,15 @@ fn watch<B: FnOnce()>(
     begins: &mut Option<B>,
 ) -> Done {
     /// Time between two checks: a hundredth of the shortest useful `silence`.
-    const LOOK: Duration = Duration::from_millis(10);
+    const CHECK_INTERVAL: Duration = Duration::from_millis(10);
     /// The longest time to wait for the end of a worker after an error. The state of the library is unknown then.
-    const LEAVE: Duration = Duration::from_millis(500);
+    const WORKER_END_TIMEOUT: Duration = Duration::from_millis(500);
     let mut failed: Option<Instant> = None;
     let lost = loop {
         if worker.is_finished() {
             break None;
         }
-        if shared.with(|done| done.lost.is_some()) && failed.get_or_insert_with(Instant::now).elapsed() > LEAVE {
+        if shared.with(|done| done.lost.is_some()) && failed.get_or_insert_with(Instant::now).elapsed() > WORKER_END_TIMEOUT {
             break None;
         }
         let now = shared.start.elapsed();
@@ -160,7 +160,7 @@ fn watch<B: FnOnce()>(
                 settings.broker
             ));
         }
-        std::thread::sleep(LOOK);
+        std::thread::sleep(CHECK_INTERVAL);
     };
     shared.over.store(true, Ordering::Release);
     let mut done = shared.with(|done| done.clone());
@@ -192,7 +192,7 @@ pub fn broker(library: &'static Library, federates: usize, settings: &Settings, 
         }
         if processes.iter().any(|it| peers::is_gone(*it)) {
             let since = *gone.get_or_insert_with(Instant::now);
-            if since.elapsed() > NOTICED {
+            if since.elapsed() > LIBRARY_TIMEOUT {
                 return Ok(());
             }
         }
@@ -205,7 +205,7 @@ pub fn broker(library: &'static Library, federates: usize, settings: &Settings, 
 }
 
 /// The library notices most lost peers after 2 s. Half a second more lets it end by itself.
-const NOTICED: Duration = Duration::from_millis(2500);
+const LIBRARY_TIMEOUT: Duration = Duration::from_millis(2500);
 
 /// The vectors that a role sends and receives.
 struct Ends {

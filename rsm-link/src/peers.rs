@@ -4,17 +4,17 @@
 //! the lock of a queue in shared memory, the queue stays locked. The broker then receives no messages and no heartbeats, and would never end.
 
 /// The part of a core's name before the number of its process.
-const BEFORE: &str = "-core-";
+const SEPARATOR: &str = "-core-";
 
 /// The name of the core of a federate in this process. A federation has each name only once. The process number distinguishes the core from the rest
 /// of a killed process in shared memory.
 pub(crate) fn core_name(federate: &str) -> String {
-    format!("{federate}{BEFORE}{}", std::process::id())
+    format!("{federate}{SEPARATOR}{}", std::process::id())
 }
 
 /// The process numbers in the names of the cores in a JSON text.
 pub(crate) fn processes(text: &str) -> Vec<u32> {
-    let number = |name: &str| name.rsplit_once(BEFORE).and_then(|(_, number)| number.parse().ok());
+    let number = |name: &str| name.rsplit_once(SEPARATOR).and_then(|(_, number)| number.parse().ok());
     let mut found: Vec<u32> = text.split('"').filter_map(number).collect();
     found.sort_unstable();
     found.dedup();

@@ -142,7 +142,7 @@ pub struct PlayOut {
 }
 
 /// Slots for a second at 1 kHz: duplicates of older datagrams are not detected.
-const KEPT: u64 = 1000;
+const SLOTS_EACH_WAY: u64 = 1000;
 
 impl PlayOut {
     /// A buffer of this length for ticks of this period. The last value is held for the time `hold_ns`. All times in ns.
@@ -151,7 +151,7 @@ impl PlayOut {
         let period_ns = period_ns.max(1);
         // As many slots for past as for future numbers, and a second more than the length of the buffer: after an interruption many datagrams may
         // arrive at once.
-        let slots = 2 * KEPT + buffer_ns.div_ceil(period_ns);
+        let slots = 2 * SLOTS_EACH_WAY + buffer_ns.div_ceil(period_ns);
         PlayOut {
             period_ns,
             buffer_ns,
@@ -208,7 +208,7 @@ impl PlayOut {
     pub fn play(&mut self, now_ns: u64) -> Played {
         let Some(number) = self.next.or_else(|| self.first_due(now_ns)) else { return Played::Waiting };
         self.next = Some(number + 1);
-        while self.from + KEPT < number {
+        while self.from + SLOTS_EACH_WAY < number {
             let oldest = self.from;
             *self.slot(oldest) = Slot::Empty;
             self.from += 1;

@@ -155,11 +155,11 @@ impl Link<'_> {
     }
 
     /// Receives until the run is over.
-    fn listen(&self, received: &Mutex<Received>, over: &AtomicBool) {
+    fn listen(&self, received: &Mutex<Received>, is_over: &AtomicBool) {
         let other = if self.side == Side::Plant { Side::Step } else { Side::Plant };
         // The buffer has one byte more than the longest datagram, so that a longer datagram is noticed.
         let mut bytes = [0; LONGEST + 1];
-        while !over.load(Ordering::Acquire) {
+        while !is_over.load(Ordering::Acquire) {
             // A timeout, or the peer does not listen yet: continue in both cases.
             let Ok((length, _)) = self.socket.recv_from(&mut bytes) else { continue };
             let now = now_ns();
@@ -204,10 +204,10 @@ impl Link<'_> {
 }
 
 /// Time between two hello datagrams.
-const HELLO: Duration = Duration::from_millis(5);
+const HELLO_INTERVAL: Duration = Duration::from_millis(5);
 
 /// The end of the run is sent this many times, because each datagram may be lost.
-const LEAVE_DATAGRAMS: u32 = 5;
+const END_DATAGRAMS: u32 = 5;
 
 /// Runs a side.
 ///
@@ -234,15 +234,15 @@ pub fn run(settings: &Settings) -> Result<Done, String> {
         rejected: RejectedCounts::default(),
         round_trips_ns: Vec::with_capacity(usize::try_from(settings.run.ticks).unwrap_or(0).min(1 << 20)),
     });
-    let over = AtomicBool::new(false);
+    let is_over = AtomicBool::new(false);
     let mut done = std::thread::scope(|scope| {
-        scope.spawn(|| link.listen(&received, &over));
-        let _ended = Ended(&over);
+        scope.spawn(|| link.listen(&received, &is_over));
+        let _ended = Ended(&is_over);
         if let Err(message) = connect(&link, &received, settings) {
             return Done { lost: Some(message), ..empty_result(control_loop, side) };
         }
         let done = Ticks::new(&link, &received, settings).run();
-        for _ in 0..LEAVE_DATAGRAMS {
+        for _ in 0..END_DATAGRAMS {
             link.send(&received, Kind::End, settings.run.ticks, &[]);
             std::thread::sleep(Duration::from_millis(1));
         }
@@ -312,7 +312,7 @@ fn connect(link: &Link<'_>, received: &Mutex<Received>, settings: &Settings) -> 
                 ));
             }
         }
-        std::thread::sleep(HELLO);
+        std::thread::sleep(HELLO_INTERVAL);
     }
     // The peer may still wait for an answer. The datagrams of the ticks contain the answer too.
     link.send(received, Kind::Hello, 0, &[]);

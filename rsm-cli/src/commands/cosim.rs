@@ -46,7 +46,7 @@ pub struct Arguments {
 }
 
 /// After the first process has failed, the others end by themselves within 5 s. A process that still runs after this time is killed.
-const PATIENCE: Duration = Duration::from_secs(10);
+const END_TIMEOUT: Duration = Duration::from_secs(10);
 
 pub fn run(arguments: &Arguments) -> Outcome {
     let scenario = Scenario::read(&Source::read(&arguments.scenario)?)?;
@@ -151,7 +151,7 @@ fn start_and_wait(starts: Vec<Start>, helics: Option<&Path>) -> Result<Vec<Ended
             }
         }
         running = still;
-        if failed.is_some_and(|since| since.elapsed() > PATIENCE) {
+        if failed.is_some_and(|since| since.elapsed() > END_TIMEOUT) {
             for (process, child) in running.drain(..) {
                 stderr_line!("{process}: did not end in time and was stopped");
                 drop(child);

@@ -90,7 +90,7 @@ fn tone(verdict: &Verdict) -> (Tone, &'static str) {
 fn overview(outcome: &Outcome) -> String {
     let line = |response: &ResponseOutcome| {
         let unit = outcome.model.surface(&response.name).map_or("", |surface| surface.unit.as_str());
-        let error = response.statistics.as_ref().and_then(|statistics| believed(response, statistics));
+        let error = response.statistics.as_ref().and_then(|statistics| error_estimate(response, statistics));
         let error = error.map_or(String::new(), |(error, on)| format!("{} {on}", with_unit(&short(error), unit)));
         format!(
             "<tr><td>{}</td><td>{}</td><td>{}</td></tr>\n",
@@ -104,7 +104,7 @@ fn overview(outcome: &Outcome) -> String {
 }
 
 /// The error estimate (root mean square) and its rows: the rows that influenced the choice of terms least.
-fn believed(response: &ResponseOutcome, statistics: &ResponseStatistics) -> Option<(f64, String)> {
+fn error_estimate(response: &ResponseOutcome, statistics: &ResponseStatistics) -> Option<(f64, String)> {
     let on = |errors: &ValidationStatistics, of: &str| (errors.rmse, format!("on {} {of}", errors.rows));
     let test = statistics.test.as_ref().map(|it| on(it, "test rows"));
     let cross = statistics.cross_validation.as_ref().map(|it| on(&it.errors, "rows, each left out in turn"));
@@ -118,7 +118,7 @@ fn believed(response: &ResponseOutcome, statistics: &ResponseStatistics) -> Opti
 /// The three numbers of a response.
 fn numbers(response: &ResponseOutcome, statistics: &ResponseStatistics, unit: &str) -> String {
     let mut list = Vec::new();
-    if let Some((error, on)) = believed(response, statistics) {
+    if let Some((error, on)) = error_estimate(response, statistics) {
         list.push(Number::new("Error (root mean square)", with_unit(&short(error), unit), on));
     }
     let share = |share: f64| format!("{:.1} %", 100.0 * share);
@@ -186,7 +186,7 @@ fn of_response(
         surface: index,
         response: response_index,
         constraints: statistics.constraints.as_ref(),
-        error: believed(response, statistics).map(|(error, on)| (error, format!("(root mean square {on})"))),
+        error: error_estimate(response, statistics).map(|(error, on)| (error, format!("(root mean square {on})"))),
     })?;
     let warnings = statistics.warnings.iter();
     let lines: String =

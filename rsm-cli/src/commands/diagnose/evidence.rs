@@ -11,10 +11,10 @@ use super::words;
 use crate::page::{figure, multiple};
 
 /// An interval is called wide if its half width is at least this share of the value.
-const WIDE: f64 = 0.3;
+const WIDE_INTERVAL: f64 = 0.3;
 
 /// A parameter is called close to its limit if it used this share of its two standard deviations of tolerance.
-const PRESSED: f64 = 1.8;
+const NEAR_LIMIT: f64 = 1.8;
 
 /// Sentences for and against a cause.
 pub struct Evidence {
@@ -124,7 +124,7 @@ fn numbers(cause: &Cause, evidence: &mut Evidence) {
         let Some(share) = Cause::relative_error(number) else { continue };
         let unit = if number.unit == "1" { String::new() } else { format!(" {}", number.unit) };
         let text = format!("{} = {}{unit} +- {} % (95 %)", number.name, figure(Some(number.value)), percent(share));
-        if share < WIDE {
+        if share < WIDE_INTERVAL {
             evidence.supports.push(format!("Its parameter is well determined: {text}."));
         } else {
             evidence.speaks_against.push(format!("Its parameter is poorly determined: {text}."));
@@ -135,7 +135,7 @@ fn numbers(cause: &Cause, evidence: &mut Evidence) {
 fn constants(found: &Diagnosis, evidence: &mut Evidence) {
     let Some(most) = found.moved_most() else { return };
     let text = format!("{} moved most, by {:.1} standard deviations of its tolerance", most.name, most.sds.abs());
-    if most.sds.abs() < PRESSED {
+    if most.sds.abs() < NEAR_LIMIT {
         evidence.supports.push(format!("The constants of the plant stay within the tolerances of the plant file: {text}."));
     } else {
         evidence

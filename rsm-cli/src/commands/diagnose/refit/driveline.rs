@@ -21,10 +21,10 @@ use crate::{evaluators, output};
 const SEED: u64 = 1;
 
 /// The seed of the test's noise. No round uses it, because there are fewer than 1000 rounds.
-const JUDGE: u64 = 3000;
+const TEST_SEED: u64 = 3000;
 
 /// Effects that are removed before the experiment: a surface cannot represent a drift.
-const NEVER: [&str; 1] = ["sensor-drift"];
+const REMOVED_EFFECTS: [&str; 1] = ["sensor-drift"];
 
 fn json_of(driven: &Driven) -> Value {
     json!({
@@ -40,8 +40,8 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
 }
 
 fn with_plan(request: &Request<'_>, plan: &TrackPlan) -> Result<Refitted, Refusal> {
-    let (nominal, _) = usable(request.nominal, &NEVER);
-    let (extended, left_out) = usable(request.extended, &NEVER);
+    let (nominal, _) = usable(request.nominal, &REMOVED_EFFECTS);
+    let (extended, left_out) = usable(request.extended, &REMOVED_EFFECTS);
     let mut files = Vec::new();
     let mut models: Vec<Model> = Vec::new();
     for (name, plant) in [("nominal", &nominal), ("extended", &extended)] {
@@ -62,7 +62,7 @@ fn with_plan(request: &Request<'_>, plan: &TrackPlan) -> Result<Refitted, Refusa
     }
     (request.progress)("driving both compensators");
     let on = if request.truth.is_some() { "truth" } else { "extended plant" };
-    let judge = request.truth.map_or_else(|| extended.clone(), |truth| usable(truth, &NEVER).0);
+    let judge = request.truth.map_or_else(|| extended.clone(), |truth| usable(truth, &REMOVED_EFFECTS).0);
     let without = driven(&judge, plan, None)?;
     let before = driven(&judge, plan, Some(&models[0]))?;
     let after = driven(&judge, plan, Some(&models[1]))?;
@@ -112,7 +112,7 @@ fn driven(plant: &PlantFile, plan: &TrackPlan, model: Option<&Model>) -> Result<
         Some(model) => Some(Compensation::new(&Checked::from_model(model)?, COMPENSATOR)?),
         None => None,
     };
-    let runs = experiment(plant, plan, JUDGE, compensation.as_ref(), threads())?;
+    let runs = experiment(plant, plan, TEST_SEED, compensation.as_ref(), threads())?;
     Ok(Driven::of(&runs.into_iter().map(|(measured, _)| measured).collect::<Vec<_>>()))
 }
 

@@ -20,10 +20,10 @@ use crate::{evaluators, output, report};
 
 /// Effects that are removed before the experiment. Delays belong to the record: the drive in closed loop has its own. A surface cannot represent a
 /// drift.
-const NEVER: [&str; 3] = ["input-delay", "sensor-delay", "sensor-drift"];
+const REMOVED_EFFECTS: [&str; 3] = ["input-delay", "sensor-delay", "sensor-drift"];
 
 /// The seed of the test's noise. It differs from the seeds of the fitted runs.
-const JUDGE: u64 = 3;
+const TEST_SEED: u64 = 3;
 
 /// The surfaces of a controller and its settings.
 struct Controller {
@@ -36,8 +36,8 @@ fn json_of(errors: AngleErrors) -> Value {
 }
 
 pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
-    let (nominal, _) = usable(request.nominal, &NEVER);
-    let (extended, left_out) = usable(request.extended, &NEVER);
+    let (nominal, _) = usable(request.nominal, &REMOVED_EFFECTS);
+    let (extended, left_out) = usable(request.extended, &REMOVED_EFFECTS);
     let (_, settings) = weakening::plan(PLANS[0].0, PLANS[0].1)?;
     let mut files = Vec::new();
     let mut controllers = Vec::new();
@@ -57,7 +57,7 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
 
     (request.progress)("judging the surfaces");
     let on = if request.truth.is_some() { "truth" } else { "extended plant" };
-    let judge = request.truth.map_or_else(|| extended.clone(), |truth| usable(truth, &NEVER).0);
+    let judge = request.truth.map_or_else(|| extended.clone(), |truth| usable(truth, &REMOVED_EFFECTS).0);
     let (low, high) = common_speeds(before, after)?;
     let within = |points: Vec<LimitPoint>| -> Vec<LimitPoint> {
         points.into_iter().filter(|point| (low..=high).contains(&point.speed)).collect()
@@ -65,7 +65,7 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
     let (bench, _) = weakening::for_motor(&judge);
     // The half of the map to which no surface was fitted.
     let (_, unseen) = weakening::plan(UNSEEN.0, UNSEEN.1)?;
-    let at_bench = within(limit_points::of_bench(&bench.run(&judge, &unseen, JUDGE)?));
+    let at_bench = within(limit_points::of_bench(&bench.run(&judge, &unseen, TEST_SEED)?));
     let recorded = within(request.records.iter().flat_map(|it| limit_points::of_record(it, &after.known)).collect());
     let errors = |points: &[LimitPoint]| -> Result<Option<[AngleErrors; 2]>, Refusal> {
         if points.is_empty() {
