@@ -122,8 +122,7 @@ impl Checked {
     }
 
     /// The reason why a precision cannot represent this model, or `None`: a bound or coefficient beyond its largest number, or a range that contains
-    /// fewer
-    /// than two of its numbers.
+    /// fewer than two of its numbers.
     #[must_use]
     pub fn refusal(&self, precision: Precision) -> Option<Faults> {
         let name = precision.name();

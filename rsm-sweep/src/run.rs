@@ -1,7 +1,6 @@
 //! One task: a simulation with its figures, or a diagnosis.
 //!
 //! In: a task and its scenario. Out: its result as JSON, which depends only on the task. A simulation that fails also has a result: `failed` gives
-//! the
 //! the reason.
 
 use rsm_fit::random::Random;

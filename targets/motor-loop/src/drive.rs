@@ -83,8 +83,7 @@ impl Limits {
     ///
     /// - Bus: 150 to 360 V of 270. 50 V a call: at 60 A a capacitor of 1 mF changes by 6 V in a period; noise of 5 % makes 19 V between two samples.
     /// - Speed: 1000 rad/s of 785. 100 rad/s a call: far more than the shaft can do (2200 rad/s^2), and small enough to do no harm (a tenth of the
-    ///   range for
-    ///   one period is 24 V of back-EMF, 3 A).
+    ///   range for one period is 24 V of back-EMF, 3 A).
     /// - Torque: twice the torque at the current limit.
     /// - Angle: 4 turns; 0.04 turns, two and a half counts of an encoder with 256 counts and 4 pole pairs.
     /// - Currents: sum a fifth of the current limit, vector twice the limit. A quarter of the limit from the model: an inductance with an error of a

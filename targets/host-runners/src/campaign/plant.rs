@@ -8,8 +8,7 @@
 use std::f64::consts::TAU;
 
 /// Integration steps in a period. A step is 1 us: a thousandth of an electrical turn at 1000 rad/s, and two thirds of the time constant L/(V/width)
-/// of a blocked leg
-/// (below) at 330 V.
+/// of a blocked leg (below) at 330 V.
 const STEPS: u32 = 100;
 
 /// Within this current, in A, a leg of the open bridge changes from one rail to the other. For an ideal diode it is 0; this is the smallest value for
