@@ -1,6 +1,6 @@
 //! A model's evaluators as files.
 //!
-//! In: a checked model. Out: the model file, C and Rust, as text with their places. Never writes.
+//! In: a checked model. Out: paths and texts of the model file and of the evaluators in C and Rust. Never writes.
 
 use std::path::{Path, PathBuf};
 
@@ -10,8 +10,8 @@ use rsm_core::{compile, emit, model_file};
 
 use crate::outcome::Refusal;
 
-/// The model file in a folder and its evaluators in `emitted` below it, in every precision that can represent the model; and the unit that they are
-/// printed from. A compensator without a proof of stability is refused.
+/// The model file in a folder, and its evaluators in the subfolder `emitted`, in every precision that can represent the model; and the unit from
+/// which they are printed. A compensator without a proof of stability is refused.
 pub fn files(checked: &Checked, folder: &Path) -> Result<(Unit, Vec<(PathBuf, String)>), Refusal> {
     let unit = compile::unit(checked, &[])?;
     let (c, rust) = (emit::c::emit(&unit), emit::rust::emit(&unit));

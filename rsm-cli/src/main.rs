@@ -1,19 +1,19 @@
 //! The command `rsm`: arguments, progress, reports and plots. No mathematics of its own.
 //!
-//! Every subcommand: `--json` prints one JSON object on standard output and nothing else there; words go to standard error. Exit status 0: done; 1:
-//! done, and the answer is negative; 2: bad usage or bad input. A reader that closes a stream early (`| head`) does not change the exit status.
+//! Every subcommand: with `--json` standard output has one JSON object and nothing else; messages go to standard error. Exit status 0: done; 1: done,
+//! and the answer is negative; 2: bad usage or bad input. A reader that closes a stream early (`| head`) does not change the exit status.
 
-// Both panic if the reader has closed the stream; use the functions of `output`.
+// `println!` and `eprintln!` panic if the reader has closed the stream; use the functions of `output`.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
-/// A line of words on standard error.
-macro_rules! tell {
-    ($($words:tt)*) => { $crate::output::tell(format_args!("{}\n", format_args!($($words)*))) };
+/// Prints a line on standard error.
+macro_rules! stderr_line {
+    ($($words:tt)*) => { $crate::output::stderr(format_args!("{}\n", format_args!($($words)*))) };
 }
 
-/// Words on standard error, without an end of line.
-macro_rules! tell_part {
-    ($($words:tt)*) => { $crate::output::tell(format_args!($($words)*)) };
+/// Prints on standard error without an end of line.
+macro_rules! stderr_text {
+    ($($words:tt)*) => { $crate::output::stderr(format_args!($($words)*)) };
 }
 
 mod commands;

@@ -6,16 +6,16 @@ use std::process::ExitCode;
 
 use rsm_core::source::Faults;
 
-/// The answer of a subcommand that did its work.
+/// The answer of a subcommand that completed its work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answer {
     /// Exit status 0.
     Positive,
-    /// Exit status 1: a check that fails, a confidence that was not reached.
+    /// Exit status 1, for example: a check fails, or a confidence is not reached.
     Negative,
 }
 
-/// Why a subcommand could not do its work: the whole message, exit status 2.
+/// The reason why a subcommand could not complete its work: the whole message, exit status 2.
 #[derive(Debug)]
 pub struct Refusal(pub String);
 
@@ -41,13 +41,13 @@ impl fmt::Display for Refusal {
     }
 }
 
-/// The exit status of an outcome; a refusal is told on standard error. A process that has loaded HELICS ends here.
+/// The exit status of an outcome. A refusal is printed on standard error. A process that has loaded HELICS ends here.
 pub fn exit(outcome: Outcome) -> ExitCode {
     let status = match outcome {
         Ok(Answer::Positive) => 0,
         Ok(Answer::Negative) => 1,
         Err(refusal) => {
-            tell!("{refusal}");
+            stderr_line!("{refusal}");
             2
         }
     };

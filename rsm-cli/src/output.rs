@@ -14,7 +14,7 @@ use crate::replace;
 const PREFIX: &str = ".rsm-";
 const SUFFIX: &str = ".part";
 
-/// An incomplete file exists only during a write: a second, or a minute on a slow network. After an hour it is a leftover.
+/// A temporary file exists only during a write: a second, or a minute on a slow network. After an hour it is the rest of a killed run.
 const LEFTOVER: std::time::Duration = std::time::Duration::from_secs(3600);
 
 /// Files that this process has written: it may write them again.
@@ -82,7 +82,7 @@ fn place_of(path: &Path) -> PathBuf {
     if is_stream(path) {
         return place;
     }
-    // As many links as Linux follows.
+    // Linux follows at most 40 links.
     for _ in 0..40 {
         let Ok(target) = std::fs::read_link(&place) else { break };
         place = match place.parent() {
@@ -98,7 +98,7 @@ fn is_stream(place: &Path) -> bool {
     std::fs::metadata(place).is_ok_and(|found| !found.is_file() && !found.is_dir())
 }
 
-/// Whether two paths name one file, by whatever links.
+/// Whether two paths lead to the same file, also through links.
 fn is_same_file(one: &Path, other: &Path) -> bool {
     #[cfg(unix)]
     {
@@ -164,8 +164,8 @@ pub fn line(text: &str) -> Result<(), Refusal> {
 
 /// Prints a message on standard error. The reader may have closed it (`2>&1 | head`). This is not an error and does not stop the program, because the
 /// files and the exit status are still needed. `eprintln!` would panic.
-pub fn tell(words: std::fmt::Arguments<'_>) {
-    let _ = std::io::stderr().write_fmt(words);
+pub fn stderr(text: std::fmt::Arguments<'_>) {
+    let _ = std::io::stderr().write_fmt(text);
 }
 
 /// A number for JSON: null if it is not finite.

@@ -1,6 +1,6 @@
-//! The motor's surfaces, from a plant to a fitted model: what the demo shows and `rsm diagnose --refit` repeats.
+//! The motor's surfaces, from a plant to a fitted model. The demo shows these steps, and `rsm diagnose --refit` repeats them.
 //!
-//! In: a plant file, settings of the bench, a specification. Out: what the bench measured, the fit of it, and both as files. Never writes.
+//! In: a plant file, settings of the bench, a specification. Out: the points of the bench, their fit, and both as files. Never writes.
 
 use std::path::PathBuf;
 
@@ -25,22 +25,22 @@ pub const UNSEEN: (&str, &str) = ("dyno-unseen", include_str!("../demo/motor/dyn
 /// The shipped specification.
 pub const FIT: &str = include_str!("../demo/motor/fit.toml");
 
-/// Seeds of the bench's noise: the runs that are fitted, and the unseen ones. The same as those of the shipped data.
+/// Seeds of the bench's noise: of the fitted runs and of the holdout runs. They are the same as those of the shipped data.
 pub const SEEDS: [u64; 2] = [1, 2];
 
-/// The lowest speed of the surfaces over the base speed at full torque: 440 rad/s of 447.5 in the shipped specification.
+/// The lowest speed of the surfaces, divided by the base speed at full torque: 440 rad/s of 447.5 in the shipped specification.
 const BELOW_BASE: f64 = 440.0 / 447.5;
 
-/// The highest over the lowest: 800 rad/s of 440 there.
+/// The highest speed of the surfaces, divided by the lowest: 800 rad/s and 440 in the shipped specification.
 const SPAN: f64 = 800.0 / 440.0;
 
-/// What the bench measured and what was fitted to it.
+/// The points of the bench and their fit.
 pub struct Measured {
-    /// The runs that are fitted, then the unseen ones.
+    /// The runs that are fitted, then the holdout runs.
     pub outcomes: [Vec<bench::Outcome>; 2],
     /// The fit.
     pub fitted: Fitted,
-    /// The specification and its data, `fit.toml`, `dyno.csv` and `dyno-unseen.csv`: the same fit as files.
+    /// The same fit as files: the specification `fit.toml` and its data `dyno.csv` and `dyno-unseen.csv`.
     pub files: Vec<(&'static str, String)>,
 }
 
@@ -52,7 +52,7 @@ pub fn plan(name: &str, text: &str) -> Result<(Plan, Vec<Setting>), Refusal> {
     Ok((plan, settings))
 }
 
-/// Runs the settings and those of the other half of the map on the bench and fits the first. Writes nothing.
+/// Runs the settings and those of the other half of the map on the bench, and fits the first. Writes nothing.
 pub fn measure(plant: &PlantFile, bench: &Bench, settings: &[Setting], specification: &str) -> Result<Measured, Refusal> {
     let (_, unseen) = plan(UNSEEN.0, UNSEEN.1)?;
     let outcomes = [bench.run(plant, settings, SEEDS[0])?, bench.run(plant, &unseen, SEEDS[1])?];
@@ -65,8 +65,8 @@ pub fn measure(plant: &PlantFile, bench: &Bench, settings: &[Setting], specifica
     Ok(Measured { outcomes, fitted, files })
 }
 
-/// Bench and specification for a motor: the shipped ones, their ranges in proportion to its torque, current and base speed. For the shipped motor
-/// they are the shipped ones.
+/// Bench and specification for a motor: the shipped ones with their ranges in proportion to its torque, current and base speed. For the shipped motor
+/// they equal the shipped ones.
 pub fn for_motor(plant: &PlantFile) -> (Bench, String) {
     let known = Drive::default().known(plant);
     let current = known.current_limit;
@@ -80,11 +80,11 @@ pub fn for_motor(plant: &PlantFile) -> (Bench, String) {
         .replace("range = [440.0, 800.0]", &format!("range = [{low:?}, {high:?}]"))
         .replace("output_range = [0.0, 60.0]", &format!("output_range = [0.0, {:?}]", rounded(current)));
     let shipped = Bench::default();
-    // The bench turns as far beyond the surfaces as the shipped one does beyond 800 rad/s.
+    // The ratio of the bench's top speed to the highest speed of the surfaces is that of the shipped bench (800 rad/s).
     (Bench { top_speed: shipped.top_speed / 800.0 * high, ..shipped }, text)
 }
 
-/// To three digits: easy to read in the file.
+/// Rounds to three digits, so that the file is easy to read.
 fn rounded(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
@@ -100,8 +100,8 @@ mod tests {
         let (bench, specification) = for_motor(&plant);
         assert_eq!(bench, Bench::default());
         assert_eq!(specification, FIT.replace("# 60 A", ""));
-        // Half the flux, no resistance: the base speed is V/(p sqrt(lambda^2 + (L I)^2)) = 148.09/(4 sqrt(0.03^2 + 0.054^2)) = 599.3 rad/s; of it
-        // 440/447.5.
+        // Half the flux, no resistance: the base speed is V/(p sqrt(lambda^2 + (L I)^2)) = 148.09/(4 sqrt(0.03^2 + 0.054^2)) = 599.3 rad/s. The
+        // lowest speed is 440/447.5 of it.
         let text = text
             .replace("flux_linkage = 0.06", "flux_linkage = 0.03")
             .replace("phase_resistance = 0.08", "phase_resistance = 0.0");

@@ -135,7 +135,7 @@ pub struct Turn<T> {
 }
 
 impl<T: Arithmetic> Turn<T> {
-    /// Of t in turns.
+    /// Cosine and sine for t in turns.
     #[must_use]
     pub fn of(t: T, order: u32) -> Self {
         let magnitude = |x: T| if x < T::of(0.0) { -x } else { x };
@@ -222,7 +222,7 @@ impl Factor {
     /// The factors of a surface in the order of a term's powers: inputs, knots, sigmoids, waves. `inputs` are those of the surface, in its order.
     ///
     /// # Panics
-    /// If a knot or a sigmoid names an input that the surface does not have: [`crate::check`] rejects such a file.
+    /// If a knot or a sigmoid has an input that the surface does not have: [`crate::check`] rejects such a file.
     #[must_use]
     pub fn all(surface: &Surface, inputs: &[Input]) -> Vec<Factor> {
         let main = inputs.iter().enumerate();
@@ -299,7 +299,7 @@ mod tests {
     use super::*;
     use crate::number::{Rational, exact, integer};
 
-    /// sin x by its series, for |x| <= 4: 40 terms leave less than 10^-60.
+    /// sin x by its series, for |x| <= 4: the error after 40 terms is less than 10^-60.
     fn sine(x: &Rational) -> Rational {
         let square = x * x;
         let mut term = x.clone();
@@ -313,12 +313,12 @@ mod tests {
 
     #[test]
     fn a_wave_is_a_cosine_and_a_sine_but_for_less_than_is_said() {
-        // Between pi/2 and pi the turns below are 12 at most: an error of 1e-19 in pi is far below 1e-15.
+        // Between pi/2 and pi there are at most 12 turns: an error of 1e-19 in pi is far below 1e-15.
         let pi = integer(3_141_592_653_589_793_238) / integer(1_000_000_000_000_000_000);
         for t in [-0.5, -0.4375, -0.25, -0.1, 0.0, 0.03125, 0.2, 0.25, 0.3, 0.5] {
             for order in [1, 2, 3, 6, 7, 12] {
                 let found = Turn::of(exact(t), order);
-                // Whole turns off, so that the series is short.
+                // Remove whole turns, so that the series is short.
                 let turns = exact(t) * integer(i64::from(order));
                 let rest = &turns - turns.round();
                 let angle = integer(2) * &pi * rest;

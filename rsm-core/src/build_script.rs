@@ -19,7 +19,7 @@ use crate::number::Precision;
 use crate::source::{Fault, Faults, Source};
 
 /// Compiles a model file to `OUT_DIR/<model>.rs`, and makes cargo run the script again when the file changes. The path is relative to the package.
-/// `precisions` empty: every precision that can hold the model. Nothing is written to a source folder.
+/// `precisions` empty: every precision that can represent the model. Nothing is written to a source folder.
 ///
 /// # Panics
 /// With every fault of the file, so that the build fails with file, line and column; and if cargo's environment is missing.

@@ -1,7 +1,7 @@
 //! Checks once that the parts of a model fit together. Only this module makes a [`Checked`].
 //!
 //! In: a source or a [`Model`]. Out: [`Checked`], or every fault in the order of the file. Later stages take a [`Checked`], so they need no checks
-//! and do not fail. Each rule is one function. Whether f32 can hold the model is a separate question: [`Checked::refusal`].
+//! and do not fail. Each rule is one function. Whether f32 can represent the model is a separate question: [`Checked::refusal`].
 
 mod in_memory;
 
@@ -14,7 +14,7 @@ use crate::number::{Precision, Rational, exact, power_of_two};
 use crate::places::Places;
 use crate::source::{Collector, Fault, Faults, Source};
 
-/// A model whose parts are known to fit together.
+/// A model whose parts fit together.
 #[derive(Debug, Clone)]
 pub struct Checked {
     model: Model,
@@ -121,8 +121,8 @@ impl Checked {
         Fault::at_line(&self.file, line, column, what)
     }
 
-    /// The reason why a precision cannot hold this model, or `None`: a bound or coefficient beyond its largest number, or a range that contains fewer
-    /// than two of its numbers.
+    /// The reason why a precision cannot represent this model, or `None`: a bound or coefficient beyond its largest number, or a range that contains
+    /// fewer than two of its numbers.
     #[must_use]
     pub fn refusal(&self, precision: Precision) -> Option<Faults> {
         let name = precision.name();
@@ -196,14 +196,14 @@ fn schedule(model: &Model, compensator: &Compensator) -> Vec<Input> {
     model.inputs.iter().filter(is_used).cloned().collect()
 }
 
-/// Whether a precision can hold the constants that lowering makes from a fixed number of a compensator. The largest is 1 + g (g + 2 p) < 4 p for
+/// Whether a precision can represent the constants that lowering makes from a fixed number of a compensator. The largest is 1 + g (g + 2 p) < 4 p for
 /// large p, because g is below pi/4; the smallest is half of it.
 fn fits_fixed(precision: Precision, value: f64) -> bool {
     let largest = precision.round(&(exact(value) * exact(4.0)));
     largest.is_finite() && precision.round(&(exact(value) / exact(2.0))) != 0.0
 }
 
-/// Whether a precision holds the squares in a sigmoid for every argument in the range.
+/// Whether a precision can represent the squares in a sigmoid for every argument in the range.
 fn fits_sigmoid(precision: Precision, sigmoid: &Sigmoid, range: [f64; 2]) -> bool {
     let width = exact(sigmoid.width);
     let reach = range.map(|end| (exact(end) - exact(sigmoid.at)).abs() + &width);
@@ -215,12 +215,12 @@ fn fits_sigmoid(precision: Precision, sigmoid: &Sigmoid, range: [f64; 2]) -> boo
 /// The index of `pole_frequency` in [`Compensator::parts`].
 const POLE_FREQUENCY: usize = 3;
 
-/// Whether a precision can hold the square of the ratio of two fixed frequencies, which is a constant on the tape.
+/// Whether a precision can represent the square of the ratio of two fixed frequencies, which is a constant on the tape.
 fn fits_ratio(precision: Precision, compensator: &Compensator) -> bool {
     let own = compensator.pole_frequency.as_ref().and_then(|scheduled| scheduled.fixed());
     let (Some(poles), Some(zeros)) = (own, compensator.natural_frequency.fixed()) else { return true };
     if poles <= 0.0 || zeros <= 0.0 {
-        return true; // told already
+        return true; // reported already
     }
     let ratio = exact(poles) / exact(zeros);
     precision.round(&(&ratio * &ratio)).is_finite()
@@ -333,7 +333,7 @@ fn any_under(context: &Context<'_>, section: &str) -> bool {
     context.is_missing(section) || context.text.is_some_and(|(_, places)| places.has_broken_under(section))
 }
 
-/// low < high, and a width that f64 can hold, because half of it is the unit of the coded variable.
+/// low < high, and a width that f64 can represent, because half of it is the unit of the coded variable.
 fn check_range(context: &Context<'_>, faults: &mut Collector, who: &str, path: &str, [low, high]: [f64; 2], unit: &str) {
     let unit = if unit == "1" || unit.is_empty() { String::new() } else { format!(" {unit}") };
     if low > high {

@@ -22,10 +22,10 @@ pub struct RustModule {
     pub text: String,
 }
 
-/// The evaluators of a checked model, ready for a printer. `precisions` empty: every precision that can hold the model.
+/// The evaluators of a checked model, ready for a printer. `precisions` empty: every precision that can represent the model.
 ///
 /// # Errors
-/// The faults of a requested precision that cannot hold the model; a compensator whose stability is not proved.
+/// The faults of a requested precision that cannot represent the model; a compensator whose stability is not proved.
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
@@ -221,10 +221,11 @@ fn step(checked: &Checked, index: usize, precision: Precision) -> Function {
     }
 }
 
-/// The requested precisions, which must all hold the model. If none is requested: those that hold it. f64 holds every checked model.
+/// The requested precisions, which must all be able to represent the model. If none is requested: those that can. f64 can represent every checked
+/// model.
 ///
 /// # Errors
-/// The faults of a precision that cannot hold the model.
+/// The faults of a precision that cannot represent the model.
 pub fn held(checked: &Checked, precisions: &[Precision]) -> Result<Vec<Precision>, Faults> {
     if precisions.is_empty() {
         return Ok(Precision::ALL.into_iter().filter(|precision| checked.refusal(*precision).is_none()).collect());
@@ -276,7 +277,7 @@ pub fn rust_with_gradients(source: &Source, precisions: &[Precision]) -> Result<
     rust_with_parts(source, precisions, &Parts { gradient: true, ..Parts::default() })
 }
 
-/// A model file as a Rust module as [`rust`] gives it, and after each surface the parts that are wanted.
+/// A model file as a Rust module as [`rust`] gives it, and after each surface the requested parts.
 ///
 /// # Errors
 /// Every fault of the file; as [`unit_with_parts`].

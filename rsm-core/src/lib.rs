@@ -39,7 +39,7 @@
 //! assert!(module.text.contains("pub fn angle(speed: f64) -> f64"));
 //! ```
 
-// What is public is what a user of the library needs.
+// Only what a user of the library needs is public.
 #![cfg_attr(not(test), warn(unreachable_pub))]
 
 // In the order of the pipeline.

@@ -1,7 +1,7 @@
 //! The positions of the parts of a file, and which parts have a wrong shape.
 //!
-//! In: the notes of a reader. Out: a position for every fault that a rule finds later. Used by all formats of the project. Also reads sections whose
-//! keys are free names, and ranges.
+//! In: the parts that a reader has read. Out: a position for every fault that a rule finds later. Used by all formats of the project. Also reads
+//! sections whose keys are free names, and ranges.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;

@@ -1,7 +1,7 @@
 //! A text file and the faults found in it.
 //!
-//! In: the name and the text of a file. Out: [`Fault`]s that say file, line, column, what was found and what is
-//! accepted. All faults of a stage are collected, in the order of the file. Never panics on any text.
+//! In: the name and the text of a file. Out: [`Fault`]s with file, line, column, what was found and what is accepted. All faults of a stage are
+//! collected, in the order of the file. Never panics on any text.
 
 use std::fmt;
 use std::ops::Range;
@@ -236,7 +236,7 @@ mod tests {
         let source = Source::new("m.toml", "a\nµß = 1\n");
         assert_eq!(source.position(0), (1, 1));
         assert_eq!(source.position(2), (2, 1));
-        // µ and ß take two bytes each, one column each.
+        // µ and ß have two bytes each, and one column each.
         assert_eq!(source.position(6), (2, 3));
         assert_eq!(source.position(10_000), (3, 1));
     }

@@ -1,35 +1,36 @@
 //! Aligns the clocks of two loggers: the offset and the rate of the second one, from a signal that both have.
 //!
 //! In: the samples of one signal in both files. Out: offset and rate of t_first = t_second + offset + rate (t_second - middle), each with a 95 %
-//! interval; or a sentence that says why there is no result: the signals are not correlated, or they agree as well at another offset (a periodic
-//! signal).
+//! interval; or a sentence with the reason why there is no result: the signals are not correlated, or they agree equally well at another offset (a
+//! periodic signal).
 //!
-//! Method: both signals are averaged over cells. The normalised cross-correlation over every lag gives a first offset. Then first = bias + gain
-//! second(offset, rate) is estimated with instrumental variables, each time on cells half as wide, down to the sampling. The width with the shortest
-//! interval gives the result. Both signals pass the same symmetric filter, so it shifts neither. The intervals come from the scores of 30 blocks of
-//! the residuals (batch means: Law and Kelton, "Simulation Modeling and Analysis"), since neighbouring residuals are not independent.
+//! Method: both signals are averaged over cells. The normalised cross-correlation over all lags gives a first offset. Then first = bias + gain
+//! second(offset, rate) is estimated with instrumental variables. This is repeated on cells half as wide, down to the sampling period. The width with
+//! the shortest interval gives the result. Both signals pass the same symmetric filter, so the filter shifts neither signal. The intervals come from
+//! the scores of 30 blocks of the residuals (batch means: Law and Kelton, "Simulation Modeling and Analysis"), because neighbouring residuals are not
+//! independent.
 
 use nalgebra::{Matrix4, Vector4};
 
 use crate::resample::Samples;
 
-/// Cells of the longer signal in the search over every lag: 2 * 4096^2 products of pairs, a tenth of a second.
+/// Cells of the longer signal in the search over all lags: 2 * 4096^2 products of pairs take a tenth of a second.
 const CELLS: usize = 4096;
 
 /// The smallest overlap that is tested, as a share of the shorter signal.
 const LEAST_OVERLAP: f64 = 0.25;
 
-/// Below this correlation the two columns are not taken as one signal: three quarters of the variance would have another origin.
+/// Below this correlation the two columns are not treated as one signal: three quarters of the variance would have another origin.
 const LEAST_CORRELATION: f64 = 0.5;
 
-/// At any other offset the unexplained rest must be larger by this factor. Otherwise the offset is not unique.
+/// At any other offset the unexplained variance must be larger by this factor. Otherwise the offset is not unique.
 const NEXT_BEST: f64 = 1.1;
 
-/// Blocks of residuals, and Student's t of 95 % for them less the four numbers that are fitted (26 degrees of freedom).
+/// Number of blocks of residuals, and the 95 % quantile of Student's t for it minus the four fitted numbers (26 degrees of freedom).
 const BLOCKS: usize = 30;
 const STUDENT: f64 = 2.056;
 
-/// The clock of a further file relative to that of the first.
+/// The clock of another file relative to that of the first file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alignment {
     /// The further file.
@@ -42,18 +43,18 @@ pub struct Alignment {
     pub offset: f64,
     /// Half of the 95 % interval of the offset, in s.
     pub offset_half_width: f64,
-    /// How much faster the first clock counts, as a share (1e-6 is 1 ppm); 0 where its interval holds 0.
+    /// The rate of the first clock relative to this clock, as a share (1e-6 is 1 ppm); 0 if its interval contains 0.
     pub rate: f64,
     /// Half of the 95 % interval of the rate.
     pub rate_half_width: f64,
-    /// The time of the further file to which the offset belongs, in s.
+    /// The time of the further file at which the offset is given, in s.
     pub middle: f64,
     /// The correlation of both signals.
     pub correlation: f64,
 }
 
 impl Alignment {
-    /// An instant of the further file on the clock of the first, in s.
+    /// Converts an instant of the further file to the clock of the first file, in s.
     #[must_use]
     pub fn to_first(&self, instant: f64) -> f64 {
         instant + self.offset + self.rate * (instant - self.middle)
@@ -64,12 +65,12 @@ impl Alignment {
 struct Cells {
     start: f64,
     width: f64,
-    /// NaN where a cell has no sample.
+    /// NaN if a cell has no sample.
     values: Vec<f64>,
 }
 
 impl Cells {
-    /// Averages of cells, or where these are as narrow as the sampling, values at their centres.
+    /// Averages over cells; if a cell is as narrow as the sampling period, the interpolated value at its centre.
     fn of(samples: &Samples, width: f64) -> Cells {
         let (start, end) = samples.span();
         let count = ((end - start) / width).floor() as usize + 1;
@@ -81,7 +82,7 @@ impl Cells {
         Cells { start, width, values }
     }
 
-    /// Twice the filter 1/4, 1/2, 1/4: symmetric, so it shifts nothing.
+    /// Applies the filter 1/4, 1/2, 1/4 twice. It is symmetric, so it causes no shift.
     fn smooth(mut self) -> Cells {
         for _ in 0..2 {
             let old = self.values.clone();
@@ -93,10 +94,10 @@ impl Cells {
         self
     }
 
-    /// Value and slope at an instant, on the line between two centres.
+    /// Value and slope at an instant, by linear interpolation between two centres.
     fn at(&self, instant: f64) -> Option<(f64, f64)> {
         let place = (instant - self.start) / self.width;
-        // Before the start, or NaN.
+        // The instant is before the start, or it is NaN.
         if place.is_nan() || place < 0.0 {
             return None;
         }
@@ -107,7 +108,7 @@ impl Cells {
     }
 }
 
-/// What is fitted.
+/// The fitted parameters.
 #[derive(Clone, Copy)]
 struct Fit {
     offset: f64,
@@ -116,7 +117,7 @@ struct Fit {
     bias: f64,
 }
 
-/// The clock of the second signal against that of the first. Names and file are filled in by the caller.
+/// Estimates the clock of the second signal relative to that of the first. The caller adds the names of file and columns.
 pub(crate) fn align(first: &Samples, second: &Samples) -> Result<Alignment, String> {
     let longer = [first, second].iter().map(|it| it.span().1 - it.span().0).fold(0.0, f64::max);
     let finest = first.usual().max(second.usual());
@@ -198,11 +199,11 @@ fn search(first: &Cells, second: &Cells) -> Option<Found> {
         cells.values.iter().map(|value| if value.is_nan() { (0.0, 0.0) } else { (value - mean, 1.0) }).collect()
     };
     let (one, two) = (centred(first), centred(second));
-    // Filters and standard deviations of a few cells are no evidence; the shorter signal has more than this in any case.
+    // Fewer cells than filters and standard deviations need are no evidence; the shorter signal has more than this in any case.
     let least = (LEAST_OVERLAP * one.len().min(two.len()) as f64).max(16.0) as usize;
     let mut scores: Vec<(i64, f64)> = Vec::new();
     for lag in least as i64 - two.len() as i64..=one.len() as i64 - least as i64 {
-        // Cell k of the second lies on cell k + lag of the first.
+        // Cell k of the second signal is compared with cell k + lag of the first.
         let (from, until) = (lag.max(0) as usize, (two.len() as i64 + lag).min(one.len() as i64) as usize);
         let (mut n, mut x, mut y, mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
         for (a, b) in one[from..until].iter().zip(&two[(from as i64 - lag) as usize..]) {
@@ -227,7 +228,7 @@ fn search(first: &Cells, second: &Cells) -> Option<Found> {
     let foot = |step: i64| -> usize {
         let mut k = best as i64;
         while let Some(next) = usize::try_from(k + step).ok().and_then(|next| scores.get(next)) {
-            // A peak ends where the correlation has fallen far enough; noise makes small valleys.
+            // A peak ends where the correlation has decreased enough; noise makes small local minima.
             if next.1 < 0.5 * scores[best].1 {
                 break;
             }
@@ -245,7 +246,7 @@ fn search(first: &Cells, second: &Cells) -> Option<Found> {
     })
 }
 
-/// A point at which both signals have a value: the residual, its derivatives by offset, rate, gain and bias, and its instruments.
+/// A point at which both signals have a value: the residual, its derivatives with respect to offset, rate, gain and bias, and its instruments.
 ///
 /// The instrument of a derivative is the slope of the other signal. Its noise is independent of the noise of the derivative, because the loggers are
 /// independent. Least squares would treat the noise of a slope as signal. Its offsets would be too near to the first guess, and its intervals too
@@ -293,7 +294,7 @@ fn normal(points: &[Point], has_rate: bool) -> (Matrix4<f64>, Vector4<f64>) {
 const TOO_LITTLE: &str = "the two signals do not determine the offset: use a signal that changes";
 
 fn newton(signals: &(Cells, Cells), mut fit: Fit, middle: f64, has_rate: bool) -> Result<Fit, String> {
-    // From half a cell away each step is a quarter of the one before; 20 are more than any case of the tests takes.
+    // Starting half a cell away, each step is a quarter of the step before. No case of the tests needs 20 steps.
     for _ in 0..20 {
         let points = points(signals, fit, middle);
         if points.len() < 2 * BLOCKS {
@@ -304,14 +305,14 @@ fn newton(signals: &(Cells, Cells), mut fit: Fit, middle: f64, has_rate: bool) -
         if step.iter().any(|it| !it.is_finite()) {
             return Err(TOO_LITTLE.to_string());
         }
-        // At most two cells in one step: the slopes are not valid beyond.
+        // At most two cells in one step: the slopes are not valid beyond that.
         let most = 2.0 * signals.0.width;
         let share = (most / step[0].abs()).min(1.0);
         fit.offset += share * step[0];
         fit.rate += share * step[1];
         fit.gain += step[2];
         fit.bias += step[3];
-        // A thousandth of a cell is less than any interval below.
+        // A ten-thousandth of a cell is less than any interval below.
         if step[0].abs() < 1e-4 * signals.0.width {
             break;
         }
@@ -358,7 +359,7 @@ mod tests {
     use super::*;
     use rsm_fit::random::Random;
 
-    /// A sum of waves that does not repeat, with steps; the same for both loggers.
+    /// A sum of waves that is not periodic, with steps; the same for both loggers.
     struct Signal {
         waves: Vec<[f64; 3]>,
         steps: Vec<[f64; 2]>,
@@ -378,7 +379,7 @@ mod tests {
     }
 
     fn noise(random: &mut Random) -> f64 {
-        // Twelve uniform numbers: near enough to a normal one.
+        // The sum of twelve uniform numbers is close enough to a normal number.
         (0..12).map(|_| random.share()).sum::<f64>() - 6.0
     }
 
@@ -389,7 +390,7 @@ mod tests {
         (times, values)
     }
 
-    /// 200 pairs of loggers drawn from a seed: offsets of minutes, rates of 200 ppm, other sampling, gain and bias, noise.
+    /// 200 pairs of loggers, drawn from a seed: offsets of minutes, rates of 200 ppm, different sampling, gain and bias, noise.
     #[test]
     fn offsets_are_found_and_their_intervals_hold_them() {
         let mut random = Random::new(20);
@@ -414,9 +415,9 @@ mod tests {
             held_rate += usize::from((found.rate - rate).abs() <= found.rate_half_width);
             worst = worst.max(found.offset_half_width);
         }
-        // Noise of a third of the waves, at 100 rows a second for 20 s: three samples.
+        // The noise is a third of the waves, at 100 rows a second for 20 s: the limit is three samples.
         assert!(worst < 0.03, "{worst}");
-        // 95 % of 200 with a standard deviation of 3: three of them either way.
+        // 95 % of 200 is 190, with a standard deviation of 3: the limits are three standard deviations away.
         assert!((181..=199).contains(&held) && total == 200, "{held} of {total} offsets within their intervals");
         assert!((181..=199).contains(&held_rate), "{held_rate} of {total} rates within their intervals");
     }

@@ -6,41 +6,41 @@
 
 use rsm_core::number::decimal;
 
-/// Jitter up to this share of the period is left as it is: a record may have it (docs/book/src/reference/plants.md 1.2).
+/// Jitter up to this share of the period is not corrected: a record may have it (docs/book/src/reference/plants.md 1.2).
 const JITTER: f64 = 0.01;
 
-/// A longer step than this many periods is a gap. In a uniform record one missing row is a gap. With jitter a step of two periods may be one late
+/// A step longer than this many periods is a gap. In a uniform record one missing row is a gap. With jitter a step of two periods may be one late
 /// row.
 const GAP_OF_UNIFORM: f64 = 1.5;
 const GAP_WITH_JITTER: f64 = 3.0;
 
-/// Up to this many long steps between otherwise uniform rows are gaps: so few may by chance look like the steps of a rounded clock. Five rarely do.
+/// Up to this many long steps between otherwise uniform rows are gaps: a few may look by chance like the steps of a rounded clock. Five rarely do.
 const FEW_GAPS: usize = 4;
 
-/// The instants of a log, put in order.
+/// The instants of a log, in increasing order.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Clock {
     /// Rows of the log that are kept, in order.
     pub rows: Vec<usize>,
     /// Their instants, in s; strictly increasing.
     pub times: Vec<f64>,
-    /// The mean step, gaps left out, in s.
+    /// The mean step without gaps, in s.
     pub period: f64,
-    /// Largest deviation of a step from the period, in s, gaps left out.
+    /// The largest deviation of a step from the period without gaps, in s.
     pub jitter: f64,
-    /// Whether the rows are uniform as they are.
+    /// Whether the rows are uniform without a correction.
     pub is_uniform: bool,
     /// First and last instant of every gap, in s.
     pub gaps: Vec<[f64; 2]>,
-    /// What was done, in words.
+    /// The corrections, in words.
     pub notes: Vec<String>,
 }
 
 impl Clock {
-    /// Puts times in order; NaN is a missing time.
+    /// Orders the times; NaN is a missing time.
     ///
     /// # Errors
-    /// A sentence, with the row (from 0) where there is one.
+    /// A sentence, with the row (from 0) if there is one.
     pub(crate) fn of(instants: &[f64]) -> Result<Clock, (Option<usize>, String)> {
         let mut notes = Vec::new();
         let present: Vec<usize> = (0..instants.len()).filter(|row| instants[*row].is_finite()).collect();
@@ -64,8 +64,7 @@ impl Clock {
             notes.push(format!("{} rows in which time goes back are left out, the first from {from} s to {to} s", back.len()));
         }
         let as_read = Clock::steady(rows.clone(), times.clone(), GAP_OF_UNIFORM);
-        // Steps of 1 and 2 ms are lost rows or a rounded period of 1.25 ms. With rows that are lost at random, the times are not on one straight
-        // line.
+        // Steps of 1 and 2 ms are lost rows, or a rounded period of 1.25 ms. If rows are lost at random, the times are not on one straight line.
         let is_clear = as_read.is_uniform && as_read.gaps.len() <= FEW_GAPS;
         let mut clock = match (!is_clear).then(|| rounded(&times)).flatten() {
             None if as_read.is_uniform => as_read,
@@ -77,7 +76,7 @@ impl Clock {
                 Clock::steady(rows, straight, GAP_OF_UNIFORM)
             }
             None => {
-                // Of several rows with one time the first is kept.
+                // Of several rows with the same time the first is kept.
                 let distinct: Vec<usize> = (0..times.len()).filter(|k| *k == 0 || times[*k] > times[k - 1]).collect();
                 if distinct.len() < times.len() {
                     notes
@@ -128,7 +127,7 @@ impl Clock {
     /// Times with a constant period over the same span, none within a gap.
     pub(crate) fn grid(&self, period: f64) -> Vec<f64> {
         let (first, last) = (self.times[0], self.times[self.times.len() - 1]);
-        // Slightly more, so that rounding does not lose the last time.
+        // Slightly more, so that rounding does not drop the last time.
         let count = ((last - first) / period * (1.0 + 1e-12) + 1e-6).floor() as usize;
         let inverse = (1.0 / period).round();
         // 0.001 is not an f64 number: k/1000 is rounded once, k*0.001 twice.
@@ -150,7 +149,7 @@ impl Clock {
 /// A row at which time goes back, with the times before and after.
 type Back = (usize, f64, f64);
 
-/// Rows whose instants do not go back, and where the others went back.
+/// Rows whose times increase, and the rows at which time goes back.
 fn increasing(present: &[usize], times: &[f64]) -> (Vec<usize>, Vec<f64>, Vec<Back>) {
     let (mut rows, mut kept, mut back) = (Vec::new(), Vec::new(), Vec::new());
     let mut latest = f64::NEG_INFINITY;
@@ -175,13 +174,13 @@ fn median_step(times: &[f64]) -> f64 {
 /// The unit of the last decimal of a clock, and the straight line that was rounded to it; `None` if the times are not a rounded straight line.
 fn rounded(times: &[f64]) -> Option<(f64, Vec<f64>)> {
     let scale = times.iter().fold(0.0, |scale: f64, time| scale.max(time.abs()));
-    // Days to tenths of a microsecond.
+    // The unit of the last decimal: 1 s to 0.1 us.
     let quantum = (0..8).map(|digits| 10f64.powi(-digits)).find(|quantum| {
         let slack = 1e-6 + 4.0 * f64::EPSILON * scale / quantum;
         times.iter().all(|time| (time / quantum - (time / quantum).round()).abs() <= slack)
     })?;
     let count = times.len();
-    // Rows in a piece without gaps lie on a line; a piece ends where a step is longer than rounding and half a period explain.
+    // Rows in a piece without gaps are on a line. A piece ends where a step is longer than the typical step by more than rounding and half a period.
     let typical = typical_step(times, quantum);
     let mut straight = Vec::with_capacity(count);
     let mut start = 0;
@@ -210,11 +209,11 @@ fn rounded(times: &[f64]) -> Option<(f64, Vec<f64>)> {
         let line = |k: usize| time + period * (k as f64 - index);
         let away = piece.clone().map(|k| times[k] - line(k));
         let (low, high) = away.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), it| (low.min(it), high.max(it)));
-        // Rounding, to nearest or down, changes a time by at most one unit of the last decimal; a tenth more for the line's own error.
+        // Rounding, to nearest or down, changes a time by at most one unit of the last decimal. A tenth more allows for the error of the line.
         if high - low > 1.1 * quantum {
             return None;
         }
-        // The middle of the range of the deviations: their mean would depend on how the fractions are distributed.
+        // The middle of the range of the deviations; their mean would depend on the distribution of the fractions.
         straight.extend(piece.map(|k| line(k) + (low + high) / 2.0));
     }
     straight.windows(2).all(|pair| pair[1] > pair[0]).then_some((quantum, straight))
@@ -235,7 +234,7 @@ fn means(piece: &std::ops::Range<usize>, times: &[f64]) -> (f64, f64) {
     (index, times[piece.clone()].iter().sum::<f64>() / count)
 }
 
-/// A period with three digits, easy to read; any period near the mean is allowed.
+/// A period rounded to three digits, which is easy to read; any period near the mean is allowed.
 pub(crate) fn readable(period: f64) -> f64 {
     format!("{period:.2e}").parse().unwrap_or(period)
 }
@@ -246,8 +245,8 @@ pub(crate) fn short(value: f64) -> String {
     decimal(rounded)
 }
 
-/// Seconds of a time of day or a date: `12:34:56.789`, `2024-05-01T12:34:56.789Z`, `01.05.2024 12:34:56,789`, `2024/05/01 12:34:56`.
-/// Days of a date count from 1970; a zone is taken off.
+/// Seconds of a time of day or a date: `12:34:56.789`, `2024-05-01T12:34:56.789Z`, `01.05.2024 12:34:56,789`, `2024/05/01 12:34:56`. Days of a date
+/// count from 1970; a time zone is removed.
 pub(crate) fn instant(text: &str) -> Option<f64> {
     let text = text.trim().trim_end_matches('Z');
     let (date, time) = match text.split_once(['T', ' ']) {
@@ -296,7 +295,7 @@ fn days(text: &str) -> Option<i64> {
     let sign = ['-', '/', '.'].into_iter().find(|sign| text.contains(*sign))?;
     let parts: Vec<u32> = text.split(sign).map(whole).collect::<Option<_>>()?;
     let [first, month, last] = parts[..] else { return None };
-    // The year has four digits; day first where points separate. With slashes only the year first has one meaning.
+    // The year has four digits. With points the day comes first. With slashes only a date with the year first is unambiguous.
     let (year, day) = if first > 31 {
         (first, last)
     } else if sign == '.' && last > 31 {
@@ -341,7 +340,7 @@ mod tests {
         }
     }
 
-    /// Deterministic numbers in [0, 1), none of them special.
+    /// Deterministic numbers in [0, 1).
     fn shares(seed: u64, count: usize) -> Vec<f64> {
         let mut random = rsm_fit::random::Random::new(seed);
         (0..count).map(|_| random.share()).collect()
@@ -355,7 +354,7 @@ mod tests {
             let clock = Clock::of(&truth.iter().map(|time| cut(1000.0, *time)).collect::<Vec<_>>()).unwrap();
             assert!(clock.is_uniform, "period {period}: {clock:?}");
             assert!((clock.period / period - 1.0).abs() < 1e-3, "{}", clock.period);
-            // Truncated: the offset of half a unit of the last decimal cannot be recovered.
+            // The times are truncated: the offset of half a unit of the last decimal cannot be recovered.
             let worst = clock.times.iter().zip(&truth).map(|(a, b)| (a - b + 0.0005).abs()).fold(0.0, f64::max);
             assert!(worst < 0.00055, "{worst}");
             let late: Vec<f64> =

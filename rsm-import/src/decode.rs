@@ -1,12 +1,12 @@
-//! Bytes to text: which encoding a table is written in.
+//! Bytes to text: finds the encoding of a table.
 //!
-//! In: the bytes of a file. Out: its text and the name of the encoding. A byte order mark decides; else text that is valid UTF-8 is UTF-8; else it is
-//! Windows-1252, of which Latin-1 is a part: every byte means something there, so nothing is refused. Text without a mark in which every second byte
-//! is 0 is UTF-16.
+//! In: the bytes of a file. Out: its text and the name of the encoding. A byte order mark decides. Otherwise text that is valid UTF-8 is UTF-8. All
+//! other text is Windows-1252, which contains Latin-1: every byte is valid there, so no file is refused. Text without a mark in which every second
+//! byte is 0 is UTF-16.
 
 use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 
-/// The text of a file, and the encoding that it was read in.
+/// The text of a file, and its encoding.
 pub(crate) fn text(bytes: &[u8]) -> (String, &'static str) {
     let encoding = Encoding::for_bom(bytes).map_or_else(|| guess(bytes), |(encoding, _)| encoding);
     let (text, _) = encoding.decode_with_bom_removal(bytes);
@@ -16,7 +16,7 @@ pub(crate) fn text(bytes: &[u8]) -> (String, &'static str) {
 fn guess(bytes: &[u8]) -> &'static Encoding {
     let head = &bytes[..bytes.len().min(400)];
     let zeros = |odd: usize| head.iter().skip(odd).step_by(2).filter(|byte| **byte == 0).count();
-    // A table is digits and separators: in UTF-16 nearly every second byte of it is 0, in any other encoding none.
+    // A table consists of digits and separators: in UTF-16 nearly every second byte is 0, in any other encoding no byte is.
     if zeros(1) * 3 > head.len() {
         UTF_16LE
     } else if zeros(0) * 3 > head.len() {
@@ -51,7 +51,7 @@ mod tests {
         ] {
             assert_eq!(text(&bytes), (header.to_string(), encoding), "{encoding}");
         }
-        // What Latin-1 leaves free, Windows-1252 uses.
+        // Windows-1252 has characters where Latin-1 has none.
         assert_eq!(text(&[0x80, 0xb5]).0, "€µ");
     }
 }

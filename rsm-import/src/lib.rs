@@ -1,8 +1,8 @@
-//! Records of other tools, made into records that `rsm` reads.
+//! Converts records of other tools to records that `rsm` reads.
 //!
-//! In: the bytes of one file or more (tables in any usual encoding and separator, MAT files) and what the user says of their columns. Out: one table
-//! with units at a constant period, and notes in words about everything that was done; or every fault. A value that is not interpolated keeps its
-//! bits. Units, times and offsets come from the files or from the user. If the program estimates one of them, the notes say so.
+//! In: the bytes of one or more files (tables in any usual encoding and separator, MAT files) and the user's options for their columns. Out: one
+//! table with units at a constant period, and notes in words about every conversion; or every fault. A value that is not interpolated keeps its bits.
+//! Units, times and offsets come from the files or from the user. If the program estimates one of them, a note reports it.
 //!
 //! ```
 //! use rsm_import::{File, Wishes, import};
@@ -16,7 +16,7 @@
 //! assert!(record.notes.iter().any(|note| note.contains("jitter")));
 //! ```
 
-// What is public is what a user of the library needs.
+// Only what a user of the library needs is public.
 #![cfg_attr(not(test), warn(unreachable_pub))]
 
 mod align;

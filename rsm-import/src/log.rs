@@ -1,13 +1,13 @@
 //! The content of a file of any format: columns with gaps.
 
-/// A column as its file has it.
+/// A column as it is in its file.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Raw {
     pub name: String,
     pub unit: Option<String>,
-    /// NaN where there is no sample.
+    /// NaN if there is no sample.
     pub values: Vec<f64>,
-    /// The texts of its cells, where none of them is a number: times of day and dates.
+    /// The texts of its cells if none of them is a number: times of day and dates.
     pub texts: Vec<String>,
 }
 
@@ -16,14 +16,14 @@ pub(crate) struct Raw {
 pub(crate) struct Log {
     pub file: String,
     pub columns: Vec<Raw>,
-    /// The line of every row; empty where a file has no lines.
+    /// The line of every row; empty if the file has no lines.
     pub lines: Vec<usize>,
-    /// What was done to read it.
+    /// The conversions while reading.
     pub notes: Vec<String>,
 }
 
 impl Log {
-    /// If two columns have one name, the second gets a number, or is dropped if it has the same values.
+    /// If two columns have the same name, the second gets a number, or is dropped if it has the same values.
     pub(crate) fn with_names_apart(mut self) -> Self {
         let mut kept: Vec<Raw> = Vec::new();
         for mut column in std::mem::take(&mut self.columns) {
@@ -57,7 +57,7 @@ impl Log {
     }
 
     pub(crate) fn names(&self) -> String {
-        // As many as can be read in one message.
+        // As many names as a reader accepts in one message.
         const MOST: usize = 40;
         let mut names: Vec<String> = self.columns.iter().take(MOST).map(|column| format!("`{}`", column.name)).collect();
         if self.columns.len() > MOST {

@@ -1,9 +1,9 @@
-//! MAT files of version 5 (and 6 and 7, which are the same format): what is an array of numbers becomes columns.
+//! MAT files of version 5 (and 6 and 7, which have the same format): every array of numbers becomes columns.
 //!
-//! Source: The MathWorks, "MAT-File Format" (data elements, tags, small elements, `miMATRIX`, `miCOMPRESSED`). A field `b` of a structure `a` is the
-//! column `a.b`; columns of a matrix `m` are `m_1`, `m_2`, ...; a structure with `values` and `label` (as Simulink logs) gives a column of the
-//! label's name. Objects (timeseries, timetable, table) are not described in that document; they are named in the notes. No input makes this reader
-//! panic or read past its end.
+//! Source: The MathWorks, "MAT-File Format" (data elements, tags, small elements, `miMATRIX`, `miCOMPRESSED`). A field `b` of a structure `a` becomes
+//! the column `a.b`; columns of a matrix `m` become `m_1`, `m_2`, ...; a structure with `values` and `label` (a Simulink log) becomes a column with
+//! the name of the label. Objects (timeseries, timetable, table) are not described in that document; a note lists them. No input makes this reader
+//! panic or read past the end.
 
 use std::io::Read as _;
 
@@ -11,10 +11,10 @@ use rsm_core::source::{Fault, Faults};
 
 use crate::log::{Log, Raw};
 
-/// Deeper nesting than any record has.
+/// The nesting limit; no record is nested so deeply.
 const DEEPEST: usize = 16;
 
-/// No array inflates to more: 100 million numbers.
+/// The largest size of an array after decompression: 100 million numbers.
 const LARGEST: u64 = 800_000_000;
 
 pub(crate) fn is_mat(bytes: &[u8]) -> bool {
@@ -28,7 +28,7 @@ pub(crate) fn read(file: &str, bytes: &[u8]) -> Result<Log, Faults> {
     finish(file, found.columns, found.notes)
 }
 
-/// A log of variables: one that holds no column of two rows or more is a fault.
+/// The log of the variables. It is a fault if it has no column of two or more rows.
 pub(crate) fn finish(file: &str, columns: Vec<Raw>, notes: Vec<String>) -> Result<Log, Faults> {
     if columns.iter().all(|column| column.values.len() < 2) {
         let mut what = "the MAT file holds no array of two numbers or more".to_string();
@@ -38,22 +38,22 @@ pub(crate) fn finish(file: &str, columns: Vec<Raw>, notes: Vec<String>) -> Resul
     Ok(Log { file: file.to_string(), columns, lines: Vec::new(), notes })
 }
 
-/// Columns of an array that is stored column by column.
+/// The columns of an array that is stored column by column.
 pub(crate) fn columns(name: &str, rows: usize, values: &[f64], into: &mut Vec<Raw>) {
     let (rows, parts) = match values.len().checked_div(rows) {
-        // A row of numbers is a signal too.
+        // An array with a single row is one signal.
         Some(parts) if rows > 1 => (rows, parts),
         _ => (values.len(), 1),
     };
     for (k, part) in values.chunks(rows.max(1)).enumerate() {
         let name = crate::sheet::clean(&if parts > 1 { format!("{name}_{}", k + 1) } else { name.to_string() });
-        // What is not finite is no sample.
+        // A number that is not finite is a missing sample.
         let values = part.iter().map(|value| if value.is_finite() { *value } else { f64::NAN }).collect();
         into.push(Raw { name, unit: None, values, texts: Vec::new() });
     }
 }
 
-/// What an element holds.
+/// The content of an element.
 enum Value {
     Numbers { rows: usize, values: Vec<f64> },
     Text(String),
@@ -79,7 +79,7 @@ impl Found {
         if self.is_little { u32::from_le_bytes(four) } else { u32::from_be_bytes(four) }
     }
 
-    /// The element at the start, and how many bytes it takes with its padding.
+    /// The element at the start, and its number of bytes with padding.
     fn element<'a>(&self, bytes: &'a [u8]) -> Result<(Element<'a>, usize), String> {
         let short = || "the MAT file ends within an array: it is cut off or damaged".to_string();
         if bytes.len() < 8 {
@@ -129,7 +129,7 @@ impl Found {
         Ok(())
     }
 
-    /// Columns of a value under its name.
+    /// Adds the columns of a value under its name.
     fn take(&mut self, name: &str, value: Value) {
         match value {
             Value::Numbers { rows, values } => columns(name, rows, &values, &mut self.columns),
@@ -155,7 +155,7 @@ impl Found {
         }
     }
 
-    /// Name and value of the inside of a `miMATRIX`.
+    /// Name and value of the content of a `miMATRIX`.
     fn matrix(&self, mut data: &[u8], depth: usize) -> Result<(String, Value), String> {
         if depth > DEEPEST {
             return Err(format!("structures in structures, deeper than {DEEPEST}"));
@@ -211,7 +211,7 @@ impl Found {
                             continue;
                         }
                         let (_, value) = self.matrix(element.data, depth + 1)?;
-                        // An array of structures: each by its number.
+                        // An array of structures: each structure gets its number.
                         fields.push((if count > 1 { format!("{}\u{0}{field}", k + 1) } else { field.clone() }, value));
                     }
                 }
@@ -224,7 +224,7 @@ impl Found {
         Ok((name, value))
     }
 
-    /// Numbers of any stored type.
+    /// Numbers of any stored type, as f64.
     fn numbers(&self, element: &Element<'_>) -> Result<Vec<f64>, String> {
         macro_rules! read {
             ($kind:ty) => {{
@@ -259,7 +259,7 @@ impl Found {
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
 
-/// Fields of numbered structures as structures of their own.
+/// Makes a structure of the fields of each numbered structure.
 fn by_number(fields: Vec<(String, Value)>) -> Vec<(String, Value)> {
     let mut numbered: Vec<(String, Value)> = Vec::new();
     for (name, value) in fields {

@@ -1,14 +1,14 @@
-//! MAT files of version 7.3, which are HDF5: arrays of numbers become columns.
+//! MAT files of version 7.3, which are HDF5 files: every array of numbers becomes columns.
 //!
-//! A structure is a group, a variable a dataset whose attribute `MATLAB_class` says what it is (The MathWorks, "MAT-File Versions"). HDF5 names the
-//! slowest dimension first, MATLAB the fastest: the last dimension is the rows. Cells and objects are references, and are named in the notes.
+//! A structure is a group, a variable is a dataset whose attribute `MATLAB_class` gives its class (The MathWorks, "MAT-File Versions"). HDF5 lists
+//! the slowest dimension first, MATLAB the fastest: the last dimension has the rows. Cells and objects are references; a note lists them.
 
 use hdf5_pure::{AttrValue, DType, Dataset, File, Group};
 use rsm_core::source::{Fault, Faults};
 
 use crate::log::{Log, Raw};
 
-/// Deeper nesting than any record has.
+/// The nesting limit; no record is nested so deeply.
 const DEEPEST: usize = 16;
 
 pub(crate) fn read(file: &str, bytes: &[u8]) -> Result<Log, Faults> {
@@ -38,7 +38,7 @@ fn group(
         }
     }
     for name in group_.groups()? {
-        // `#refs#` and `#subsystem#` hold what cells and objects refer to.
+        // `#refs#` and `#subsystem#` contain the targets of the references of cells and objects.
         if name.starts_with('#') || depth >= DEEPEST {
             continue;
         }
@@ -47,7 +47,7 @@ fn group(
     Ok(())
 }
 
-/// Rows and numbers of a dataset; `None` for what holds none.
+/// Rows and numbers of a dataset; `None` for a dataset without numbers.
 fn values(dataset: &Dataset) -> Result<Option<(usize, Vec<f64>)>, hdf5_pure::Error> {
     let class = match dataset.attrs()?.get("MATLAB_class") {
         Some(AttrValue::String(class) | AttrValue::AsciiString(class)) => class.clone(),

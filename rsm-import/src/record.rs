@@ -1,4 +1,4 @@
-//! From files to one record.
+//! Makes one record of several files.
 
 use rsm_core::number::decimal;
 use rsm_core::source::{Fault, Faults};
@@ -11,7 +11,7 @@ use crate::log::{Log, Raw};
 use crate::resample::Samples;
 use crate::wishes::{Named, Wishes};
 
-/// A file as it was read.
+/// A file in memory.
 #[derive(Debug, Clone)]
 pub struct File {
     /// Its name in messages.
@@ -25,11 +25,11 @@ pub struct File {
 pub struct Column {
     /// Its name.
     pub name: String,
-    /// Its unit, where a file or the user gives one.
+    /// Its unit, if a file or the user gives one.
     pub unit: Option<String>,
-    /// One value a row.
+    /// One value for each row.
     pub values: Vec<f64>,
-    /// Where it comes from: file and name there, or `constant`.
+    /// Its origin: the file and the name in the file, or `constant`.
     pub from: String,
 }
 
@@ -38,31 +38,31 @@ pub struct Column {
 pub struct Record {
     /// Instants, in s.
     pub time: Vec<f64>,
-    /// Their period, in s; gaps are longer.
+    /// Their period, in s; at gaps the steps are longer.
     pub period: f64,
-    /// Everything but the time.
+    /// All columns except the time.
     pub columns: Vec<Column>,
     /// Whether values were interpolated.
     pub is_resampled: bool,
     /// The clocks of further files.
     pub alignments: Vec<Alignment>,
-    /// What was done, in words.
+    /// The conversions, in words.
     pub notes: Vec<String>,
 }
 
 impl Record {
-    /// How many rows it has.
+    /// Number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.time.len()
     }
 
-    /// The record as a CSV: what was done as comments, then `time[s]` and the columns.
+    /// The record as CSV: the conversions as comments, then `time[s]` and the columns.
     #[must_use]
     pub fn csv(&self) -> String {
         let mut text = String::new();
         for note in &self.notes {
-            // A note may quote a name; a line end in it would end the comment.
+            // A note may quote a name. A line end in the name would end the comment.
             text += &format!("# {}\n", note.replace(['\n', '\r'], " "));
         }
         text += "time[s]";
@@ -85,7 +85,7 @@ impl Record {
     }
 }
 
-/// Names of a column of time, without its unit; compared in small letters.
+/// Names of a time column without its unit, in small letters.
 const TIME: [&str; 16] = [
     "time",
     "t",
@@ -109,14 +109,14 @@ const TIME: [&str; 16] = [
 struct Timed {
     log: Log,
     clock: Clock,
-    /// The column of time.
+    /// The name of the time column.
     time: String,
 }
 
-/// Makes one record of one file or more, the first of which keeps its clock.
+/// Makes one record of one or more files. The record has the clock of the first file.
 ///
 /// # Errors
-/// Every fault of a file that cannot be read, a column that is not there, clocks that cannot be aligned.
+/// Every fault: a file that cannot be read, a missing column, clocks that cannot be aligned.
 pub fn import(files: &[File], wishes: &Wishes) -> Result<Record, Faults> {
     let Some(first) = files.first() else {
         return Err(Faults::one(Fault::whole_file("import", "no file is given")));
@@ -162,7 +162,7 @@ pub fn import(files: &[File], wishes: &Wishes) -> Result<Record, Faults> {
         None => readable(clock.period),
     };
     let span = clock.times[clock.times.len() - 1] - clock.times[0];
-    // A limit of memory for interpolated rows: a thousand times the rows of the file.
+    // Interpolated rows are limited to a thousand times the rows of the file, to limit the memory.
     if span / period > 1000.0 * clock.times.len() as f64 {
         let what = format!("a period of {period} s gives {:.0} rows for {} of the file", span / period, clock.times.len());
         return Err(Faults::one(Fault::whole_file(&first.name, what)));
@@ -194,7 +194,7 @@ pub fn import(files: &[File], wishes: &Wishes) -> Result<Record, Faults> {
     Ok(Record { time, period, columns, is_resampled, alignments, notes })
 }
 
-/// Finds the column of time and puts its instants in order.
+/// Finds the time column and orders its instants.
 fn with_clock(mut log: Log, wishes: &Wishes) -> Result<Timed, Faults> {
     let fault = |what: String| Fault::whole_file(&log.file, what);
     let wish = match &wishes.time {
@@ -269,14 +269,14 @@ fn with_clock(mut log: Log, wishes: &Wishes) -> Result<Timed, Faults> {
     Ok(Timed { log, clock, time: column.name })
 }
 
-/// Times of day after midnight continue from the day before.
+/// Times of day continue after midnight.
 fn through_midnight(instants: &[f64]) -> Vec<f64> {
     let mut days = 0.0;
     let mut before = f64::NAN;
     instants
         .iter()
         .map(|instant| {
-            // A step back of at least half a day is a new day; a smaller one is a clock that was set.
+            // A step back of at least half a day is a new day; a smaller one means that the clock was set.
             if before - instant > 43200.0 && *instant < 86400.0 {
                 days += 86400.0;
             }
@@ -293,7 +293,7 @@ fn samples(timed: &Timed, column: &Raw) -> Samples {
     Samples::of(&timed.clock.times, &values)
 }
 
-/// The clock of a further file, by the pair of columns that the user names, or by the best pair of columns of one name.
+/// The clock of another file, from the pair of columns that the user gives, or from the best pair of columns with the same name.
 fn alignment(first: &Timed, second: &Timed, wishes: &Wishes) -> Result<Alignment, Faults> {
     let fault = |what: String| Fault::whole_file(&second.log.file, what);
     let column = |timed: &Timed, name: &str| {
@@ -344,7 +344,7 @@ fn alignment(first: &Timed, second: &Timed, wishes: &Wishes) -> Result<Alignment
     })
 }
 
-/// A column that goes into the record.
+/// A column of the record, with its source.
 struct Chosen<'a> {
     timed: &'a Timed,
     column: &'a Raw,
@@ -405,7 +405,7 @@ fn chosen<'a>(timed: &'a [Timed], wishes: &Wishes, notes: &mut Vec<String>) -> R
     Ok(all)
 }
 
-/// A column on the clock of the record, and whether its numbers are as they were read.
+/// A column at the times of the record, and whether its numbers are unchanged.
 fn on_grid(chosen: &Chosen<'_>, grid: &[f64], wishes: &Wishes, notes: &mut Vec<String>) -> Result<(Column, bool), Faults> {
     let file = &chosen.timed.log.file;
     let clock = &chosen.timed.clock;

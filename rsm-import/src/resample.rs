@@ -1,13 +1,14 @@
 //! Resamples a column to other times.
 //!
-//! The rule: linear interpolation between the sample before and the sample after. A column that holds its value (a command, a gear) takes that of the
-//! sample before. There is no value before the first sample, after the last one, and between two that are more than three of the column's usual steps
-//! apart. Nothing is filtered: interpolation reduces the variance of noise by up to a half, and signals above half the new sampling rate are aliased.
+//! The rule: linear interpolation between the sample before and the sample after. A column with a zero-order hold (a command, a gear) has the value
+//! of the sample before. There is no value before the first sample, after the last one, and between two samples that are more than three of the
+//! column's usual steps apart. Nothing is filtered: interpolation reduces the variance of noise by up to a half, and signals above half the new
+//! sampling rate are aliased.
 
-/// Between two samples that are more than this many usual steps apart there is no value: jitter is never larger (`clock.rs`).
+/// There is no value between two samples that are more than this many usual steps apart: jitter is never larger (`clock.rs`).
 const FARTHEST: f64 = 3.0;
 
-/// A column with at most this many different values, all whole numbers, is taken as one that holds its value: gears, flags, states.
+/// A column with at most this many different values, all whole numbers, gets a zero-order hold: gears, flags, states.
 const MOST_LEVELS: usize = 20;
 
 /// The samples of a column.
@@ -28,7 +29,7 @@ impl Samples {
         Samples { times, values, usual }
     }
 
-    /// Whether the column steps between a few whole numbers.
+    /// Whether the column changes in steps between a few whole numbers.
     pub(crate) fn is_in_steps(&self) -> bool {
         let mut levels: Vec<f64> = Vec::new();
         for value in &self.values {
@@ -42,21 +43,21 @@ impl Samples {
                 }
             }
         }
-        // For a constant both rules give the same.
+        // For a constant column both rules give the same values.
         levels.len() > 1
     }
 
-    /// How many there are.
+    /// Number of samples.
     pub(crate) fn len(&self) -> usize {
         self.times.len()
     }
 
-    /// First and last instant, in s; of no samples both are 0.
+    /// First and last instant, in s; both are 0 if there are no samples.
     pub(crate) fn span(&self) -> (f64, f64) {
         (self.times.first().copied().unwrap_or(0.0), self.times.last().copied().unwrap_or(0.0))
     }
 
-    /// Averages over cells of a width, from a time on; NaN if a cell has no sample.
+    /// Averages over cells of this width, from the time `start` on; NaN if a cell has no sample.
     pub(crate) fn averages(&self, start: f64, width: f64, count: usize) -> Vec<f64> {
         let mut cells = vec![(0.0, 0.0); count];
         for (time, value) in self.times.iter().zip(&self.values) {
@@ -73,7 +74,7 @@ impl Samples {
         self.usual
     }
 
-    /// The value at an instant; NaN where there is none.
+    /// The value at an instant; NaN if there is none.
     pub(crate) fn at(&self, instant: f64, holds: bool) -> f64 {
         let after = self.times.partition_point(|time| *time < instant);
         if self.times.get(after) == Some(&instant) {

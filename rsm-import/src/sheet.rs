@@ -7,16 +7,16 @@ use rsm_core::source::{Fault, Faults};
 
 use crate::log::{Log, Raw};
 
-/// Separators, in the order in which a tie is decided: a comma may be a decimal sign, so it comes last.
+/// Separators; at a tie the earlier one is chosen: a comma may be a decimal sign, so it comes last.
 const SEPARATORS: [u8; 4] = [b';', b'\t', b'|', b','];
 
 /// The separator is chosen from this many lines. A file may begin with 50 lines of settings.
 const LOOKED_AT: usize = 400;
 
-/// Texts that loggers write where there is no sample.
+/// Texts that loggers write for a missing sample.
 const ABSENT: [&str; 10] = ["", "-", "--", "nan", "n/a", "#n/a", "na", "null", "none", "invalid"];
 
-/// A line of the file as cells.
+/// A line of the file, split into cells.
 struct Line {
     number: usize,
     cells: Vec<String>,
@@ -118,7 +118,7 @@ fn separator(head: &str) -> Option<u8> {
             let cells: Vec<&str> = line.split(char::from(separator)).map(|cell| cell.trim().trim_matches('"')).collect();
             let is_number = |cell: &&&str| number(cell, false).is_some() || (separator != b',' && number(cell, true).is_some());
             let numbers = cells.iter().filter(is_number).count();
-            // Most cells of a row must be numbers: this is not so for `1,5;2,5` split at its commas.
+            // Most cells of a row must be numbers. This excludes the comma for `1,5;2,5`.
             if cells.len() > 1 && 2 * numbers >= cells.len() { numbers } else { 0 }
         };
         head.lines().map(numbers).sum()
@@ -148,7 +148,7 @@ fn lines(text: &str, separator: u8) -> Result<Vec<Line>, (usize, String)> {
     Ok(lines)
 }
 
-/// A number as loggers write it; `None` for everything else, also for what is not finite.
+/// A number as loggers write it; `None` for all other texts and for a number that is not finite.
 fn number(cell: &str, is_comma: bool) -> Option<f64> {
     let value: f64 = if is_comma {
         if cell.contains('.') {
@@ -164,7 +164,7 @@ fn number(cell: &str, is_comma: bool) -> Option<f64> {
 /// Whether the decimal sign of the file is a comma.
 fn decimal_comma(lines: &[Line], separator: u8) -> Result<bool, (usize, String)> {
     if separator == b',' {
-        // Numbers with commas stand in quotes then.
+        // Numbers with decimal commas are then in quotes.
         let quoted = lines.iter().flat_map(|line| &line.cells).any(|cell| cell.contains(',') && number(cell, true).is_some());
         let pointed = lines.iter().flat_map(|line| &line.cells).any(|cell| cell.contains('.') && number(cell, false).is_some());
         return Ok(quoted && !pointed);
@@ -184,7 +184,8 @@ fn decimal_comma(lines: &[Line], separator: u8) -> Result<bool, (usize, String)>
     }
 }
 
-/// A row of the table: half of its cells are numbers, of two at least; the first may be a time of day.
+/// Whether a line is a row of the table: it has two cells or more, and at least one number. Of its cells that are not empty, more than half are
+/// numbers, where a time of day or a date counts as one.
 fn is_row(line: &Line, is_comma: bool) -> bool {
     let filled = line.cells.iter().filter(|cell| !is_absent(cell)).count();
     let numbers = line.cells.iter().filter(|cell| number(cell, is_comma).is_some()).count();
@@ -198,7 +199,7 @@ struct Header {
     notes: Vec<String>,
 }
 
-/// Names and units from the lines above the first row of numbers.
+/// Names and units in the lines above the first row of numbers.
 fn header(above: &[Line], width: usize) -> Header {
     let mut notes = Vec::new();
     let wide: Vec<&Line> = above.iter().filter(|line| line.cells.len() == width).collect();
@@ -229,7 +230,7 @@ fn header(above: &[Line], width: usize) -> Header {
     Header { names, units, notes }
 }
 
-/// `Speed [rpm]`, `Speed (rpm)`, `Speed / rpm`, `Speed in rpm` as a name and a unit. Only brackets need not hold a known unit.
+/// Splits `Speed [rpm]`, `Speed (rpm)`, `Speed / rpm`, `Speed in rpm` into a name and a unit. Only a unit in brackets may be unknown.
 fn name_and_unit(cell: &str) -> (String, Option<String>) {
     let cell = cell.trim_start_matches('#').trim();
     let known = |unit: &str| rsm_fit::units::check(unit.trim()).is_ok();
@@ -248,7 +249,7 @@ fn name_and_unit(cell: &str) -> (String, Option<String>) {
     (clean(cell), None)
 }
 
-/// A name that can stand in a header of ours.
+/// A name without the characters that are not allowed in a header of ours.
 pub(crate) fn clean(name: &str) -> String {
     let plain: String = name.chars().map(|sign| if "[]\",\r\n".contains(sign) { '_' } else { sign }).collect();
     plain.trim().trim_start_matches('#').trim().to_string()

@@ -2,14 +2,14 @@
 
 use std::str::FromStr;
 
-/// `NAME=VALUE[unit]`: a column of the record, and where it comes from.
+/// `NAME=VALUE[unit]`: a column of the record and its source.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Named {
     /// Its name in the record.
     pub name: String,
-    /// A column of a file, a number, or the column of a second file: what stands behind the `=`.
+    /// The text after the `=`: a column of a file, a number, or the column of a second file.
     pub value: String,
-    /// The unit, where one is given.
+    /// The unit, if one is given.
     pub unit: Option<String>,
 }
 
@@ -31,19 +31,19 @@ impl FromStr for Named {
     }
 }
 
-/// The options of an import. The default takes every column of numbers as it is.
+/// The options of an import. By default every column of numbers is imported without a change.
 #[derive(Debug, Clone, Default)]
 pub struct Wishes {
-    /// Columns of the record by the names of the files; empty: all, under their own names.
+    /// Columns of the record with their names in the files. Empty: all columns with their own names.
     pub columns: Vec<Named>,
-    /// Columns that no file has: one number for every row.
+    /// Columns that are in no file: one number for every row.
     pub constants: Vec<Named>,
-    /// The column of time, where its name does not say so.
+    /// The time column, if its name does not show it.
     pub time: Option<String>,
-    /// Columns that hold their value until the next sample, by their names in the record.
+    /// Columns with a zero-order hold, by their names in the record.
     pub hold: Vec<String>,
-    /// The period of the record, in s; the mean one of the first file if absent.
+    /// The period of the record, in s. Default: the mean period of the first file.
     pub period: Option<f64>,
-    /// One signal in the first file and in each further one, `FIRST=SECOND`: what their clocks are aligned by.
+    /// One signal in the first file and in each further file, `FIRST=SECOND`; their clocks are aligned with it.
     pub align: Option<Named>,
 }

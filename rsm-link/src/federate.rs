@@ -22,20 +22,20 @@ use crate::helics::{Address, Core, Federate, Library, Publication, Subscription}
 use crate::loops::{self, Loop, Role, Run, Step, Table, WIDEST, time_of};
 use crate::peers;
 
-/// The time of each role within a millisecond, in s.
+/// The time within a millisecond at which each role sends or receives, in s.
 const STEP_AT: f64 = 0.0005;
 const RECORDER_AT: f64 = 0.00075;
 
-/// Which roles run here, and how.
+/// The settings of a process: transport, run and time limits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// Where the broker is.
+    /// The address of the broker.
     pub broker: Address,
-    /// How the processes communicate.
+    /// The transport between the processes.
     pub core: Core,
-    /// The run.
+    /// Duration and load of the run.
     pub run: Run,
-    /// How long to wait for the broker and the other federates.
+    /// The longest time to wait for the broker and the other federates.
     pub wait: Duration,
     /// The longest time without a grant after the simulated time has begun.
     pub silence: Duration,
@@ -46,26 +46,26 @@ pub struct Settings {
 pub struct Done {
     /// The role.
     pub role: Role,
-    /// Its complete rows; fewer than wanted if the run ended early.
+    /// Its complete rows; fewer than requested if the run ended early.
     pub table: Table,
     /// Times from a sample to its command; only for the plant's side.
     pub round_trip: Option<Summary>,
     /// Milliseconds of the loop per second.
     pub steps_per_second: f64,
-    /// Samples that the step called bad; only for the step's side.
+    /// Number of bad samples; only for the step's side.
     pub bad_samples: Option<u32>,
     /// Whether the simulated time began.
     pub began: bool,
-    /// Why it ended early.
+    /// The reason why the run ended early.
     pub lost: Option<String>,
 }
 
 /// The data that a worker and its watchdog share.
 struct Shared {
     start: Instant,
-    /// When the simulated time advanced last, in ns after the start, plus 1; 0 before it begins.
+    /// When the simulated time advanced last, in ns after the start, plus 1; 0 before the simulated time begins.
     moved: AtomicU64,
-    /// The watchdog has given up: later results of the worker are ignored.
+    /// True after the watchdog has ended the role: later results of the worker are ignored.
     over: AtomicBool,
     round_trips_ns: Mutex<Vec<u64>>,
     done: Mutex<Done>,
@@ -103,20 +103,20 @@ fn start(library: &'static Library, role: Role, settings: &Settings) -> (Arc<Sha
     };
     let (start, moved, over) = (Instant::now(), AtomicU64::new(0), AtomicBool::new(false));
     let shared = Arc::new(Shared { start, moved, over, round_trips_ns: Mutex::default(), done: Mutex::new(done) });
-    let (settings, known) = (settings.clone(), Arc::clone(&shared));
+    let (settings, worker_shared) = (settings.clone(), Arc::clone(&shared));
     let worker = std::thread::spawn(move || {
         let result = join(library, role, &settings).and_then(|(federate, ends)| {
-            let result = take_part(&federate, role, &settings, &ends, &known);
-            // Otherwise all others would wait for this role. After an error too: the broker would wait for it until its heartbeats are missing.
-            if let Err(words) = &result {
-                known.with(|done| done.lost = Some(words.clone()));
-                federate.fail(words);
+            let result = take_part(&federate, role, &settings, &ends, &worker_shared);
+            // Disconnect also after an error: otherwise all other roles wait for this one, and the broker waits until its heartbeats are missing.
+            if let Err(message) = &result {
+                worker_shared.with(|done| done.lost = Some(message.clone()));
+                federate.fail(message);
             }
             federate.disconnect();
             result
         });
-        if !known.over.load(Ordering::Acquire) {
-            known.with(|done| done.lost = result.err());
+        if !worker_shared.over.load(Ordering::Acquire) {
+            worker_shared.with(|done| done.lost = result.err());
         }
     });
     (shared, worker)
@@ -129,16 +129,16 @@ fn watch<B: FnOnce()>(
     settings: &Settings,
     begins: &mut Option<B>,
 ) -> Done {
-    /// A hundredth of the shortest useful silence.
-    const LOOK: Duration = Duration::from_millis(10);
+    /// Time between two checks: a hundredth of the shortest useful `silence`.
+    const CHECK_INTERVAL: Duration = Duration::from_millis(10);
     /// The longest time to wait for the end of a worker after an error. The state of the library is unknown then.
-    const LEAVE: Duration = Duration::from_millis(500);
+    const WORKER_END_TIMEOUT: Duration = Duration::from_millis(500);
     let mut failed: Option<Instant> = None;
     let lost = loop {
         if worker.is_finished() {
             break None;
         }
-        if shared.with(|done| done.lost.is_some()) && failed.get_or_insert_with(Instant::now).elapsed() > LEAVE {
+        if shared.with(|done| done.lost.is_some()) && failed.get_or_insert_with(Instant::now).elapsed() > WORKER_END_TIMEOUT {
             break None;
         }
         let now = shared.start.elapsed();
@@ -160,7 +160,7 @@ fn watch<B: FnOnce()>(
                 settings.broker
             ));
         }
-        std::thread::sleep(LOOK);
+        std::thread::sleep(CHECK_INTERVAL);
     };
     shared.over.store(true, Ordering::Release);
     let mut done = shared.with(|done| done.clone());
@@ -172,12 +172,12 @@ fn watch<B: FnOnce()>(
     done
 }
 
-/// Runs a broker until this many federates have ended, or until one of their processes has ended and the library does not notice. `begins` is called
-/// when all have joined. When this function returns, the library may still wait for a process: end this process by
+/// Runs a broker until this many federates have ended, or until one of their processes has ended without notice by the library. `begins` is called
+/// when all federates have joined. When this function returns, the library may still wait for a process: end this process by
 /// [`crate::helics::exit_without_destructors`].
 ///
 /// # Errors
-/// It cannot listen; not all have joined in time.
+/// The broker cannot listen; or some federates have not joined in time.
 pub fn broker(library: &'static Library, federates: usize, settings: &Settings, begins: impl FnOnce()) -> Result<(), String> {
     let broker = library.broker(settings.core, &settings.broker, federates)?;
     let until = Instant::now() + settings.wait;
@@ -186,13 +186,13 @@ pub fn broker(library: &'static Library, federates: usize, settings: &Settings, 
     while !broker.ended_within(Duration::from_millis(200))? {
         if let Some(report) = begins.take_if(|_| broker.has_begun()) {
             report();
-            // Asked only once: for the library every query counts as activity, and more queries would keep it from noticing lost processes. Only with
-            // shared memory is it certain that the processes are on this host.
+            // One query only: the library counts every query as activity, so that further queries would hide lost processes. Only with shared memory
+            // is it certain that the processes are on this host.
             processes = if settings.core == Core::Ipc { broker.processes() } else { Vec::new() };
         }
         if processes.iter().any(|it| peers::is_gone(*it)) {
             let since = *gone.get_or_insert_with(Instant::now);
-            if since.elapsed() > NOTICED {
+            if since.elapsed() > LIBRARY_TIMEOUT {
                 return Ok(());
             }
         }
@@ -204,8 +204,8 @@ pub fn broker(library: &'static Library, federates: usize, settings: &Settings, 
     Ok(())
 }
 
-/// The library notices most lost peers after 2 s; half a second more for its own end.
-const NOTICED: Duration = Duration::from_millis(2500);
+/// The library notices most lost peers after 2 s. Half a second more lets it end by itself.
+const LIBRARY_TIMEOUT: Duration = Duration::from_millis(2500);
 
 /// The vectors that a role sends and receives.
 struct Ends {
@@ -213,12 +213,12 @@ struct Ends {
     subscribed: Vec<Subscription>,
 }
 
-fn sample_name(side: Loop) -> String {
-    format!("{}/sample", side.name())
+fn sample_name(control_loop: Loop) -> String {
+    format!("{}/sample", control_loop.name())
 }
 
-fn command_name(side: Loop) -> String {
-    format!("{}/command", side.name())
+fn command_name(control_loop: Loop) -> String {
+    format!("{}/command", control_loop.name())
 }
 
 fn join(library: &'static Library, role: Role, settings: &Settings) -> Result<(Federate, Ends), String> {
@@ -235,8 +235,8 @@ fn join(library: &'static Library, role: Role, settings: &Settings) -> Result<(F
     }
     let left = until.saturating_duration_since(Instant::now()).max(Duration::from_secs(1));
     let federate = library.federate(&role.unique_name(), settings.core, &settings.broker, left)?;
-    let side = role.of_loop();
-    let (sample, command) = (sample_name(side), command_name(side));
+    let control_loop = role.of_loop();
+    let (sample, command) = (sample_name(control_loop), command_name(control_loop));
     let ends = match role {
         Role::Plant(_) => {
             Ends { published: Some(federate.publication(&sample)?), subscribed: vec![federate.subscription(&command)?] }
@@ -251,8 +251,8 @@ fn join(library: &'static Library, role: Role, settings: &Settings) -> Result<(F
     Ok((federate, ends))
 }
 
-/// Waits until something listens at the broker's address. The library would wait too, but it prints every refused connection on the terminal, and
-/// after a request that is a moment too early it waits 2 s.
+/// Waits until something listens at the broker's address. The library can wait too, but it prints every refused connection on the terminal, and after
+/// a request that comes a moment too early it waits 2 s.
 fn await_port(broker: &Address, until: Instant) -> Result<(), String> {
     use std::net::{TcpStream, ToSocketAddrs as _};
     let mut why = String::from("this name has no address");
@@ -304,11 +304,13 @@ fn take_part(federate: &Federate, role: Role, settings: &Settings, ends: &Ends, 
     shared.with(|done| done.began = true);
     shared.note_move();
     let began = Instant::now();
-    let side = role.of_loop();
+    let control_loop = role.of_loop();
     let result = match (role, ends.published) {
-        (Role::Plant(_), Some(published)) => plant(federate, side, settings.run, published, ends.subscribed[0], shared),
-        (Role::Step(_), Some(published)) => step(federate, side, settings.run.ticks, published, ends.subscribed[0], shared),
-        _ => recorder(federate, side, settings.run.ticks, &ends.subscribed, shared),
+        (Role::Plant(_), Some(published)) => plant(federate, control_loop, settings.run, published, ends.subscribed[0], shared),
+        (Role::Step(_), Some(published)) => {
+            step(federate, control_loop, settings.run.ticks, published, ends.subscribed[0], shared)
+        }
+        _ => recorder(federate, control_loop, settings.run.ticks, &ends.subscribed, shared),
     };
     let seconds = began.elapsed().as_secs_f64();
     shared.with(|done| done.steps_per_second = done.table.rows() as f64 / seconds);
@@ -317,20 +319,20 @@ fn take_part(federate: &Federate, role: Role, settings: &Settings, ends: &Ends, 
 
 fn plant(
     federate: &Federate,
-    side: Loop,
+    control_loop: Loop,
     run: Run,
     published: Publication,
     subscribed: Subscription,
     shared: &Shared,
 ) -> Result<(), String> {
-    let name = command_name(side);
+    let name = command_name(control_loop);
     let mut tick = 0;
     let mut sent_at = Instant::now();
     let mut failed = None;
     let exchange = |sample: &[f64], command: &mut [f64]| {
         let mut one = || {
             if tick == 0 {
-                command.copy_from_slice(side.first_command());
+                command.copy_from_slice(control_loop.first_command());
             } else {
                 federate.request_time(time_of(tick))?;
                 let round_trip = sent_at.elapsed().as_nanos() as u64;
@@ -346,21 +348,21 @@ fn plant(
         failed = one().err();
         failed.is_none() && !shared.over.load(Ordering::Acquire)
     };
-    loops::plant(side, run, exchange, |row| shared.with(|done| done.table.push(row.iter().copied())));
+    loops::plant(control_loop, run, exchange, |row| shared.with(|done| done.table.push(row.iter().copied())));
     failed.map_or(Ok(()), Err)
 }
 
 fn step(
     federate: &Federate,
-    side: Loop,
+    control_loop: Loop,
     ticks: u64,
     published: Publication,
     subscribed: Subscription,
     shared: &Shared,
 ) -> Result<(), String> {
-    let name = sample_name(side);
-    let mut step = Step::new(side);
-    let (mut sample, mut command) = (vec![0.0; side.sample().len()], vec![0.0; side.command().len()]);
+    let name = sample_name(control_loop);
+    let mut step = Step::new(control_loop);
+    let (mut sample, mut command) = (vec![0.0; control_loop.sample().len()], vec![0.0; control_loop.command().len()]);
     for tick in 0..ticks {
         federate.request_time(time_of(tick) + STEP_AT)?;
         receive(federate, subscribed, &name, tick, &mut sample)?;
@@ -375,9 +377,15 @@ fn step(
     Ok(())
 }
 
-fn recorder(federate: &Federate, side: Loop, ticks: u64, subscribed: &[Subscription], shared: &Shared) -> Result<(), String> {
-    let names = [sample_name(side), command_name(side)];
-    let (mut sample, mut command) = (vec![0.0; side.sample().len()], vec![0.0; side.command().len()]);
+fn recorder(
+    federate: &Federate,
+    control_loop: Loop,
+    ticks: u64,
+    subscribed: &[Subscription],
+    shared: &Shared,
+) -> Result<(), String> {
+    let names = [sample_name(control_loop), command_name(control_loop)];
+    let (mut sample, mut command) = (vec![0.0; control_loop.sample().len()], vec![0.0; control_loop.command().len()]);
     for tick in 0..ticks {
         federate.request_time(time_of(tick) + RECORDER_AT)?;
         receive(federate, subscribed[0], &names[0], tick, &mut sample)?;

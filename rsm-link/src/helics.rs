@@ -1,7 +1,7 @@
-//! The part of HELICS that lock-step needs, behind safe functions.
+//! The part of HELICS that lock-step uses, behind safe functions.
 //!
 //! In: a library in C (`libhelics`, version 3), loaded at run time. Out: brokers and federates that publish and read vectors of numbers. Every error
-//! of the library is returned with the text of the library. This file has all calls into foreign code.
+//! of the library is returned with the text of the library. All calls of foreign code are in this file.
 //!
 //! The names and numbers are those of the public header `helics_api.h` of HELICS 3.6.1.
 #![allow(unsafe_code)]
@@ -14,21 +14,21 @@ use std::time::Duration;
 
 use crate::peers;
 
-/// The environment variable that names the library: the file, or a folder that `pip install --target` has filled.
+/// The environment variable with the path of the library: the file, or a folder that `pip install --target` has filled.
 pub const VARIABLE: &str = "RSM_HELICS";
 
 /// `HELICS_DATA_TYPE_VECTOR`.
 const VECTOR: c_int = 4;
 /// `HELICS_FLAG_UNINTERRUPTIBLE`: time is granted for the requested time, not earlier because of a new value.
 const UNINTERRUPTIBLE: c_int = 1;
-/// `HELICS_FLAG_TERMINATE_ON_ERROR`: an error of one federate ends all.
+/// `HELICS_FLAG_TERMINATE_ON_ERROR`: an error of one federate ends the whole federation.
 const TERMINATE_ON_ERROR: c_int = 72;
 /// `HELICS_TRUE`.
 const TRUE: c_int = 1;
 
 type Handle = *mut c_void;
 
-/// `HelicsError`: 0 and no text if there is no error.
+/// `HelicsError`. Without an error the code is 0 and the text is empty.
 #[repr(C)]
 struct RawError {
     code: i32,
@@ -84,7 +84,7 @@ functions! {
 macro_rules! checked {
     ($call:expr, $($argument:expr),* $(,)?) => {{
         let mut error = RawError { code: 0, message: ptr::null() };
-        // SAFETY: the handles come from this library and live as long as it; pointers to text and numbers live until the call is over.
+        // SAFETY: the handles come from this library, which is never closed; pointers to text and numbers are valid until the call returns.
         let result = unsafe { ($call)($($argument,)* &mut error) };
         error.checked(result)
     }};
@@ -98,30 +98,30 @@ impl RawError {
         if self.message.is_null() {
             return Err(format!("HELICS error {}", self.code));
         }
-        // SAFETY: a text of the library, which lives until the next call of this thread.
+        // SAFETY: a text of the library, which is valid until the next call of this thread.
         let message = unsafe { CStr::from_ptr(self.message) };
         Err(message.to_string_lossy().trim().to_string())
     }
 }
 
-fn text(words: &str) -> CString {
-    CString::new(words.replace('\0', " ")).expect("it has no zero left")
+fn text(text: &str) -> CString {
+    CString::new(text.replace('\0', " ")).expect("it has no zero left")
 }
 
 /// How the processes of a federation communicate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Core {
-    /// TCP, every federate to the broker: between hosts.
+    /// TCP, every federate to the broker: for several hosts.
     #[default]
     TcpSs,
     /// ZeroMQ.
     Zmq,
-    /// Shared memory: on one host.
+    /// Shared memory: for one host.
     Ipc,
 }
 
 impl Core {
-    /// All, with their names.
+    /// All transports with their names.
     pub const ALL: [(&'static str, Core); 3] = [("tcp_ss", Core::TcpSs), ("zmq", Core::Zmq), ("ipc", Core::Ipc)];
 
     /// The name in HELICS.
@@ -135,24 +135,24 @@ impl Core {
     }
 }
 
-/// Where the broker is.
+/// The address of the broker.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Address {
     /// Name or number of the host.
     pub host: String,
-    /// The port; `ipc` takes it as the name of its queue.
+    /// The port; `ipc` uses it as the name of its queue.
     pub port: u16,
 }
 
 impl Address {
-    /// From `HOST:PORT`.
+    /// Reads `HOST:PORT`.
     ///
     /// # Errors
-    /// A text with what was found and what is expected.
-    pub fn parse(words: &str) -> Result<Self, String> {
-        let wrong = || format!("found `{words}`, expected HOST:PORT, as 192.168.1.10:23500");
-        let (host, port) = words.rsplit_once(':').ok_or_else(wrong)?;
-        // Both are written into a line of options for HELICS, in which text cannot be quoted.
+    /// A message with what was found and what is expected.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let wrong = || format!("found `{text}`, expected HOST:PORT, as 192.168.1.10:23500");
+        let (host, port) = text.rsplit_once(':').ok_or_else(wrong)?;
+        // Both become part of a line of options for HELICS, in which text cannot be quoted.
         let plain = |c: char| c.is_ascii_alphanumeric() || ".-_:[]".contains(c);
         let port = port.parse().ok().filter(|port| *port > 0).ok_or_else(wrong)?;
         if host.is_empty() || host.starts_with('-') || !host.chars().all(plain) {
@@ -168,34 +168,34 @@ impl std::fmt::Display for Address {
     }
 }
 
-/// The heartbeat. A broker or a federate that has received nothing for two of these asks whether the others are alive, and gives up after two more.
-/// So lost peers are noticed after about 2 s. With the library's default of 5 s it would be 20 s.
+/// The heartbeat. A broker or a federate that has received nothing for two periods sends a request to the others, and ends after two more periods
+/// without an answer. So lost peers are noticed after about 2 s. With the library's default of 5 s it would be 20 s.
 const HEARTBEAT: &str = "--tick=500ms";
 
-/// The library, loaded.
+/// The loaded library.
 #[derive(Debug)]
 pub struct Library {
     functions: Functions,
     /// Its version text.
     pub version: String,
-    /// Where it was found.
+    /// The path from which it was loaded.
     pub place: PathBuf,
 }
 
-/// The file names of the library on the systems that have it.
+/// The file names of the library on the operating systems for which it exists.
 const FILES: [&str; 3] = ["libhelics.so", "libhelics.dylib", "helics.dll"];
 
-/// Places of the library in a folder: the folder itself, an installation, a package unpacked by pip.
+/// Subfolders that may contain the library: the folder itself, those of an installation, those of a package that pip has unpacked.
 const FOLDERS: [&str; 6] = ["", "lib64", "lib", "bin", "helics/install/lib64", "helics/install/lib"];
 
-fn candidates(asked: Option<&Path>) -> Vec<PathBuf> {
-    match asked {
+fn candidates(requested: Option<&Path>) -> Vec<PathBuf> {
+    match requested {
         Some(folder) if folder.is_dir() => {
             let inside = FOLDERS.iter().flat_map(|below| FILES.iter().map(move |file| folder.join(below).join(file)));
             inside.filter(|file| file.is_file()).collect()
         }
         Some(file) => vec![file.to_path_buf()],
-        // By the search path of the system.
+        // The system searches its library path.
         None => FILES.iter().map(PathBuf::from).collect(),
     }
 }
@@ -204,17 +204,17 @@ fn candidates(asked: Option<&Path>) -> Vec<PathBuf> {
 static LOADED: AtomicBool = AtomicBool::new(false);
 
 impl Library {
-    /// Loads the library: `asked` (a file or a folder), else the one that the variable [`VARIABLE`] names, else the one that the system finds by
-    /// name. It stays loaded until the process ends.
+    /// Loads the library: `asked` (a file or a folder), otherwise the one in the variable [`VARIABLE`], otherwise the one that the system finds by
+    /// its name. It stays loaded until the process ends.
     ///
     /// # Errors
-    /// The file is missing or is not this library. The text says what was looked for and how to get it.
-    pub fn load(asked: Option<&Path>) -> Result<&'static Library, String> {
+    /// The file is missing or is not this library. The message contains the paths that were tried and how to install the library.
+    pub fn load(requested: Option<&Path>) -> Result<&'static Library, String> {
         let from_variable = std::env::var_os(VARIABLE).map(PathBuf::from);
-        let asked = asked.or(from_variable.as_deref());
+        let requested = requested.or(from_variable.as_deref());
         let mut tried = Vec::new();
-        for place in candidates(asked) {
-            // SAFETY: the initialisers of libhelics are those of a C++ library; if another library has this name, the user has chosen it.
+        for place in candidates(requested) {
+            // SAFETY: the initialisers of libhelics are those of a C++ library. If another library has this name, the user has chosen it.
             match unsafe { libloading::Library::new(&place) } {
                 Ok(library) => {
                     LOADED.store(true, Ordering::Release);
@@ -224,8 +224,8 @@ impl Library {
                 Err(error) => tried.push(format!("{}: {error}", place.display())),
             }
         }
-        if let Some(asked) = asked.filter(|_| tried.is_empty()) {
-            tried.push(format!("{}: no such library in this folder", asked.display()));
+        if let Some(requested) = requested.filter(|_| tried.is_empty()) {
+            tried.push(format!("{}: no such library in this folder", requested.display()));
         }
         Err(format!(
             "HELICS was not found: {}\n  help: pip install --target helics helics==3.6.1, then {VARIABLE}=$PWD/helics (the folder or the file libhelics.so), or --helics PATH",
@@ -237,7 +237,7 @@ impl Library {
         let wrong =
             |what: String| format!("{}: {what}\n  help: HELICS version 3 is required; 3.6.1 was tested", place.display());
         let functions = Functions::find(library).map_err(wrong)?;
-        // SAFETY: takes nothing and gives a text that lives as long as the library.
+        // SAFETY: has no arguments and returns a text that is valid as long as the library is loaded.
         let version = unsafe { CStr::from_ptr((functions.version)()) }.to_string_lossy().into_owned();
         if !version.starts_with("3.") {
             return Err(wrong(format!("it is version {version}")));
@@ -245,17 +245,17 @@ impl Library {
         Ok(Box::leak(Box::new(Library { functions, version, place })))
     }
 
-    /// Whether this build of the library has a kind of core.
+    /// Whether this build of the library supports a transport.
     #[must_use]
     pub fn has(&self, core: Core) -> bool {
-        // SAFETY: reads a text.
+        // SAFETY: only reads a text.
         unsafe { (self.functions.has_core)(text(core.name()).as_ptr()) == TRUE }
     }
 
     /// Starts a broker for this many federates.
     ///
     /// # Errors
-    /// The text of the library: the port is in use, or the address is not of this host.
+    /// The text of the library: the port is in use, or the address does not belong to this host.
     pub fn broker(&'static self, core: Core, address: &Address, federates: usize) -> Result<Broker, String> {
         let (kind, name) = (text(core.name()), text(&queue(address)));
         let place = match core {
@@ -272,13 +272,13 @@ impl Library {
         }
     }
 
-    /// Joins a federation. Waits for the broker up to a time.
+    /// Joins a federation. Waits at most the time `wait` for the broker.
     ///
     /// # Errors
     /// The text of the library: there is no broker, or the name is in use.
     pub fn federate(&'static self, name: &str, core: Core, broker: &Address, wait: Duration) -> Result<Federate, String> {
         let functions = &self.functions;
-        // SAFETY: takes nothing.
+        // SAFETY: has no arguments.
         let info = unsafe { (functions.create_info)() };
         let place = match core {
             Core::Ipc => format!("--broker_address={}", queue(broker)),
@@ -292,14 +292,14 @@ impl Library {
         let made = (|| {
             checked!(functions.set_core_type, info, text(core.name()).as_ptr())?;
             checked!(functions.set_core_init, info, options.as_ptr())?;
-            // Without a name the library puts a federate into any core of this process that accepts one, even a core for a single federate that
-            // already asks to begin. The federation may then never begin.
+            // Without a name the library adds the federate to any core of this process that accepts one, even to a core for a single federate that is
+            // about to begin. Then the federation may never begin.
             checked!(functions.set_core_name, info, text(&core_name).as_ptr())?;
             checked!(functions.set_flag, info, UNINTERRUPTIBLE, TRUE)?;
             checked!(functions.set_flag, info, TERMINATE_ON_ERROR, TRUE)?;
             checked!(functions.create_federate, text(name).as_ptr(), info)
         })();
-        // SAFETY: made above, and used no more.
+        // SAFETY: created above and not used after this call.
         unsafe { (functions.free_info)(info) };
         made.map(|handle| Federate { library: self, handle })
     }
@@ -318,39 +318,39 @@ pub struct Broker {
 }
 
 impl Broker {
-    /// Whether it still runs.
+    /// Whether it is still running.
     #[must_use]
     pub fn is_connected(&self) -> bool {
         // SAFETY: the handle is that of a broker of this library.
         unsafe { (self.library.functions.broker_is_connected)(self.handle) == TRUE }
     }
 
-    /// Whether all federates have joined. If the query fails, the answer is no.
+    /// Whether all federates have joined; false if the query fails.
     #[must_use]
     pub fn has_begun(&self) -> bool {
-        self.asked(c"isinit").is_some_and(|answer| answer == "true")
+        self.answer_to(c"isinit").is_some_and(|answer| answer == "true")
     }
 
-    /// The process numbers of the federates of this program, taken from the names of their cores.
+    /// The process numbers of the federates of this program, read from the names of their cores.
     #[must_use]
     pub fn processes(&self) -> Vec<u32> {
-        peers::processes(&self.asked(c"current_state").unwrap_or_default())
+        peers::processes(&self.answer_to(c"current_state").unwrap_or_default())
     }
 
-    /// The answer to a question about the broker itself.
-    fn asked(&self, question: &CStr) -> Option<String> {
+    /// The answer to a query about the broker itself.
+    fn answer_to(&self, question: &CStr) -> Option<String> {
         let functions = &self.library.functions;
-        // SAFETY: both texts live until the call is over; an empty target is the broker itself.
+        // SAFETY: both texts are valid until the call returns; an empty target is the broker itself.
         let query = unsafe { (functions.create_query)(c"".as_ptr(), question.as_ptr()) };
         let answer = checked!(functions.query_broker, query, self.handle).ok().filter(|answer| !answer.is_null());
-        // SAFETY: the answer lives as long as the query.
+        // SAFETY: the answer is valid as long as the query.
         let answer = answer.map(|answer| unsafe { CStr::from_ptr(answer) }.to_string_lossy().into_owned());
-        // SAFETY: made above, and used no more.
+        // SAFETY: created above and not used after this call.
         unsafe { (functions.free_query)(query) };
         answer
     }
 
-    /// Waits up to a time for the end of the federation; whether it has ended.
+    /// Waits at most this time for the end of the federation. Returns whether it has ended.
     ///
     /// # Errors
     /// The text of the library.
@@ -359,27 +359,27 @@ impl Broker {
         Ok(checked!(self.library.functions.wait_for_disconnect, self.handle, time)? == TRUE)
     }
 
-    /// Ends the broker; federates that still run get an error.
+    /// Ends the broker. Federates that are still running get an error.
     pub fn disconnect(&self) {
         let _ = checked!(self.library.functions.broker_disconnect, self.handle);
     }
 }
 
-/// A federate in this process. One thread uses it.
+/// A federate in this process. Only one thread at a time uses it.
 #[derive(Debug)]
 pub struct Federate {
     library: &'static Library,
     handle: Handle,
 }
 
-// SAFETY: a federate may be used by any one thread; the library locks what threads share.
+// SAFETY: a federate may be used by any one thread; the library locks the data that threads share.
 unsafe impl Send for Federate {}
 
 /// A vector that a federate sends.
 #[derive(Debug, Clone, Copy)]
 pub struct Publication(Handle);
 
-/// A vector that a federate receives from another.
+/// A vector that a federate receives from another federate.
 #[derive(Debug, Clone, Copy)]
 pub struct Subscription(Handle);
 
@@ -402,10 +402,10 @@ impl Federate {
         checked!(functions.subscription, self.handle, text(name).as_ptr(), c"".as_ptr()).map(Subscription)
     }
 
-    /// Waits until all federates have joined; time is 0 then.
+    /// Waits until all federates have joined. The simulated time is then 0.
     ///
     /// # Errors
-    /// The text of the library: the broker is lost.
+    /// The text of the library: the connection to the broker is lost.
     pub fn enter(&self) -> Result<(), String> {
         checked!(self.library.functions.enter, self.handle)
     }
@@ -413,10 +413,10 @@ impl Federate {
     /// Waits until the simulated time has reached this time, in s.
     ///
     /// # Errors
-    /// The text of the library: a peer or the broker is lost. A granted time before the requested time is an error too: the federation has ended.
+    /// The text of the library: a peer or the broker is lost. A granted time other than the requested one is an error too: the federation has ended.
     pub fn request_time(&self, time: f64) -> Result<(), String> {
         let granted = checked!(self.library.functions.request_time, self.handle, time)?;
-        // Times are whole nanoseconds in the library.
+        // The library counts time in whole nanoseconds.
         if granted < time - 1e-9 || granted > time + 1e-9 {
             return Err(format!("requested the time {time} s, got {granted} s: the federation has ended"));
         }
@@ -432,20 +432,20 @@ impl Federate {
         checked!(self.library.functions.publish, to.0, values.as_ptr(), length)
     }
 
-    /// Reads the last vector that was sent and returns how many numbers it has. A longer vector is truncated.
+    /// Reads the vector that was sent last and returns its length. A longer vector is truncated.
     ///
     /// # Errors
     /// The text of the library.
     pub fn read(&self, from: Subscription, values: &mut [f64]) -> Result<usize, String> {
-        let room = c_int::try_from(values.len()).map_err(|error| error.to_string())?;
+        let capacity = c_int::try_from(values.len()).map_err(|error| error.to_string())?;
         let mut length = 0;
-        checked!(self.library.functions.read, from.0, values.as_mut_ptr(), room, &mut length)?;
+        checked!(self.library.functions.read, from.0, values.as_mut_ptr(), capacity, &mut length)?;
         Ok(usize::try_from(length).unwrap_or(0).min(values.len()))
     }
 
-    /// Ends the federation for all, with a text.
-    pub fn fail(&self, words: &str) {
-        let _ = checked!(self.library.functions.global_error, self.handle, -1, text(words).as_ptr());
+    /// Ends the federation for all federates, with a message.
+    pub fn fail(&self, message: &str) {
+        let _ = checked!(self.library.functions.global_error, self.handle, -1, text(message).as_ptr());
     }
 
     /// Leaves the federation; the others continue.
@@ -454,7 +454,7 @@ impl Federate {
     }
 }
 
-/// Ends the process immediately if a library of HELICS was loaded, else does nothing. Write all files before.
+/// Ends the process immediately if a HELICS library was loaded; otherwise does nothing. Write all files before this call.
 ///
 /// At an ordinary end the destructors of the library run while its threads still run. Some runs then end by a signal, even after all their work is
 /// done. After an error the destructors may wait for a lost peer (libhelics 3.6.1).
@@ -463,7 +463,7 @@ pub fn exit_without_destructors(status: u8) {
         fn _exit(status: c_int) -> !;
     }
     if LOADED.load(Ordering::Acquire) {
-        // SAFETY: ends the process, nothing is used after it.
+        // SAFETY: ends the process; nothing is used after this call.
         unsafe { _exit(c_int::from(status)) }
     }
 }
@@ -483,7 +483,7 @@ mod tests {
     }
 
     #[test]
-    fn a_library_that_is_missing_or_none_is_told_with_the_way_to_get_it() {
+    fn a_missing_or_wrong_library_is_reported_with_how_to_install_it() {
         let folder = std::env::temp_dir();
         let missing = Library::load(Some(&folder.join("no-such-libhelics.so"))).unwrap_err();
         assert!(

@@ -1,25 +1,25 @@
 //! The sides of both loops as functions of the data from the other side.
 //!
-//! In: a run (number of ticks, load on the shaft), and a way to exchange a sample for a command. Out: tables. A sample has the sensor readings at the
-//! start of tick k; the command that acts in tick k answers sample k - 1, on every way that joins the sides. [`alone`] connects them in one process;
-//! it is the reference for all other ways.
+//! In: a run (number of ticks, load on the shaft), and a function that exchanges a sample for a command. Out: tables. A sample contains the sensor
+//! readings at the start of tick k. The command that acts in tick k was computed from sample k - 1, in every way to connect the sides. [`alone`]
+//! connects them in one process; it is the reference for all other ways.
 
 use host_runners::{motor, throttle};
 use rsm_sim::kind::Signal;
 use rsm_sim::record;
 
-/// The period of both loops, in ns: the 1 kHz of the paper.
+/// The period of both loops, in ns: 1 kHz as in the paper.
 pub const PERIOD_NS: u64 = 1_000_000;
 
-/// Most values in a sample or a command.
+/// The largest number of values in a sample or a command.
 pub const WIDEST: usize = 4;
 
 /// One of the two cases.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Loop {
-    /// The motor drive: inner step, inverter, motor and encoder against the 1 kHz step.
+    /// The motor drive: inner step, inverter, motor and encoder on one side, the 1 kHz step on the other.
     Motor,
-    /// The car against the step of its throttle.
+    /// The car on one side, the step of its throttle on the other.
     Throttle,
 }
 
@@ -30,7 +30,7 @@ pub enum Role {
     Plant(Loop),
     /// The step's side of a loop.
     Step(Loop),
-    /// Listens to both sides of a loop.
+    /// Records both sides of a loop.
     Recorder(Loop),
 }
 
@@ -41,7 +41,7 @@ const fn signal(name: &'static str, unit: &'static str) -> Signal {
 const TIME: Signal = signal("time", "s");
 
 impl Loop {
-    /// Both.
+    /// Both loops.
     pub const ALL: [Loop; 2] = [Loop::Motor, Loop::Throttle];
 
     /// The name of the loop.
@@ -70,7 +70,7 @@ impl Loop {
         }
     }
 
-    /// The signals that the step's side answers.
+    /// The signals that the step's side returns every tick.
     #[must_use]
     pub fn command(self) -> &'static [Signal] {
         const MOTOR: [Signal; 2] = [signal("i_d_wanted", "A"), signal("i_q_wanted", "A")];
@@ -81,7 +81,7 @@ impl Loop {
         }
     }
 
-    /// The command before the first answer: no current; a closed throttle.
+    /// The command before the first answer: no current for the motor; a closed throttle for the car.
     #[must_use]
     pub fn first_command(self) -> &'static [f64] {
         match self {
@@ -118,7 +118,7 @@ impl Loop {
 }
 
 impl Role {
-    /// The role with a name; a recorder listens to the given loop.
+    /// The role with this name. `listened` is the loop of a recorder.
     #[must_use]
     pub fn of(word: &str, listened: Loop) -> Option<Role> {
         match word {
@@ -151,7 +151,7 @@ impl Role {
         }
     }
 
-    /// A name that no other role of a federation has, and no other record of a folder.
+    /// A name that no other role of a federation and no other record of a folder has.
     #[must_use]
     pub fn unique_name(self) -> String {
         match self {
@@ -170,16 +170,16 @@ impl Role {
     }
 }
 
-/// A run.
+/// Duration and load of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Run {
-    /// How many milliseconds.
+    /// Duration in ms.
     pub ticks: u64,
     /// Inertia of the load on the motor's shaft, in kg m^2.
     pub load_inertia: f64,
 }
 
-/// Rows of numbers under names with units.
+/// Rows of numbers in columns with names and units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     columns: Vec<Signal>,
@@ -187,14 +187,14 @@ pub struct Table {
 }
 
 impl Table {
-    /// No rows yet.
+    /// A table without rows.
     #[must_use]
     pub fn new(columns: Vec<Signal>) -> Self {
         let values = vec![Vec::new(); columns.len()];
         Table { columns, values }
     }
 
-    /// The same with further columns, without rows.
+    /// A table with these columns and further ones, without rows.
     #[must_use]
     pub fn with(self, further: &[Signal]) -> Self {
         Table::new([self.columns.as_slice(), further].concat())
@@ -208,7 +208,7 @@ impl Table {
         }
     }
 
-    /// How many rows.
+    /// Number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.values.first().map_or(0, Vec::len)
@@ -217,11 +217,11 @@ impl Table {
     /// The values of a column.
     #[must_use]
     pub fn column(&self, name: &str) -> Option<&[f64]> {
-        let place = self.columns.iter().position(|it| it.name == name)?;
-        Some(&self.values[place])
+        let index = self.columns.iter().position(|it| it.name == name)?;
+        Some(&self.values[index])
     }
 
-    /// As text: shortest decimals that read back to the same bits, so equal texts are equal bits.
+    /// The table as CSV. It has the shortest decimals that read back to the same bits, so equal texts mean equal bits.
     #[must_use]
     pub fn csv(&self) -> String {
         let columns: Vec<(Signal, &[f64])> =
@@ -236,21 +236,27 @@ pub fn time_of(tick: u64) -> f64 {
     tick as f64 * 1e-3
 }
 
-/// Runs the plant's side. `exchange` gets a sample and a place for the command, and returns whether the run continues; `seen` gets every row.
-pub fn plant(side: Loop, run: Run, mut exchange: impl FnMut(&[f64], &mut [f64]) -> bool, mut seen: impl FnMut(&[f64])) {
-    match side {
+/// Runs the plant's side. `exchange` gets a sample and writes the command to its second argument. It returns whether the run continues. `seen` gets
+/// every row.
+pub fn plant(
+    control_loop: Loop,
+    run: Run,
+    mut exchange: impl FnMut(&[f64], &mut [f64]) -> bool,
+    mut on_row: impl FnMut(&[f64]),
+) {
+    match control_loop {
         Loop::Motor => {
             let exchange = |sample: [f64; 4]| {
                 let mut command = [0.0; 2];
                 exchange(&sample, &mut command).then_some(command)
             };
             motor::ride(run.ticks, PERIOD_NS, run.load_inertia, exchange, |row| {
-                let (truth, wanted) = (&row.truth, &row.references);
-                seen(&[
+                let (truth, references) = (&row.truth, &row.references);
+                on_row(&[
                     row.time,
                     row.demand,
-                    wanted.i_d_a,
-                    wanted.i_q_a,
+                    references.i_d_a,
+                    references.i_q_a,
                     truth.i_d,
                     truth.i_q,
                     truth.speed,
@@ -268,7 +274,7 @@ pub fn plant(side: Loop, run: Run, mut exchange: impl FnMut(&[f64], &mut [f64]) 
             };
             let mut tick = 0;
             throttle::ride(run.ticks, PERIOD_NS, exchange, |row| {
-                seen(&[time_of(tick), row.pedal, row.gear as f64, row.throttle, row.speed, row.acceleration]);
+                on_row(&[time_of(tick), row.pedal, row.gear as f64, row.throttle, row.speed, row.acceleration]);
                 tick += 1;
             });
         }
@@ -285,10 +291,10 @@ pub enum Step {
 }
 
 impl Step {
-    /// At rest.
+    /// The step at rest.
     #[must_use]
-    pub fn new(side: Loop) -> Self {
-        match side {
+    pub fn new(control_loop: Loop) -> Self {
+        match control_loop {
             Loop::Motor => Step::Motor(Box::new(motor::Outer::shipped())),
             Loop::Throttle => Step::Throttle(throttle::Step::default()),
         }
@@ -297,7 +303,7 @@ impl Step {
     /// The command for a sample.
     ///
     /// # Panics
-    /// When either has not as many values as its loop says.
+    /// When the length of the sample or the command is not that of the loop.
     pub fn answer(&mut self, sample: &[f64], command: &mut [f64]) {
         let sample = sample.try_into().expect("a sample has four values");
         match self {
@@ -306,7 +312,7 @@ impl Step {
         }
     }
 
-    /// How many samples were bad.
+    /// Number of bad samples.
     #[must_use]
     pub fn bad_samples(&self) -> u32 {
         match self {
@@ -316,7 +322,8 @@ impl Step {
     }
 }
 
-/// Both sides in one process, without a clock: the tables of the plant, and of the samples and commands, which are those of the step's side and of a
+/// Runs both sides in one process, without a clock. Returns the table of the plant, and the table of samples and commands, which equals those of the
+/// step's side and of a recorder.
 /// recorder.
 ///
 /// ```
@@ -329,10 +336,10 @@ impl Step {
 /// assert_eq!(asked[..49], acted[1..]);
 /// ```
 #[must_use]
-pub fn alone(side: Loop, run: Run) -> [Table; 2] {
-    let (mut plants, mut exchanged) = (Role::Plant(side).table(), Role::Step(side).table());
-    let mut step = Step::new(side);
-    let mut command = side.first_command().to_vec();
+pub fn alone(control_loop: Loop, run: Run) -> [Table; 2] {
+    let (mut plants, mut exchanged) = (Role::Plant(control_loop).table(), Role::Step(control_loop).table());
+    let mut step = Step::new(control_loop);
+    let mut command = control_loop.first_command().to_vec();
     let mut tick = 0;
     let exchange = |sample: &[f64], acting: &mut [f64]| {
         acting.copy_from_slice(&command);
@@ -341,7 +348,7 @@ pub fn alone(side: Loop, run: Run) -> [Table; 2] {
         tick += 1;
         true
     };
-    plant(side, run, exchange, |row| plants.push(row.iter().copied()));
+    plant(control_loop, run, exchange, |row| plants.push(row.iter().copied()));
     [plants, exchanged]
 }
 
@@ -362,29 +369,29 @@ mod tests {
 
     #[test]
     fn both_loops_run_alone_and_say_so_twice_with_the_same_bits() {
-        for side in Loop::ALL {
+        for control_loop in Loop::ALL {
             let run = Run { ticks: 300, load_inertia: 0.0 };
-            let once = alone(side, run);
+            let once = alone(control_loop, run);
             assert_eq!(once.each_ref().map(Table::rows), [300, 300]);
-            assert_eq!(once.each_ref().map(Table::csv), alone(side, run).each_ref().map(Table::csv));
-            // The plant moves: the motor under torque, the car on a closing throttle.
+            assert_eq!(once.each_ref().map(Table::csv), alone(control_loop, run).each_ref().map(Table::csv));
+            // The plant moves: the motor accelerates under torque, the car slows down on a closing throttle.
             let speed = once[0].column("speed").unwrap();
-            assert!((speed[299] - speed[0]).abs() > 0.05, "{side:?}: {} to {}", speed[0], speed[299]);
+            assert!((speed[299] - speed[0]).abs() > 0.05, "{control_loop:?}: {} to {}", speed[0], speed[299]);
         }
     }
 
     #[test]
     fn an_exchange_that_ends_leaves_whole_rows() {
-        for side in Loop::ALL {
+        for control_loop in Loop::ALL {
             let mut rows = 0;
             let mut left = 10;
             let exchange = |_: &[f64], command: &mut [f64]| {
-                command.copy_from_slice(side.first_command());
+                command.copy_from_slice(control_loop.first_command());
                 left -= 1;
                 left >= 0
             };
-            plant(side, Run { ticks: 300, load_inertia: 0.0 }, exchange, |_| rows += 1);
-            assert_eq!(rows, 10, "{side:?}");
+            plant(control_loop, Run { ticks: 300, load_inertia: 0.0 }, exchange, |_| rows += 1);
+            assert_eq!(rows, 10, "{control_loop:?}");
         }
     }
 }

@@ -1,8 +1,8 @@
 //! The play-out buffer between a network and a loop: values that arrive with jitter are delayed and played out at a constant rate.
 //!
-//! In: numbered values as they arrive. Out: one for each tick: the value of that tick, or the last one held, or the safe state. Datagram k is played
-//! at a fixed time: the time at which the fastest datagram would have brought it, plus the length of the buffer. So smaller delays have no influence.
-//! The buffer has no sockets and no clock.
+//! In: numbered values as they arrive. Out: one result for each tick: the value of that tick, or the last value held, or the safe state. Datagram k
+//! is played at a fixed time: the time at which the fastest datagram would have delivered it, plus the length of the buffer. So delays shorter than
+//! the buffer have no influence. The buffer uses no sockets and no clock.
 //!
 //! ```
 //! use rsm_link::play_out::{PlayOut, Played};
@@ -21,36 +21,36 @@
 
 use crate::loops::WIDEST;
 
-/// What the buffer gives to a tick.
+/// The result of the buffer for a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Played {
     /// Nothing is due yet.
     Waiting,
     /// The values of this tick.
     Fresh {
-        /// The number.
+        /// The number of the tick.
         number: u64,
         /// The values.
         values: [f64; WIDEST],
     },
-    /// The values of this tick are missing; the last ones are held for a while.
+    /// The values of this tick are missing; the last ones are held for the holding time.
     Held {
         /// The number that is missing.
         number: u64,
-        /// The last values that were there.
+        /// The last values that were played.
         values: [f64; WIDEST],
     },
     /// Values have been missing for longer than the holding time: the safe state.
     Safe {
         /// The number that is missing.
         number: u64,
-        /// The last values that were there.
+        /// The last values that were played.
         values: [f64; WIDEST],
     },
 }
 
 impl Played {
-    /// The values that are accepted.
+    /// The values, if they are fresh or held.
     #[must_use]
     pub fn values(self) -> Option<[f64; WIDEST]> {
         match self {
@@ -59,7 +59,7 @@ impl Played {
         }
     }
 
-    /// For a record: 0 waiting, 1 fresh, 2 held, 3 safe.
+    /// The code in a record: 0 waiting, 1 fresh, 2 held, 3 safe.
     #[must_use]
     pub fn code(self) -> f64 {
         match self {
@@ -117,7 +117,7 @@ impl Counts {
 enum Slot {
     Empty,
     Full([f64; WIDEST]),
-    /// It was played, or arrived late.
+    /// It was played, or it arrived late.
     Done,
 }
 
@@ -126,36 +126,37 @@ enum Slot {
 pub struct PlayOut {
     period_ns: u64,
     buffer_ns: u64,
-    /// This many ticks are held.
+    /// Number of ticks for which the last value is held.
     hold: u64,
-    /// The slots of numbers from `from` on; a number has the slot of its remainder.
+    /// The slots of the numbers from `from` on: a number uses the slot of its remainder.
     slots: Vec<Slot>,
     /// The earliest number whose slot is kept.
     from: u64,
     /// The number of the next tick; `None` before the first.
     next: Option<u64>,
-    /// When the fastest datagram would have brought number 0.
+    /// The time at which the fastest datagram would have delivered number 0.
     base_ns: Option<i128>,
     missing: u64,
     last: [f64; WIDEST],
     counts: Counts,
 }
 
-/// A second at 1 kHz: duplicates of older datagrams are not detected.
-const KEPT: u64 = 1000;
+/// Slots for a second at 1 kHz: duplicates of older datagrams are not detected.
+const SLOTS_EACH_WAY: u64 = 1000;
 
 impl PlayOut {
-    /// A buffer for ticks of this period, of this length; the last value is held for the time `hold`. All in ns.
+    /// A buffer of this length for ticks of this period. The last value is held for the time `hold_ns`. All times in ns.
     #[must_use]
     pub fn new(period_ns: u64, buffer_ns: u64, hold_ns: u64) -> Self {
         let period_ns = period_ns.max(1);
-        // As many slots behind as ahead, and a second more than the length of the buffer: after an interruption many datagrams may arrive at once.
-        let room = 2 * KEPT + buffer_ns.div_ceil(period_ns);
+        // As many slots for past as for future numbers, and a second more than the length of the buffer: after an interruption many datagrams may
+        // arrive at once.
+        let slots = 2 * SLOTS_EACH_WAY + buffer_ns.div_ceil(period_ns);
         PlayOut {
             period_ns,
             buffer_ns,
             hold: hold_ns / period_ns,
-            slots: vec![Slot::Empty; usize::try_from(room).expect("a buffer fits in memory")],
+            slots: vec![Slot::Empty; usize::try_from(slots).expect("a buffer fits in memory")],
             from: 0,
             next: None,
             base_ns: None,
@@ -166,14 +167,14 @@ impl PlayOut {
     }
 
     fn slot(&mut self, number: u64) -> &mut Slot {
-        let place = number % self.slots.len() as u64;
-        &mut self.slots[place as usize]
+        let index = number % self.slots.len() as u64;
+        &mut self.slots[index as usize]
     }
 
-    /// Takes a datagram that was received at a time.
+    /// Stores a datagram that was received at this time.
     pub fn receive(&mut self, number: u64, at_ns: u64, values: [f64; WIDEST]) {
         if number < self.from {
-            // It is so old that its slot is used again: whether it is a duplicate is unknown.
+            // The datagram is so old that its slot is used again: it may be a duplicate.
             self.counts.late += 1;
             self.counts.heard += 1;
             return;
@@ -202,11 +203,12 @@ impl PlayOut {
         }
     }
 
-    /// The values for the tick at this time. After the first tick with a value, every call gives the next number: a loop that catches up loses none.
+    /// The values for the tick at this time. After the first tick with a value, every call plays the next number, so a loop that catches up skips
+    /// none.
     pub fn play(&mut self, now_ns: u64) -> Played {
         let Some(number) = self.next.or_else(|| self.first_due(now_ns)) else { return Played::Waiting };
         self.next = Some(number + 1);
-        while self.from + KEPT < number {
+        while self.from + SLOTS_EACH_WAY < number {
             let oldest = self.from;
             *self.slot(oldest) = Slot::Empty;
             self.from += 1;
@@ -230,13 +232,13 @@ impl PlayOut {
         }
     }
 
-    /// The first number, if it is due: the lowest number that has arrived.
+    /// The number that is due now, once a number up to it has arrived; `None` before.
     fn first_due(&self, now_ns: u64) -> Option<u64> {
         let due = i128::from(now_ns) - self.base_ns? - i128::from(self.buffer_ns);
         let number = u64::try_from(due.div_euclid(i128::from(self.period_ns))).ok()?;
-        // Before the first arrived number there is nothing to play.
-        let there = (self.from..=number).any(|it| self.slots[(it % self.slots.len() as u64) as usize] != Slot::Empty);
-        there.then_some(number)
+        // Nothing can be played before the first number has arrived.
+        let has_arrived = (self.from..=number).any(|it| self.slots[(it % self.slots.len() as u64) as usize] != Slot::Empty);
+        has_arrived.then_some(number)
     }
 
     /// The counts.
@@ -256,7 +258,8 @@ mod tests {
         [number as f64, 0.0, 0.0, 0.0]
     }
 
-    /// Receives and plays 400 ticks: number k is sent at k ms and arrives `delay(k)` ms later, or never. Returns what each tick got.
+    /// Sends, receives and plays 400 ticks: number k is sent at k ms. `delay(k)` has the delay in ms of each copy that arrives; it is empty for a
+    /// lost datagram. Returns the result of each tick.
     fn through(buffer_ms: u64, hold_ms: u64, delay: impl Fn(u64) -> Vec<u64>) -> (Vec<Played>, Counts) {
         let mut buffer = PlayOut::new(MS, buffer_ms * MS, hold_ms * MS);
         let mut arrivals: Vec<(u64, u64)> =
@@ -284,7 +287,7 @@ mod tests {
 
     #[test]
     fn what_is_lost_is_held_and_then_safe_and_back_at_once() {
-        // 100 to 109 never come: five are held, five safe, 110 is fresh.
+        // Numbers 100 to 109 never arrive: five are held, five are safe, 110 is fresh.
         let (played, counts) = through(20, 5, |k| if (100..110).contains(&k) { vec![] } else { vec![0] });
         let codes: Vec<f64> = played[119..131].iter().map(|it| it.code()).collect();
         assert_eq!(codes, [1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0, 3.0, 1.0]);
@@ -294,7 +297,7 @@ mod tests {
 
     #[test]
     fn late_and_doubled_are_counted_and_not_played() {
-        // 50 comes after its tick, 60 twice, 70 twice and both late, 80 once in time and once late.
+        // Number 50 arrives after its tick, 60 twice, 70 twice and both late, 80 once in time and once late.
         let (played, counts) = through(20, 5, |k| match k {
             50 => vec![30],
             60 => vec![0, 3],
@@ -310,7 +313,7 @@ mod tests {
     #[test]
     fn a_first_datagram_that_was_slow_does_not_move_the_rest() {
         let (played, _) = through(20, 5, |k| vec![if k == 0 { 15 } else { 1 }]);
-        // The fastest way takes 1 ms: number k is played at k + 1 + 20.
+        // The fastest datagram takes 1 ms: number k is played at k + 1 + 20.
         assert_eq!(played[21], Played::Fresh { number: 0, values: values(0) });
     }
 
@@ -326,7 +329,7 @@ mod tests {
         }
         buffer.receive(5, 3010 * MS, values(5));
         assert_eq!(buffer.counts().late, 1);
-        // 1 to 9 never came in time; 5 came a long time later.
+        // Numbers 1 to 9 did not arrive in time; 5 arrived long after its tick.
         assert_eq!((buffer.counts().lost(), buffer.counts().safe), (8, 9));
     }
 }

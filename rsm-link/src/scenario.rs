@@ -17,7 +17,7 @@
 //! "#;
 //! let scenario = Scenario::read(&Source::new("motor.toml", text)).unwrap();
 //! assert_eq!(scenario.federates(), 3);
-//! assert_eq!(scenario.commands("records")[0].words[..2], ["federate", "broker"]);
+//! assert_eq!(scenario.commands("records")[0].arguments[..2], ["federate", "broker"]);
 //! ```
 
 use rsm_core::source::{Collector, Faults, Source};
@@ -26,7 +26,7 @@ use rsm_core::toml_reader::{self, TableReader};
 use crate::helics::{Address, Core};
 use crate::loops::{Loop, Role, Run};
 
-/// A day: the rows, one for each millisecond, are kept in memory.
+/// A day in s: the rows, one for each millisecond, are kept in memory.
 const LONGEST_S: f64 = 86_400.0;
 
 /// The limit of `rsm federate --load-inertia`: 1000 kg at a radius of 1 m.
@@ -39,7 +39,7 @@ pub struct Process {
     pub name: String,
     /// The roles that run in it.
     pub roles: Vec<Role>,
-    /// The host that it runs on, where the file says so.
+    /// The host on which it runs, if the file states it.
     pub host: Option<String>,
 }
 
@@ -48,34 +48,34 @@ pub struct Process {
 pub struct Scenario {
     /// Its name.
     pub name: String,
-    /// The run.
+    /// Duration and load of the run.
     pub run: Run,
-    /// How the processes communicate.
+    /// The transport between the processes.
     pub core: Core,
-    /// Where the broker listens.
+    /// The address at which the broker listens.
     pub broker: Address,
-    /// The host that the broker runs on, where the file says so.
+    /// The host on which the broker runs, if the file states it.
     pub broker_host: Option<String>,
     /// The processes, in the order of the file.
     pub processes: Vec<Process>,
 }
 
-/// A command to start: the arguments after `rsm`.
+/// A command to start a process: the arguments after `rsm`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Start {
     /// The name of the process; the broker is `broker`.
     pub process: String,
-    /// The host, where the file says so.
+    /// The host, if the file states it.
     pub host: Option<String>,
     /// The arguments.
-    pub words: Vec<String>,
+    pub arguments: Vec<String>,
 }
 
 impl Scenario {
     /// Reads a file.
     ///
     /// # Errors
-    /// Every fault with its place.
+    /// All faults with their places.
     pub fn read(source: &Source) -> Result<Self, Faults> {
         let mut faults = Collector::new();
         let document = toml_reader::parse(source, &mut faults);
@@ -116,27 +116,27 @@ impl Scenario {
         hosts
     }
 
-    /// The commands to start, the broker first; records are written into a folder.
+    /// The commands to start the processes, the broker first. Records are written to the folder `out`.
     #[must_use]
     pub fn commands(&self, out: &str) -> Vec<Start> {
         let common = ["--broker".to_string(), self.broker.to_string(), "--core".to_string(), self.core.name().to_string()];
         let broker = ["federate", "broker"].map(String::from).into_iter().chain(common.clone());
         let broker = broker.chain(["--federates".to_string(), self.federates().to_string()]);
-        let mut starts = vec![Start { process: "broker".into(), host: self.broker_host.clone(), words: broker.collect() }];
+        let mut starts = vec![Start { process: "broker".into(), host: self.broker_host.clone(), arguments: broker.collect() }];
         for process in &self.processes {
-            let mut words = vec!["federate".to_string()];
-            words.extend(process.roles.iter().map(|role| role.name().to_string()));
-            words.extend(common.clone());
-            // Shortest decimals: they read back to the same bits.
-            words.extend(["--seconds".to_string(), (self.run.ticks as f64 * 1e-3).to_string()]);
+            let mut arguments = vec!["federate".to_string()];
+            arguments.extend(process.roles.iter().map(|role| role.name().to_string()));
+            arguments.extend(common.clone());
+            // The shortest decimals that read back to the same bits.
+            arguments.extend(["--seconds".to_string(), (self.run.ticks as f64 * 1e-3).to_string()]);
             if self.run.load_inertia > 0.0 {
-                words.extend(["--load-inertia".to_string(), self.run.load_inertia.to_string()]);
+                arguments.extend(["--load-inertia".to_string(), self.run.load_inertia.to_string()]);
             }
             if let Some(Role::Recorder(it)) = process.roles.iter().find(|role| matches!(role, Role::Recorder(_))) {
-                words.extend(["--loop".to_string(), it.name().to_string()]);
+                arguments.extend(["--loop".to_string(), it.name().to_string()]);
             }
-            words.extend(["--out".to_string(), out.to_string()]);
-            starts.push(Start { process: process.name.clone(), host: process.host.clone(), words });
+            arguments.extend(["--out".to_string(), out.to_string()]);
+            starts.push(Start { process: process.name.clone(), host: process.host.clone(), arguments });
         }
         starts
     }
@@ -167,8 +167,8 @@ fn read(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<Scenario> {
         None => Some(Core::default()),
     };
     let broker = top.required("broker", faults).and_then(|value| {
-        let words = top.text("broker", faults)?;
-        Address::parse(&words).map_err(|what| faults.push(top.fault(value.span(), format!("`broker`: {what}")))).ok()
+        let address = top.text("broker", faults)?;
+        Address::parse(&address).map_err(|what| faults.push(top.fault(value.span(), format!("`broker`: {what}")))).ok()
     });
     let broker_host = top.optional_text("broker_host", faults);
     let value = top.required("processes", faults)?;
@@ -200,11 +200,11 @@ fn read_processes(top: &TableReader<'_>, value: toml_reader::Value<'_>, faults: 
         }
         let host = reader.optional_text("host", faults);
         let listened = reader.choice("loop", &Loop::ALL.map(|it| (it.name(), it)), faults).unwrap_or(Loop::Motor);
-        let words = reader.required("roles", faults).and_then(|value| reader.texts("`roles`", value, faults));
+        let names = reader.required("roles", faults).and_then(|value| reader.texts("`roles`", value, faults));
         let mut roles = Vec::new();
-        for (word, span) in words.into_iter().flatten() {
-            let Some(role) = Role::of(&word, listened) else {
-                let what = format!("`roles`: found \"{word}\", expected motor, controller, driveline, throttle or recorder");
+        for (name, span) in names.into_iter().flatten() {
+            let Some(role) = Role::of(&name, listened) else {
+                let what = format!("`roles`: found \"{name}\", expected motor, controller, driveline, throttle or recorder");
                 faults.push(reader.fault(span, what));
                 continue;
             };
@@ -224,14 +224,14 @@ fn read_processes(top: &TableReader<'_>, value: toml_reader::Value<'_>, faults: 
         processes.push(Process { name: name.to_string(), roles, host });
     }
     let has = |role: Role| processes.iter().any(|process| process.roles.contains(&role));
-    for side in Loop::ALL {
-        let (plant, step, recorder) = (Role::Plant(side), Role::Step(side), Role::Recorder(side));
+    for control_loop in Loop::ALL {
+        let (plant, step, recorder) = (Role::Plant(control_loop), Role::Step(control_loop), Role::Recorder(control_loop));
         let some = has(plant) || has(step) || has(recorder);
         for missing in [plant, step].into_iter().filter(|role| some && !has(*role)) {
             let what = format!(
                 "`processes`: no process has the role \"{}\"; the loop of the {} needs it",
                 missing.name(),
-                side.name()
+                control_loop.name()
             );
             faults.push(top.fault(top.key_span("processes"), what));
         }
@@ -273,14 +273,14 @@ host = "right"
     }
 
     #[test]
-    fn a_scenario_says_what_to_start_on_each_host() {
+    fn a_scenario_contains_the_commands_for_each_host() {
         let scenario = Scenario::read(&Source::new("s.toml", GOOD)).unwrap();
         assert_eq!(scenario.run, Run { ticks: 250, load_inertia: 0.05 });
         assert_eq!((scenario.federates(), scenario.loops().count()), (5, 2));
         assert_eq!(scenario.hosts(), ["left", "right"]);
         let starts = scenario.commands("here");
         let lines: Vec<String> =
-            starts.iter().map(|it| format!("{}: {}", it.host.as_deref().unwrap(), it.words.join(" "))).collect();
+            starts.iter().map(|it| format!("{}: {}", it.host.as_deref().unwrap(), it.arguments.join(" "))).collect();
         let common = "--broker 10.0.0.1:23500 --core zmq";
         let run = "--seconds 0.25 --load-inertia 0.05";
         assert_eq!(

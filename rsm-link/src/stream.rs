@@ -1,8 +1,8 @@
 //! One side of a loop in real time, connected to the other side by UDP, for hardware in the loop.
 //!
 //! In: the side, its address and the address of the other side, a key, the length of the play-out buffer. Out: a table and counts. No side waits:
-//! each tick takes the value that the buffer plays and sends its own. For a missing value, the last one is held ([`Settings::hold`]), then the safe
-//! state applies:
+//! each tick uses the value that the buffer plays, and sends its own value. If a value is missing, the last one is held ([`Settings::hold`]); then
+//! the safe state applies:
 //!
 //! - the motor's plant sets its torque reference to zero and keeps the weakening current, the car closes its throttle;
 //! - a step gets an invalid sample, and treats it like a bad sample of a sensor.
@@ -22,26 +22,26 @@ use crate::loops::{self, Loop, PERIOD_NS, Role, Run, Step, Table, WIDEST, time_o
 use crate::play_out::{Counts, PlayOut, Played};
 use crate::wire::{Datagram, Key, Kind, LONGEST, Rejected, Side, model_hash};
 
-/// A side to run.
+/// The settings of a side.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// The loop, and its side here.
+    /// The loop, and the side that runs here.
     pub side: (Loop, Side),
-    /// Where this side listens: ADDRESS:PORT.
+    /// The address at which this side listens: ADDRESS:PORT.
     pub listen: String,
-    /// Where the other side listens: HOST:PORT.
+    /// The address at which the other side listens: HOST:PORT.
     pub peer: String,
     /// The secret key of both sides.
     pub key: Key,
-    /// The run.
+    /// Duration and load of the run.
     pub run: Run,
     /// The length of the play-out buffer.
     pub buffer: Duration,
-    /// How long the last value is held.
+    /// The time for which the last value is held.
     pub hold: Duration,
     /// After this time without a datagram the peer counts as lost.
     pub silence: Duration,
-    /// How long to wait for the peer at the start.
+    /// The longest time to wait for the peer at the start.
     pub wait: Duration,
 }
 
@@ -54,10 +54,10 @@ pub struct RejectedCounts {
     pub other_model: u64,
 }
 
-/// The result.
+/// The result of a side.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Done {
-    /// The rows: those of the role, then the number that was played and how (0 waiting, 1 fresh, 2 held, 3 safe).
+    /// The rows: the columns of the role, then the number that was played and its code (0 waiting, 1 fresh, 2 held, 3 safe).
     pub table: Table,
     /// Datagrams with a sample or a command that were sent.
     pub sent: u64,
@@ -71,15 +71,15 @@ pub struct Done {
     pub round_trip: Option<Summary>,
     /// How late the ticks began by the clock.
     pub lateness: Summary,
-    /// Ticks that began after their period was over. They are still computed, one after another.
+    /// Ticks that began after the end of their period. They are still computed, one after another.
     pub late_ticks: u64,
-    /// Ticks that ended after their period was over.
+    /// Ticks that ended after the end of their period.
     pub deadlines_missed: u64,
-    /// How late the last tick began: the delay of this side against the clock at its end, in ns.
+    /// The delay of the last tick's beginning, in ns: at the end this side is behind the clock by this time.
     pub skew_ns: u64,
     /// Whether any datagram of the peer arrived.
     pub began: bool,
-    /// Why it ended early.
+    /// The reason why the run ended early.
     pub lost: Option<String>,
 }
 
@@ -89,10 +89,10 @@ struct Received {
     /// The session of the peer; 0 before its first datagram.
     peer: u64,
     /// The peer has received a datagram of this session.
-    known: bool,
+    session_received: bool,
     ended: bool,
     last_ns: u64,
-    /// The peer's time in its last datagram, and when that was received.
+    /// The peer's time in its last datagram, and the time at which it was received.
     echo: (u64, u64),
     rejected: RejectedCounts,
     round_trips_ns: Vec<u64>,
@@ -106,7 +106,7 @@ fn now_ns() -> u64 {
     SystemClock.now_ns()
 }
 
-/// A random number that cannot be guessed, never 0: the standard library takes the keys of its hash from the system's random numbers.
+/// A random number, never 0, that cannot be guessed: the standard library takes the keys of its hash function from the random numbers of the system.
 fn session() -> u64 {
     use std::hash::{BuildHasher as _, RandomState};
     loop {
@@ -117,7 +117,7 @@ fn session() -> u64 {
     }
 }
 
-/// Everything that does not change during a run.
+/// The data that do not change during a run.
 struct Link<'a> {
     socket: UdpSocket,
     peer: SocketAddr,
@@ -129,7 +129,7 @@ struct Link<'a> {
 }
 
 impl Link<'_> {
-    /// Whether the system took it.
+    /// Sends a datagram. Returns whether the operating system accepted it.
     fn send(&self, received: &Mutex<Received>, kind: Kind, number: u64, sent: &[f64]) -> bool {
         let (peer_session, (echo_ns, at_ns)) = {
             let received = locked(received);
@@ -155,12 +155,12 @@ impl Link<'_> {
     }
 
     /// Receives until the run is over.
-    fn listen(&self, received: &Mutex<Received>, over: &AtomicBool) {
+    fn listen(&self, received: &Mutex<Received>, is_over: &AtomicBool) {
         let other = if self.side == Side::Plant { Side::Step } else { Side::Plant };
-        // A byte more than the longest datagram: otherwise a truncated datagram would not be noticed.
+        // The buffer has one byte more than the longest datagram, so that a longer datagram is noticed.
         let mut bytes = [0; LONGEST + 1];
-        while !over.load(Ordering::Acquire) {
-            // A timeout, or a peer that does not listen yet: continue in both cases.
+        while !is_over.load(Ordering::Acquire) {
+            // A timeout, or the peer does not listen yet: continue in both cases.
             let Ok((length, _)) = self.socket.recv_from(&mut bytes) else { continue };
             let now = now_ns();
             let read = Datagram::read(&bytes[..length], other, &self.model, self.key);
@@ -180,15 +180,15 @@ impl Link<'_> {
                 return;
             }
         };
-        // A hello may come from every sender with the key, at any time; the first one that answers to this session is the peer.
+        // Every sender with the key may send a hello at any time. The first one that contains this session is the peer.
         let answers = datagram.peer_session == self.session;
-        let is_first = !received.known && (received.peer == 0 || datagram.kind == Kind::Hello || answers);
+        let is_first = !received.session_received && (received.peer == 0 || datagram.kind == Kind::Hello || answers);
         if !(is_first || datagram.session == received.peer) || (datagram.kind != Kind::Hello && !answers) {
             received.rejected.foreign += 1;
             return;
         }
         received.peer = datagram.session;
-        received.known |= answers;
+        received.session_received |= answers;
         received.last_ns = now;
         received.echo = (datagram.time_ns, now);
         if answers && datagram.echo_ns > 0 {
@@ -203,18 +203,18 @@ impl Link<'_> {
     }
 }
 
-/// Between two hellos.
-const HELLO: Duration = Duration::from_millis(5);
+/// Time between two hello datagrams.
+const HELLO_INTERVAL: Duration = Duration::from_millis(5);
 
 /// The end of the run is sent this many times, because each datagram may be lost.
-const LEAVE_DATAGRAMS: u32 = 5;
+const END_DATAGRAMS: u32 = 5;
 
 /// Runs a side.
 ///
 /// # Errors
 /// An invalid address, or one on which the socket cannot listen.
 pub fn run(settings: &Settings) -> Result<Done, String> {
-    let (side, mine) = settings.side;
+    let (control_loop, side) = settings.side;
     let peer = settings.peer.to_socket_addrs().map_err(|error| format!("--peer {}: {error}", settings.peer))?.next();
     let peer = peer.ok_or_else(|| format!("--peer {}: this name has no address", settings.peer))?;
     let socket = UdpSocket::bind(&settings.listen).map_err(|error| format!("--listen {}: {error}", settings.listen))?;
@@ -222,27 +222,27 @@ pub fn run(settings: &Settings) -> Result<Done, String> {
         .set_read_timeout(Some(Duration::from_millis(20)))
         .map_err(|error| format!("--listen {}: {error}", settings.listen))?;
     let (session, start_ns) = (session(), now_ns());
-    let link = Link { socket, peer, key: &settings.key, model: model_hash(side), side: mine, session, start_ns };
+    let link = Link { socket, peer, key: &settings.key, model: model_hash(control_loop), side, session, start_ns };
     let ns = |time: Duration| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
     let received = Mutex::new(Received {
         buffer: PlayOut::new(PERIOD_NS, ns(settings.buffer), ns(settings.hold)),
         peer: 0,
-        known: false,
+        session_received: false,
         ended: false,
         last_ns: start_ns,
         echo: (0, start_ns),
         rejected: RejectedCounts::default(),
         round_trips_ns: Vec::with_capacity(usize::try_from(settings.run.ticks).unwrap_or(0).min(1 << 20)),
     });
-    let over = AtomicBool::new(false);
+    let is_over = AtomicBool::new(false);
     let mut done = std::thread::scope(|scope| {
-        scope.spawn(|| link.listen(&received, &over));
-        let _ended = Ended(&over);
-        if let Err(words) = connect(&link, &received, settings) {
-            return Done { lost: Some(words), ..nothing(side, mine) };
+        scope.spawn(|| link.listen(&received, &is_over));
+        let _ended = Ended(&is_over);
+        if let Err(message) = connect(&link, &received, settings) {
+            return Done { lost: Some(message), ..empty_result(control_loop, side) };
         }
         let done = Ticks::new(&link, &received, settings).run();
-        for _ in 0..LEAVE_DATAGRAMS {
+        for _ in 0..END_DATAGRAMS {
             link.send(&received, Kind::End, settings.run.ticks, &[]);
             std::thread::sleep(Duration::from_millis(1));
         }
@@ -264,14 +264,14 @@ impl Drop for Ended<'_> {
     }
 }
 
-fn role(side: Loop, mine: Side) -> Role {
-    if mine == Side::Plant { Role::Plant(side) } else { Role::Step(side) }
+fn role(control_loop: Loop, side: Side) -> Role {
+    if side == Side::Plant { Role::Plant(control_loop) } else { Role::Step(control_loop) }
 }
 
-fn nothing(side: Loop, mine: Side) -> Done {
+fn empty_result(control_loop: Loop, side: Side) -> Done {
     let signal = |name| Signal { name, unit: "1" };
     Done {
-        table: role(side, mine).table().with(&[signal("played_number"), signal("played_how")]),
+        table: role(control_loop, side).table().with(&[signal("played_number"), signal("played_how")]),
         sent: 0,
         not_sent: 0,
         counts: Counts::default(),
@@ -293,7 +293,7 @@ fn connect(link: &Link<'_>, received: &Mutex<Received>, settings: &Settings) -> 
         link.send(received, Kind::Hello, 0, &[]);
         {
             let received = locked(received);
-            if received.known {
+            if received.session_received {
                 break;
             }
             if now_ns() - link.start_ns > wait {
@@ -312,14 +312,14 @@ fn connect(link: &Link<'_>, received: &Mutex<Received>, settings: &Settings) -> 
                 ));
             }
         }
-        std::thread::sleep(HELLO);
+        std::thread::sleep(HELLO_INTERVAL);
     }
-    // The peer may still wait for this side's answer. The datagrams of the ticks contain the answer too.
+    // The peer may still wait for an answer. The datagrams of the ticks contain the answer too.
     link.send(received, Kind::Hello, 0, &[]);
     Ok(())
 }
 
-/// The ticks of a run, by the clock.
+/// The ticks of a run in real time.
 struct Ticks<'a> {
     link: &'a Link<'a>,
     received: &'a Mutex<Received>,
@@ -332,17 +332,17 @@ struct Ticks<'a> {
 
 impl<'a> Ticks<'a> {
     fn new(link: &'a Link<'a>, received: &'a Mutex<Received>, settings: &'a Settings) -> Self {
-        let (side, mine) = settings.side;
+        let (control_loop, side) = settings.side;
         let lateness_ns = Vec::with_capacity(usize::try_from(settings.run.ticks).unwrap_or(0).min(1 << 24));
-        let done = Done { began: true, ..nothing(side, mine) };
+        let done = Done { began: true, ..empty_result(control_loop, side) };
         Ticks { link, received, settings, done, first_ns: now_ns(), tick: 0, lateness_ns }
     }
 
     fn run(mut self) -> Done {
-        let (side, mine) = self.settings.side;
-        match mine {
-            Side::Plant => self.plant(side),
-            Side::Step => self.step(side),
+        let (control_loop, side) = self.settings.side;
+        match side {
+            Side::Plant => self.plant(control_loop),
+            Side::Step => self.step(control_loop),
         }
         self.end_of_tick();
         self.done.skew_ns = self.lateness_ns.last().copied().unwrap_or(0);
@@ -350,7 +350,7 @@ impl<'a> Ticks<'a> {
         self.done
     }
 
-    /// Sleeps until the tick begins, and takes the value that the buffer gives for it; `None` if the peer is lost.
+    /// Sleeps until the tick begins, and returns what the buffer plays for it; `None` if the peer is lost.
     fn begin(&mut self) -> Option<Played> {
         self.end_of_tick();
         let due = self.first_ns + self.tick * PERIOD_NS;
@@ -388,25 +388,25 @@ impl<'a> Ticks<'a> {
         self.done.not_sent += u64::from(!taken);
     }
 
-    fn plant(&mut self, side: Loop) {
+    fn plant(&mut self, control_loop: Loop) {
         let run = self.settings.run;
         let (ticks, how) = (std::cell::RefCell::new(self), std::cell::Cell::new([f64::NAN, 0.0]));
         let exchange = |sample: &[f64], command: &mut [f64]| {
             let mut ticks = ticks.borrow_mut();
             let Some(played) = ticks.begin() else { return false };
-            command.copy_from_slice(&command_of(side, played)[..command.len()]);
+            command.copy_from_slice(&command_of(control_loop, played)[..command.len()]);
             how.set([played.number(), played.code()]);
             ticks.send(sample);
             true
         };
-        loops::plant(side, run, exchange, |row| {
+        loops::plant(control_loop, run, exchange, |row| {
             ticks.borrow_mut().done.table.push(row.iter().copied().chain(how.get()));
         });
     }
 
-    fn step(&mut self, side: Loop) {
-        let mut step = Step::new(side);
-        let mut command = vec![0.0; side.command().len()];
+    fn step(&mut self, control_loop: Loop) {
+        let mut step = Step::new(control_loop);
+        let mut command = vec![0.0; control_loop.command().len()];
         for tick in 0..self.settings.run.ticks {
             let Some(played) = self.begin() else { break };
             let sample = played.values().unwrap_or([f64::NAN; WIDEST]);
@@ -418,15 +418,15 @@ impl<'a> Ticks<'a> {
     }
 }
 
-/// The command that acts on the plant: the one that is played, or the safe state.
-fn command_of(side: Loop, played: Played) -> [f64; WIDEST] {
+/// The command that acts on the plant: the played one, or the safe state.
+fn command_of(control_loop: Loop, played: Played) -> [f64; WIDEST] {
     let mut command = [0.0; WIDEST];
     match played {
         Played::Fresh { values, .. } | Played::Held { values, .. } => return values,
-        // No torque. The weakening current stays: without it a fast motor would charge the bus.
-        Played::Safe { values, .. } if side == Loop::Motor => command[0] = values[0],
+        // The torque is zero. The weakening current remains: without it a fast motor would charge the bus.
+        Played::Safe { values, .. } if control_loop == Loop::Motor => command[0] = values[0],
         Played::Waiting | Played::Safe { .. } => {
-            let first = side.first_command();
+            let first = control_loop.first_command();
             command[..first.len()].copy_from_slice(first);
         }
     }
@@ -440,7 +440,7 @@ mod tests {
     #[test]
     fn the_safe_state_has_no_torque_and_a_closed_throttle() {
         let values = [-12.0, 30.0, 0.0, 0.0];
-        let safe = |side, values| command_of(side, Played::Safe { number: 9, values });
+        let safe = |control_loop, values| command_of(control_loop, Played::Safe { number: 9, values });
         assert_eq!(safe(Loop::Motor, values), [-12.0, 0.0, 0.0, 0.0]);
         assert_eq!(safe(Loop::Throttle, [900.0, 0.0, 0.0, 0.0])[..1], host_runners::throttle::CLOSED);
         assert_eq!(command_of(Loop::Motor, Played::Held { number: 9, values }), values);

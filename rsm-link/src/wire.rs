@@ -1,7 +1,7 @@
 //! The datagram format: number, time stamp, hash of the model, values, and a keyed message authentication code.
 //!
-//! In: a [`Datagram`] and a [`Key`]. Out: bytes, and back. A datagram that was changed, or comes from a sender without the key, from another model or
-//! from the wrong side, is [`Rejected`]; it is discarded. All numbers are little-endian; a value keeps its bits, NaN too.
+//! In: a [`Datagram`] and a [`Key`]. Out: bytes; and the reverse. A datagram is [`Rejected`] and discarded if it was changed, or if it comes from a
+//! sender without the key, from another model or from the wrong side. All numbers are little-endian; a value keeps its bits, also NaN.
 //!
 //! ```text
 //!   0   "RSM" 1      4   kind, side, count of values, 0    8   hash of the model (16)
@@ -10,8 +10,8 @@
 //!   72  values (8 each)                                    then HMAC-SHA-256 of all before, its first 16 bytes
 //! ```
 //!
-//! A session is a random number of each run. A datagram is valid only if it names the session of its receiver, so recorded datagrams of an older run
-//! are rejected.
+//! A session is a random number of each run. A datagram is valid only if it contains the session of its receiver, so recorded datagrams of an older
+//! run are rejected.
 
 use hmac::{Hmac, KeyInit as _, Mac as _};
 use sha2::{Digest as _, Sha256};
@@ -39,7 +39,7 @@ impl std::fmt::Debug for Key {
 }
 
 impl Key {
-    /// From the bytes of a secret; a line end after it is not part of it.
+    /// Makes a key from the bytes of a secret; a line end after them is not part of the secret.
     ///
     /// # Errors
     /// Fewer than [`SHORTEST_KEY`] bytes.
@@ -49,15 +49,15 @@ impl Key {
         if secret.len() < SHORTEST_KEY {
             return Err(format!("the key has {} bytes, expected {SHORTEST_KEY} at least", secret.len()));
         }
-        // HMAC takes keys of any length.
+        // HMAC accepts keys of any length.
         Hmac::new_from_slice(secret).map(Key).map_err(|error| error.to_string())
     }
 }
 
-/// The hash of everything that must be equal on both sides: coefficients and plant of a loop, and the names and units of the values sent.
+/// The hash of all data that must be equal on both sides: coefficients and plant of a loop, and names and units of the exchanged values.
 #[must_use]
-pub fn model_hash(side: Loop) -> [u8; 16] {
-    let files: [&[u8]; 3] = match side {
+pub fn model_hash(control_loop: Loop) -> [u8; 16] {
+    let files: [&[u8]; 3] = match control_loop {
         Loop::Motor => [
             include_bytes!("../../generated/coefficients/motor.toml"),
             include_bytes!("../../generated/coefficients/circle.toml"),
@@ -74,7 +74,7 @@ pub fn model_hash(side: Loop) -> [u8; 16] {
         hash.update((file.len() as u64).to_le_bytes());
         hash.update(file);
     }
-    for signal in side.sample().iter().chain(side.command()) {
+    for signal in control_loop.sample().iter().chain(control_loop.command()) {
         hash.update(format!("{}[{}];", signal.name, signal.unit));
     }
     let hash = hash.finalize();
@@ -92,12 +92,12 @@ pub enum Kind {
     End,
 }
 
-/// The side of a loop that sent it.
+/// The side of a loop that sent a datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
-    /// The plant's.
+    /// The plant's side.
     Plant,
-    /// The step's.
+    /// The step's side.
     Step,
 }
 
@@ -110,35 +110,35 @@ pub struct Datagram {
     pub side: Side,
     /// The session of the sender.
     pub session: u64,
-    /// The session of the peer, as the sender has received it; 0 before.
+    /// The session of the peer as the sender has received it; 0 before that.
     pub peer_session: u64,
     /// The number of the tick.
     pub number: u64,
     /// The sender's time, in ns after its start.
     pub time_ns: u64,
-    /// The time in the last datagram that the sender has received; 0 before.
+    /// The time in the last datagram that the sender has received; 0 before that.
     pub echo_ns: u64,
-    /// How long ago that was.
+    /// The time since that datagram was received, in ns.
     pub echo_age_ns: u64,
-    /// How many values there are.
+    /// Number of values.
     pub count: usize,
     /// The values, then zeros.
     pub values: [f64; WIDEST],
 }
 
-/// Why a datagram is ignored.
+/// Why a datagram is rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rejected {
     /// It has another format, or its authentication code is wrong.
     Unsigned,
-    /// It has the key, but another version or side.
+    /// It was made with the key, but has another version or comes from the wrong side.
     Misplaced,
-    /// It has the key, but another model.
+    /// It was made with the key, but for another model.
     OtherModel,
 }
 
 impl Datagram {
-    /// The bytes, and how many of them.
+    /// The bytes, and their number.
     #[must_use]
     pub fn write(&self, model: &[u8; 16], key: &Key) -> ([u8; LONGEST], usize) {
         let mut bytes = [0; LONGEST];
@@ -163,15 +163,15 @@ impl Datagram {
         (bytes, end + TAG)
     }
 
-    /// Reads the bytes of a datagram that comes from a side.
+    /// Reads the bytes of a datagram from the side `from`.
     ///
     /// # Errors
-    /// They are foreign.
+    /// The bytes are not a valid datagram for this receiver.
     pub fn read(bytes: &[u8], from: Side, model: &[u8; 16], key: &Key) -> Result<Self, Rejected> {
         let Some(end) = bytes.len().checked_sub(TAG).filter(|end| (HEAD..=HEAD + 8 * WIDEST).contains(end)) else {
             return Err(Rejected::Unsigned);
         };
-        // In constant time, and before anything else is read.
+        // The comparison takes constant time, and comes before anything else is read.
         let code = key.0.clone().chain_update(&bytes[..end]);
         code.verify_truncated_left(&bytes[end..]).map_err(|_| Rejected::Unsigned)?;
         let side = if bytes[5] == 1 { Side::Step } else { Side::Plant };
@@ -272,13 +272,13 @@ mod tests {
     }
 
     #[test]
-    fn another_key_another_model_and_the_wrong_side_are_told_apart() {
+    fn another_key_another_model_and_the_wrong_side_have_different_errors() {
         let key = key("sixteen bytes ok");
         let (bytes, length) = datagram().write(&MODEL, &key);
         let bytes = &bytes[..length];
         assert_eq!(Datagram::read(bytes, Side::Step, &MODEL, &self::key("sixteen bytes no")), Err(Rejected::Unsigned));
         assert_eq!(Datagram::read(bytes, Side::Step, &[8; 16], &key), Err(Rejected::OtherModel));
-        // A datagram of this side, sent back to it.
+        // A datagram of this side is sent back to this side.
         assert_eq!(Datagram::read(bytes, Side::Plant, &MODEL, &key), Err(Rejected::Misplaced));
         assert_ne!(model_hash(Loop::Motor), model_hash(Loop::Throttle));
     }
@@ -289,7 +289,7 @@ mod tests {
         let (one, _) = datagram().write(&MODEL, &key("sixteen bytes ok"));
         let (other, _) = datagram().write(&MODEL, &key("sixteen bytes ok\r\n"));
         assert_eq!(one, other);
-        // RFC 4231, test case 4: the crate computes HMAC-SHA-256.
+        // RFC 4231, test case 4. It shows that the crate computes HMAC-SHA-256.
         let secret: Vec<u8> = (1..=25).collect();
         let code = Key::new(&secret).unwrap().0.chain_update([0xcd; 50]).finalize().into_bytes();
         assert_eq!(code[..4], [0x82, 0x55, 0x8a, 0x38]);

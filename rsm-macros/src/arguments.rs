@@ -1,6 +1,6 @@
 //! The arguments of the macro.
 //!
-//! In: tokens. Out: the literal of the path, with its place, the precisions, and which functions are wanted beside the surfaces. Never opens a file.
+//! In: tokens. Out: the literal of the path with its place, the precisions, and the further functions of each surface. Never opens a file.
 
 use rsm_core::compile::Parts;
 use rsm_core::number::Precision;
@@ -11,9 +11,9 @@ use syn::{Ident, LitBool, LitStr, Token};
 /// once.
 pub(crate) struct Arguments {
     pub(crate) path: LitStr,
-    /// Empty: every precision that can hold the model.
+    /// Empty: every precision that can represent the model.
     pub(crate) precisions: Vec<Precision>,
-    /// What each surface is to have beside itself.
+    /// The further functions of each surface.
     pub(crate) parts: Parts,
 }
 

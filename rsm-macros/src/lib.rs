@@ -1,9 +1,9 @@
 //! `include_model!`: a coefficient file becomes a module of evaluators at compile time.
 //!
-//! In: the path of a model file, relative to the folder of the package's `Cargo.toml`, and a precision. Out: `pub mod <model> { ... }` with the text
-//! that `rsm emit --lang rust` and build.rs give too, since all three call one function of `rsm-core`. A fault in the file is a compile error under
-//! the path, with the file's line and column in its text. Knows nothing of coefficients: it parses its arguments, calls, and says where the error
-//! stands.
+//! In: the path of a model file, relative to the folder of the package's `Cargo.toml`, and a precision. Out: `pub mod <model> { ... }` with the same
+//! text as `rsm emit --lang rust` and build.rs, because all three call one function of `rsm-core`. A fault in the file is a compile error under the
+//! path; its text has the file's line and column. The macro contains no arithmetic on coefficients: it parses its arguments, calls the compiler and
+//! places the error.
 //!
 //! ```text
 //! include_model!("models/pmac.toml");                       // every precision that can hold the model
@@ -40,7 +40,7 @@ fn expand(arguments: &Arguments) -> syn::Result<TokenStream> {
     };
     let path: PathBuf = Path::new(&package).join(&named);
     let source = Source::read(&path).and_then(|source| {
-        // Messages name the file as the literal does.
+        // Messages name the file by the text of the literal.
         compile::rust_with_parts(&Source::new(named.clone(), source.text()), &arguments.precisions, &arguments.parts)
     });
     let RustModule { model, text } = source.map_err(|faults| refuse(message(&named, &faults)))?;
@@ -54,7 +54,7 @@ fn expand(arguments: &Arguments) -> syn::Result<TokenStream> {
         #[doc = #title]
         pub mod #model {
             #module
-            // Tells the compiler that this crate depends on the file, so that an edited file is compiled again.
+            // The compiler records that this crate depends on the file, so an edited file is compiled again.
             const _: &[u8] = include_bytes!(#watched);
         }
     }
@@ -64,7 +64,7 @@ fn expand(arguments: &Arguments) -> syn::Result<TokenStream> {
 /// All faults, in the order of the file.
 fn message(named: &str, faults: &Faults) -> String {
     let lines = faults.list().iter().map(|fault| {
-        // A file that cannot be read is named by its full path; here the literal is what the reader sees.
+        // A fault of a file that cannot be read has the full path; replace it by the literal.
         Fault { file: named.to_string(), ..fault.clone() }.to_string()
     });
     lines.collect::<Vec<_>>().join("\n")

@@ -4,9 +4,9 @@
 //! plant.mo --syntax--> tree --flat--> scalar equations --system--> states, rates, outputs, switches --> programs
 //! ```
 //!
-//! An effect changes a plant by a rewrite of its flat equations. A simulator gets programs from the system.
+//! An effect changes the flat equations of a plant. A simulator gets programs from the system.
 
-// What is public is what a user of the library needs.
+// Only what a user of the library needs is public.
 #![cfg_attr(not(test), warn(unreachable_pub))]
 
 pub mod effects;

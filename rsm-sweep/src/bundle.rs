@@ -1,6 +1,6 @@
 //! A scenario with all its files in one text, for workers on other hosts without a shared file system.
 //!
-//! In: a scenario, or such a text. Out: such a text, or the same scenario: the same tasks with the same hashes.
+//! In: a scenario, or a bundle. Out: a bundle, or the same scenario with the same tasks and hashes.
 
 use rsm_core::source::{Fault, Faults, Source};
 use serde_json::{Map, Value, json};
@@ -14,7 +14,7 @@ pub fn write(scenario: &Scenario) -> String {
     json!({ "bundle": 1, "scenario": scenario.source.text(), "name": scenario.source.name(), "files": files }).to_string()
 }
 
-/// Whether a text is a bundle: TOML never begins like one.
+/// Whether a text is a bundle: its beginning is not valid at the beginning of TOML.
 #[must_use]
 pub fn is_one(text: &str) -> bool {
     text.starts_with("{\"bundle\":")
@@ -23,7 +23,7 @@ pub fn is_one(text: &str) -> bool {
 /// Reads a bundle.
 ///
 /// # Errors
-/// If the text is no bundle of this version, or the faults of its scenario.
+/// If the text is not a bundle of this version, or its scenario has faults.
 pub fn read(source: &Source) -> Result<Scenario, Faults> {
     let refuse = |what: &str| Faults::one(Fault::whole_file(source.name(), what));
     let value: Value =

@@ -26,7 +26,7 @@ pub struct Cluster<'a> {
     pub program: &'a str,
 }
 
-/// A process that is killed if this one fails.
+/// A child process that is killed when this value is dropped.
 struct Guarded(Child);
 
 impl Drop for Guarded {
@@ -39,7 +39,7 @@ impl Drop for Guarded {
 /// Runs tasks. `done` is called after each.
 ///
 /// # Errors
-/// If the script cannot be started, if tasks failed on the workers (all others are kept), or if a result cannot be written; as a sentence.
+/// A sentence: the script cannot be started; tasks failed on the workers (the results of all others are kept); or a result cannot be written.
 pub fn run(
     scenario: &Scenario,
     tasks: &[&Task],
@@ -53,7 +53,7 @@ pub fn run(
     let mut child = Guarded(child);
     let hashes: Vec<&str> = tasks.iter().map(|it| it.hash.as_str()).collect();
     let job = json!({ "program": cluster.program, "bundle": bundle::write(scenario), "tasks": hashes });
-    // A script that ends at once does not read its input; its error is reported below.
+    // A script that ends immediately does not read its input; its error is reported below.
     if let Some(mut input) = child.0.stdin.take() {
         let _ = input.write_all(job.to_string().as_bytes());
     }

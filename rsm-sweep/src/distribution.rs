@@ -1,7 +1,7 @@
 //! Distributions of a varied number.
 //!
 //! In: a share between 0 and 1. Out: the quantile of the distribution at this share. Random shares give random values, the shares of a design give a
-//! design. Draws nothing.
+//! design. This module draws no random numbers.
 
 use statrs::distribution::{ContinuousCDF as _, Normal};
 
@@ -72,7 +72,7 @@ mod tests {
         assert_eq!(Distribution::Uniform([2.0, 6.0]).quantile(0.25), 3.0);
         let log = Distribution::LogUniform([1e-3, 1e3]);
         assert!((log.quantile(0.75) - 10f64.powf(1.5)).abs() < 1e-12 * 31.7);
-        // The exponential of a logarithm is off by some last bits, and never beyond an end.
+        // The exponential of a logarithm has an error in its last bits, but is never beyond an end.
         assert!(log.quantile(0.0) >= 1e-3 && log.quantile(0.0) < 1e-3 * (1.0 + 1e-14));
         assert!(log.quantile(1.0) <= 1e3 && log.quantile(1.0) > 1e3 * (1.0 - 1e-14));
         let list = Distribution::List(vec![5.0, 7.0, 9.0]);

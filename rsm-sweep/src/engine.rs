@@ -15,7 +15,7 @@ use crate::tasks::Task;
 /// Runs tasks. `done` is called after each.
 ///
 /// # Errors
-/// If a result could not be written; as a sentence. The others are kept.
+/// A sentence, if a result could not be written. The other results are kept.
 pub fn run(
     scenario: &Scenario,
     tasks: &[&Task],

@@ -1,9 +1,9 @@
 //! Many simulations or diagnoses as a list of tasks: Monte Carlo, designed experiments, many machines.
 //!
 //! ```text
-//!   scenario.toml --scenario--> Scenario --tasks--> [Task, Task, ...]     a hash each: over all that decides its result
+//!   scenario.toml --scenario--> Scenario --tasks--> [Task, Task, ...]     each with a hash of everything that affects its result
 //!                                                        |
-//!          all cores | a shard K/N | Dask  --run-->  result.json          whole or absent, in a Store
+//!          all cores | a shard K/N | Dask  --run-->  result.json          complete or absent, in a Store
 //!                                                        |
 //!                        Store + tasks --table--> CSV, Parquet --summary--> quantiles with their intervals
 //! ```
@@ -36,7 +36,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-// What is public is what a user of the library needs.
+// Only what a user of the library needs is public.
 #![cfg_attr(not(test), warn(unreachable_pub))]
 
 pub mod distribution;

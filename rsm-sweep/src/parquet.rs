@@ -10,7 +10,7 @@ pub const IS_BUILT: bool = cfg!(feature = "parquet");
 /// The bytes of a Parquet file.
 ///
 /// # Errors
-/// If the build lacks the feature `parquet`; as a sentence.
+/// A sentence, if the build lacks the feature `parquet`.
 #[cfg(not(feature = "parquet"))]
 pub fn write(_: &Table) -> Result<Vec<u8>, String> {
     Err("this build writes no Parquet: build it with `--features parquet`".to_string())
@@ -19,7 +19,7 @@ pub fn write(_: &Table) -> Result<Vec<u8>, String> {
 /// The bytes of a Parquet file.
 ///
 /// # Errors
-/// None is known; as a sentence.
+/// A sentence; no cause of an error is known.
 #[cfg(feature = "parquet")]
 pub fn write(table: &Table) -> Result<Vec<u8>, String> {
     written(table).map_err(|error| format!("the table cannot be written as Parquet: {error}"))
@@ -56,7 +56,7 @@ fn written(table: &Table) -> parquet::errors::Result<Vec<u8>> {
     let mut group = writer.next_row_group()?;
     for column in &table.columns {
         let Some(mut out) = group.next_column()? else { break };
-        // The cells that have a value, and for every row whether it has one.
+        // The cells that have a value, and for every row whether it has one (definition level).
         match &column.cells {
             Cells::Whole(cells) => {
                 let (values, levels) = present(cells, |it| *it as i64);

@@ -1,6 +1,6 @@
 //! One task: a simulation with its figures, or a diagnosis.
 //!
-//! In: a task and its scenario. Out: its result as JSON, which depends on the task alone. A simulation that fails also has a result: `failed` gives
+//! In: a task and its scenario. Out: its result as JSON, which depends only on the task. A simulation that fails also has a result: `failed` gives
 //! the reason.
 
 use rsm_fit::random::Random;
@@ -13,7 +13,7 @@ use crate::PROGRAM;
 use crate::scenario::{Scenario, Simulations, Statistic, Work};
 use crate::tasks::{Task, TaskKind, set};
 
-/// The data of a diagnosis.
+/// The data of one diagnosis.
 #[derive(Debug)]
 pub struct Case<'a> {
     /// The plant.
@@ -24,14 +24,14 @@ pub struct Case<'a> {
     pub threads: usize,
 }
 
-/// Runs a diagnosis and returns its JSON, or why there is none. The JSON must not depend on the number of threads.
+/// Runs a diagnosis and returns its JSON, or the reason of a failure. The JSON must not depend on the number of threads.
 pub type Diagnose<'a> = dyn Fn(&Case<'_>) -> Result<Value, String> + Sync + 'a;
 
 impl Task {
-    /// Runs it.
+    /// Runs the task.
     ///
     /// # Panics
-    /// If it is a task of another scenario.
+    /// If the task belongs to another scenario.
     #[must_use]
     pub fn run(&self, scenario: &Scenario, threads: usize, diagnose: &Diagnose<'_>) -> Value {
         let mut result = Map::new();
@@ -146,7 +146,7 @@ mod tests {
         let found = Statistic::ALL.map(|(_, it)| statistic(it, &values, &measured));
         // Squares: 9 + 16 + 0 + 25 = 50; differences 0, -2, 0, 4: 20.
         assert_eq!(found, [5.0, -4.0, 5.0, 1.0, 12.5f64.sqrt(), 5f64.sqrt()]);
-        // Of no rows: results hold null for it.
+        // Without rows the result is NaN, which JSON writes as null.
         assert_eq!(json!([statistic(Statistic::Mean, &[], &[]), f64::INFINITY]), json!([null, null]));
     }
 }

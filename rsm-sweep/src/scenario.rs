@@ -1,4 +1,4 @@
-//! The file of a sweep, with all files that it names.
+//! The file of a sweep, with all files to which it refers.
 //!
 //! In: TOML, a function that opens files. Out: a [`Scenario`] whose plants, records and distributions fit together, or every fault with line and
 //! column. Runs nothing.
@@ -148,7 +148,7 @@ pub enum Statistic {
 }
 
 impl Statistic {
-    /// All, with their names in the file.
+    /// All figures with their names in the file.
     pub const ALL: [(&'static str, Statistic); 6] = [
         ("final", Statistic::Final),
         ("min", Statistic::Min),
@@ -181,7 +181,7 @@ pub struct Diagnosis {
 }
 
 impl Scenario {
-    /// Reads a scenario and every file that it names.
+    /// Reads a scenario and every file to which it refers.
     ///
     /// # Errors
     /// Every fault, with its place.

@@ -36,7 +36,7 @@ impl Store {
     /// Opens a folder for writing; creates it if necessary.
     ///
     /// # Errors
-    /// If it cannot be written; as a sentence.
+    /// A sentence, if the folder cannot be written.
     pub fn open(out: &Path) -> Result<Store, String> {
         let folder = out.join("tasks");
         std::fs::create_dir_all(&folder).map_err(|error| failed(&folder, "made", &error))?;
@@ -50,7 +50,7 @@ impl Store {
     /// Opens a folder for reading only.
     ///
     /// # Errors
-    /// If it has no results; as a sentence.
+    /// A sentence, if the folder has no results.
     pub fn open_read_only(out: &Path) -> Result<Store, String> {
         let folder = out.join("tasks");
         if folder.is_dir() {
@@ -86,7 +86,7 @@ impl Store {
     /// Logs the start of a task.
     ///
     /// # Errors
-    /// If the log cannot be written; as a sentence.
+    /// A sentence, if the log cannot be written.
     pub fn start(&self, task: &Task) -> Result<(), String> {
         let Some(mut log) = self.log.as_ref() else { return Ok(()) };
         // A single write, so that lines of threads and processes do not mix.
@@ -96,7 +96,7 @@ impl Store {
     /// Stores a result.
     ///
     /// # Errors
-    /// If it cannot be written; as a sentence.
+    /// A sentence, if the result cannot be written.
     pub fn put(&self, task: &Task, result: &Value) -> Result<(), String> {
         let path = self.path(&task.hash);
         let write = || {

@@ -62,7 +62,7 @@ pub struct Quantile {
 fn is_independent(all: &Simulations) -> bool {
     let draws = matches!(all.points, Points::Random) && all.settings > 1 && all.repeats == 1;
     let planned = all.plants.iter().flat_map(|it| &it.places).any(|it| matches!(it.law, crate::scenario::Law::Planned(_)));
-    // Or a single setting, repeated with independent noise.
+    // Or the runs repeat a single setting with independent noise.
     (draws && !planned) || (all.settings == 1 && all.noise)
 }
 
@@ -99,7 +99,7 @@ pub fn of(scenario: &Scenario, table: &Table) -> Vec<Summary> {
 fn summary(column: &Column, rows: &[usize], independent: bool, [plant, record]: [&str; 2]) -> Option<Summary> {
     let Cells::Numbers(cells) = &column.cells else { return None };
     let mut values: Vec<f64> = rows.iter().filter_map(|row| cells[*row]).collect();
-    // In the order of the list, so that the sum does not depend on how equal numbers are sorted.
+    // The sum follows the order of the list, so it does not depend on the order of equal numbers after sorting.
     let count = values.len();
     let mean = values.iter().sum::<f64>() / count as f64;
     let sd = (values.iter().map(|it| (it - mean) * (it - mean)).sum::<f64>() / (count as f64 - 1.0)).sqrt();
@@ -176,7 +176,7 @@ mod tests {
         assert_eq!(order_statistics(0.5, 10), [Some(1), Some(8)]);
         // Of 5 draws P(none) = 1/32 = 0.031: there is no interval.
         assert_eq!(order_statistics(0.5, 5), [None, None]);
-        // 59 draws have the quantile of 95 % below the greatest with 95.15 %; with 97.5 % it takes 72: 0.95^72 = 0.0249.
+        // The largest of 59 draws is above the quantile of 95 % with a probability of 95.15 %. For 97.5 % it takes 72 draws: 0.95^72 = 0.0249.
         assert_eq!(order_statistics(0.95, 71)[1], None);
         assert_eq!(order_statistics(0.95, 72)[1], Some(71));
     }
@@ -192,7 +192,7 @@ mod tests {
                 let [Some(low), Some(high)] = order_statistics(share, 200) else { panic!("200 are enough") };
                 held += usize::from(values[low] <= share && share <= values[high]);
             }
-            // At least 95 %, and the steps of a binomial of 200 add at most 2 %; 3 standard deviations of 2000 are 1.5 %.
+            // The coverage is at least 95 %; the steps of a binomial of 200 add at most 2 %. Three standard deviations of 2000 trials are 1.5 %.
             let rate = held as f64 / 2000.0;
             assert!((0.935..0.99).contains(&rate), "{share}: {rate}");
         }

@@ -88,7 +88,7 @@ impl Table {
         Table { columns }
     }
 
-    /// The column of a name.
+    /// The column with this name.
     #[must_use]
     pub fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|it| it.name == name)
@@ -103,7 +103,7 @@ impl Table {
         }
     }
 
-    /// How many rows there are.
+    /// Number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.columns.first().map_or(0, |it| match &it.cells {
@@ -113,10 +113,10 @@ impl Table {
         })
     }
 
-    /// Its text; decimals read back to the same bits.
+    /// The table as CSV. Its decimals read back to the same bits.
     ///
     /// # Panics
-    /// Never: a table in memory can be written.
+    /// Never, because a table in memory can be written.
     #[must_use]
     pub fn csv(&self) -> String {
         let mut writer = csv::WriterBuilder::new().from_writer(Vec::new());
@@ -134,7 +134,7 @@ impl Table {
     }
 }
 
-/// What is set, and the seeds of the noise.
+/// The columns of the settings and of the seeds of the noise.
 fn settings(all: &Simulations, tasks: &[Task]) -> Vec<Column> {
     let run = |task: &Task| match &task.what {
         TaskKind::Run { values, noise, .. } => (values.clone(), *noise),
@@ -143,7 +143,7 @@ fn settings(all: &Simulations, tasks: &[Task]) -> Vec<Column> {
     let runs: Vec<_> = tasks.iter().map(run).collect();
     let one = |(k, factor): (usize, &crate::scenario::Factor)| Column {
         name: factor.name.clone(),
-        // Two plants may disagree: then each result says its own.
+        // Two plants may have different units: then the unit is in each result.
         unit: unit_of(all.plants.iter().map(|it| it.places[k].unit.as_str())),
         cells: Cells::Numbers(runs.iter().map(|it| it.0.get(k).copied()).collect()),
     };
@@ -155,7 +155,7 @@ fn settings(all: &Simulations, tasks: &[Task]) -> Vec<Column> {
     columns
 }
 
-/// The unit that all agree on; `1` for a number without one.
+/// The unit, if it is the same for all; `1` for a number without a unit.
 fn unit_of<'a>(mut units: impl Iterator<Item = &'a str>) -> Option<String> {
     let first = units.next()?;
     units.all(|it| it == first).then(|| if first.is_empty() { "1" } else { first }.to_string())

@@ -20,11 +20,11 @@ use crate::scenario::{Law, Number, Plant, Points, Scenario, Simulations, Work};
 pub struct Task {
     /// The hash of everything that affects its result: 32 hexadecimal digits of SHA-256.
     pub hash: String,
-    /// The part of the scenario.
+    /// The run or the diagnosis.
     pub what: TaskKind,
 }
 
-/// The part of a scenario that a task is.
+/// What a task computes.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TaskKind {
     /// A run.
@@ -90,7 +90,7 @@ fn hex(digest: &[u8]) -> String {
     })
 }
 
-/// A seed for one purpose, from the seed of the scenario and some counts.
+/// A seed for one purpose, derived from the seed of the scenario and some indices.
 fn derived(purpose: &str, numbers: [u64; 3]) -> u64 {
     let digest = Sha256::digest(format!("rsm sweep {purpose} {numbers:?}"));
     u64::from_le_bytes(digest[..8].try_into().expect("a digest has 32 bytes"))
@@ -128,7 +128,7 @@ pub(crate) fn set(plant: &Plant, values: &[f64]) -> PlantFile {
     file
 }
 
-/// For plants in code: the share of the inertia that the effects split off. All of it is an error, in a plant file and in a setting.
+/// For built-in plants: the share of the inertia that the effects take. A share of 1 is an error, in a plant file and in a setting.
 fn split(file: &PlantFile) -> f64 {
     if matches!(file.kind, PlantKind::Equations(_)) {
         return 0.0;
@@ -181,7 +181,7 @@ fn runs(scenario: &Scenario, all: &Simulations, files: &[String], faults: &mut C
             for (s, values) in settings.iter().enumerate() {
                 for repeat in 0..all.repeats {
                     let noise = all.noise.then(|| {
-                        // 53 bits, which every JSON reader holds exactly.
+                        // 53 bits, which every JSON reader represents exactly.
                         derived("noise", [scenario.seed, s as u64, repeat as u64]) >> 11
                     });
                     let mut hash = common.clone();

@@ -1,18 +1,18 @@
 //! `cargo xtask bench`: times the evaluators with criterion, counts their instructions, prints one table; then one of simulations and diagnoses.
 //!
 //! In: further words for criterion (a filter, `--quick`), or `simulation` for the second table alone (`--quick` leaves out the diagnoses). Out: the
-//! tables of the package rsm-bench, which has all measurements. `loops`: instructions, stack and flash of the control steps on an emulated
-//! Cortex-M4F, in C and in Rust, errors and costs of the controllers of a measured motor, and rates and round trips of the loops between processes
-//! and hosts; the tests that hold them to their budgets print them.
+//! tables of the package rsm-bench, which makes all measurements. `loops`: instructions, stack and flash of the control steps on an emulated
+//! Cortex-M4F, in C and in Rust; errors and costs of the controllers of a measured motor; rates and round trips of the loops between processes and
+//! hosts. The tests that compare these with their budgets print them.
 
 use crate::federation;
 use crate::stage::Run;
 use crate::workspace::cargo;
 
-/// How long each run between processes and hosts is, in s.
+/// Duration of each run between processes and hosts, in s.
 const SECONDS: u32 = 10;
 
-/// Times, then prints the tables.
+/// Measures times, then prints the tables.
 pub(crate) fn run(words: &[&str]) -> bool {
     if words == ["loops"] {
         let tests = [
@@ -35,7 +35,7 @@ pub(crate) fn run(words: &[&str]) -> bool {
         return Run::new().command("simulation", simulation).finish();
     }
     let mut time = cargo(&["bench", "-p", "rsm-bench", "--bench", "evaluators", "--"]);
-    // A tenth of criterion's usual times: 120 cases in a minute and a half. The medians repeat to some per cent on a quiet machine, enough for a
+    // A tenth of criterion's usual times: 120 cases in a minute and a half. On a quiet machine the medians repeat within a few per cent, enough for a
     // table of ratios.
     time.args(["--quiet", "--noplot", "--warm-up-time", "0.1", "--measurement-time", "0.4", "--sample-size", "20"]).args(words);
     Run::new()

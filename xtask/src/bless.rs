@@ -1,7 +1,7 @@
-//! `cargo xtask bless`: writes anew everything that is generated and checked in. Look at the difference before committing it.
+//! `cargo xtask bless`: writes all files that are generated and checked in. Read the difference before a commit.
 //!
-//! Out: the coefficient files that tests make, then `generated/rust` and `generated/c` from them, then golden files and instruction counts. All but
-//! the second come from tests that run with `RSM_BLESS=1`.
+//! Out: the coefficient files that tests make, then `generated/rust` and `generated/c` from them, then golden files and instruction counts. Tests
+//! with `RSM_BLESS=1` write all of them except the second.
 
 use crate::generated;
 use crate::stage::Run;
@@ -24,7 +24,7 @@ const WRITERS: [&str; 12] = [
     "tutorial::",
 ];
 
-/// Of these, the tests that make coefficient files: everything else depends on what they write.
+/// Of these, the tests that make coefficient files: everything else depends on the files that they write.
 const COEFFICIENTS: [&str; 2] = ["driveline::", "motor::"];
 
 /// Writes everything, in the order of dependence.
@@ -55,7 +55,7 @@ mod tests {
 
     #[test]
     fn every_file_that_reads_the_variable_is_among_the_writers() {
-        // The test that compares refused texts is a function that the tests of several packages call.
+        // The test that compares messages of refused files is a function that the tests of several packages call.
         let is_test = |path: &PathBuf| {
             let own = path.strip_prefix(root()).unwrap_or(path);
             !own.starts_with("xtask") && !own.starts_with("bench") && own != Path::new("tests/src/refused.rs")

@@ -1,7 +1,7 @@
-//! `cargo xtask book`: builds the book and checks every link of the pages that it made.
+//! `cargo xtask book`: builds the book and checks every link of the built pages.
 //!
 //! In: `docs/book`. Out: HTML in `target/xtask/book`, and whether the target of every link and anchor exists. `tests/all/book.rs` checks the sources
-//! without mdbook; this checks the pages that mdbook made.
+//! without mdbook; this checks the pages that mdbook built.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -23,7 +23,7 @@ pub(crate) fn run() -> bool {
         let program = folder.join("bin").join(format!("mdbook{}", std::env::consts::EXE_SUFFIX));
         if !program.is_file() {
             run.command("install mdbook", {
-                // A build of its own: nothing of the workspace is compiled again for it.
+                // A separate build, so that nothing of the workspace is compiled again for it.
                 let mut install = cargo(&["install", "mdbook", "--version", MDBOOK, "--locked", "--no-default-features"]);
                 install.arg("--root").arg(&folder).env_remove("CARGO_TARGET_DIR");
                 install
@@ -49,7 +49,7 @@ fn is_on_the_path() -> bool {
     Command::new("mdbook").arg("--version").stdout(Stdio::null()).status().is_ok_and(|status| status.success())
 }
 
-/// Every link of every page leads to a file, and to an anchor of it.
+/// Checks that every link of every page leads to a file, and to an anchor of it.
 fn check_links(folder: &Path) -> Result<(), String> {
     let mut pages = BTreeMap::new();
     collect(folder, &mut pages).map_err(|error| format!("{}: {error}", folder.display()))?;
@@ -75,7 +75,7 @@ fn collect(folder: &Path, pages: &mut BTreeMap<PathBuf, String>) -> std::io::Res
     Ok(())
 }
 
-/// Links that lead nowhere, each with its page, and how many links there are.
+/// Links without a target, each with its page, and the number of links.
 fn broken(pages: &BTreeMap<PathBuf, String>, exists: impl Fn(&Path) -> bool) -> (Vec<String>, usize) {
     let anchors: BTreeMap<&Path, BTreeSet<&str>> =
         pages.iter().map(|(path, text)| (path.as_path(), values(text, "id").collect())).collect();

@@ -1,7 +1,7 @@
 //! Dask distributed, for the tests of `rsm sweep --engine dask`.
 //!
-//! In: nothing. Out: the package `distributed` below target/, from PyPI, or a note with the reason why not. Without a network those tests are skipped
-//! and say so.
+//! In: nothing. Out: the package `distributed` below target/, from PyPI, or a note with the reason why it is missing. Without a network those tests
+//! are skipped with a message.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -11,12 +11,12 @@ use crate::workspace::scratch;
 /// The version that was tested.
 const PACKAGE: &str = "distributed==2026.8.0";
 
-/// The folder where it is installed. The tests use the same path.
+/// The folder of the package. The tests use the same path.
 fn folder() -> PathBuf {
     scratch("dask")
 }
 
-/// Gets the package, once.
+/// Downloads the package, once.
 pub(crate) fn ensure() -> Result<(), String> {
     let folder = folder();
     let package = folder.join("distributed/__init__.py");

@@ -1,11 +1,11 @@
-//! What failed tests printed, read from what cargo prints.
+//! The output of failed tests, read from what cargo prints.
 //!
-//! In: the lines of a test run. Out: the name of each failed test with its output, for the end of a summary: a log of which only the last lines are
-//! kept still shows why a test failed.
+//! In: the lines of a test run. Out: the name of each failed test with its output, for the end of a summary. If only the last lines of a log are
+//! kept, they still show why a test failed.
 
 use std::fmt;
 
-/// The most lines of one test that are kept: the end, which has the message of the panic. A comparison of two files can print thousands.
+/// The largest number of lines for one test: the last ones, which have the message of the panic. A comparison of two files can print thousands.
 const LINES: usize = 80;
 
 /// Failed tests with their output, in the order in which they were printed.

@@ -1,6 +1,6 @@
 //! `cargo xtask federation`: both loops between processes and hosts, a minute for each way and each fault.
 //!
-//! In: nothing. Out: the figures of each run, and whether its outcome was the stated one. Two hosts are network namespaces, which need root.
+//! In: nothing. Out: the figures of each run, and whether its outcome was the expected one. Two hosts are network namespaces, which need root.
 
 use crate::helics;
 use crate::stage::Run;
@@ -13,7 +13,7 @@ pub(crate) fn run() -> bool {
     run.finish()
 }
 
-/// Adds the tests of `rsm-cli/tests/hosts`, with so many seconds for each run.
+/// Adds the tests of `rsm-cli/tests/hosts`, with this many seconds for each run.
 pub(crate) fn add(run: &mut Run, seconds: u32) {
     run.check("helics", helics::ensure).command("federation", {
         let mut test = cargo(&["test", "-p", "rsm-cli", "--test", "hosts", "--", "--nocapture", "--test-threads", "1"]);

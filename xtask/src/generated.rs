@@ -1,8 +1,8 @@
-//! What is emitted from `generated/coefficients`: `generated/rust` and `generated/c`.
+//! The emitted files of `generated/coefficients`: `generated/rust` and `generated/c`.
 //!
-//! In: every coefficient file. Out: the emitted files, by the program `rsm` of the stage `programs`, in a scratch folder; the checked-in ones are
-//! compared with them or replaced by them. Files are replaced only after everything has been emitted, each by renaming, so that a fault leaves no
-//! incomplete file.
+//! In: every coefficient file. Out: the emitted files. The program `rsm` of the stage `programs` writes them to a scratch folder; the checked-in
+//! files are compared with them or replaced by them. Files are replaced only after everything has been emitted, each by renaming, so that a fault
+//! leaves no incomplete file.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -16,7 +16,7 @@ const LANGUAGES: [&str; 2] = ["rust", "c"];
 /// Relative name and content of every file of the folders of all languages.
 type Files = BTreeMap<PathBuf, Vec<u8>>;
 
-/// Says which files are missing, left over or different.
+/// Reports missing, surplus and different files.
 pub(crate) fn is_up_to_date() -> Result<(), String> {
     let wrong = differences(&checked_in()?, &emit()?);
     if wrong.is_empty() {
@@ -28,7 +28,7 @@ pub(crate) fn is_up_to_date() -> Result<(), String> {
     ))
 }
 
-/// Replaces the checked-in files by those that are emitted now, and prints which changed.
+/// Replaces the checked-in files by newly emitted ones, and prints which changed.
 pub(crate) fn refresh() -> Result<(), String> {
     let (old, new) = (checked_in()?, emit()?);
     for (name, content) in &new {
@@ -63,7 +63,7 @@ fn differences(old: &Files, new: &Files) -> Vec<String> {
     all.into_iter().map(|(name, what)| format!("{} {what}", name.display())).collect()
 }
 
-/// The files as they are checked in.
+/// The checked-in files.
 fn checked_in() -> Result<Files, String> {
     read(&root().join("generated"))
 }
@@ -78,10 +78,10 @@ fn emit() -> Result<Files, String> {
         for language in LANGUAGES {
             let mut emit = Command::new(program("debug", "rsm"));
             emit.current_dir(root()).arg("emit");
-            // Relative to the root, as a developer would type it: messages then name the file in the same words.
+            // Relative to the root, as a developer would type it, so that messages use the same name.
             emit.arg(model.strip_prefix(root()).unwrap_or(&model));
             emit.args(["--lang", language, "--out"]).arg(folder.join(language));
-            // Its output is of interest only when it fails.
+            // Its output is printed only if it fails.
             let output = emit.output().map_err(|error| format!("cannot start target/debug/rsm: {error}"))?;
             if !output.status.success() {
                 let said = String::from_utf8_lossy(&output.stderr);

@@ -1,7 +1,7 @@
 //! The library of HELICS, for the tests of federations.
 //!
-//! In: nothing. Out: libhelics below target/, from the wheel of PyPI, or a note with the reason why not. Without a network those tests are skipped
-//! and say so.
+//! In: nothing. Out: libhelics below target/, from the wheel of PyPI, or a note with the reason why it is missing. Without a network those tests are
+//! skipped with a message.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -16,7 +16,7 @@ pub(crate) fn folder() -> PathBuf {
     scratch("helics")
 }
 
-/// Gets the library, once.
+/// Downloads the library, once.
 pub(crate) fn ensure() -> Result<(), String> {
     let folder = folder();
     let library = folder.join("helics/install/lib64/libhelics.so");

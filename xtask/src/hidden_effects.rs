@@ -1,31 +1,31 @@
 //! `cargo xtask hidden-effects`: tests the diagnosis on records of an independent simulation.
 //!
-//! In: further arguments for the package hidden-effects. Out: its tables; its cases stay under the target directory, so that failures can be
-//! examined.
+//! In: further arguments for the package hidden-effects. Out: its tables; the files of its cases remain under the target directory, so that failures
+//! can be examined.
 
 use crate::stage::Run;
 use crate::workspace::{cargo, program, scratch};
 
-/// A few cases a plant, with the programs that the tests before it have built.
+/// A few cases for each plant, with the programs that an earlier stage has built.
 pub(crate) fn quick() -> std::process::Command {
     judge("debug", "judge", &["--quick"])
 }
 
-/// Records as real benches make them, of plants without a fault: noise of every kind, faults of a logger. Half a second to two seconds for each case,
-/// with short records.
+/// Records like those of real test benches, of plants without a fault: noise of every kind, faults of a logger. Half a second to two seconds for each
+/// case, with short records.
 pub(crate) fn quick_of_bench(family: &str) -> std::process::Command {
     judge("debug", "judge", &["--family", family, "--rows", "1500"])
 }
 
-/// The same for surfaces: every cause once, and a few of each further family.
+/// The same for surfaces: every cause once, and a few cases of each further family.
 pub(crate) fn quick_surfaces() -> std::process::Command {
     judge("debug", "surfaces", &["--quick"])
 }
 
-/// Seeds of the whole table of surfaces: each rate is over a hundred cases or more.
+/// Number of seeds for the whole table of surfaces: each rate is then computed from a hundred cases or more.
 const SEEDS: &str = "8";
 
-/// Builds the command and the judge, then runs the judge with the arguments; without arguments for plants and surfaces.
+/// Builds the command and the test program, then runs the test program with the arguments; without arguments for plants and surfaces.
 pub(crate) fn run(words: &[&str]) -> bool {
     let (mode, rest) = match words {
         ["verify", rest @ ..] => ("verify", rest),

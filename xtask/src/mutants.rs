@@ -1,7 +1,7 @@
-//! `cargo xtask mutants`: finds changes of the code that the tests of a package do not notice.
+//! `cargo xtask mutants`: finds changes of the code with which the tests of a package still pass.
 //!
-//! In: further arguments for the package mutants. Out: its table; its copy of the workspace stays under the target directory, so that a second run is
-//! fast. `quick` is the part that `cargo xtask test` runs: a sample from a fixed seed.
+//! In: further arguments for the package mutants. Out: its table. Its copy of the workspace remains under the target directory, so that a second run
+//! is fast. `quick` is the part that `cargo xtask test` runs: a sample from a fixed seed.
 
 use std::process::Command;
 
@@ -22,15 +22,15 @@ const SAMPLE: &str = "6";
 /// The files of the quick part: every certificate and every statistic depends on them.
 const FILES: [&str; 5] = ["rounding", "interval", "bernstein", "statistics", "qr"];
 
-/// The seed is fixed, so the stage gives the same result for everybody. `cargo xtask mutants --sample --seed` draws others.
+/// The seed is fixed, so the stage gives the same result on every machine. `cargo xtask mutants --sample --seed` draws other samples.
 const SEED: &str = "1";
 
 /// A sample of mutants against the unit tests.
 pub(crate) fn quick() -> Command {
     let files = FILES.iter().flat_map(|file| ["--file", file]);
-    // A folder of its own: another set of mutants in the same one compiles both packages again each time.
+    // A folder of its own: another set of mutants in the same folder would compile both packages again each time.
     let words: Vec<&str> = files.chain(["--unit", "--sample", SAMPLE, "--seed", SEED]).collect();
-    // The program that the stage before has built.
+    // The program that an earlier stage has built.
     at(Command::new(program("debug", "mutants")), "mutants-quick", &words)
 }
 

@@ -1,7 +1,7 @@
 //! The tools that the tests need beside cargo.
 //!
-//! In: nothing. Out: all of them installed, or the names of the missing Debian packages. Installs them if it is allowed to: as root, or through sudo
-//! without a password. Looks for the tools themselves, so a machine with another system passes if it has them.
+//! In: nothing. Out: all of them installed, or the names of the missing Debian packages. Installs them if this user may: as root, or through sudo
+//! without a password. Searches for the tools themselves, so a machine with another system passes if it has them.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -38,7 +38,7 @@ const NEEDED: [(&str, &str); 22] = [
     ("chromium", "chromium"),
 ];
 
-/// Makes sure that everything is there.
+/// Ensures that all tools are installed.
 pub(crate) fn ensure() -> Result<(), String> {
     let missing = missing();
     if missing.is_empty() {
@@ -70,7 +70,7 @@ fn is_there(file: &str) -> bool {
     std::env::split_paths(&path).any(|folder: PathBuf| folder.join(file).is_file())
 }
 
-/// The words before apt-get's own arguments, or `None` when this user may not install.
+/// The words before the arguments of apt-get, or `None` if this user may not install.
 fn apt_get() -> Option<Vec<&'static str>> {
     if !is_there("apt-get") {
         return None;

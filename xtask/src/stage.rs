@@ -1,4 +1,4 @@
-//! Stages: one after another, each with its time; the first that fails ends the run.
+//! Stages run one after another, each with its time; the first failure ends the run.
 //!
 //! In: a name and a command or a check. Out: a summary: what passed, what failed with the output of each failed test, and how to run it again. The
 //! output of a command is printed line by line as it arrives.
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use crate::failures::Failures;
 use crate::totals::Totals;
 
-/// What ran so far.
+/// The stages that have run so far.
 pub(crate) struct Run {
     stages: Vec<Stage>,
     totals: Totals,
@@ -20,7 +20,7 @@ pub(crate) struct Run {
 struct Stage {
     name: &'static str,
     took: Duration,
-    /// Why it failed, and how to run it again.
+    /// The reason of the failure, and how to run the stage again.
     failure: Option<String>,
 }
 
@@ -29,7 +29,7 @@ impl Run {
         Run { stages: Vec::new(), totals: Totals::default(), failures: Failures::default() }
     }
 
-    /// Runs a check that says why it failed. Does nothing when an earlier stage failed.
+    /// Runs a check that returns the reason of a failure. Does nothing after a failed stage.
     pub(crate) fn check(&mut self, name: &'static str, check: impl FnOnce() -> Result<(), String>) -> &mut Self {
         self.stage(name, |_, _| check())
     }
@@ -87,7 +87,7 @@ impl Run {
         self.stages.iter().all(|stage| stage.failure.is_none())
     }
 
-    /// Prints what failed tests printed and the summary, and returns whether everything passed.
+    /// Prints the output of failed tests and the summary, and returns whether everything passed.
     pub(crate) fn finish(&self) -> bool {
         print!("{}", self.failures);
         println!("\nstages");
@@ -104,7 +104,7 @@ impl Run {
         self.held()
     }
 
-    /// How many tests passed and failed. A failed stage counts at least one failure.
+    /// The numbers of tests that passed and failed. A failed stage counts as at least one failure.
     pub(crate) fn totals(&self) -> Totals {
         let mut totals = self.totals.clone();
         if !self.held() {

@@ -7,13 +7,13 @@ use crate::stage::Run;
 use crate::workspace::cargo;
 use crate::{dask, generated, helics, hidden_effects, mutants, packages, publish};
 
-/// The libraries that must build without `std`, and the bare-metal machine to try first: a Cortex-M4F, what a motor drive has.
+/// The libraries that must build without `std`, and the bare-metal target that is tried first: a Cortex-M4F, as in a motor drive.
 const WITHOUT_STD: [&str; 2] = ["motor-loop", "throttle-loop"];
 const BARE_METAL: &str = "thumbv7em-none-eabihf";
 
 /// The tests of the long matrix, by parts of their names: those that run code of this build, which the stage `test` has run at opt 0, and those that
-/// the stage `test` ignores because they take minutes at opt 0. All other tests of the target `across` read files, or call compilers on emitted text:
-/// they do not depend on how this workspace is compiled.
+/// the stage `test` ignores because they take minutes at opt 0. All other tests of the target `across` read files, or call compilers for emitted
+/// text: they do not depend on how this workspace is compiled.
 const LONG_MATRIX: [&str; 6] = [
     "bit_for_bit::macro_keeps_the_bits",
     "bit_for_bit::all_back_ends_keep_the_bits",
@@ -23,17 +23,17 @@ const LONG_MATRIX: [&str; 6] = [
     "of_the_steps_in_rust",
 ];
 
-/// The packages that hold emitted code or run it: the long matrix compiles them as a release does. The other libraries stay as the tests before have
-/// built them, which saves a second build of all of them; `rsm-core`, whose interpreter the bits are compared with, is at opt 3 in every profile.
+/// The packages that contain or run emitted code: the long matrix compiles them like a release. The other libraries remain as the tests before have
+/// built them, which saves a second build of all of them. `rsm-core`, whose interpreter gives the reference bits, is at opt 3 in every profile.
 const AS_RELEASED: [&str; 4] = ["rsm-tests", "branch-free", "motor-loop", "throttle-loop"];
 
-/// What a release has of a package that the profile of the tests has not.
+/// The settings of the release profile for a package that the profile of the tests does not have.
 fn as_released(package: &str) -> [String; 4] {
     ["opt-level=3", "debug-assertions=false", "overflow-checks=false", "codegen-units=16"]
         .map(|setting| format!("profile.dev.package.{package}.{setting}"))
 }
 
-/// Systems beside Linux on which the command must compile.
+/// Other systems than Linux on which the command must compile.
 const ELSEWHERE: [&str; 2] = ["x86_64-pc-windows-gnu", "aarch64-apple-darwin"];
 
 /// Runs every stage.
@@ -55,7 +55,7 @@ pub(crate) fn run() -> bool {
         .command("noise of benches", hidden_effects::quick_of_bench("noise"))
         .command("data of benches", hidden_effects::quick_of_bench("data"))
         .command("hidden in surfaces", hidden_effects::quick_surfaces())
-        // Do the tests notice changes of the code? A sample; all of it is `cargo xtask mutants`.
+        // Whether the tests notice changes of the code: a sample; all of it is `cargo xtask mutants`.
         .command("mutants", mutants::quick())
         // At opt 3: see `LONG_MATRIX`.
         .command("long matrix", {
@@ -80,7 +80,7 @@ pub(crate) fn run() -> bool {
     if machine.is_none() && run.held() {
         println!("\nnote: {BARE_METAL} is not installed; the targets are built as `no_std` libraries for this host");
     }
-    // Fitter, compiler and diagnosis must run on every usual machine of an engineer.
+    // Fitter, compiler and diagnosis must run on every usual system of an engineer.
     let elsewhere: Vec<&str> = ELSEWHERE.into_iter().filter(|machine| has_core(machine)).collect();
     if elsewhere.len() < ELSEWHERE.len() && run.held() {
         println!("\nnote: of {} only [{}] are installed (rustup target add)", ELSEWHERE.join(" and "), elsewhere.join(" "));
@@ -104,7 +104,7 @@ pub(crate) fn run() -> bool {
     held
 }
 
-/// Builds the programs that tests start. The tests are named too, so that cargo uses the libraries that the tests have built.
+/// Builds the programs that tests start. The tests are listed too, so that cargo uses the libraries that the tests have built.
 pub(crate) fn programs() -> std::process::Command {
     cargo(&["build", "--workspace", "--bins", "--tests"])
 }
@@ -125,7 +125,7 @@ mod tests {
     use super::*;
     use crate::workspace::{root, sources};
 
-    /// The sources of the target `across`, by module: the path of a test begins with it.
+    /// The sources of the target `across`, by module: the path of a test begins with the module.
     fn across() -> Vec<(String, String)> {
         let folder = root().join("tests/all");
         let of_one = |path: PathBuf| {
@@ -163,7 +163,7 @@ mod tests {
                 let name = source[place..].split("\nfn ").nth(1).and_then(|rest| rest.split('(').next()).unwrap_or_default();
                 assert!(tests.contains(&(name, true)), "`LONG_MATRIX` lacks {module}::{name}");
             }
-            // Code of this build is called by these names.
+            // These names identify tests that call code of this build.
             for crate_name in ["through_the_macro", "motor_loop::{CurrentState, Demand", "motor_loop::references"] {
                 let is_run = tests.iter().any(|it| it.1) || module.ends_with("sequence");
                 assert!(

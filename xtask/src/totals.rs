@@ -1,4 +1,4 @@
-//! How many tests passed and failed, read from what cargo prints.
+//! The numbers of tests that passed and failed, read from what cargo prints.
 //!
 //! In: lines such as `test result: ok. 14 passed; 0 failed; 2 ignored; ...`, and `SKIPPED: why` from a test that cannot run on this machine. Out:
 //! sums. Any other line is ignored.

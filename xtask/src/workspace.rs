@@ -1,4 +1,4 @@
-//! Where the workspace is, and how cargo is called in it.
+//! The paths of the workspace, and calls of cargo in it.
 
 #[cfg(test)]
 use std::path::Path;
@@ -12,7 +12,7 @@ pub(crate) fn root() -> PathBuf {
     root
 }
 
-/// The target directory: where cargo was told to put it, or `target`.
+/// The target directory: the one that cargo is set to use, or `target`.
 fn target() -> PathBuf {
     root().join(std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from))
 }
@@ -27,7 +27,7 @@ pub(crate) fn program(profile: &str, name: &str) -> PathBuf {
     target().join(profile).join(name)
 }
 
-/// Cargo, in the root, with arguments. The same cargo that runs this program.
+/// Cargo with arguments, in the root: the same cargo that runs this program.
 pub(crate) fn cargo(arguments: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(root()).args(arguments);

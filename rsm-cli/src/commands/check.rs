@@ -1,4 +1,5 @@
-//! `rsm check`: the rules of the file, and what is proved about its surfaces and compensators; with `--limits`, about the control loop with them.
+//! `rsm check`: checks the rules of the file, and certifies range and rounding error of its surfaces and the stability of its compensators. With
+//! `--limits` it also checks the limits of the control loop around the surfaces.
 
 use std::path::PathBuf;
 
@@ -34,7 +35,7 @@ pub struct Arguments {
     json: bool,
 }
 
-/// What a check found that does not hold.
+/// A property that does not hold.
 #[derive(Serialize)]
 pub struct Problem {
     pub r#where: String,
@@ -43,19 +44,19 @@ pub struct Problem {
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
-    let asked = precisions(&arguments.precision);
+    let requested = precisions(&arguments.precision);
     let checked = Checked::read(&model_source(&arguments.model)?)?;
     let mut problems = Vec::new();
-    let wanted = if asked.is_empty() { Precision::ALL.to_vec() } else { asked.clone() };
-    if asked.is_empty() {
+    let candidates = if requested.is_empty() { Precision::ALL.to_vec() } else { requested.clone() };
+    if requested.is_empty() {
         print_left_out(&checked);
     }
-    let mut held = Vec::new();
-    for precision in wanted {
+    let mut representable = Vec::new();
+    for precision in candidates {
         match checked.refusal(precision) {
-            None => held.push(precision),
-            // The user did not name this precision.
-            Some(_) if asked.is_empty() => {}
+            None => representable.push(precision),
+            // A precision that the user did not name is no problem.
+            Some(_) if requested.is_empty() => {}
             Some(faults) => {
                 problems.extend(faults.list().iter().map(|fault| Problem {
                     r#where: format!("{}:{}:{}", fault.file, fault.line, fault.column),
@@ -65,7 +66,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
             }
         }
     }
-    let certificates = certificate::surfaces(&checked, &held)?;
+    let certificates = certificate::surfaces(&checked, &representable)?;
     for surface in &certificates {
         for tape in surface.tapes.iter().filter(|tape| !tape.error.is_finite()) {
             problems.push(Problem {
@@ -91,16 +92,16 @@ pub fn run(arguments: &Arguments) -> Outcome {
     problems.extend(of_loop.iter().filter_map(limits::Checked::problem));
     if arguments.explain {
         for index in 0..checked.model().surfaces.len() {
-            for precision in &held {
-                tell_part!("{}", lower::surface(&checked, index, *precision));
+            for precision in &representable {
+                stderr_text!("{}", lower::surface(&checked, index, *precision));
                 if let Some(saturation) = lower::saturation(&checked, index, *precision) {
-                    tell!("{}", at_bounds(&saturation));
+                    stderr_line!("{}", at_bounds(&saturation));
                 }
             }
         }
         for index in 0..compensators.len() {
-            for precision in &held {
-                tell_part!("{}", lower::compensator(&checked, index, *precision));
+            for precision in &representable {
+                stderr_text!("{}", lower::compensator(&checked, index, *precision));
             }
         }
     }
@@ -117,7 +118,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     Ok(if problems.is_empty() { Answer::Positive } else { Answer::Negative })
 }
 
-/// What a tape does at the bounds of `output_range`, and why.
+/// Whether the result can reach the bounds of `output_range`, and why.
 fn at_bounds(saturation: &Saturation) -> String {
     let why = match saturation.values {
         Some(Interval { low, high }) => format!("Before a clamp every value of this tape lies in [{low:?}, {high:?}]."),

@@ -1,4 +1,4 @@
-//! `rsm cosim`: a co-simulation by its scenario: broker and federates as processes of this host, or the commands for each host.
+//! `rsm cosim`: runs a co-simulation from its scenario. Broker and federates are processes of this host; or it prints the commands for each host.
 //!
 //! In: a scenario. Out: the records of all roles in one folder, the exit status of every process, and whether the records are identical, bit by bit,
 //! to those of one process. The processes are `rsm federate`, started by this same program.
@@ -45,8 +45,8 @@ pub struct Arguments {
     json: bool,
 }
 
-/// After the first process has failed, the others end by themselves within 5 s. A process that still runs after this time is ended.
-const PATIENCE: Duration = Duration::from_secs(10);
+/// After the first process has failed, the others end by themselves within 5 s. A process that still runs after this time is killed.
+const END_TIMEOUT: Duration = Duration::from_secs(10);
 
 pub fn run(arguments: &Arguments) -> Outcome {
     let scenario = Scenario::read(&Source::read(&arguments.scenario)?)?;
@@ -62,11 +62,11 @@ pub fn run(arguments: &Arguments) -> Outcome {
     if arguments.commands || (arguments.host.is_none() && hosts.len() > 1) {
         return print(arguments, &starts);
     }
-    // One message in place of one from every process.
+    // Load the library once here: one error message in place of one from every process.
     Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
     let here = starts.into_iter().filter(|start| arguments.host.is_none() || start.host == arguments.host).collect();
     let ended = start_and_wait(here, arguments.helics.as_deref())?;
-    tell(arguments, &scenario, &ended)
+    print_result(arguments, &scenario, &ended)
 }
 
 /// A word quoted for a shell.
@@ -76,7 +76,7 @@ fn quoted(word: &str) -> String {
 }
 
 fn print(arguments: &Arguments, starts: &[Start]) -> Outcome {
-    let line = |start: &Start| format!("rsm {}", start.words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" "));
+    let line = |start: &Start| format!("rsm {}", start.arguments.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" "));
     if arguments.json {
         let commands: Vec<Value> =
             starts.iter().map(|it| json!({ "host": it.host, "process": it.process, "command": line(it) })).collect();
@@ -101,13 +101,13 @@ fn print(arguments: &Arguments, starts: &[Start]) -> Outcome {
 /// A process that has ended.
 struct Ended {
     process: String,
-    /// `None`: by a signal.
+    /// `None` if a signal ended the process.
     status: Option<i32>,
     /// Its output as JSON.
-    told: Value,
+    output: Value,
 }
 
-/// A child process that is ended if this program fails.
+/// A child process that is killed when this value is dropped, for example after an error.
 struct Guarded(Child);
 
 impl Drop for Guarded {
@@ -123,7 +123,7 @@ fn start_and_wait(starts: Vec<Start>, helics: Option<&Path>) -> Result<Vec<Ended
     let mut running = Vec::new();
     for start in starts {
         let mut command = Command::new(&program);
-        command.args(&start.words).arg("--json").stdin(Stdio::null()).stdout(Stdio::piped());
+        command.args(&start.arguments).arg("--json").stdin(Stdio::null()).stdout(Stdio::piped());
         if let Some(helics) = helics {
             command.arg("--helics").arg(helics);
         }
@@ -141,21 +141,21 @@ fn start_and_wait(starts: Vec<Start>, helics: Option<&Path>) -> Result<Vec<Ended
                     if !status.success() {
                         failed.get_or_insert_with(Instant::now);
                     }
-                    // One object: it fits in the pipe.
-                    let mut told = String::new();
-                    let _ = child.0.stdout.take().map(|mut pipe| pipe.read_to_string(&mut told));
-                    let told = serde_json::from_str(&told).unwrap_or(Value::Null);
-                    ended.push(Ended { process, status: status.code(), told });
+                    // Each process prints one JSON object, which fits in the buffer of the pipe.
+                    let mut output = String::new();
+                    let _ = child.0.stdout.take().map(|mut pipe| pipe.read_to_string(&mut output));
+                    let output = serde_json::from_str(&output).unwrap_or(Value::Null);
+                    ended.push(Ended { process, status: status.code(), output });
                 }
                 Err(error) => return Err(Refusal::new(format!("`{process}` cannot be waited for: {error}"))),
             }
         }
         running = still;
-        if failed.is_some_and(|since| since.elapsed() > PATIENCE) {
+        if failed.is_some_and(|since| since.elapsed() > END_TIMEOUT) {
             for (process, child) in running.drain(..) {
-                tell!("{process}: did not end in time and was stopped");
+                stderr_line!("{process}: did not end in time and was stopped");
                 drop(child);
-                ended.push(Ended { process, status: None, told: Value::Null });
+                ended.push(Ended { process, status: None, output: Value::Null });
             }
         }
         std::thread::sleep(Duration::from_millis(20));
@@ -163,11 +163,12 @@ fn start_and_wait(starts: Vec<Start>, helics: Option<&Path>) -> Result<Vec<Ended
     Ok(ended)
 }
 
-/// The records of one process, by role.
+/// The records of a run in one process, by role.
 fn of_one_process(scenario: &Scenario) -> Vec<(Role, Table)> {
-    let loops: Vec<_> = scenario.loops().map(|side| (side, loops::alone(side, scenario.run))).collect();
+    let loops: Vec<_> = scenario.loops().map(|control_loop| (control_loop, loops::alone(control_loop, scenario.run))).collect();
     let table = |role: Role| {
-        let [plant, exchanged] = &loops.iter().find(|(side, _)| *side == role.of_loop()).expect("both sides take part").1;
+        let [plant, exchanged] =
+            &loops.iter().find(|(control_loop, _)| *control_loop == role.of_loop()).expect("both sides take part").1;
         if matches!(role, Role::Plant(_)) { plant.clone() } else { exchanged.clone() }
     };
     scenario.roles().map(|role| (role, table(role))).collect()
@@ -187,15 +188,15 @@ fn alone(arguments: &Arguments, scenario: &Scenario) -> Outcome {
             &json!({ "scenario": scenario.name, "ticks": scenario.run.ticks, "steps_per_second": rate, "records": records }),
         )?;
     } else {
-        tell!("{}: {} ticks in one process, {rate:.0} a second", scenario.name, scenario.run.ticks);
+        stderr_line!("{}: {} ticks in one process, {rate:.0} a second", scenario.name, scenario.run.ticks);
     }
     Ok(Answer::Positive)
 }
 
-fn tell(arguments: &Arguments, scenario: &Scenario, ended: &[Ended]) -> Outcome {
-    let good = ended.iter().all(|it| it.status == Some(0));
+fn print_result(arguments: &Arguments, scenario: &Scenario, ended: &[Ended]) -> Outcome {
+    let all_good = ended.iter().all(|it| it.status == Some(0));
     let mut differ = Vec::new();
-    if arguments.check && good {
+    if arguments.check && all_good {
         for (role, table) in of_one_process(scenario) {
             let path = arguments.out.join(format!("{}.csv", role.unique_name()));
             let found = std::fs::read_to_string(&path).unwrap_or_default();
@@ -204,12 +205,12 @@ fn tell(arguments: &Arguments, scenario: &Scenario, ended: &[Ended]) -> Outcome 
             }
         }
     }
-    let equal = (arguments.check && good).then_some(differ.is_empty());
-    let words = |it: &Ended| it.status.map_or("ended by a signal".to_string(), |status| format!("status {status}"));
+    let equal = (arguments.check && all_good).then_some(differ.is_empty());
+    let status = |it: &Ended| it.status.map_or("ended by a signal".to_string(), |status| format!("status {status}"));
     if arguments.json {
         let processes: Map<String, Value> = ended
             .iter()
-            .map(|it| (it.process.clone(), json!({ "status": it.status, "roles": it.told.get("roles") })))
+            .map(|it| (it.process.clone(), json!({ "status": it.status, "roles": it.output.get("roles") })))
             .collect();
         output::json(&json!({
             "scenario": scenario.name,
@@ -220,17 +221,17 @@ fn tell(arguments: &Arguments, scenario: &Scenario, ended: &[Ended]) -> Outcome 
         }))?;
     }
     for it in ended.iter().filter(|it| it.status != Some(0)) {
-        tell!("{}: {}", it.process, words(it));
+        stderr_line!("{}: {}", it.process, status(it));
     }
     match equal {
-        Some(true) => tell!("{}: the records are identical, bit by bit, to those of one process", scenario.name),
-        Some(false) => tell!("{}: the records differ from those of one process: {}", scenario.name, differ.join(", ")),
-        None => tell!(
+        Some(true) => stderr_line!("{}: the records are identical, bit by bit, to those of one process", scenario.name),
+        Some(false) => stderr_line!("{}: the records differ from those of one process: {}", scenario.name, differ.join(", ")),
+        None => stderr_line!(
             "{}: {} processes, {}",
             scenario.name,
             ended.len(),
-            if good { "all processes ended without an error" } else { "not all processes ended without an error" }
+            if all_good { "all processes ended without an error" } else { "not all processes ended without an error" }
         ),
     }
-    Ok(if good && equal != Some(false) { Answer::Positive } else { Answer::Negative })
+    Ok(if all_good && equal != Some(false) { Answer::Positive } else { Answer::Negative })
 }

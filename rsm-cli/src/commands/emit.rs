@@ -64,7 +64,7 @@ enum Language {
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
-    let asked = precisions(&arguments.precision);
+    let requested = precisions(&arguments.precision);
     let source = model_source(&arguments.model)?;
     let is_text = arguments.model.extension().is_some_and(|it| it.eq_ignore_ascii_case("mo"));
     let shown = arguments.model.display();
@@ -96,7 +96,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     }
     let checked = Checked::read(&source)?;
     let parts = Parts { gradient: arguments.gradient, inside: arguments.inside, once: arguments.once.clone() };
-    let unit = compile::unit_with_parts(&checked, &asked, &parts)?;
+    let unit = compile::unit_with_parts(&checked, &requested, &parts)?;
     let model = &unit.model;
     let files: Vec<(PathBuf, String)> = match arguments.lang {
         Language::Rust => vec![(arguments.out.join(format!("{model}.rs")), emit::rust::emit(&unit))],
@@ -109,7 +109,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         }
     };
     output::write_all(&files)?;
-    if asked.is_empty() {
+    if requested.is_empty() {
         print_left_out(&checked);
     }
     if arguments.json {

@@ -50,7 +50,8 @@ pub struct Arguments {
     json: bool,
 }
 
-/// One row of results, one but for a gradient: the values as the precision prints them, their f64 for JSON, their bits in hexadecimal.
+/// One row of results. It has one result, or one for each input for a gradient: the values as the precision prints them, as f64 for JSON, and their
+/// bits in hexadecimal.
 struct Evaluated {
     texts: Vec<String>,
     values: Vec<f64>,
@@ -88,7 +89,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     }
 }
 
-/// A compensator over the rows of a table, in order.
+/// Runs a compensator over the rows of a table, in order.
 fn sequence(arguments: &Arguments, checked: &Checked, name: &str, precision: Precision) -> Outcome {
     let compensators = &checked.model().compensators;
     let index = compensators.iter().position(|compensator| compensator.name == name).ok_or_else(|| {
@@ -101,7 +102,7 @@ fn sequence(arguments: &Arguments, checked: &Checked, name: &str, precision: Pre
     let schedule = checked.schedule_of(&compensators[index]);
     let points = table(path, Some(lower::SIGNAL), &schedule)?;
     let results = evaluate(&lower::compensator(checked, index, precision), &points);
-    // The signal has the unit that it came in, before and after.
+    // Input and output of a compensator have the same unit.
     let header = header(Some(lower::SIGNAL), &schedule, name);
     print(arguments, Some((&header, &points)), &results, json!({ "compensator": name, "precision": precision.name() }))
 }
@@ -130,7 +131,7 @@ fn print(
 ) -> Outcome {
     if arguments.json {
         let rows = |each: &dyn Fn(&Evaluated) -> Vec<serde_json::Value>| -> serde_json::Value {
-            // A number for a surface, a list for a gradient.
+            // A number for a surface, a list for its gradient.
             let row = |result| {
                 let mut values = each(result);
                 if arguments.gradient { values.into() } else { values.swap_remove(0) }

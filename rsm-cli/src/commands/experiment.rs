@@ -1,7 +1,7 @@
-//! `rsm experiment`: the simulated bench and the simulated track, by a plan.
+//! `rsm experiment`: runs a plan on the simulated bench or the simulated track.
 //!
-//! In: a plan and a plant file. Out: a CSV of measured points or runs, and records of the runs, whole or absent. The simulation is rsm-rigs'; here
-//! are files and words.
+//! In: a plan and a plant file. Out: a CSV of measured points or runs, and records of the runs, complete or not written at all. rsm-rigs simulates;
+//! this module reads and writes files and prints.
 
 use std::path::{Path, PathBuf};
 
@@ -92,7 +92,7 @@ fn pmac(arguments: &Pmac) -> Outcome {
     let plant = PlantFile::read(&Source::read(&arguments.plant)?)?;
     let settings = settings(&Plan::read(&Source::read(&arguments.plan)?)?)?;
     let outcomes = Bench::default().run(&plant, &settings, arguments.seed).map_err(|faults| {
-        // The simulation knows no file: its name is put in front.
+        // The simulation does not have the file's name, so it is added here.
         Refusal::new(format!("{}: {faults}", arguments.plant.display()))
     })?;
     let measured = outcomes.iter().filter(|outcome| matches!(outcome, bench::Outcome::AtLimit(_))).count();
@@ -108,7 +108,7 @@ fn pmac(arguments: &Pmac) -> Outcome {
         }))?;
     } else {
         let runs = outcomes.len();
-        tell!("{}: {runs} runs, {measured} of them at the voltage limit", arguments.out.display());
+        stderr_line!("{}: {runs} runs, {measured} of them at the voltage limit", arguments.out.display());
     }
     Ok(Answer::Positive)
 }
@@ -120,7 +120,7 @@ fn driveline(arguments: &Driveline) -> Outcome {
     let bar = ProgressBar::new(plan.runs.len() as u64);
     let runs = experiment::experiment(&plant, &plan, arguments.seed, compensation.as_ref(), threads());
     bar.finish_and_clear();
-    // The simulation knows no file: its name is put in front.
+    // The simulation does not have the file's name, so it is added here.
     let runs = runs.map_err(|faults| Refusal::new(format!("{}: {faults}", arguments.plant.display())))?;
     let measured: Vec<Measured> = runs.iter().map(|(measured, _)| measured.clone()).collect();
     let mut files = vec![(arguments.out.clone(), experiment::csv(&measured, &[]))];
@@ -143,12 +143,12 @@ fn driveline(arguments: &Driveline) -> Outcome {
             "out": arguments.out.display().to_string(),
         }))?;
     } else {
-        tell!("{}: {} runs, {} flagged", arguments.out.display(), measured.len(), flagged.len());
+        stderr_line!("{}: {} runs, {} flagged", arguments.out.display(), measured.len(), flagged.len());
         for it in &flagged {
-            tell!("  run {}: {}", it.run.run, it.flags.join("; "));
+            stderr_line!("  run {}: {}", it.run.run, it.flags.join("; "));
         }
     }
-    // Of 25 runs two may be flagged: with more the data are not good enough for a surface.
+    // At most 2 of 25 runs may be flagged: with more the data are not good enough for a surface.
     Ok(if too_many { Answer::Negative } else { Answer::Positive })
 }
 

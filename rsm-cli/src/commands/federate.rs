@@ -67,14 +67,14 @@ pub(super) fn loop_of(word: &str) -> Result<Loop, String> {
     found.ok_or_else(|| format!("expected one of {}", Loop::ALL.map(Loop::name).join(", ")))
 }
 
-/// A time in s: above 0, a day at most. The rows, one for each millisecond, are kept in memory.
+/// A time in s: above 0, at most one day, because all rows (one for each millisecond) are kept in memory.
 pub(super) fn seconds(word: &str) -> Result<f64, String> {
     let number = word.parse::<f64>().ok().filter(|number| (0.001..=86_400.0).contains(number));
     number.ok_or_else(|| "expected seconds from 0.001 to 86400".to_string())
 }
 
 pub(super) fn inertia(word: &str) -> Result<f64, String> {
-    // 1000 kg at a radius of 1 m: this motor cannot turn such a load.
+    // Larger moments of inertia are refused. 1000 kg m^2 is 1000 kg at a radius of 1 m: this motor cannot turn such a load.
     let number = word.parse::<f64>().ok().filter(|number| (0.0..=1000.0).contains(number));
     number.ok_or_else(|| "expected kg m^2 from 0 to 1000".to_string())
 }
@@ -101,8 +101,8 @@ pub fn run(arguments: &Arguments) -> Outcome {
     }
     let library = Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
     let names = || roles.iter().map(|role| role.unique_name()).collect::<Vec<_>>().join(", ");
-    let done = federate::run(library, &roles, &settings, || output::tell(format_args!("{}: the run begins\n", names())));
-    tell(arguments, &done)
+    let done = federate::run(library, &roles, &settings, || output::stderr(format_args!("{}: the run begins\n", names())));
+    print_result(arguments, &done)
 }
 
 fn broker(arguments: &Arguments, settings: &Settings) -> Outcome {
@@ -111,7 +111,7 @@ fn broker(arguments: &Arguments, settings: &Settings) -> Outcome {
     }
     let library = Library::load(arguments.helics.as_deref()).map_err(Refusal)?;
     let federates = usize::from(arguments.federates.unwrap_or(1));
-    let begins = || output::tell(format_args!("broker at {}: all have joined: {federates}\n", settings.broker));
+    let begins = || output::stderr(format_args!("broker at {}: all have joined: {federates}\n", settings.broker));
     federate::broker(library, federates, settings, begins)
         .map_err(|words| Refusal::new(format!("broker at {}: {words}", settings.broker)))?;
     if arguments.json {
@@ -121,7 +121,7 @@ fn broker(arguments: &Arguments, settings: &Settings) -> Outcome {
 }
 
 /// Writes the records and prints the result of each role.
-fn tell(arguments: &Arguments, done: &[Done]) -> Outcome {
+fn print_result(arguments: &Arguments, done: &[Done]) -> Outcome {
     let mut files = Vec::new();
     let mut objects = Vec::new();
     for it in done {
@@ -131,40 +131,40 @@ fn tell(arguments: &Arguments, done: &[Done]) -> Outcome {
         files.extend(record.filter(|_| it.table.rows() > 0).map(|path| (path, it.table.csv())));
     }
     output::write_all(&files)?;
-    let mut words = Vec::new();
+    let mut lines = Vec::new();
     for it in done {
         let name = it.role.unique_name();
         if let Some(lost) = &it.lost {
-            words.push(format!("{name}: {lost}\n  {} whole ticks are recorded", it.table.rows()));
+            lines.push(format!("{name}: {lost}\n  {} whole ticks are recorded", it.table.rows()));
         } else {
             let trips = it.round_trip.map_or(String::new(), |trip| {
                 format!(", round trips {:.0} us p50, {:.0} us p99", us(trip.p50_ns), us(trip.p99_ns))
             });
-            words.push(format!("{name}: {} ticks, {:.0} a second{trips}", it.table.rows(), it.steps_per_second));
+            lines.push(format!("{name}: {} ticks, {:.0} a second{trips}", it.table.rows(), it.steps_per_second));
         }
     }
-    let words = words.join("\n");
+    let lines = lines.join("\n");
     if arguments.json {
         output::json(&json!({ "roles": objects }))?;
     }
     let lost = done.iter().any(|it| it.lost.is_some());
     if lost && !done.iter().any(|it| it.began) {
-        return Err(Refusal(words));
+        return Err(Refusal(lines));
     }
-    tell!("{words}");
+    stderr_line!("{lines}");
     Ok(if lost { Answer::Negative } else { Answer::Positive })
 }
 
-fn object(it: &Done, record: Option<&std::path::Path>) -> Value {
+fn object(done: &Done, record: Option<&std::path::Path>) -> Value {
     json!({
-        "role": it.role.unique_name(),
-        "loop": it.role.of_loop().name(),
-        "ticks": it.table.rows(),
-        "steps_per_second": output::finite(it.steps_per_second),
-        "round_trip_us": it.round_trip.map(|trip| micros(&trip)),
-        "bad_samples": it.bad_samples,
+        "role": done.role.unique_name(),
+        "loop": done.role.of_loop().name(),
+        "ticks": done.table.rows(),
+        "steps_per_second": output::finite(done.steps_per_second),
+        "round_trip_us": done.round_trip.map(|trip| micros(&trip)),
+        "bad_samples": done.bad_samples,
         "record": record.map(|path| path.display().to_string()),
-        "lost": it.lost,
+        "lost": done.lost,
     })
 }
 

@@ -47,16 +47,16 @@ pub fn run(arguments: &Arguments) -> Outcome {
     output::write_all(&files)?;
     if arguments.json {
         output::json(&fitted.report())?;
-        tell_part!("{}", in_words(&fitted));
+        stderr_text!("{}", in_words(&fitted));
     } else if arguments.out.is_some() {
         output::line(in_words(&fitted).trim_end())?;
-        // The text went to standard output, which may be a file.
-        tell_part!("{}", warnings(&fitted));
+        // Standard output may be a file, so warnings also go to standard error.
+        stderr_text!("{}", warnings(&fitted));
         for (path, _) in &files {
             output::line(&format!("written: {}", path.display()))?;
         }
     } else {
-        tell_part!("{}", in_words(&fitted));
+        stderr_text!("{}", in_words(&fitted));
         if !fitted.model.surfaces.is_empty() {
             output::line(model_file::write(&fitted.model).trim_end())?;
         }
@@ -64,7 +64,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     Ok(if fitted.reached() { Answer::Positive } else { Answer::Negative })
 }
 
-/// Fits, with a spinner on a terminal that tells what is being done.
+/// Fits. On a terminal a spinner shows the current step.
 pub fn with_progress(specification: &Specification) -> Result<Fitted, Refusal> {
     spinning(|progress| fit::fit(specification, progress))
 }
@@ -75,7 +75,7 @@ pub fn sources_with_progress(specification: &Specification, sources: &[Source]) 
 }
 
 fn spinning(fit: impl FnOnce(&mut dyn FnMut(Progress<'_>)) -> Result<Fitted, Refused>) -> Result<Fitted, Refusal> {
-    // Draws on standard error, and nothing at all when that is no terminal.
+    // Draws on standard error, and only on a terminal.
     let bar = ProgressBar::new_spinner();
     bar.set_style(ProgressStyle::with_template("{spinner} {elapsed_precise} {msg}").expect("the template is ours"));
     bar.enable_steady_tick(std::time::Duration::from_millis(100));
@@ -100,7 +100,7 @@ pub fn require_all(fitted: &Fitted) -> Result<(), Refusal> {
     }
 }
 
-/// A few lines a response.
+/// A few lines for each response.
 pub fn in_words(fitted: &Fitted) -> String {
     let mut text = String::new();
     for (response, left_out) in fitted.responses.iter().zip(&fitted.left_out) {
@@ -163,7 +163,7 @@ pub fn in_words(fitted: &Fitted) -> String {
     text + &warnings(fitted)
 }
 
-/// The verdict, and the rows on which C was computed.
+/// The verdict, and the rows on which the criterion was computed.
 pub fn verdict_in_words(response: &ResponseOutcome) -> String {
     match response.verdict {
         Verdict::Fitted | Verdict::Infeasible { .. } | Verdict::NotProven(_) | Verdict::IllConditioned { .. } => {
@@ -173,7 +173,7 @@ pub fn verdict_in_words(response: &ResponseOutcome) -> String {
     }
 }
 
-/// A line a warning.
+/// One line for each warning.
 fn warnings(fitted: &Fitted) -> String {
     let of_one = |response: &ResponseOutcome| {
         let warnings = response.statistics.iter().flat_map(|statistics| &statistics.warnings);
@@ -183,20 +183,21 @@ fn warnings(fitted: &Fitted) -> String {
 }
 
 /// The constraints that hold, and how much they increase the error.
-fn in_words_of_constraints(told: &ConstraintStatistics, unit: &str) -> String {
+fn in_words_of_constraints(statistics: &ConstraintStatistics, unit: &str) -> String {
     let mut text = String::new();
-    for report in &told.constraints {
-        let held = if report.points.is_empty() { "not active".to_string() } else { format!("active at {}", places(report)) };
-        text += &format!("  constraint {}: proven over the whole region, {held}\n", report.constraint);
+    for report in &statistics.constraints {
+        let activity =
+            if report.points.is_empty() { "not active".to_string() } else { format!("active at {}", places(report)) };
+        text += &format!("  constraint {}: proven over the whole region, {activity}\n", report.constraint);
     }
-    if let Some(change) = &told.largest_change {
+    if let Some(change) = &statistics.largest_change {
         let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e}"));
-        let unseen = told.validation_without.as_ref();
+        let unseen = statistics.validation_without.as_ref();
         let unseen = unseen
             .map_or(String::new(), |unseen| format!(", mean error on validation rows {:.4e} {unit}", unseen.mean_abs_error));
         text += &format!(
             "  without constraints: residual sd {} {unit}{unseen}; largest change {:.4e} {unit}\n",
-            figure(told.residual_sd_without),
+            figure(statistics.residual_sd_without),
             change.value
         );
     }

@@ -1,7 +1,7 @@
 //! `rsm import`: makes one record from files of other tools.
 //!
-//! In: tables in any usual encoding and separator, MAT files. Out: a CSV file with units at a constant period, complete or not written at all, and a
-//! list of what was done: as comments at its beginning, in words and as JSON.
+//! In: tables in any usual encoding and separator, MAT files. Out: a CSV file with units at a constant period, complete or not written at all; and a
+//! list of the conversions, as comments at the beginning of the file, in words and as JSON.
 
 use std::path::{Path, PathBuf};
 
@@ -70,12 +70,12 @@ pub fn run(arguments: &Arguments) -> Outcome {
     }
     output::write_all(&[(arguments.out.clone(), text.as_bytes())])?;
     for note in &record.notes {
-        tell!("{note}");
+        stderr_line!("{note}");
     }
     if arguments.json {
         output::json(&report(&record, &arguments.out))?;
     } else {
-        tell!(
+        stderr_line!(
             "{}: {} rows, {} columns, period {} s",
             arguments.out.display(),
             record.rows(),
@@ -86,7 +86,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     Ok(Answer::Positive)
 }
 
-/// Faults of a record that was not written, so they have no line numbers of a file.
+/// Faults of a record that was not written: they have no line numbers.
 fn of_import(found: &Faults, plant: &Path) -> Faults {
     let first = &found.list()[0];
     let what = format!("the record cannot be read for this plant: {}", first.what);

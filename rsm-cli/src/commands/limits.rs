@@ -1,6 +1,7 @@
-//! `rsm check --limits`: whether the motor's loop around the surfaces keeps the limits of voltage and current.
+//! `rsm check --limits`: whether the motor's loop with the surfaces keeps the limits of voltage and current.
 //!
-//! In: a checked model, a plant file, the box. Out: the answer of `rsm_rigs::motor::limits` in words and as JSON. No mathematics of its own.
+//! In: a checked model, a plant file, the ranges of speed and bus voltage. Out: the answer of `rsm_rigs::motor::limits` in words and as JSON. No
+//! mathematics of its own.
 
 use std::path::PathBuf;
 
@@ -37,13 +38,13 @@ pub struct LimitsArguments {
 /// The default range of a drive whose bus voltage may fall and rise: 180 to 330 V at 270 V nominal.
 const BUS: [f64; 2] = [2.0 / 3.0, 11.0 / 9.0];
 
-/// The question and the result.
+/// The ranges of the check, and its result.
 pub struct Checked {
     operation: Operation,
     found: Limits,
 }
 
-/// The answer, if it was requested.
+/// Runs the check if it was requested.
 pub fn check(arguments: &LimitsArguments, model: &Model) -> Result<Option<Checked>, Refusal> {
     let (true, Some(path)) = (arguments.limits, &arguments.plant) else { return Ok(None) };
     let plant = PlantFile::read(&Source::read(path)?)?;
@@ -55,7 +56,7 @@ pub fn check(arguments: &LimitsArguments, model: &Model) -> Result<Option<Checke
         let kind = effect.description.kind;
         return Err(refuse(format!("found the effect `{kind}`, expected none: --limits is for the nominal motor")));
     }
-    // First report a model that does not have the surfaces of the loop: it has no speed range either.
+    // First report a model without the surfaces of the loop: it has no speed range either.
     limits::step::Tapes::new(model)?;
     let top = model.model().input("speed").map_or(0.0, |input| input.range[1]);
     let top_speed_rad_s = arguments.speed.unwrap_or(top as f32);
@@ -79,7 +80,7 @@ pub fn check(arguments: &LimitsArguments, model: &Model) -> Result<Option<Checke
 }
 
 impl Checked {
-    /// What does not hold, or is not decided.
+    /// The property that does not hold or is not decided.
     pub fn problem(&self) -> Option<Problem> {
         let at = |names: &[(&str, Value)]| names.iter().map(|(name, value)| ((*name).to_string(), value.clone())).collect();
         let (what, at): (String, Map<String, Value>) = match &self.found.verdict {

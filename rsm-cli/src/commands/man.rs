@@ -14,7 +14,7 @@ pub struct Arguments {
 
 /// Prints a page in roff.
 pub fn run(arguments: &Arguments, mut command: Command) -> Outcome {
-    // Names subcommands in full: `rsm fit`, not `fit`.
+    // `build` gives subcommands their full names: `rsm fit`, not `fit`.
     command.build();
     let mut name = command.get_name().to_string();
     for word in &arguments.subcommand {
@@ -26,7 +26,7 @@ pub fn run(arguments: &Arguments, mut command: Command) -> Outcome {
         name = format!("{name} {word}");
         command = below.clone();
     }
-    // A title without blanks: `man` looks it up as a file name.
+    // The title has no blanks, because `man` uses it as a file name.
     let mut page = Vec::new();
     let rendered = Man::new(command).title(name.replace(' ', "-")).render(&mut page);
     rendered.map_err(|error| Refusal::new(format!("the page cannot be made: {error}")))?;

@@ -1,4 +1,4 @@
-//! One file a subcommand.
+//! The subcommands, one file or folder for each.
 
 pub mod check;
 pub mod completions;
@@ -31,7 +31,7 @@ use rsm_core::source::{Fault, Faults, Source};
 /// The text of a model file; `-` is standard input.
 ///
 /// # Errors
-/// One fault that names the file and the reason.
+/// A fault with the file and the reason.
 pub fn model_source(path: &Path) -> Result<Source, Faults> {
     if path != Path::new("-") {
         return Source::read(path);
@@ -62,7 +62,7 @@ impl PrecisionName {
     }
 }
 
-/// The precisions that were asked for, each once, in the order of files.
+/// The requested precisions, each once, in the order of the files.
 pub fn precisions(names: &[PrecisionName]) -> Vec<Precision> {
     let mut found: Vec<Precision> = names.iter().map(|name| name.precision()).collect();
     found.sort_unstable();
@@ -75,7 +75,7 @@ pub fn precisions(names: &[PrecisionName]) -> Vec<Precision> {
 pub fn print_left_out(checked: &Checked) {
     for precision in Precision::ALL {
         if let Some(faults) = checked.refusal(precision) {
-            tell!("{} is left out, because it cannot represent this model:\n{faults}", precision.name());
+            stderr_line!("{} is left out, because it cannot represent this model:\n{faults}", precision.name());
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `rsm optimise`: the best settings for several responses of a model, or a front of responses that contradict one another.
+//! `rsm optimise`: the best settings for several responses of a model, or a Pareto front of responses that conflict.
 //!
 //! In: a model file and a study. Out: settings and responses in words or as JSON, and as a CSV with one row for each point.
 
@@ -67,7 +67,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     } else {
         output::line(words.trim_end())?;
         if let Some(out) = &arguments.out {
-            tell!("written: {}", out.display());
+            stderr_line!("written: {}", out.display());
         }
     }
     Ok(answer)
@@ -148,7 +148,7 @@ fn csv(checked: &Checked, points: &[Optimum]) -> String {
     let mut text = header.join(",") + "\n";
     for point in points {
         let values = point.settings.0.iter().map(|(_, value)| *value).chain(point.responses.iter().map(|it| it.value));
-        // As short as possible for the same bits.
+        // The shortest decimal number that has the same bits.
         let row: Vec<String> = values.chain([point.desirability]).map(|value| value.to_string()).collect();
         text += &(row.join(",") + "\n");
     }

@@ -87,12 +87,12 @@ pub fn run(arguments: &Arguments) -> Outcome {
             "out": arguments.out.display().to_string(),
         }))?;
     } else {
-        tell!("{}: {} rows of {}", arguments.out.display(), record.rows(), plant.kind.name());
+        stderr_line!("{}: {} rows of {}", arguments.out.display(), record.rows(), plant.kind.name());
     }
     Ok(Answer::Positive)
 }
 
-/// Time, the inputs that acted, the outputs.
+/// The table: time, the inputs that acted, the outputs.
 fn csv(plant: &PlantFile, record: &Record, outputs: &Outputs) -> String {
     let gears = vec![record.gear as f64; record.rows()];
     let mut columns: Vec<(Signal, &[f64])> = vec![(Signal { name: "time", unit: "s" }, &record.time)];

@@ -82,10 +82,10 @@ pub fn run(arguments: &Arguments) -> Outcome {
         wait: Duration::from_secs_f64(arguments.wait),
     };
     let done = stream::run(&settings).map_err(Refusal)?;
-    tell(arguments, role, &done)
+    print_result(arguments, role, &done)
 }
 
-fn tell(arguments: &Arguments, role: Role, done: &Done) -> Outcome {
+fn print_result(arguments: &Arguments, role: Role, done: &Done) -> Outcome {
     let record = arguments.out.as_ref().map(|folder| folder.join(format!("{}.csv", role.name())));
     // A record without rows is not written.
     let record = record.filter(|_| done.table.rows() > 0);
@@ -123,9 +123,15 @@ fn tell(arguments: &Arguments, role: Role, done: &Done) -> Outcome {
         let trip = done.round_trip.map_or(String::new(), |trip| {
             format!(", round trips {:.0} us p50, {:.0} us p99", trip.p50_ns as f64 * 1e-3, trip.p99_ns as f64 * 1e-3)
         });
-        tell!("{}: {} ticks; datagrams: {} sent, {} received{trip}", role.name(), done.table.rows(), done.sent, counts.heard);
+        stderr_line!(
+            "{}: {} ticks; datagrams: {} sent, {} received{trip}",
+            role.name(),
+            done.table.rows(),
+            done.sent,
+            counts.heard
+        );
         if counts.under_runs() > 0 {
-            tell!(
+            stderr_line!(
                 "  {} ticks had no value of the peer: {} with the last value held, {} in the safe state; datagrams: {} lost, {} late",
                 counts.under_runs(),
                 counts.held,
@@ -136,9 +142,9 @@ fn tell(arguments: &Arguments, role: Role, done: &Done) -> Outcome {
         }
         let others = [("doubled", counts.doubled), ("too far ahead", counts.ahead), ("foreign", done.rejected.foreign)];
         for (what, count) in others.into_iter().filter(|(_, count)| *count > 0) {
-            tell!("  datagrams: {count} {what}");
+            stderr_line!("  datagrams: {count} {what}");
         }
-        tell!(
+        stderr_line!(
             "  {} ticks began after their period, {} ended after it; late by {:.0} us p99, {:.0} us at most, {:.0} us behind the clock at the end",
             done.late_ticks,
             done.deadlines_missed,
@@ -151,7 +157,7 @@ fn tell(arguments: &Arguments, role: Role, done: &Done) -> Outcome {
         if !done.began {
             return Err(Refusal::new(lost.clone()));
         }
-        tell!("{}: {lost}\n  {} whole ticks are recorded", role.name(), done.table.rows());
+        stderr_line!("{}: {lost}\n  {} whole ticks are recorded", role.name(), done.table.rows());
     }
     Ok(if done.lost.is_some() || counts.under_runs() > 0 { Answer::Negative } else { Answer::Positive })
 }

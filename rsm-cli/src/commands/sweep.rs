@@ -1,7 +1,7 @@
-//! `rsm sweep`: many simulations or diagnoses as a list of tasks, on all cores, as a shard, or on a Dask cluster.
+//! `rsm sweep`: runs many simulations or diagnoses as a list of tasks, on all cores, as a shard, or on a Dask cluster.
 //!
-//! In: a scenario. Out: a folder with a JSON file for each task, and then one table and one summary of all of them. A task whose result exists is not
-//! run again.
+//! In: a scenario. Out: a folder with a JSON file for each task, then one table and one summary of all tasks. A task whose result exists is not run
+//! again.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -84,12 +84,12 @@ pub fn run(arguments: &Arguments) -> Outcome {
     match (&arguments.task, &arguments.out) {
         (Some(hash), _) => alone(&scenario, &tasks, hash, arguments),
         (None, Some(out)) => all(&scenario, &tasks, out, arguments),
-        // The parser does not accept such arguments.
+        // Unreachable: clap requires --out here.
         (None, None) => Err(Refusal::new("`--out` is missing")),
     }
 }
 
-/// The answer of `rsm diagnose` for one case.
+/// The result of `rsm diagnose` for one case.
 fn diagnosis(case: &Case<'_>) -> Result<Value, String> {
     let [training, validation, test] = case.records;
     let options = Options { threads: case.threads, progress: &|_| {} };
@@ -101,7 +101,7 @@ fn has_failed(result: &Value) -> bool {
     !result["failed"].is_null()
 }
 
-/// Runs one task, as a worker does.
+/// Runs one task, as on a worker.
 fn alone(scenario: &Scenario, tasks: &[Task], hash: &str, arguments: &Arguments) -> Outcome {
     let Some(task) = tasks.iter().find(|it| it.hash == hash) else {
         return Err(Refusal::new(format!(
@@ -115,12 +115,12 @@ fn alone(scenario: &Scenario, tasks: &[Task], hash: &str, arguments: &Arguments)
     Ok(if has_failed(&result) { Answer::Negative } else { Answer::Positive })
 }
 
-/// `2/3`: the second of three.
-fn shard(words: &str) -> Result<[usize; 2], Refusal> {
-    let numbers = words.split_once('/').and_then(|(k, n)| Some([k.parse().ok()?, n.parse().ok()?]));
+/// Reads a shard: `2/3` is the second of three.
+fn shard(text: &str) -> Result<[usize; 2], Refusal> {
+    let numbers = text.split_once('/').and_then(|(k, n)| Some([k.parse().ok()?, n.parse().ok()?]));
     match numbers {
         Some([shard, of]) if (1..=of).contains(&shard) => Ok([shard, of]),
-        _ => Err(Refusal::new(format!("--shard: found `{words}`, expected K/N with K from 1 to N"))),
+        _ => Err(Refusal::new(format!("--shard: found `{text}`, expected K/N with K from 1 to N"))),
     }
 }
 
@@ -132,31 +132,32 @@ fn all(scenario: &Scenario, tasks: &[Task], out: &Path, arguments: &Arguments) -
         return Err(Refusal::new("--threads: found 0, expected at least 1"));
     }
     let part = arguments.shard.as_deref().map(shard).transpose()?;
-    let mine = part.map_or_else(|| tasks.iter().collect(), |part| tasks::shard(tasks, part));
+    let own_tasks = part.map_or_else(|| tasks.iter().collect(), |part| tasks::shard(tasks, part));
     let others: Vec<Store> =
         arguments.merge.iter().map(|it| Store::open_read_only(it)).collect::<Result<_, _>>().map_err(Refusal)?;
     let store = Store::open(out).map_err(Refusal)?;
-    let mut results: Vec<Option<Value>> = mine.iter().map(|it| store.get(it)).collect();
-    let left: Vec<&Task> = mine.iter().zip(&results).filter_map(|(task, result)| result.is_none().then_some(*task)).collect();
-    let there = mine.len() - left.len();
+    let mut results: Vec<Option<Value>> = own_tasks.iter().map(|it| store.get(it)).collect();
+    let remaining: Vec<&Task> =
+        own_tasks.iter().zip(&results).filter_map(|(task, result)| result.is_none().then_some(*task)).collect();
+    let existing = own_tasks.len() - remaining.len();
     let began = Instant::now();
     if arguments.merge.is_empty() {
-        make(scenario, &left, &store, there, arguments)?;
+        make(scenario, &remaining, &store, existing, arguments)?;
     } else {
-        for task in &left {
+        for task in &remaining {
             if let Some(result) = others.iter().find_map(|it| it.get(task)) {
                 store.put(task, &result).map_err(Refusal)?;
             }
         }
     }
     let seconds = began.elapsed().as_secs_f64();
-    // Each file is read once: results from before, and new results now.
-    for (task, result) in mine.iter().zip(&mut results).filter(|(_, result)| result.is_none()) {
+    // Each file is read only once: results of earlier runs before the tasks run, new results here.
+    for (task, result) in own_tasks.iter().zip(&mut results).filter(|(_, result)| result.is_none()) {
         *result = store.get(task);
     }
     let counts = Counts {
-        tasks: mine.len(),
-        there,
+        tasks: own_tasks.len(),
+        existing,
         missing: results.iter().filter(|it| it.is_none()).count(),
         failed: results.iter().flatten().filter(|it| has_failed(it)).count(),
         others: store.count().saturating_sub(results.iter().flatten().count()),
@@ -172,7 +173,7 @@ fn all(scenario: &Scenario, tasks: &[Task], out: &Path, arguments: &Arguments) -
             "sweep": scenario.name,
             "program": rsm_sweep::PROGRAM,
             "tasks": counts.tasks,
-            "there": counts.there,
+            "there": counts.existing,
             "run": counts.made(),
             "missing": counts.missing,
             "failed": counts.failed,
@@ -186,9 +187,9 @@ fn all(scenario: &Scenario, tasks: &[Task], out: &Path, arguments: &Arguments) -
             "summary": collected.as_ref().map(|found| found.iter().map(value).collect::<Vec<_>>()),
         }))?;
     }
-    tell(scenario, &counts, seconds, arguments, collected.as_deref());
+    print_result(scenario, &counts, seconds, arguments, collected.as_deref());
     for result in results.iter().flatten().filter(|it| has_failed(it)).take(1) {
-        tell!(
+        stderr_line!(
             "  the first that failed, {}: {}",
             result["task"].as_str().unwrap_or(""),
             result["failed"].as_str().unwrap_or("")
@@ -197,41 +198,47 @@ fn all(scenario: &Scenario, tasks: &[Task], out: &Path, arguments: &Arguments) -
     Ok(if counts.missing == 0 && counts.failed == 0 { Answer::Positive } else { Answer::Negative })
 }
 
-/// How many tasks there are of each kind.
+/// Numbers of tasks.
 struct Counts {
     tasks: usize,
-    there: usize,
+    existing: usize,
     missing: usize,
     failed: usize,
-    /// Results in the folder that are of other lists.
+    /// Results in the folder that belong to other lists.
     others: usize,
 }
 
 impl Counts {
     fn made(&self) -> usize {
-        self.tasks - self.there - self.missing
+        self.tasks - self.existing - self.missing
     }
 }
 
-/// Runs what is left, with a bar on a terminal.
-fn make(scenario: &Scenario, left: &[&Task], store: &Store, there: usize, arguments: &Arguments) -> Result<(), Refusal> {
-    if left.is_empty() {
+/// Runs the remaining tasks, with a progress bar on a terminal.
+fn make(
+    scenario: &Scenario,
+    remaining: &[&Task],
+    store: &Store,
+    existing: usize,
+    arguments: &Arguments,
+) -> Result<(), Refusal> {
+    if remaining.is_empty() {
         return Ok(());
     }
-    // Draws on standard error, and nothing at all when that is no terminal.
-    let bar = ProgressBar::new((there + left.len()) as u64);
+    // Draws on standard error, and only on a terminal.
+    let bar = ProgressBar::new((existing + remaining.len()) as u64);
     let style = ProgressStyle::with_template("{elapsed_precise} {wide_bar} {pos} of {len} tasks, {eta} left");
     bar.set_style(style.expect("the template is ours"));
-    bar.set_position(there as u64);
+    bar.set_position(existing as u64);
     bar.enable_steady_tick(std::time::Duration::from_millis(200));
     let threads = arguments.threads.unwrap_or_else(threads);
     let done = |_: &Task, _: &Value| bar.inc(1);
     let made = match (arguments.engine, arguments.scheduler.as_deref()) {
         (Engine::Dask, Some(scheduler)) => {
             let cluster = Cluster { scheduler, python: &arguments.python, program: &arguments.worker };
-            dask::run(scenario, left, store, &cluster, &done)
+            dask::run(scenario, remaining, store, &cluster, &done)
         }
-        _ => engine::run(scenario, left, store, threads, &diagnosis, &done),
+        _ => engine::run(scenario, remaining, store, threads, &diagnosis, &done),
     };
     bar.finish_and_clear();
     made.map_err(Refusal)
@@ -267,40 +274,39 @@ fn collect(
     Ok(found)
 }
 
-fn value(it: &Summary) -> Value {
+fn value(summary: &Summary) -> Value {
     let number = output::finite;
-    let quantile =
-        |it: &summary::Quantile| json!({ "share": it.share, "value": number(it.value), "low": it.low, "high": it.high });
+    let quantile = |summary: &summary::Quantile| json!({ "share": summary.share, "value": number(summary.value), "low": summary.low, "high": summary.high });
     json!({
-        "figure": it.figure,
-        "unit": it.unit,
-        "plant": it.plant,
-        "record": it.record,
-        "count": it.count,
-        "failed": it.failed,
-        "mean": number(it.mean),
-        "mean_interval": it.mean_interval,
-        "sd": number(it.sd),
-        "range": it.range,
-        "quantiles": it.quantiles.iter().map(quantile).collect::<Vec<_>>(),
+        "figure": summary.figure,
+        "unit": summary.unit,
+        "plant": summary.plant,
+        "record": summary.record,
+        "count": summary.count,
+        "failed": summary.failed,
+        "mean": number(summary.mean),
+        "mean_interval": summary.mean_interval,
+        "sd": number(summary.sd),
+        "range": summary.range,
+        "quantiles": summary.quantiles.iter().map(quantile).collect::<Vec<_>>(),
     })
 }
 
-fn tell(scenario: &Scenario, counts: &Counts, seconds: f64, arguments: &Arguments, collected: Option<&[Summary]>) {
+fn print_result(scenario: &Scenario, counts: &Counts, seconds: f64, arguments: &Arguments, collected: Option<&[Summary]>) {
     let verb = if arguments.merge.is_empty() { "run" } else { "merged" };
     let made = counts.made();
     let rate = if made > 0 && seconds > 0.0 { format!(", {} a second", short(made as f64 / seconds)) } else { String::new() };
     let shard = arguments.shard.as_ref().map_or(String::new(), |it| format!(", shard {it}"));
-    tell!(
+    stderr_line!(
         "{}{shard}: {} tasks, {} with a result from before, {made} {verb} in {seconds:.1} s{rate}; {} failed, {} missing",
         scenario.name,
         counts.tasks,
-        counts.there,
+        counts.existing,
         counts.failed,
         counts.missing
     );
     if counts.others > 0 && arguments.shard.is_none() {
-        tell!("  the folder contains {} results of other lists, which are in no table", counts.others);
+        stderr_line!("  the folder contains {} results of other lists, which are in no table", counts.others);
     }
     let number = |value: f64| figure(Some(value));
     for it in collected.into_iter().flatten() {
@@ -311,23 +317,23 @@ fn tell(scenario: &Scenario, counts: &Counts, seconds: f64, arguments: &Argument
                 format!(" [{}, {}]", end(low), end(high))
             }
         };
-        let told = it
+        let quantiles = it
             .quantiles
             .iter()
             .filter(|it| [0.05, 0.5, 0.95].contains(&it.share))
             .map(|it| format!("{} % {}{}", it.share * 100.0, number(it.value), interval(it.low, it.high)));
         let mean = interval(it.mean_interval.map(|it| it[0]), it.mean_interval.map(|it| it[1]));
-        tell!(
+        stderr_line!(
             "  {} [{}], {} along {}: mean {}{mean}, {}",
             it.figure,
             it.unit.as_deref().unwrap_or("?"),
             it.plant,
             it.record,
             number(it.mean),
-            told.collect::<Vec<_>>().join(", ")
+            quantiles.collect::<Vec<_>>().join(", ")
         );
     }
     if collected.is_some_and(|found| found.iter().any(|it| it.mean_interval.is_some())) {
-        tell!("  in brackets: intervals of {} % confidence", CONFIDENCE * 100.0);
+        stderr_line!("  in brackets: intervals of {} % confidence", CONFIDENCE * 100.0);
     }
 }

@@ -1,7 +1,7 @@
 //! The page around a report: one self-contained HTML file.
 //!
-//! In: a title and a body of HTML. Out: text. The page loads nothing from other places, and its own policy forbids it. Without scripts, and on paper,
-//! the static pictures and the tables remain.
+//! In: a title and a body of HTML. Out: text. The page loads nothing from other places; its content security policy forbids it. Without scripts, and
+//! on paper, the static pictures and the tables remain.
 
 pub mod number;
 pub mod summary;
@@ -11,22 +11,22 @@ use serde_json::Value;
 
 const STYLE: &str = include_str!("assets/style.css");
 
-/// Our scripts: theme, contents, switches; plots; the interactive surface.
+/// Our scripts: theme, table of contents, switches; plots; the interactive surface.
 const SCRIPTS: [&str; 3] =
     [include_str!("assets/page.js"), include_str!("assets/plots.js"), include_str!("assets/explorer.js")];
 
-/// Plotly with its plots in space, as `gzip -9n` and base64 make of the file of the npm package `plotly.js-gl3d-dist-min`
+/// Plotly with its 3D plots: the file of the npm package `plotly.js-gl3d-dist-min`, compressed with `gzip -9n`, in base64
 /// (docs/decisions/026-pages-with-plotly.md).
 const LIBRARY: &str = include_str!("assets/plotly/plotly-gl3d-4.1.1.min.js.gz.b64");
 
 /// The licence must be kept with the library.
 const LICENCE: &str = include_str!("assets/plotly/LICENSE");
 
-/// The content security policy: only this page, and what it makes itself (a picture of a plot).
+/// The content security policy: only this page, and pictures of plots that its own script makes.
 const POLICY: &str =
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:";
 
-/// The whole page. The library is in it where a figure has numbers.
+/// The whole page. The library is included only if a figure has numbers for it.
 pub fn page(title: &str, body: &str) -> String {
     let library = if body.contains(NUMBERS) {
         format!("<!-- Plotly.js 4.1.1\n{LICENCE}-->\n<script id=\"library\" type=\"text/plain\">\n{LIBRARY}</script>\n")
@@ -44,7 +44,7 @@ pub fn page(title: &str, body: &str) -> String {
     )
 }
 
-/// Text as HTML shows it.
+/// Text with the special characters of HTML replaced.
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
@@ -52,13 +52,13 @@ pub fn escaped(text: &str) -> String {
 /// The beginning of the element with the numbers of a figure.
 const NUMBERS: &str = "<script type=\"application/json\">";
 
-/// Numbers for the scripts. No text in them can end the element that holds them.
+/// The element with the numbers for the scripts. No text in the numbers can end this element.
 pub fn numbers(value: &Value) -> String {
     let text = value.to_string().replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026");
     format!("{NUMBERS}{text}</script>\n")
 }
 
-/// A bar of a share of 200 pixels, of a class of the style sheet: `before` or `after`.
+/// A bar with this share of 200 pixels, in a class of the style sheet: `before` or `after`.
 pub fn bar(share: f64, class: &str) -> String {
     format!("<span class=\"bar {class}\" style=\"width:{:.0}px\"></span>", 200.0 * share.clamp(0.0, 1.0))
 }
@@ -88,7 +88,7 @@ mod tests {
         assert!(LICENCE.starts_with("MIT License") || LICENCE.starts_with("The MIT License"), "{LICENCE}");
     }
 
-    /// Base64 as RFC 4648 has it.
+    /// Decodes base64 (RFC 4648).
     fn decoded(text: &str) -> Vec<u8> {
         let letters = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
         let mut bits = 0_u32;

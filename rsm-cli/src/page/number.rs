@@ -17,7 +17,7 @@ pub fn short(value: f64) -> String {
     digits(value, 3)
 }
 
-/// So many significant digits.
+/// A number with this many significant digits.
 fn digits(value: f64, count: i32) -> String {
     if value == 0.0 || (1e-3..1e5).contains(&value.abs()) {
         let before = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
@@ -36,7 +36,7 @@ pub fn known(value: f64, half_width: f64) -> String {
     let last = (half_width.log10().floor() as i32 - 1).max(value.abs().max(half_width).log10().floor() as i32 - 5);
     let largest = value.abs().max(half_width);
     if !(1e-3..1e6).contains(&largest) {
-        // Scientific: as many digits as there are from the first of the value to the last known.
+        // Scientific notation: from the first digit of the value to the last known digit.
         let first = if value == 0.0 { last } else { value.abs().log10().floor() as i32 };
         return format!("{value:.*e}", (first - last).clamp(0, 12) as usize);
     }
@@ -47,7 +47,7 @@ pub fn known(value: f64, half_width: f64) -> String {
     format!("{value:.*}", (-last).min(12) as usize)
 }
 
-/// Digits after the point that an uncertainty leaves: to two significant digits of it. Without one, those that give the size four digits.
+/// The number of digits after the point: two significant digits of the uncertainty. Without an uncertainty, four significant digits of the size.
 pub fn decimals(half_width: f64, size: f64) -> usize {
     let of = |value: f64, digits: i32| (digits - 1 - value.log10().floor() as i32).clamp(0, 9) as usize;
     if half_width > 0.0 && half_width.is_finite() {
@@ -59,7 +59,7 @@ pub fn decimals(half_width: f64, size: f64) -> usize {
     }
 }
 
-/// A number with its unit; "1" is no unit.
+/// A number with its unit. The unit "1" is not printed.
 pub fn with_unit(number: &str, unit: &str) -> String {
     if unit == "1" || unit.is_empty() { number.to_string() } else { format!("{number} {unit}") }
 }

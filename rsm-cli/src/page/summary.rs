@@ -1,10 +1,10 @@
 //! The summary of a report: the verdict, three numbers and one plot.
 //!
-//! In: words. Out: HTML. Decides nothing.
+//! In: sentences and numbers. Out: HTML. Decides nothing.
 
 use super::escaped;
 
-/// How a verdict is coloured.
+/// The colour of a verdict.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tone {
     /// The goal is reached.
@@ -37,8 +37,8 @@ impl Number {
         Number { of: of.to_string(), value: value.into(), from: from.into() }
     }
 
-    /// The probability of the strongest cause: alone, or together with those that cannot be distinguished from it; `more` further causes follow on
-    /// the page.
+    /// The probability of the strongest cause: alone, or together with those that cannot be distinguished from it. The page has `more` further
+    /// causes.
     pub fn confidence(label: &str, [own, of_any]: [f64; 2], equals: usize, more: usize) -> Self {
         let below = if more == 0 { String::new() } else { format!("; {more} more below") };
         match equals {
@@ -52,7 +52,8 @@ impl Number {
     }
 }
 
-/// The verdict: a word or two of its state, and the sentences, which begin with a capital unless with a name of data (`-` or `_` in its first word).
+/// The verdict: its state in a word or two, and the sentences. Their first letter becomes a capital, unless the first word is a name of data (with
+/// `-` or `_`).
 pub fn verdict(tone: Tone, state: &str, sentences: &str) -> String {
     let first = sentences.split(' ').next().unwrap_or_default();
     let sentences = match sentences.chars().next() {

@@ -1,6 +1,6 @@
-//! The numbers of a live plot, for the page's script.
+//! The numbers of an interactive plot, for the page's script.
 //!
-//! In: series, a map. Out: JSON. Numbers have the digits that a plot can show, many points are thinned to their extremes.
+//! In: series, a surface. Out: JSON. Numbers have the digits that a plot can show. A curve of many points is reduced to its extremes.
 
 use serde_json::{Map as Object, Value, json};
 
@@ -10,7 +10,7 @@ use super::{CELLS, Map, Mark, Series, Words, along, finite, name_of, thinned};
 /// has all its rows.
 const MOST_POINTS: usize = 3000;
 
-/// The same for a line of a group of which one line is shown at a time.
+/// The same for a line of a group of which only one line is shown at a time.
 const FEW_POINTS: usize = 600;
 
 /// Significant digits of a number in a plot.
@@ -19,23 +19,26 @@ const DIGITS: usize = 7;
 /// Curves over two axes.
 pub fn curves(words: &Words<'_>, series: &[Series], decades: bool) -> Value {
     let shown = |point: &&(f64, f64)| finite(point) && (!decades || (point.0 > 0.0 && point.1 > 0.0));
-    let one = |it: &Series| {
-        let points: Vec<(f64, f64)> = it.points.iter().filter(shown).copied().collect();
-        let points =
-            if it.mark == Mark::Line { thinned(&points, if it.is_light { FEW_POINTS } else { MOST_POINTS }) } else { points };
-        let mut value = object(it, &points);
-        if let Some(states) = &it.states {
+    let object_of = |line: &Series| {
+        let points: Vec<(f64, f64)> = line.points.iter().filter(shown).copied().collect();
+        let points = if line.mark == Mark::Line {
+            thinned(&points, if line.is_light { FEW_POINTS } else { MOST_POINTS })
+        } else {
+            points
+        };
+        let mut value = object(line, &points);
+        if let Some(states) = &line.states {
             value.insert("states".to_string(), json!(states));
         }
         Value::Object(value)
     };
     json!({
         "kind": "curves", "title": words.title, "x": words.x, "y": words.y, "decades": decades,
-        "series": series.iter().map(one).collect::<Vec<Value>>(),
+        "series": series.iter().map(object_of).collect::<Vec<Value>>(),
     })
 }
 
-/// A surface over the plane; marks lie on it.
+/// A surface over a rectangle; marks are drawn on it.
 pub fn surface(
     words: &Words<'_>,
     value_words: &str,
@@ -44,28 +47,28 @@ pub fn surface(
     series: &[Series],
 ) -> Value {
     let axis = |range: (f64, f64), title: &str| json!({ "title": title, "at": (0..=CELLS).map(|k| number(along(range, k))).collect::<Vec<_>>() });
-    // The script wants a list for each place of the second axis.
+    // The script expects one list for each value of the second axis.
     let z: Vec<Vec<Value>> =
         (0..=CELLS).map(|j| (0..=CELLS).map(|i| map.corners[i][j].map_or(Value::Null, number)).collect()).collect();
-    let mut one = |it: &Series| {
-        let points: Vec<(f64, f64)> = it.points.iter().filter(finite).copied().collect();
-        let mut object = object(it, &points);
+    let mut object_of = |line: &Series| {
+        let points: Vec<(f64, f64)> = line.points.iter().filter(finite).copied().collect();
+        let mut object = object(line, &points);
         let on: Vec<Value> = points.iter().map(|(x, y)| value(*x, *y).map_or(Value::Null, number)).collect();
         object.insert("z".to_string(), Value::Array(on));
         Value::Object(object)
     };
-    let series: Vec<Value> = series.iter().map(&mut one).collect();
+    let series: Vec<Value> = series.iter().map(&mut object_of).collect();
     json!({
         "kind": "surface", "title": words.title, "x": axis(map.x, words.x), "y": axis(map.y, words.y), "z": z, "z_title": value_words,
         "series": series,
     })
 }
 
-fn object(it: &Series, points: &[(f64, f64)]) -> Object<String, Value> {
+fn object(series: &Series, points: &[(f64, f64)]) -> Object<String, Value> {
     let mut value = Object::new();
-    value.insert("name".to_string(), json!(it.name));
-    value.insert("colour".to_string(), json!(name_of(it.colour)));
-    value.insert("mark".to_string(), json!(mark(it.mark)));
+    value.insert("name".to_string(), json!(series.name));
+    value.insert("colour".to_string(), json!(name_of(series.colour)));
+    value.insert("mark".to_string(), json!(mark(series.mark)));
     value.insert("x".to_string(), points.iter().map(|point| number(point.0)).collect());
     value.insert("y".to_string(), points.iter().map(|point| number(point.1)).collect());
     value
@@ -83,7 +86,7 @@ pub fn mark(mark: Mark) -> &'static str {
 /// A number with the digits that a plot can show; null where it is not finite.
 pub fn number(value: f64) -> Value {
     let short: f64 = format!("{value:.*e}", DIGITS - 1).parse().unwrap_or(value);
-    // A whole number needs no point.
+    // A whole number is written without a decimal point.
     if short.fract() == 0.0 && short.abs() < 1e15 { json!(short as i64) } else { json!(short) }
 }
 
@@ -102,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_is_told_by_rows_of_its_second_axis() {
+    fn a_map_has_one_row_for_each_value_of_its_second_axis() {
         let mut value = |x: f64, y: f64| (y < 1.0).then_some(x + 10.0 * y);
         let map = Map::new((0.0, 48.0), (0.0, 1.0), &mut value);
         let made = surface(&Words { title: "t", x: "x", y: "y" }, "z", &map, &mut value, &[]);

@@ -19,11 +19,11 @@ pub const CELLS: usize = 48;
 
 /// Colours that readers with a colour vision deficiency can distinguish (Okabe and Ito 2008), in the order of use.
 pub const BLUE: RGBColor = RGBColor(0, 114, 178);
-/// The second.
+/// The second colour.
 pub const ORANGE: RGBColor = RGBColor(213, 94, 0);
-/// For marks on a map, whose dark end is blue.
+/// The colour of marks on a map, whose dark end is blue.
 pub const PINK: RGBColor = RGBColor(255, 150, 200);
-/// For reference curves.
+/// The colour of reference curves.
 pub const GREY: RGBColor = RGBColor(140, 140, 140);
 
 /// How a series is drawn.
@@ -41,11 +41,11 @@ pub struct Series {
     pub colour: RGBColor,
     pub mark: Mark,
     pub points: Vec<(f64, f64)>,
-    /// In which states of the switch beside the figure it is shown; none: always.
+    /// The states of the switch beside the figure in which the series is shown. `None`: always.
     states: Option<Vec<usize>>,
-    /// Whether the still picture has it.
+    /// Whether the static picture shows it.
     is_still: bool,
-    /// Whether the live plot has few points of it.
+    /// Whether the interactive plot uses fewer points for it.
     is_light: bool,
 }
 
@@ -54,12 +54,12 @@ impl Series {
         Series { name: name.to_string(), colour, mark, points, states: None, is_still: true, is_light: false }
     }
 
-    /// Shown in one state of the switch beside the figure.
+    /// The same series, shown in one state of the switch only.
     pub fn in_state(self, state: usize) -> Self {
         Series { states: Some(vec![state]), ..self }
     }
 
-    /// In the live plot only, and with few points: there are many like it.
+    /// The same series, shown in the interactive plot only and with fewer points, because there are many such series.
     pub fn only_live(self) -> Self {
         Series { is_still: false, is_light: true, ..self }
     }
@@ -69,13 +69,13 @@ impl Series {
 #[derive(Debug, Clone, Copy)]
 pub struct Words<'a> {
     pub title: &'a str,
-    /// With its unit.
+    /// Label of the axis with its unit.
     pub x: &'a str,
-    /// With its unit.
+    /// Label of the axis with its unit.
     pub y: &'a str,
 }
 
-/// A surface over a rectangle: its corners, `None` where it is not to be shown.
+/// A surface over a rectangle: its values at the corners of the cells, `None` where it is not shown.
 pub struct Map {
     x: (f64, f64),
     y: (f64, f64),
@@ -99,19 +99,19 @@ pub fn curves(words: &Words<'_>, series: &[Series]) -> Result<String, Refusal> {
     switched(None, words, series)
 }
 
-/// The same beside a switch, by the name of its group.
+/// The same beside a switch. `group` is the name of the switch.
 pub fn switched(group: Option<&str>, words: &Words<'_>, series: &[Series]) -> Result<String, Refusal> {
     let still = stills(series);
     Ok(figure(group, &still::curves(words, &still)?, &still, Some(&live::curves(words, series, false)), ""))
 }
 
-/// Curves over two axes of decades. Points that are not above 0 are left out.
+/// Curves over two logarithmic axes. Points that are not above 0 are left out.
 pub fn decades(words: &Words<'_>, series: &[Series]) -> Result<String, Refusal> {
     let still = stills(series);
     Ok(figure(None, &still::decades(words, &still)?, &still, Some(&live::curves(words, series, true)), ""))
 }
 
-/// A surface over a rectangle of the plane, `None` where it is not to be shown, with marks on top.
+/// A surface over a rectangle with marks on top. `None` where the surface is not shown.
 pub fn map(
     words: &Words<'_>,
     value_words: &str,
@@ -130,9 +130,9 @@ pub fn explorer(pictures: &str, series: &[Series], spec: &Value) -> String {
     figure(None, pictures, series, Some(spec), "<div class=\"explorer\"></div>\n")
 }
 
-/// A button a cause: pressed while the cause is in what is shown, as all are in the beginning. The state of the switch is the set of the pressed
-/// ones, a bit each, the first the lowest; `told` has what is told in each state. Nothing without causes.
-pub fn switch(group: &str, of: &str, causes: &[String], told: &[String]) -> String {
+/// A button for each cause. It is pressed while the cause is in the shown curves; at the beginning all are. The state of the switch is the set of
+/// pressed buttons as bits; the first button is the lowest bit. `told` is the text for each state. Empty without causes.
+pub fn switch(group: &str, of: &str, causes: &[String], state_texts: &[String]) -> String {
     if causes.is_empty() {
         return String::new();
     }
@@ -140,7 +140,7 @@ pub fn switch(group: &str, of: &str, causes: &[String], told: &[String]) -> Stri
     format!(
         "<div class=\"switch\" role=\"group\" data-group=\"{}\" data-told=\"{}\">{}\n{}<span class=\"told\" aria-live=\"polite\"></span></div>\n",
         escaped(group),
-        escaped(&json!(told).to_string()),
+        escaped(&json!(state_texts).to_string()),
         escaped(of),
         causes.iter().map(button).collect::<String>()
     )
@@ -170,7 +170,7 @@ fn figure(group: Option<&str>, svg: &str, series: &[Series], numbers_of: Option<
     )
 }
 
-/// The colour's name for the scripts, which have it for light and dark paper.
+/// The colour's name for the scripts, which use one colour of this name on light and one on dark paper.
 fn name_of(colour: RGBColor) -> &'static str {
     match colour {
         BLUE => "blue",
@@ -181,7 +181,7 @@ fn name_of(colour: RGBColor) -> &'static str {
     }
 }
 
-/// Rows of a surface that are shown in a live plot.
+/// Rows of data that an interactive surface plot shows.
 pub fn set(name: &str, colour: RGBColor, mark: Mark, rows: &[Vec<f64>]) -> Value {
     let rows: Vec<Vec<Value>> = rows.iter().map(|row| row.iter().map(|value| live::number(*value)).collect()).collect();
     json!({ "name": name, "colour": name_of(colour), "mark": live::mark(mark), "rows": rows })
@@ -191,7 +191,7 @@ fn finite(point: &&(f64, f64)) -> bool {
     point.0.is_finite() && point.1.is_finite()
 }
 
-/// A curve of many points by the extremes of equal pieces: peaks stay.
+/// Reduces a curve of many points to the extremes of equal pieces, so that peaks remain.
 fn thinned(points: &[(f64, f64)], most: usize) -> Vec<(f64, f64)> {
     if points.len() <= most {
         return points.to_vec();

@@ -1,6 +1,6 @@
 //! Static plots as SVG text: for print, for pages without a script, and for documents.
 //!
-//! In: series, with the words for the axes. Out: SVG. The same numbers give the same text.
+//! In: series, with the labels of the axes. Out: SVG. The same numbers give the same text.
 
 use plotters::chart::{ChartBuilder, ChartContext};
 use plotters::coord::types::RangedCoordf64;
@@ -15,7 +15,7 @@ use crate::outcome::Refusal;
 /// Size of a plot in pixels.
 const PLOT: (u32, u32) = (480, 340);
 
-/// The largest number of points of a line; the width of a plot cannot resolve more.
+/// The largest number of points of a line; a plot of this width cannot resolve more.
 const MOST_POINTS: usize = 1200;
 
 /// Level lines between the least and the greatest value.
@@ -43,7 +43,7 @@ pub fn curves(words: &Words<'_>, series: &[Series]) -> Result<String, Refusal> {
     Ok(svg)
 }
 
-/// Curves over two axes of decades. Points that are not above 0 are left out.
+/// Curves over two logarithmic axes. Points that are not above 0 are left out.
 pub fn decades(words: &Words<'_>, series: &[Series]) -> Result<String, Refusal> {
     let logarithms: Vec<Series> = series
         .iter()
@@ -112,7 +112,7 @@ fn axes<'a, 'b>(
     axes_with(area, words, x, y, label)
 }
 
-/// Axes whose ticks have words of their own, from the value and the span.
+/// Axes whose tick labels are computed from the value and the span.
 fn axes_with<'a, 'b>(
     area: &'a DrawingArea<Backend<'b>, plotters::coord::Shift>,
     words: &Words<'_>,
@@ -166,7 +166,7 @@ fn draw(chart: &mut Chart<'_, '_>, series: &[Series]) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// The bar that says which value a colour has.
+/// The colour scale: which colour belongs to which value.
 fn scale(area: &DrawingArea<Backend<'_>, plotters::coord::Shift>, words: &str, low: f64, high: f64) -> Result<(), Refusal> {
     let mut chart = ChartBuilder::on(area)
         .caption(words, ("sans-serif", 13).into_font())
@@ -183,7 +183,7 @@ fn scale(area: &DrawingArea<Backend<'_>, plotters::coord::Shift>, words: &str, l
     }
     let names = |value: &f64| label(*value, (low, high));
     let mut mesh = chart.configure_mesh();
-    // Sizes of text and ticks are by default a share of the drawing, and this one is narrow.
+    // By default the sizes of text and ticks are a share of the drawing, and this drawing is narrow.
     mesh.disable_mesh()
         .disable_x_axis()
         .y_labels(6)
@@ -193,7 +193,7 @@ fn scale(area: &DrawingArea<Backend<'_>, plotters::coord::Shift>, words: &str, l
     mesh.draw().map_err(failed)
 }
 
-/// The least and the greatest, with a margin as a share of their distance; never empty.
+/// The smallest and the largest value, with a margin as a share of their distance. The span is never empty.
 fn span(values: impl Iterator<Item = f64>, margin: f64) -> (f64, f64) {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
     if low >= high || !(high - low).is_finite() {
@@ -206,7 +206,7 @@ fn span(values: impl Iterator<Item = f64>, margin: f64) -> (f64, f64) {
 fn label(value: f64, (low, high): (f64, f64)) -> String {
     let decimals = (2.0 - (high - low).abs().log10()).ceil().clamp(0.0, 9.0) as usize;
     let text = format!("{value:.decimals$}");
-    // Beyond four decimals a number is wider than its place beside the axis.
+    // With more than four decimals a number is wider than its place beside the axis.
     if decimals > 4 {
         let shown: f64 = text.parse().unwrap_or(value);
         return if shown == 0.0 { "0".to_string() } else { format!("{shown:e}") };
@@ -215,7 +215,7 @@ fn label(value: f64, (low, high): (f64, f64)) -> String {
     if text == "-0" { "0".to_string() } else { text.to_string() }
 }
 
-/// A tick on a logarithmic axis: whole decades as numbers; where there are fewer than two of them, what lies between as well.
+/// The label of a tick on a logarithmic axis: whole decades. If the span has fewer than two of them, the ticks between them also get labels.
 fn power_of_ten(value: f64, (low, high): (f64, f64)) -> String {
     let is_whole = (value - value.round()).abs() < 1e-6;
     if !is_whole && high - low >= 2.0 {
@@ -234,7 +234,7 @@ fn mean(values: &[Option<f64>]) -> Option<f64> {
     known.map(|known| known.iter().sum::<f64>() / known.len() as f64)
 }
 
-/// Where a level crosses the sides of a cell, in the order of the sides: two points, or four in a saddle.
+/// The points where a level line crosses the sides of a cell, in the order of the sides: two points, or four at a saddle.
 fn crossings(cell: &[Option<(f64, f64, f64)>; 4], level: f64) -> Vec<(f64, f64)> {
     let mut found = Vec::new();
     for k in 0..4 {
@@ -247,13 +247,13 @@ fn crossings(cell: &[Option<(f64, f64, f64)>; 4], level: f64) -> Vec<(f64, f64)>
     found
 }
 
-/// From dark blue over green to yellow, ever lighter: the order of values survives a print in grey.
+/// From dark blue through green to yellow. The lightness always increases, so a print in grey keeps the order of values.
 fn colour(share: f64) -> RGBColor {
     const ANCHORS: [[f64; 3]; 5] =
         [[58.0, 50.0, 120.0], [48.0, 104.0, 150.0], [52.0, 152.0, 140.0], [130.0, 200.0, 100.0], [245.0, 230.0, 90.0]];
-    let place = share.clamp(0.0, 1.0) * 4.0;
-    let below = (place.floor() as usize).min(3);
-    let part = place - below as f64;
+    let position = share.clamp(0.0, 1.0) * 4.0;
+    let below = (position.floor() as usize).min(3);
+    let part = position - below as f64;
     let [red, green, blue] =
         [0, 1, 2].map(|k| (ANCHORS[below][k] + part * (ANCHORS[below + 1][k] - ANCHORS[below][k])).round() as u8);
     RGBColor(red, green, blue)

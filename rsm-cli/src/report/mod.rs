@@ -1,6 +1,6 @@
 //! The report of a fit. For each response: verdict, three numbers and a plot of the surface, then statistics of the fit, constraints and terms.
 //!
-//! In: what a fit found. Out: text. Predictions come from the interpreter, so a report shows what an evaluator will return.
+//! In: the outcome of a fit. Out: text. Predictions come from the interpreter, so a report shows the values that an evaluator returns.
 
 mod surface;
 
@@ -33,7 +33,7 @@ pub fn fit(outcome: &Outcome) -> Result<String, Refusal> {
             overview(outcome)
         );
     }
-    // Where no response could be fitted there is no surface, and no model to check.
+    // If no response could be fitted, there is no surface and no model to check.
     let fitted = (!outcome.model.surfaces.is_empty()).then(|| Checked::from_model(&outcome.model));
     let checked = fitted.transpose()?;
     for response in &outcome.responses {
@@ -73,7 +73,7 @@ fn left_out(outcome: &Outcome) -> String {
     if lines.is_empty() { lines } else { format!("<h3>Rows with missing cells</h3>\n<ul>\n{lines}</ul>\n") }
 }
 
-/// The verdict's colour, and its state in a word or two.
+/// The colour of the verdict, and its state in a word or two.
 fn tone(verdict: &Verdict) -> (Tone, &'static str) {
     match verdict {
         Verdict::Fitted => (Tone::Good, "fitted"),
@@ -90,7 +90,7 @@ fn tone(verdict: &Verdict) -> (Tone, &'static str) {
 fn overview(outcome: &Outcome) -> String {
     let line = |response: &ResponseOutcome| {
         let unit = outcome.model.surface(&response.name).map_or("", |surface| surface.unit.as_str());
-        let error = response.statistics.as_ref().and_then(|statistics| believed(response, statistics));
+        let error = response.statistics.as_ref().and_then(|statistics| error_estimate(response, statistics));
         let error = error.map_or(String::new(), |(error, on)| format!("{} {on}", with_unit(&short(error), unit)));
         format!(
             "<tr><td>{}</td><td>{}</td><td>{}</td></tr>\n",
@@ -103,8 +103,8 @@ fn overview(outcome: &Outcome) -> String {
     format!("<table>\n<tr><th>response</th><th>verdict</th><th>error estimate (root mean square)</th></tr>\n{lines}</table>\n")
 }
 
-/// The error estimate (root mean square) and its rows: those with the least influence on the choice of terms.
-fn believed(response: &ResponseOutcome, statistics: &ResponseStatistics) -> Option<(f64, String)> {
+/// The error estimate (root mean square) and its rows: the rows that influenced the choice of terms least.
+fn error_estimate(response: &ResponseOutcome, statistics: &ResponseStatistics) -> Option<(f64, String)> {
     let on = |errors: &ValidationStatistics, of: &str| (errors.rmse, format!("on {} {of}", errors.rows));
     let test = statistics.test.as_ref().map(|it| on(it, "test rows"));
     let cross = statistics.cross_validation.as_ref().map(|it| on(&it.errors, "rows, each left out in turn"));
@@ -118,7 +118,7 @@ fn believed(response: &ResponseOutcome, statistics: &ResponseStatistics) -> Opti
 /// The three numbers of a response.
 fn numbers(response: &ResponseOutcome, statistics: &ResponseStatistics, unit: &str) -> String {
     let mut list = Vec::new();
-    if let Some((error, on)) = believed(response, statistics) {
+    if let Some((error, on)) = error_estimate(response, statistics) {
         list.push(Number::new("Error (root mean square)", with_unit(&short(error), unit), on));
     }
     let share = |share: f64| format!("{:.1} %", 100.0 * share);
@@ -151,7 +151,7 @@ fn of_response(
     let surface = &outcome.model.surfaces[index];
     let inputs = checked.inputs_of(surface);
     let tape = lower::surface(checked, index, Precision::F64);
-    let place = outcome.responses.iter().position(|other| other.name == response.name).expect("it is one of them");
+    let response_index = outcome.responses.iter().position(|other| other.name == response.name).expect("it is one of them");
     let pairs = |records: &Records| {
         let mut interpreter = Interpreter::<f64>::new(&tape);
         let columns: Vec<usize> = surface
@@ -159,12 +159,15 @@ fn of_response(
             .iter()
             .map(|name| outcome.model.inputs.iter().position(|input| input.name == *name).expect("a known input"))
             .collect();
-        let complete = records.complete(&columns, place);
+        let complete = records.complete(&columns, response_index);
         let predicted = complete.iter().map(|row| {
             let point: Vec<f64> = columns.iter().map(|column| records.inputs[*column][*row]).collect();
             interpreter.eval(&point)
         });
-        Pairs { predicted: predicted.collect(), measured: complete.iter().map(|row| records.responses[place][*row]).collect() }
+        Pairs {
+            predicted: predicted.collect(),
+            measured: complete.iter().map(|row| records.responses[response_index][*row]).collect(),
+        }
     };
     let fitted = pairs(&outcome.fitted);
     let is_unseen = response.chosen_by == ChosenBy::Nobody;
@@ -181,9 +184,9 @@ fn of_response(
         outcome,
         checked,
         surface: index,
-        response: place,
+        response: response_index,
         constraints: statistics.constraints.as_ref(),
-        error: believed(response, statistics).map(|(error, on)| (error, format!("(root mean square {on})"))),
+        error: error_estimate(response, statistics).map(|(error, on)| (error, format!("(root mean square {on})"))),
     })?;
     let warnings = statistics.warnings.iter();
     let lines: String =
@@ -201,14 +204,14 @@ fn of_response(
     text += "</div>\n<div>\n<h3>Terms</h3>\n<p>Of variables that are coded to -1 and 1 at the ends of their ranges. Each coefficient is rounded to the digits that its 95 % interval supports; the model file has all digits.</p>\n";
     text += &terms(surface, statistics, &unit);
     text += "</div>\n</div>\n";
-    if let Some(told) = &statistics.constraints {
+    if let Some(constrained) = &statistics.constraints {
         text += "<h3>Constraints</h3>\n";
-        text += &constraints(told, &inputs, &unit);
+        text += &constraints(constrained, &inputs, &unit);
     }
     Ok(text)
 }
 
-/// Errors by the rows on which they are.
+/// Errors by the rows on which they are computed.
 fn errors(statistics: &ResponseStatistics, is_unseen: bool, unit: &str) -> String {
     let validation = if is_unseen { "holdout rows" } else { "validation rows, which chose the terms" };
     let cross = statistics.cross_validation.as_ref();
@@ -230,15 +233,15 @@ fn errors(statistics: &ResponseStatistics, is_unseen: bool, unit: &str) -> Strin
     );
     text += &line("fitted rows (residual standard deviation)", statistics.rows, [None, statistics.residual_sd, None]);
     for (name, errors) in lists {
-        let Some(it) = errors else { continue };
-        text += &line(name, it.rows, [Some(it.mean_abs_error), Some(it.rmse), Some(it.max_abs_error)]);
+        let Some(errors) = errors else { continue };
+        text += &line(name, errors.rows, [Some(errors.mean_abs_error), Some(errors.rmse), Some(errors.max_abs_error)]);
     }
-    let mut said = vec![
+    let mut sources = vec![
         ("terms chosen by".to_string(), escaped(&statistics.rows_used.terms)),
         ("error estimate".to_string(), escaped(&statistics.rows_used.error)),
     ];
-    said.extend(statistics.forms.as_ref().map(|forms| ("form".to_string(), escaped(&forms.words()))));
-    text + "</table>\n" + &rows(&said)
+    sources.extend(statistics.forms.as_ref().map(|forms| ("form".to_string(), escaped(&forms.words()))));
+    text + "</table>\n" + &rows(&sources)
 }
 
 fn of_the_fit(statistics: &ResponseStatistics, inputs: &[Input], has_rows_apart: bool) -> String {
@@ -282,12 +285,12 @@ fn terms(surface: &Surface, statistics: &ResponseStatistics, unit: &str) -> Stri
         if related.is_empty() { "" } else { "<th class=\"number\">standard error with related errors</th>" }
     );
     let number = |value: Option<f64>| value.map_or("none".to_string(), short);
-    for (place, term) in statistics.terms.iter().enumerate() {
-        let related = related.get(place).map_or(String::new(), |error| format!("<td class=\"number\">{}</td>", short(*error)));
+    for (index, term) in statistics.terms.iter().enumerate() {
+        let related = related.get(index).map_or(String::new(), |error| format!("<td class=\"number\">{}</td>", short(*error)));
         text += &format!(
             "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>{related}</tr>\n",
             escaped(&surface.term_name(&term.powers)),
-            // Two standard errors are about the half of a 95 % interval.
+            // Two standard errors are about half the width of a 95 % interval.
             known(term.coefficient, 2.0 * term.standard_error.unwrap_or(0.0)),
             number(term.standard_error),
             number(term.t),
@@ -298,24 +301,24 @@ fn terms(surface: &Surface, statistics: &ResponseStatistics, unit: &str) -> Stri
 }
 
 /// The proved constraints, and the increase of the error that they cause.
-fn constraints(told: &ConstraintStatistics, inputs: &[Input], unit: &str) -> String {
+fn constraints(statistics: &ConstraintStatistics, inputs: &[Input], unit: &str) -> String {
     let mut text = String::from("<table>\n<tr><th>constraint</th><th>proved distance</th><th>active at</th></tr>\n");
-    for report in &told.constraints {
+    for report in &statistics.constraints {
         let places: Vec<String> = report.points.iter().map(|point| place(point, inputs)).collect();
         let places = if places.is_empty() { "nowhere".to_string() } else { places.join("; ") };
         let distance = short(report.distance) + unit;
         text += &format!("<tr><td>{}</td><td>{distance}</td><td>{places}</td></tr>\n", escaped(&report.constraint));
     }
     text += "</table>\n";
-    match &told.largest_change {
+    match &statistics.largest_change {
         None => text += "<p>The constraints hold without changing a coefficient.</p>\n",
         Some(change) => {
-            let unseen = told.validation_without.as_ref().map_or(String::new(), |unseen| {
+            let unseen = statistics.validation_without.as_ref().map_or(String::new(), |unseen| {
                 format!(", mean error on validation rows {}{unit}", short(unseen.mean_abs_error))
             });
             text += &format!(
                 "<p>Without constraints: residual standard deviation {}{unit}{unseen}. The surface was changed most, by {}{unit}, at {}.</p>\n",
-                told.residual_sd_without.map_or("none".to_string(), short),
+                statistics.residual_sd_without.map_or("none".to_string(), short),
                 short(change.value),
                 place(&change.at, inputs)
             );
@@ -364,10 +367,10 @@ fn over_rows(fitted: &Pairs, apart: &[(&str, Pairs)], brackets: &str) -> Result<
     with_rule(&words, vec![(0.0, 0.0), (last, 0.0)], fitted, apart)
 }
 
-/// Points of rows that were kept apart, under their name.
+/// Points of holdout rows, with the name of their set.
 type NamedPoints<'a> = Vec<(&'a str, Vec<(f64, f64)>)>;
 
-/// The rule shows where a perfect model would lie.
+/// Adds the line on which the points of a perfect model would be.
 fn with_rule(
     words: &Words<'_>,
     rule: Vec<(f64, f64)>,

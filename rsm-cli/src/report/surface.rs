@@ -1,6 +1,6 @@
-//! Plots of a fitted surface: static pictures, and the numbers from which the page's script rotates and cuts it.
+//! Plots of a fitted surface: static pictures, and the numbers from which the page's script rotates the surface and draws slices.
 //!
-//! In: a model, one of its surfaces, the rows. Out: a figure. Values come from the tape, so a page shows what an evaluator will return.
+//! In: a model, one of its surfaces, the rows. Out: a figure. Values come from the tape, so a page shows the values that an evaluator returns.
 
 use rsm_core::check::Checked;
 use rsm_core::lower;
@@ -20,28 +20,28 @@ use crate::plot::{self, BLACK, BLUE, GREY, Mark, ORANGE, PINK, Series, Words};
 /// The largest number of rows of one kind in a plot. From more rows, a regular selection is drawn.
 const MOST_ROWS: usize = 2000;
 
-/// Points of a cut in a still picture.
+/// Points of a slice in a static picture.
 const CUT: usize = 200;
 
 /// One response of a fit, for the figure.
 pub struct Shown<'a> {
     pub outcome: &'a Outcome,
     pub checked: &'a Checked,
-    /// The place of its surface in the model.
+    /// The index of its surface in the model.
     pub surface: usize,
-    /// Its place among the responses of the rows.
+    /// Its index among the responses of the rows.
     pub response: usize,
     pub constraints: Option<&'a ConstraintStatistics>,
-    /// The error estimate, with its rows in words.
+    /// The error estimate, and the rows on which it is computed.
     pub error: Option<(f64, String)>,
 }
 
 /// The figure.
-pub fn figure(it: &Shown<'_>) -> Result<String, Refusal> {
-    let surface = &it.outcome.model.surfaces[it.surface];
-    let inputs = it.checked.inputs_of(surface);
-    let tape = lower::surface(it.checked, it.surface, Precision::F64);
-    let support = lower::support(it.checked, it.surface, Precision::F64);
+pub fn figure(shown: &Shown<'_>) -> Result<String, Refusal> {
+    let surface = &shown.outcome.model.surfaces[shown.surface];
+    let inputs = shown.checked.inputs_of(surface);
+    let tape = lower::surface(shown.checked, shown.surface, Precision::F64);
+    let support = lower::support(shown.checked, shown.surface, Precision::F64);
     let mut interpreter = Interpreter::<f64>::new(&tape);
     let mut supported = support.as_ref().map(Interpreter::<f64>::new);
     let mut value = |point: &[f64]| {
@@ -49,12 +49,12 @@ pub fn figure(it: &Shown<'_>) -> Result<String, Refusal> {
         inside.then(|| interpreter.eval(point))
     };
     let (pictures, series) = match inputs.as_slice() {
-        [one] => line(it, surface, one, &mut value)?,
-        [first, second] => plane(it, surface, first, second, &mut value)?,
+        [one] => line(shown, surface, one, &mut value)?,
+        [first, second] => plane(shown, surface, first, second, &mut value)?,
         _ => cuts(surface, &inputs, &mut value)?,
     };
-    let sets: Vec<(&str, Vec<Vec<f64>>)> = sets(it, &inputs);
-    let known = it.error.as_ref();
+    let sets: Vec<(&str, Vec<Vec<f64>>)> = sets(shown, &inputs);
+    let error = shown.error.as_ref();
     let mut all = sets.iter().flat_map(|(_, rows)| rows).filter_map(|row| row.last().copied()).filter(|y| y.is_finite());
     let first = all.next().unwrap_or(0.0);
     let (low, high) = all.fold((first, first), |(low, high), y| (low.min(y), high.max(y)));
@@ -63,8 +63,8 @@ pub fn figure(it: &Shown<'_>) -> Result<String, Refusal> {
     let spec = json!({
         "kind": "explorer", "name": surface.name, "title": titled(&surface.name, &surface.unit),
         "unit": if surface.unit == "1" { "" } else { surface.unit.as_str() },
-        "decimals": number::decimals(known.map_or(0.0, |(error, _)| *error), high.abs().max(low.abs())),
-        "known": known.map_or(String::new(), |(error, words)| format!("± {} {words}", number::with_unit(&number::short(*error), &surface.unit))),
+        "decimals": number::decimals(error.map_or(0.0, |(error, _)| *error), high.abs().max(low.abs())),
+        "known": error.map_or(String::new(), |(error, words)| format!("± {} {words}", number::with_unit(&number::short(*error), &surface.unit))),
         "span": [low - margin, high + margin],
         "inputs": inputs.iter().map(|input| json!({
             "name": input.name, "unit": if input.unit == "1" { "" } else { input.unit.as_str() },
@@ -86,11 +86,11 @@ fn operations(tape: &Tape) -> Value {
     let one = |op: &Op| match op {
         Op::Constant(constant) => json!(["constant", constant.value]),
         Op::Input(port) => json!(["input", port.0]),
-        // A surface keeps nothing from step to step.
+        // A surface has no state.
         Op::State(_) => json!(["state"]),
         Op::Negate(a) => json!(["negate", a.0]),
         Op::Absolute(a) => json!(["absolute", a.0]),
-        // Only elementary functions have these, and no surface has one.
+        // Only elementary functions have these operations, and no surface has an elementary function.
         Op::Exponent(_) | Op::PowerOfTwo(_) => json!(["state"]),
         Op::Add(a, b) => json!(["add", a.0, b.0]),
         Op::Subtract(a, b) => json!(["subtract", a.0, b.0]),
@@ -105,43 +105,43 @@ fn operations(tape: &Tape) -> Value {
     })
 }
 
-/// Columns of the surface's inputs among those of the rows.
-fn columns(it: &Shown<'_>, inputs: &[Input]) -> Vec<usize> {
+/// Indices of the surface's inputs among the columns of the rows.
+fn columns(shown: &Shown<'_>, inputs: &[Input]) -> Vec<usize> {
     let place = |input: &Input| {
-        it.outcome.model.inputs.iter().position(|other| other.name == input.name).expect("a surface's input is in the model")
+        shown.outcome.model.inputs.iter().position(|other| other.name == input.name).expect("a surface's input is in the model")
     };
     inputs.iter().map(place).collect()
 }
 
-/// Rows as lists of the inputs' values and the measured response, by what they were used for.
-fn sets(it: &Shown<'_>, inputs: &[Input]) -> Vec<(&'static str, Vec<Vec<f64>>)> {
-    let columns = columns(it, inputs);
+/// Rows as lists of the inputs' values and the measured response, grouped by their use.
+fn sets(shown: &Shown<'_>, inputs: &[Input]) -> Vec<(&'static str, Vec<Vec<f64>>)> {
+    let columns = columns(shown, inputs);
     let rows = |records: &Records| -> Vec<Vec<f64>> {
-        let complete = records.complete(&columns, it.response);
+        let complete = records.complete(&columns, shown.response);
         let step = complete.len().div_ceil(MOST_ROWS).max(1);
         let row = |row: &usize| {
             let mut values: Vec<f64> = columns.iter().map(|column| records.inputs[*column][*row]).collect();
-            values.push(records.responses[it.response][*row]);
+            values.push(records.responses[shown.response][*row]);
             values
         };
         complete.iter().step_by(step).map(row).collect()
     };
-    let outcome = it.outcome;
+    let outcome = shown.outcome;
     let mut sets = vec![("fitted rows", rows(&outcome.fitted))];
     let apart = [("validation rows", &outcome.validation), ("test rows", &outcome.test)];
     sets.extend(apart.into_iter().filter_map(|(name, records)| Some((name, rows(records.as_ref()?)))));
     sets
 }
 
-/// The value at a point, where the data support it.
+/// Computes the value at a point; `None` where the data do not support it.
 type Valued<'a> = &'a mut dyn FnMut(&[f64]) -> Option<f64>;
 
 /// A surface of one input: a curve with the rows.
-fn line(it: &Shown<'_>, surface: &Surface, input: &Input, value: Valued<'_>) -> Result<(String, Vec<Series>), Refusal> {
+fn line(shown: &Shown<'_>, surface: &Surface, input: &Input, value: Valued<'_>) -> Result<(String, Vec<Series>), Refusal> {
     let curve = cut(input, &mut |x| value(&[x]));
     let mut series = vec![Series::new("surface", BLUE, Mark::Line, curve)];
     let marks = [(BLUE, Mark::Circle), (ORANGE, Mark::Cross), (BLACK, Mark::Cross)];
-    for ((name, rows), (colour, mark)) in sets(it, std::slice::from_ref(input)).into_iter().zip(marks) {
+    for ((name, rows), (colour, mark)) in sets(shown, std::slice::from_ref(input)).into_iter().zip(marks) {
         series.push(Series::new(name, colour, mark, rows.iter().map(|row| (row[0], row[1])).collect()));
     }
     let (x, y) = (titled(&input.name, &input.unit), titled(&surface.name, &surface.unit));
@@ -156,19 +156,19 @@ fn cut(input: &Input, value: &mut dyn FnMut(f64) -> Option<f64>) -> Vec<(f64, f6
 
 /// A surface of two inputs over its box, blank where the data do not support it.
 fn plane(
-    it: &Shown<'_>,
+    shown: &Shown<'_>,
     surface: &Surface,
     first: &Input,
     second: &Input,
     value: Valued<'_>,
 ) -> Result<(String, Vec<Series>), Refusal> {
-    let columns = columns(it, &[first.clone(), second.clone()]);
+    let columns = columns(shown, &[first.clone(), second.clone()]);
     let points = |records: &Records| {
         let [x, y] = [columns[0], columns[1]].map(|column| &records.inputs[column]);
-        let complete = records.complete(&columns, it.response);
+        let complete = records.complete(&columns, shown.response);
         complete.iter().map(|row| (x[*row], y[*row])).collect::<Vec<_>>()
     };
-    let outcome = it.outcome;
+    let outcome = shown.outcome;
     let mut series = vec![Series::new("fitted rows", PINK, Mark::Circle, points(&outcome.fitted))];
     let apart = [("validation rows", ORANGE, &outcome.validation), ("test rows", GREY, &outcome.test)];
     series.extend(
@@ -176,10 +176,10 @@ fn plane(
             .into_iter()
             .filter_map(|(name, colour, records)| Some(Series::new(name, colour, Mark::Cross, points(records.as_ref()?)))),
     );
-    if let Some(told) = it.constraints {
-        let held = told.constraints.iter().flat_map(|report| &report.points).map(|point| (point.0[0].1, point.0[1].1));
-        let held: Vec<(f64, f64)> = held.collect();
-        series.extend((!held.is_empty()).then(|| Series::new("held by a constraint", BLACK, Mark::Cross, held)));
+    if let Some(statistics) = shown.constraints {
+        let active = statistics.constraints.iter().flat_map(|report| &report.points).map(|point| (point.0[0].1, point.0[1].1));
+        let active: Vec<(f64, f64)> = active.collect();
+        series.extend((!active.is_empty()).then(|| Series::new("held by a constraint", BLACK, Mark::Cross, active)));
     }
     let axis = |input: &Input| format!("{} [{}]", input.name, input.unit);
     let (x, y) = (axis(first), axis(second));
@@ -189,7 +189,7 @@ fn plane(
     Ok((plot::still::map(&words, &surface.unit, &map, &series)?, series))
 }
 
-/// A surface of more inputs: a cut along each of them through the middle of the box.
+/// A surface of more inputs: a slice along each input through the middle of the box.
 fn cuts(surface: &Surface, inputs: &[Input], value: Valued<'_>) -> Result<(String, Vec<Series>), Refusal> {
     let middle: Vec<f64> = inputs.iter().map(|input| 0.5 * (input.range[0] + input.range[1])).collect();
     let y = titled(&surface.name, &surface.unit);

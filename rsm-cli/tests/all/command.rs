@@ -106,8 +106,8 @@ fn emit_writes_surfaces_without_clamps_and_what_an_input_gives_once() {
         std::fs::write(here.path().join("other.toml"), text).unwrap();
         let emit = ["emit", "other.toml", "--lang", "c", "--out", "other"];
         let output = rsm(&[&emit[..], more].concat(), here.path());
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.code() == Some(2) && said.contains(wanted), "{said}");
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && message.contains(wanted), "{message}");
         assert!(!here.path().join("other").exists());
     };
     refused(&["--inside", "--once", "lod"], model, "no surface has the input `lod`");
@@ -398,14 +398,14 @@ fn simulate_writes_a_record_that_it_reads_again() {
         let output = with(more);
         assert_eq!(output.status.code(), Some(0), "{more:?}: {}", text(&output.stderr));
     }
-    for (more, words) in [
+    for (more, expected) in [
         (&["--fixed-step", "0.00037"][..], "--fixed-step: found 0.00037 s"),
         (&["--tolerance", "1"], "--tolerance: found 1, expected 1e-14 to 0.1"),
         (&["--effects", "."], "a plant file of format 1, which has built-in effects only"),
     ] {
         let output = with(more);
         assert_eq!(output.status.code(), Some(2));
-        assert!(text(&output.stderr).contains(words), "{}", text(&output.stderr));
+        assert!(text(&output.stderr).contains(expected), "{}", text(&output.stderr));
     }
     let output = rsm(&["simulate", &file("pmac.toml"), "--record", &file("driveline.csv"), "--out", "bad.csv"], here.path());
     assert_eq!(output.status.code(), Some(2));

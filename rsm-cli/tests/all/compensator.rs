@@ -86,8 +86,8 @@ fn check_certifies_a_compensator() {
     // The range of 0.15 -+ 0.05.
     let [low, high] = [0, 1].map(|k| certified["zero_damping"][k].as_f64().unwrap());
     assert!(low <= 0.1 && low > 0.1 - 1e-12 && (0.2..0.2 + 1e-12).contains(&high), "{low} {high}");
-    let words = text(&rsm(&["check", "car.toml"], here.path()).stdout);
-    assert!(words.contains("tip_in: stable over the whole range of its inputs, in exact arithmetic"), "{words}");
+    let printed = text(&rsm(&["check", "car.toml"], here.path()).stdout);
+    assert!(printed.contains("tip_in: stable over the whole range of its inputs, in exact arithmetic"), "{printed}");
 }
 
 #[test]
@@ -140,9 +140,12 @@ fn a_damping_that_goes_negative_is_a_problem_with_its_point() {
         &["eval", "throttle.toml", "--compensator", "tip_in", "--data", "sequence.csv"],
     ] {
         let output = rsm(refused, here.path());
-        let said = text(&output.stderr);
+        let message = text(&output.stderr);
         assert_eq!((output.status.code(), text(&output.stdout).as_str()), (Some(2), ""));
-        assert!(said.starts_with(&format!("throttle.toml:40:16: compensator `tip_in`: `zero_damping`: {what}")), "{said}");
+        assert!(
+            message.starts_with(&format!("throttle.toml:40:16: compensator `tip_in`: `zero_damping`: {what}")),
+            "{message}"
+        );
     }
     assert!(!here.path().join("out").exists());
     // The surface alone can still be evaluated.

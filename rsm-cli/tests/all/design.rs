@@ -33,24 +33,24 @@ fn the_shipped_plans_have_the_points_of_the_experiments() {
 }
 
 #[test]
-fn what_where_takes_from_a_design_is_told() {
+fn the_points_that_where_removes_are_reported() {
     let here = folder();
     let written = |rest: &str| {
         let factor = |name: &str| format!("[factors.{name}]\nunit = \"1\"\nrange = [-1, 1]\n");
         let text = format!("format = 1\nplan = \"p\"\nseed = 1\ncentre_points = 2\n{rest}\n{}{}", factor("a"), factor("b"));
         std::fs::write(here.path().join("plan.toml"), text).unwrap();
     };
-    let design = |words: &[&str]| rsm(&[&["design", "plan.toml", "--out", "plan.csv"], words].concat(), here.path());
+    let design = |options: &[&str]| rsm(&[&["design", "plan.toml", "--out", "plan.csv"], options].concat(), here.path());
     // The corner (1, 1) is omitted: 7 of 8 points. Calculated by hand in `plan/kept.rs`.
     written("design = \"central-composite\"\nalpha = \"rotatable\"\nwhere = [{ sum = { a = 1, b = 1 }, at_most = 1.5 }]");
     let found = json(&design(&["--json"]));
-    let told = &found["left_out"];
-    assert_eq!(keys(told), ["correlation", "correlation_of_whole", "of", "points", "was_rotatable"]);
-    assert_eq!((&told["points"], &told["of"], &told["was_rotatable"]), (&1.into(), &8.into(), &true.into()));
-    assert!((told["correlation"].as_f64().unwrap() - 1.0 / 6.0).abs() < 1e-14, "{told}");
+    let left_out = &found["left_out"];
+    assert_eq!(keys(left_out), ["correlation", "correlation_of_whole", "of", "points", "was_rotatable"]);
+    assert_eq!((&left_out["points"], &left_out["of"], &left_out["was_rotatable"]), (&1.into(), &8.into(), &true.into()));
+    assert!((left_out["correlation"].as_f64().unwrap() - 1.0 / 6.0).abs() < 1e-14, "{left_out}");
     let output = design(&[]);
-    let words = text(&output.stderr);
-    assert!(words.contains("warning: `where` keeps only 7 of the 8 points of the central-composite design"), "{words}");
+    let message = text(&output.stderr);
+    assert!(message.contains("warning: `where` keeps only 7 of the 8 points of the central-composite design"), "{message}");
     // A `where` that removes no point is not reported.
     written("design = \"central-composite\"\nalpha = \"rotatable\"\nwhere = [{ sum = { a = 1, b = 1 }, at_most = 3 }]");
     assert!(json(&design(&["--json"]))["left_out"].is_null());
@@ -88,7 +88,7 @@ fn an_optimal_design_has_the_wanted_runs_and_adds_to_those_that_were_made() {
             format!("format = 1\nplan = \"p\"\nseed = 1\ndesign = \"optimal\"\n{rest}\n{}{}", factor("a", 10), factor("b", 4));
         std::fs::write(here.path().join("plan.toml"), text).unwrap();
     };
-    let design = |words: &[&str]| rsm(&[&["design", "plan.toml", "--out", "plan.csv"], words].concat(), here.path());
+    let design = |options: &[&str]| rsm(&[&["design", "plan.toml", "--out", "plan.csv"], options].concat(), here.path());
     let rows = || -> Vec<Vec<f64>> {
         let csv = std::fs::read_to_string(here.path().join("plan.csv")).unwrap();
         csv.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect()
@@ -136,14 +136,14 @@ fn an_optimal_design_has_the_wanted_runs_and_adds_to_those_that_were_made() {
 }
 
 #[test]
-fn a_fraction_tells_its_aliases_and_screening_and_sobol_have_their_runs() {
+fn a_fraction_reports_its_aliases_and_screening_and_sobol_have_their_runs() {
     let here = folder();
     let written = |rest: &str, factors: &[&str]| {
         let factors: String = factors.iter().map(|name| format!("[factors.{name}]\nunit = \"1\"\nrange = [-1, 1]\n")).collect();
         std::fs::write(here.path().join("plan.toml"), format!("format = 1\nplan = \"p\"\nseed = 1\n{rest}\n{factors}"))
             .unwrap();
     };
-    let design = |words: &[&str]| rsm(&[&["design", "plan.toml", "--out", "plan.csv"], words].concat(), here.path());
+    let design = |options: &[&str]| rsm(&[&["design", "plan.toml", "--out", "plan.csv"], options].concat(), here.path());
     // The half fraction with d = abc: resolution 4, each pair of factors is aliased with the other pair.
     written("design = \"fractional-factorial\"\ngenerators = { d = \"a*b*c\" }", &["a", "b", "c", "d"]);
     let found = json(&design(&["--json"]));
@@ -152,10 +152,11 @@ fn a_fraction_tells_its_aliases_and_screening_and_sobol_have_their_runs() {
     assert_eq!(found["fraction"]["aliases"], serde_json::json!([["a*b", "c*d"], ["a*c", "b*d"], ["a*d", "b*c"]]));
     assert!(text(&design(&[]).stderr).contains("resolution 4; aliased effects:\n  a*b = c*d\n"));
     written("design = \"fractional-factorial\"\nruns = 12", &["a", "b", "c", "d", "e"]);
-    let words = text(&design(&[]).stderr);
+    let message = text(&design(&[]).stderr);
     assert!(
-        words.contains("no fraction of the two-level factorial of 5 factors has 12 runs") && words.contains("8, 16, 32 runs"),
-        "{words}"
+        message.contains("no fraction of the two-level factorial of 5 factors has 12 runs")
+            && message.contains("8, 16, 32 runs"),
+        "{message}"
     );
     written("design = \"definitive-screening\"", &["a", "b", "c", "d", "e", "f"]);
     assert_eq!(json(&design(&["--json"]))["runs"], 13);
@@ -175,10 +176,10 @@ fn a_design_is_evaluated_in_words_and_as_json() {
         factor("b")
     );
     std::fs::write(here.path().join("plan.toml"), specification).unwrap();
-    let design = |words: &[&str]| rsm(&[&["design", "plan.toml"], words].concat(), here.path());
+    let design = |options: &[&str]| rsm(&[&["design", "plan.toml"], options].concat(), here.path());
     let output = design(&["--evaluate"]);
     assert_eq!(output.status.code(), Some(0), "{}", text_of(&output));
-    let words = text(&output.stdout);
+    let printed = text(&output.stdout);
     for expected in [
         "p, central-composite: 13 runs of 9 points, 6 parameters\n",
         "7 of the residual, 3 of lack of fit, 4 of pure error\n",
@@ -186,7 +187,7 @@ fn a_design_is_evaluated_in_words_and_as_json() {
         "a^2      0.14375     1.017",
         "a: +1.50 a^3, +0.50 a*b^2\n",
     ] {
-        assert!(words.contains(expected), "{expected}: {words}");
+        assert!(printed.contains(expected), "{expected}: {printed}");
     }
     let found = json(&design(&["--evaluate", "--json"]));
     assert_eq!(
@@ -229,20 +230,24 @@ fn runs_that_determine_too_little_are_a_negative_answer_and_bad_ones_are_refused
     let factor = |name: &str| format!("[factors.{name}]\nunit = \"1\"\nlevels = [-1, 1]\n");
     let specification = format!("format = 1\nplan = \"p\"\nseed = 1\n{}{}", factor("a"), factor("b"));
     std::fs::write(here.path().join("plan.toml"), specification).unwrap();
-    let design = |words: &[&str]| rsm(&[&["design", "plan.toml"], words].concat(), here.path());
+    let design = |options: &[&str]| rsm(&[&["design", "plan.toml"], options].concat(), here.path());
     let output = design(&["--evaluate"]);
-    let words = text(&output.stdout);
+    let printed = text(&output.stdout);
     assert_eq!(output.status.code(), Some(1));
-    assert!(words.contains("the runs determine 4 of 6 parameters") && words.contains("    a^2 = 1\n    b^2 = 1\n"), "{words}");
-    assert!(words.contains("these terms cannot be estimated: 1, a^2, b^2\n"), "{words}");
+    assert!(
+        printed.contains("the runs determine 4 of 6 parameters") && printed.contains("    a^2 = 1\n    b^2 = 1\n"),
+        "{printed}"
+    );
+    assert!(printed.contains("these terms cannot be estimated: 1, a^2, b^2\n"), "{printed}");
     std::fs::write(here.path().join("runs.csv"), "run[1],a[1],b[m]\n1,0,0\n").unwrap();
     let output = design(&["--evaluate", "runs.csv"]);
     assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
     assert!(text_of(&output).starts_with("runs.csv:1: column 3 `b`: "), "{}", text_of(&output));
-    for words in [&["--evaluate", "runs.csv", "--out", "x.csv"][..], &["--evaluate", "runs.csv", "--augment", "runs.csv"], &[]]
+    for options in
+        [&["--evaluate", "runs.csv", "--out", "x.csv"][..], &["--evaluate", "runs.csv", "--augment", "runs.csv"], &[]]
     {
-        let output = design(words);
-        assert_eq!(output.status.code(), Some(2), "{words:?}");
+        let output = design(options);
+        assert_eq!(output.status.code(), Some(2), "{options:?}");
         assert!(!here.path().join("x.csv").exists());
     }
 }

@@ -28,8 +28,8 @@ fn a_plant_of_equations_is_diagnosed_and_its_extended_file_runs() {
         path.display().to_string()
     };
     let (plant, record, validation) = (example("plant.toml"), example("record.csv"), example("validation.csv"));
-    let words = ["diagnose", &plant, "--record", &record, "--validate", &validation, "--json", "--out", "found"];
-    let output = rsm(&words, here.path());
+    let arguments = ["diagnose", &plant, "--record", &record, "--validate", &validation, "--json", "--out", "found"];
+    let output = rsm(&arguments, here.path());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let found = json(&output);
     let cause = &found["causes"][0];
@@ -38,7 +38,7 @@ fn a_plant_of_equations_is_diagnosed_and_its_extended_file_runs() {
     assert!(page.contains("headwind"), "{page}");
     let simulated = rsm(&["simulate", "found/extended.toml", "--record", &validation, "--out", "simulated.csv"], here.path());
     assert_eq!(simulated.status.code(), Some(0), "{}", text(&simulated.stderr));
-    for (words, said) in [
+    for (arguments, message) in [
         (vec!["diagnose", &plant, "--record", &record, "--refit", "--out", "refitted"], "no experiment is designed"),
         (vec!["diagnose", &example("road-vehicle.mo"), "--record", &record], "expected a plant file that names it"),
         (vec!["diagnose", &plant, "--record", &record, "--effects", "nowhere"], "nowhere: cannot be read"),
@@ -47,9 +47,9 @@ fn a_plant_of_equations_is_diagnosed_and_its_extended_file_runs() {
             "--effects: found a plant file of format 1",
         ),
     ] {
-        let refused = rsm(&words, here.path());
-        assert_eq!((refused.status.code(), refused.stdout.len()), (Some(2), 0), "{words:?}");
-        assert!(text(&refused.stderr).contains(said), "{}", text(&refused.stderr));
+        let refused = rsm(&arguments, here.path());
+        assert_eq!((refused.status.code(), refused.stdout.len()), (Some(2), 0), "{arguments:?}");
+        assert!(text(&refused.stderr).contains(message), "{}", text(&refused.stderr));
     }
     assert!(!here.path().join("refitted").exists());
 }
@@ -82,15 +82,15 @@ fn an_extended_plant_is_monitored() {
     let (first, _) = diagnosed(&shipped("pmac.toml"), "train.csv", "unseen.csv", "found");
     assert_eq!((&first["verdict"], &first["causes"][0]["kind"]), (&"explained".into(), &"coulomb-friction".into()));
     assert_eq!(first["claims"], serde_json::json!([]));
-    let (again, words) = diagnosed("found/extended.toml", "train.csv", "unseen.csv", "again");
-    assert_eq!((&again["verdict"], again["causes"].as_array().unwrap().len()), (&"no-discrepancy".into(), 0), "{words}");
+    let (again, message) = diagnosed("found/extended.toml", "train.csv", "unseen.csv", "again");
+    assert_eq!((&again["verdict"], again["causes"].as_array().unwrap().len()), (&"no-discrepancy".into(), 0), "{message}");
     assert_eq!((&again["claims"][0]["kind"], &again["claims"][0]["stands"]), (&"coulomb-friction".into(), &true.into()));
-    assert!(words.contains("The plant file's coulomb-friction agrees with the records"), "{words}");
+    assert!(message.contains("The plant file's coulomb-friction agrees with the records"), "{message}");
     let page = std::fs::read_to_string(here.path().join("again/report.html")).unwrap();
     assert!(page.contains("Effects of the plant file") && page.contains("coulomb-friction agrees with the records"), "{page}");
     // Since then the bearing has worn.
-    let (worn, words) = diagnosed("found/extended.toml", "worn.csv", "worn-2.csv", "worn");
-    assert_eq!(worn["verdict"], "explained", "{words}");
+    let (worn, message) = diagnosed("found/extended.toml", "worn.csv", "worn-2.csv", "worn");
+    assert_eq!(worn["verdict"], "explained", "{message}");
     let cause = &worn["causes"][0];
     assert_eq!(cause["kind"], "coulomb-friction");
     // Either the whole friction instead of the claim, or only the additional friction.
@@ -181,7 +181,7 @@ fn noisy(here: &std::path::Path, plant: &str, seed: u64) -> String {
 }
 
 #[test]
-fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_json() {
+fn the_report_lists_bad_data_first_and_has_the_numbers_of_the_json_for_a_cause() {
     let here = folder();
     let with_friction = std::fs::read_to_string(shipped("pmac.toml")).unwrap()
         + "\n[[effects]]\nkind = \"coulomb-friction\"\nparameters = { torque = 0.3 }\n";
@@ -221,7 +221,7 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
     assert_eq!((value["verdict"].as_str(), value["causes"][0]["kind"].as_str()), (Some("explained"), Some("coulomb-friction")));
     let page = std::fs::read_to_string(here.path().join("found/report.html")).unwrap();
 
-    let at = |words: &str| page.find(words).unwrap_or_else(|| panic!("the page does not say: {words}"));
+    let at = |message: &str| page.find(message).unwrap_or_else(|| panic!("the page does not contain: {message}"));
     assert!(at("What is wrong with the data") < at("<td>speed</td><td>jump</td><td>78 to 78</td>"));
     assert!(at("78 to 78") < at("<h2>Causes") && at("<h2>Causes") < at("<h2>Before and after, on 1 validation record</h2>"));
     at(&format!(
@@ -274,8 +274,8 @@ fn the_report_lists_bad_data_first_and_tells_of_a_cause_with_the_numbers_of_the_
     assert!(at("<h1>") < at("class=\"numbers\"") && at("class=\"numbers\"") < at(">coulomb-friction</button>"));
     assert!(at(">coulomb-friction</button>") < at("<h2>"));
     // The text on standard error is short.
-    let words = text(&output.stderr);
-    assert!(words.lines().count() < 12 && words.contains("Check: Drive slowly both ways"), "{words}");
+    let message = text(&output.stderr);
+    assert!(message.lines().count() < 12 && message.contains("Check: Drive slowly both ways"), "{message}");
 }
 
 #[test]
@@ -285,10 +285,11 @@ fn a_refit_without_a_designed_experiment_is_refused_before_any_work() {
     let axis =
         rsm(&["diagnose", &shipped("servo-axis.toml"), "--record", "none.csv", "--refit", "--out", "found"], here.path());
     assert_eq!((axis.status.code(), axis.stdout.len()), (Some(2), 0));
-    let said = text(&axis.stderr);
+    let message = text(&axis.stderr);
     assert!(
-        said.contains("--refit: found the plant \"servo-axis\"") && said.contains("no experiment is designed for another one"),
-        "{said}"
+        message.contains("--refit: found the plant \"servo-axis\"")
+            && message.contains("no experiment is designed for another one"),
+        "{message}"
     );
     let (motor, car) = (shipped("pmac.toml"), shipped("driveline.toml"));
     let other = rsm(&["diagnose", &motor, "--record", "none.csv", "--refit", "--truth", &car, "--out", "found"], here.path());
@@ -303,7 +304,7 @@ fn a_refit_without_a_designed_experiment_is_refused_before_any_work() {
 
 /// Each shipped record contains the inputs of its plant, but no measured outputs: there is nothing to compare with.
 #[test]
-fn shipped_records_say_that_they_hold_inputs_only() {
+fn shipped_records_without_outputs_are_refused_with_the_reason() {
     let here = folder();
     for plant in ["pmac", "driveline", "servo-axis"] {
         let (file, record) = (shipped(&format!("{plant}.toml")), shipped(&format!("{plant}.csv")));

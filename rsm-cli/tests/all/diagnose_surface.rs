@@ -116,7 +116,7 @@ fn output_of(folder: &Path) -> Vec<u8> {
 }
 
 #[test]
-fn a_pump_of_which_nothing_is_wrong_keeps_its_file() {
+fn a_pump_without_an_error_keeps_its_file() {
     let here = folder();
     std::fs::write(here.path().join("pump.toml"), MODEL).unwrap();
     runs(&here.path().join("new.csv"), false);

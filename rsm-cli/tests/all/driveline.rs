@@ -148,15 +148,15 @@ fn bad_plans_and_compensators_are_refused_with_their_lines() {
         (PLAN, &driveline, &["--compensator", &absent], &["there is no compensator `nothing`; it has tip_in"]),
         (PLAN, &driveline, &["--compensator", &none], &["has 0 compensators"]),
     ];
-    for (plan, plant, further, says) in cases {
+    for (plan, plant, further, expected) in cases {
         write("plan.csv", plan);
         write("out.csv", "old");
         let arguments = ["experiment", "driveline", "--plan", "plan.csv", "--plant", plant, "--out", "out.csv"];
         let output = rsm(&[&arguments[..], further].concat(), here.path());
-        let said = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        for says in says {
-            assert!(said.contains(says), "{said}\ndoes not say\n{says}");
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        for expected in expected {
+            assert!(message.contains(expected), "{message}\ndoes not contain\n{expected}");
         }
         assert_eq!(std::fs::read_to_string(here.path().join("out.csv")).unwrap(), "old");
     }

@@ -59,9 +59,9 @@ fn records_have_the_bits_of_one_process_for_every_split_order_and_core() {
         let arguments = ["cosim", "s.toml", "--out", "r", "--check", "--json", "--helics", &helics];
         let output = until_no_peer_is_lost(|| rsm(&arguments, here.path()));
         assert_eq!(output.status.code(), Some(0), "{core}, {processes}: {}", text(&output.stderr));
-        let told = json(&output);
-        assert_eq!(told["equal_to_one_process"], true);
-        assert!(told["processes"].as_object().unwrap().values().all(|it| it["status"] == 0), "{told}");
+        let result = json(&output);
+        assert_eq!(result["equal_to_one_process"], true);
+        assert!(result["processes"].as_object().unwrap().values().all(|it| it["status"] == 0), "{result}");
         // The command has compared the same; here the file is compared with a run of the library.
         let side = if processes.contains("loop") { Loop::Throttle } else { Loop::Motor };
         let exchanged = &loops::alone(side, Run { ticks: 600, load_inertia: 0.0 })[1];
@@ -72,7 +72,7 @@ fn records_have_the_bits_of_one_process_for_every_split_order_and_core() {
 }
 
 #[test]
-fn a_record_that_differs_is_told() {
+fn a_record_that_differs_is_reported() {
     let Some(helics) = helics("a record that differs") else { return };
     let here = folder();
     let processes = "a.roles = ['motor', 'controller']";
@@ -89,7 +89,7 @@ fn a_record_that_differs_is_told() {
 }
 
 #[test]
-fn without_the_library_the_way_to_get_it_is_told() {
+fn without_the_library_a_message_gives_the_way_to_install_it() {
     let here = folder();
     std::fs::write(here.path().join("s.toml"), scenario("tcp_ss", 0.05, "a.roles = ['motor', 'controller']")).unwrap();
     let lines: [&[&str]; 3] = [
@@ -99,11 +99,11 @@ fn without_the_library_the_way_to_get_it_is_told() {
     ];
     for line in lines {
         let output = rsm(line, here.path());
-        let words = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{words}");
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{message}");
         assert!(
-            words.contains("nowhere/libhelics.so") && words.contains("pip install") && words.contains("RSM_HELICS"),
-            "{words}"
+            message.contains("nowhere/libhelics.so") && message.contains("pip install") && message.contains("RSM_HELICS"),
+            "{message}"
         );
     }
     assert!(!here.path().join("r").exists());
@@ -115,9 +115,9 @@ fn commands_are_printed_for_each_host() {
     let processes = "a.roles = ['motor']\na.host = 'left'\nb.roles = ['controller']\nb.host = 'right'";
     std::fs::write(here.path().join("s.toml"), scenario("tcp_ss", 1.0, processes)).unwrap();
     let output = rsm(&["cosim", "s.toml", "--out", "my records"], here.path());
-    let words = text(&output.stdout);
+    let printed = text(&output.stdout);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    let lines: Vec<&str> = words.lines().collect();
+    let lines: Vec<&str> = printed.lines().collect();
     assert_eq!((lines[0], lines[3]), ("# on left", "# on right"));
     assert!(lines[1].starts_with("rsm federate broker --broker 127.0.0.1:") && lines[1].ends_with("--federates 2"));
     assert!(lines[2].starts_with("rsm federate motor") && lines[2].ends_with("--out 'my records'"));
@@ -192,11 +192,11 @@ impl Federation {
                     None => std::thread::sleep(Duration::from_millis(20)),
                 }
             };
-            let mut words = String::new();
+            let mut message = String::new();
             if let Some(mut stderr) = child.stderr.take() {
-                stderr.read_to_string(&mut words).unwrap();
+                stderr.read_to_string(&mut message).unwrap();
             }
-            ended.push((role, status.code(), words));
+            ended.push((role, status.code(), message));
         }
         ended
     }
@@ -236,10 +236,10 @@ fn when_a_peer_dies_everybody_ends_within_5_s_with_whole_records() {
         all.goes_on();
         all.kill(victim);
         let survivors: Vec<&str> = ["motor", "controller", "recorder"].into_iter().filter(|it| *it != victim).collect();
-        for (role, status, words) in all.ends_within(ALL_END) {
+        for (role, status, message) in all.ends_within(ALL_END) {
             if role != "broker" {
-                assert_eq!(status, Some(1), "{core}, {role}: {words}");
-                assert!(words.contains("whole ticks are recorded"), "{core}, {role}: {words}");
+                assert_eq!(status, Some(1), "{core}, {role}: {message}");
+                assert!(message.contains("whole ticks are recorded"), "{core}, {role}: {message}");
             }
         }
         all.records_are_whole(&survivors);
@@ -253,16 +253,16 @@ fn when_the_broker_vanishes_everybody_ends_within_5_s_with_whole_records() {
         let mut all = Federation::start(core, &helics, &["recorder", "motor", "broker", "controller"]);
         all.goes_on();
         all.kill("broker");
-        for (role, status, words) in all.ends_within(ALL_END) {
-            assert_eq!(status, Some(1), "{core}, {role}: {words}");
-            assert!(words.contains("whole ticks are recorded"), "{core}, {role}: {words}");
+        for (role, status, message) in all.ends_within(ALL_END) {
+            assert_eq!(status, Some(1), "{core}, {role}: {message}");
+            assert!(message.contains("whole ticks are recorded"), "{core}, {role}: {message}");
         }
         all.records_are_whole(&["motor", "controller", "recorder"]);
     }
 }
 
 #[test]
-fn who_waits_for_nobody_ends_with_words() {
+fn a_process_without_peers_ends_with_a_message() {
     let Some(helics) = helics("nobody comes") else { return };
     let here = folder();
     let helics = helics.display().to_string();

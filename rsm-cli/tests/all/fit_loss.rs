@@ -17,10 +17,10 @@ fn a_wrong_row_is_named_in_words_json_and_report() {
         );
         std::fs::write(here.path().join("fit.toml"), specification).unwrap();
         let output = rsm(&["fit", "fit.toml", "--out", "m.toml", "--report", "report"], here.path());
-        let said = text(&output.stdout);
-        assert_eq!(output.status.code(), Some(0), "{said}{}", text(&output.stderr));
-        assert!(said.contains(&format!("  loss: {loss}")) && said.contains("withheld: R2, residual sd"), "{said}");
-        assert!(said.contains("warning: y: low-weight: 1 of 24 rows: row 8 (x = 7): error "), "{said}");
+        let printed = text(&output.stdout);
+        assert_eq!(output.status.code(), Some(0), "{printed}{}", text(&output.stderr));
+        assert!(printed.contains(&format!("  loss: {loss}")) && printed.contains("withheld: R2, residual sd"), "{printed}");
+        assert!(printed.contains("warning: y: low-weight: 1 of 24 rows: row 8 (x = 7): error "), "{printed}");
         let report = std::fs::read_to_string(here.path().join("report/report.html")).unwrap();
         assert!(report.contains("row 8 (x = 7)") && report.contains("withheld: R2, residual sd"));
         let object = json(&rsm(&["fit", "fit.toml", "--json"], here.path()));

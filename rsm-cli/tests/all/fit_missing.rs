@@ -18,12 +18,13 @@ fn left_out_rows_are_in_words_json_report_and_model() {
     let data = format!("x[1],z[1],a[V],b[V]\n{}", (0..25).map(line).collect::<String>());
     std::fs::write(here.path().join("data.csv"), &data).unwrap();
     std::fs::write(here.path().join("fit.toml"), SPECIFICATION).unwrap();
-    let words = ["1 of 25 rows of `data` is left out because a cell is missing: 1 in `z` of data.csv", "1 in `b` of data.csv"];
+    let sentences =
+        ["1 of 25 rows of `data` is left out because a cell is missing: 1 in `z` of data.csv", "1 in `b` of data.csv"];
     let output = rsm(&["fit", "fit.toml", "--out", "m.toml", "--report", "report"], here.path());
-    let said = text(&output.stdout);
-    assert!(words.iter().all(|words| said.contains(words)), "{said}{}", text(&output.stderr));
+    let printed = text(&output.stdout);
+    assert!(sentences.iter().all(|sentence| printed.contains(sentence)), "{printed}{}", text(&output.stderr));
     let report = std::fs::read_to_string(here.path().join("report/report.html")).unwrap();
-    assert!(words.iter().all(|words| report.contains(words)));
+    assert!(sentences.iter().all(|sentence| report.contains(sentence)));
     let model = std::fs::read_to_string(here.path().join("m.toml")).unwrap();
     assert_eq!(model.matches("rows_left_out = 1\n").count(), 2, "{model}");
     let object = json(&rsm(&["fit", "fit.toml", "--json"], here.path()));
@@ -31,8 +32,11 @@ fn left_out_rows_are_in_words_json_report_and_model() {
     assert_eq!((&object["missing"]["b"][0]["rows"], &object["responses"]["a"]["rows"]), (&1.into(), &24.into()));
     // Every other command that reads the model, and new data with a missing cell.
     let output = rsm(&["diagnose", "m.toml", "--data", "data.csv"], here.path());
-    let said = text(&output.stderr);
+    let message = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2));
-    assert!(said.contains("data.csv:9: column 2 `z`: found `#N/A`, expected a number; no other cell of this column"), "{said}");
-    assert!(said.contains("a diagnosis compares rows in their order and leaves none out"), "{said}");
+    assert!(
+        message.contains("data.csv:9: column 2 `z`: found `#N/A`, expected a number; no other cell of this column"),
+        "{message}"
+    );
+    assert!(message.contains("a diagnosis compares rows in their order and leaves none out"), "{message}");
 }

@@ -289,16 +289,16 @@ fn the_guide_to_plants_of_equations_runs() {
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
-    let said = refused(&["emit", "winch.toml", "--step", "0.1", "--lang", "c", "--effects", "effects", "--out", "long"]);
+    let message = refused(&["emit", "winch.toml", "--step", "0.1", "--lang", "c", "--effects", "effects", "--out", "long"]);
     // The oscillation of the shaft, 79.7 rad/s as above, with the damping of the drum by its load below the creep speed.
     assert!(
-        said.contains("0.1 s is too long for the fastest rate at the start, 79.") && said.contains("holds it up to"),
-        "{said}"
+        message.contains("0.1 s is too long for the fastest rate at the start, 79.") && message.contains("is stable up to"),
+        "{message}"
     );
     assert!(!folder.path().join("long").exists(), "nothing is written");
-    let said = refused(&["emit", "winch.toml", "--lang", "c", "--out", "long"]);
-    assert!(said.contains("give the length of its step"), "{said}");
-    let said = refused(&[
+    let message = refused(&["emit", "winch.toml", "--lang", "c", "--out", "long"]);
+    assert!(message.contains("give the length of its step"), "{message}");
+    let message = refused(&[
         "emit",
         "winch.toml",
         "--step",
@@ -312,7 +312,7 @@ fn the_guide_to_plants_of_equations_runs() {
         "--out",
         "long",
     ]);
-    assert!(said.contains("the name `while` is a keyword"), "{said}");
+    assert!(message.contains("the name `while` is a keyword"), "{message}");
 }
 
 #[test]
@@ -346,12 +346,12 @@ fn the_guide_to_federations_does_what_it_says() {
     // A federation that loses a process is started again, as in `until_no_peer_is_lost`.
     let again = "rsm() { command rsm \"$@\" || { [ \"$1\" = cosim ] && command rsm \"$@\"; }; }";
     let set = format!("export RSM_HELICS={}\n{again}\n", helics.display());
-    let told = run(&(set.clone() + &block("federation.md", 1)), folder.path());
-    assert!(told.contains("the records are identical, bit by bit, to those of one process"), "{told}");
-    let told = run(&block("federation.md", 2), folder.path());
-    assert!(told.contains("# on bench") && told.contains("# on controller"), "{told}");
-    let told = run(&(set + "rsm cosim both-loops.toml --out both --check"), folder.path());
-    assert!(told.contains("the records are identical, bit by bit, to those of one process"), "{told}");
+    let printed = run(&(set.clone() + &block("federation.md", 1)), folder.path());
+    assert!(printed.contains("the records are identical, bit by bit, to those of one process"), "{printed}");
+    let printed = run(&block("federation.md", 2), folder.path());
+    assert!(printed.contains("# on bench") && printed.contains("# on controller"), "{printed}");
+    let printed = run(&(set + "rsm cosim both-loops.toml --out both --check"), folder.path());
+    assert!(printed.contains("the records are identical, bit by bit, to those of one process"), "{printed}");
 }
 
 #[test]
@@ -394,9 +394,9 @@ fn the_guide_to_streams_does_what_it_says() {
     let folder = tempfile::tempdir().unwrap();
     run(&block("federation.md", 3), folder.path());
     // Tests in parallel may keep the machine busy for longer than the buffer lasts, so status 1 is also accepted.
-    let told = run(&block("federation.md", 4).replace("--out records\nwait", "--out records || true\nwait"), folder.path());
+    let printed = run(&block("federation.md", 4).replace("--out records\nwait", "--out records || true\nwait"), folder.path());
     assert!(
-        ["motor", "controller"].iter().all(|side| told.contains(&format!("{side}: 3000 ticks; datagrams: 3000 sent"))),
-        "{told}"
+        ["motor", "controller"].iter().all(|side| printed.contains(&format!("{side}: 3000 ticks; datagrams: 3000 sent"))),
+        "{printed}"
     );
 }

@@ -71,8 +71,8 @@ fn a_record_that_the_plant_cannot_read_is_not_written() {
     let output =
         rsm(&[&["import", "log.csv", "--plant", &plant, "--out", "record.csv"][..], &COLUMNS[..4]].concat(), here.path());
     assert_eq!(output.status.code(), Some(2));
-    let said = text(&output.stderr);
-    assert!(said.contains("`load_torque`") && said.contains("--constant"), "{said}");
+    let message = text(&output.stderr);
+    assert!(message.contains("`load_torque`") && message.contains("--constant"), "{message}");
     assert!(!here.path().join("record.csv").exists());
     // A motor without load: the user states that there is no load.
     let with = [

@@ -27,11 +27,11 @@ fn the_shipped_surfaces_pass() {
     let here = inputs();
     let plant = plants("pmac.toml");
     let output = rsm(&["check", "motor.toml", "--plant", &plant, "--limits"], here.path());
-    let words = text(&output.stdout);
-    assert_eq!(output.status.code(), Some(0), "{words}{}", text(&output.stderr));
-    assert!(words.contains("limits of the loop: proved"), "{words}");
-    assert!(words.contains("speeds of 800 rad/s both ways, bus 180 to 330 V"), "{words}");
-    assert!(!words.contains("problem"), "{words}");
+    let printed = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{printed}{}", text(&output.stderr));
+    assert!(printed.contains("limits of the loop: proved"), "{printed}");
+    assert!(printed.contains("speeds of 800 rad/s both ways, bus 180 to 330 V"), "{printed}");
+    assert!(!printed.contains("problem"), "{printed}");
 
     let output = rsm(&["check", "motor.toml", "--plant", &plant, "--limits", "--json"], here.path());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -49,15 +49,15 @@ fn the_shipped_surfaces_pass() {
 }
 
 #[test]
-fn a_surface_that_weakens_too_little_is_broken_at_a_point() {
+fn a_surface_that_weakens_too_little_violates_a_limit_at_a_point() {
     let here = inputs();
     let plant = plants("pmac.toml");
     let output = rsm(&["check", "broken.toml", "--plant", &plant, "--limits"], here.path());
-    let words = text(&output.stdout);
-    assert_eq!(output.status.code(), Some(1), "{words}{}", text(&output.stderr));
+    let printed = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(1), "{printed}{}", text(&output.stderr));
     assert!(
-        words.contains("violated at a point") && words.contains("problem: limits: the voltage limit does not hold"),
-        "{words}"
+        printed.contains("violated at a point") && printed.contains("problem: limits: the voltage limit does not hold"),
+        "{printed}"
     );
 
     let output = rsm(&["check", "broken.toml", "--plant", &plant, "--limits", "--json"], here.path());
@@ -73,7 +73,7 @@ fn a_surface_that_weakens_too_little_is_broken_at_a_point() {
 }
 
 #[test]
-fn what_it_cannot_be_asked_is_refused() {
+fn what_cannot_be_checked_is_refused() {
     let here = inputs();
     let (pmac, driveline) = (plants("pmac.toml"), plants("driveline.toml"));
     let (pmac, driveline) = (pmac.as_str(), driveline.as_str());
@@ -91,9 +91,9 @@ fn what_it_cannot_be_asked_is_refused() {
     ];
     for (arguments, expected) in runs {
         let output = rsm(&[&["check"], arguments].concat(), here.path());
-        let words = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {words}");
-        assert!(words.contains(expected), "{arguments:?}: {words}");
+        let printed = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {printed}");
+        assert!(printed.contains(expected), "{arguments:?}: {printed}");
         assert!(output.stdout.is_empty(), "{arguments:?}");
     }
     // With too little work there is no result, and a message reports this.

@@ -104,7 +104,7 @@ fn the_runs_are_what_is_made_here() {
 }
 
 #[test]
-fn the_motor_stands_at_its_voltage_limit() {
+fn the_motor_is_at_its_voltage_limit() {
     // Calculated by hand: 660 rad/s without torque. w_e = 2640, emf 158.4 V, limit 155.885 V, reactance 2.376 ohm: i_d = -(158.4 - 155.9)/2.376
     // = -1.06 A, without the resistive voltage drop.
     let (i_d, i_q) = weakening_current(0.0, 660.0);

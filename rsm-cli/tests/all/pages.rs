@@ -57,11 +57,11 @@ fn clicked(browser: &Path, page: &Path, size: &str) -> Value {
         .output()
         .unwrap();
     let dom = String::from_utf8_lossy(&output.stdout);
-    let told = dom.split_once("<pre id=\"told\">").and_then(|(_, rest)| rest.split_once("</pre>"));
-    let (told, _) = told
+    let result = dom.split_once("<pre id=\"told\">").and_then(|(_, rest)| rest.split_once("</pre>"));
+    let (result, _) = result
         .unwrap_or_else(|| panic!("{}: the clicks did not end: {}", page.display(), String::from_utf8_lossy(&output.stderr)));
-    let told = told.replace("&lt;", "<").replace("&gt;", ">").replace("&nbsp;", "\u{a0}").replace("&amp;", "&");
-    let value: Value = serde_json::from_str(&told).unwrap_or_else(|error| panic!("{error}: {told}"));
+    let result = result.replace("&lt;", "<").replace("&gt;", ">").replace("&nbsp;", "\u{a0}").replace("&amp;", "&");
+    let value: Value = serde_json::from_str(&result).unwrap_or_else(|error| panic!("{error}: {result}"));
     assert_eq!(value["faults"], Value::Array(Vec::new()), "{}: {value:#}", page.display());
     value
 }
@@ -97,8 +97,9 @@ fn fit(folder: &Path, inputs: usize) -> PathBuf {
     }
     let data = format!("data-{inputs}.csv");
     std::fs::write(folder.join(&data), csv).unwrap();
-    let told: Vec<String> = names.iter().zip(units).map(|(name, unit)| format!("inputs.{name}.unit = \"{unit}\"")).collect();
-    let text = FIT.replace("DATA", &data).replace("INPUTS", &told.join("\n")).replace("NAMES", &format!("{names:?}"));
+    let unit_lines: Vec<String> =
+        names.iter().zip(units).map(|(name, unit)| format!("inputs.{name}.unit = \"{unit}\"")).collect();
+    let text = FIT.replace("DATA", &data).replace("INPUTS", &unit_lines.join("\n")).replace("NAMES", &format!("{names:?}"));
     let (specification, model, report) =
         (format!("fit-{inputs}.toml"), format!("model-{inputs}.toml"), format!("report-{inputs}"));
     std::fs::write(folder.join(&specification), text).unwrap();
@@ -112,12 +113,12 @@ fn every_control_of_a_fits_page_works_and_shows_the_bits_of_the_evaluator() {
     let here = tempfile::tempdir().unwrap();
     for (inputs, size) in [(1, "1300,900"), (2, "500,400"), (3, "500,400")] {
         let page = fit(here.path(), inputs);
-        let told = clicked(&browser, &page, size);
-        assert_eq!((count(&told, "sliders"), count(&told, "figures")), (inputs as u64, 3), "{told}");
-        assert!(count(&told, "hovered") >= 2 && count(&told, "zoomed") >= 2, "{told}");
+        let result = clicked(&browser, &page, size);
+        assert_eq!((count(&result, "sliders"), count(&result, "figures")), (inputs as u64, 3), "{result}");
+        assert!(count(&result, "hovered") >= 2 && count(&result, "zoomed") >= 2, "{result}");
         let spaces = u64::from(inputs > 1);
-        assert_eq!(["spaces", "dragged", "turned"].map(|key| count(&told, key)), [spaces; 3], "{told}");
-        for it in told["values"].as_array().unwrap() {
+        assert_eq!(["spaces", "dragged", "turned"].map(|key| count(&result, key)), [spaces; 3], "{result}");
+        for it in result["values"].as_array().unwrap() {
             let point = it["point"].as_array().unwrap().iter().zip(["torque", "speed", "heat"]);
             let at: Vec<String> = point.map(|(value, name)| format!("{name}={:?}", value.as_f64().unwrap())).collect();
             let model = format!("model-{inputs}.toml");
@@ -153,8 +154,8 @@ fn a_cause_is_switched_off_by_a_click_and_no_name_from_data_is_a_script() {
     let page = here.path().join("surface/report.html");
     let text = std::fs::read_to_string(&page).unwrap();
     assert!(text.contains("rig&lt;/script&gt;") && text.contains("rig\\u003c/script\\u003e") && !text.contains(evil));
-    let told = clicked(&browser, &page, "1300,900");
-    assert!(count(&told, "switched") >= 4 && count(&told, "figures") >= 6, "{told}");
+    let result = clicked(&browser, &page, "1300,900");
+    assert!(count(&result, "switched") >= 4 && count(&result, "figures") >= 6, "{result}");
 }
 
 /// A record of an axis with several faults that are not in its plant file.
@@ -176,13 +177,13 @@ const FAULTS: [(&str, &str); 3] = [
 ];
 
 #[test]
-fn every_combination_of_causes_shows_what_the_library_says_of_it() {
+fn every_combination_of_causes_shows_the_numbers_of_the_library() {
     let Some(browser) = chromium() else { return };
     let here = tempfile::tempdir().unwrap();
     faulty_axis(here.path());
     rsm(&["diagnose", "plant.toml", "--record", "record.csv", "--out", "found"], here.path());
-    let told = clicked(&browser, &here.path().join("found/report.html"), "500,900");
-    assert_eq!(count(&told, "hovered"), count(&told, "figures"), "{told}");
+    let result = clicked(&browser, &here.path().join("found/report.html"), "500,900");
+    assert_eq!(count(&result, "hovered"), count(&result, "figures"), "{result}");
 
     let plant = PlantFile::read(&Source::read(&here.path().join("plant.toml")).unwrap()).unwrap();
     let record = Record::read(&Source::read(&here.path().join("record.csv")).unwrap(), &plant).unwrap();
@@ -190,7 +191,7 @@ fn every_combination_of_causes_shows_what_the_library_says_of_it() {
     let breakdown = &found.error_breakdown;
     let combinations = &breakdown.combinations;
     assert_eq!((combinations.causes.len(), combinations.of.len()), (3, 8), "{:?}", combinations.causes);
-    let groups = told["groups"].as_array().unwrap();
+    let groups = result["groups"].as_array().unwrap();
     // The summary, and each output.
     assert_eq!(groups.len(), 1 + plant.kind.outputs().len().min(breakdown.traces.len()));
     let (summary, output) = (&groups[0], found.worst_output().unwrap());

@@ -47,8 +47,8 @@ fn tables(page: &str) -> BTreeMap<String, BTreeSet<String>> {
 #[test]
 fn the_page_of_commands_has_what_help_prints() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/book/src/reference/commands.md");
-    let mut told = tables(&std::fs::read_to_string(page).unwrap());
-    let everywhere = told.remove("All subcommands").expect("a section of that name");
+    let mut documented = tables(&std::fs::read_to_string(page).unwrap());
+    let everywhere = documented.remove("All subcommands").expect("a section of that name");
     assert_eq!(options(&help(&[])), everywhere);
     let mut printed = BTreeMap::new();
     let mut names: Vec<Vec<String>> = subcommands(&help(&[])).into_iter().map(|name| vec![name]).collect();
@@ -69,7 +69,7 @@ fn the_page_of_commands_has_what_help_prints() {
         }
         names.extend(below.into_iter().map(|last| [name.clone(), vec![last]].concat()));
     }
-    assert_eq!(printed, told);
+    assert_eq!(printed, documented);
 }
 
 #[test]

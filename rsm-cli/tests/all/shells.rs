@@ -13,7 +13,7 @@ fn printed(words: &[&str]) -> String {
 }
 
 #[test]
-fn completions_know_every_subcommand_and_its_options() {
+fn completions_contain_every_subcommand_and_its_options() {
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let script = printed(&["completions", shell]);
         for word in ["diagnose", "completions", "validate", "force"] {
@@ -55,6 +55,6 @@ fn the_manual_has_a_page_for_the_command_and_for_each_subcommand() {
     assert!(page.contains("\\-\\-plant"), "{page}");
     let refused = rsm(&["man", "experiment", "bicycle"]);
     assert_eq!(refused.status.code(), Some(2));
-    let told = String::from_utf8(refused.stderr).unwrap();
-    assert_eq!(told.trim(), "found `bicycle`, the subcommands of rsm experiment are: pmac, driveline, help");
+    let message = String::from_utf8(refused.stderr).unwrap();
+    assert_eq!(message.trim(), "found `bicycle`, the subcommands of rsm experiment are: pmac, driveline, help");
 }

@@ -48,7 +48,7 @@ const RUNS: &[(&[&str], i32)] = &[
 ];
 
 #[test]
-fn a_reader_that_goes_early_changes_neither_status_nor_files() {
+fn a_reader_that_closes_early_changes_neither_status_nor_files() {
     let (whole, early) = (inputs(), inputs());
     for (arguments, status) in RUNS {
         assert_eq!(rsm(arguments, whole.path()).status.code(), Some(*status), "{arguments:?}");
@@ -84,7 +84,7 @@ const WRITERS: &[(&[&str], &[&str])] = &[
 
 /// Every subcommand with one output: over an existing file of another origin, then with `--force`, then over its own output.
 #[test]
-fn somebody_elses_file_is_replaced_by_force_alone() {
+fn a_file_of_another_origin_is_replaced_only_with_force() {
     for (arguments, _) in WRITERS {
         let here = inputs();
         let out = here.path().join("out");

@@ -85,10 +85,10 @@ fn threads_shards_and_kills_leave_the_bits_alone_and_no_task_is_repeated() {
     let runs = 1500;
     let here = motor(runs);
     let here = here.path();
-    let told = ok(&["sweep", "sweep.toml", "--out", "one", "--threads", "1"], here);
+    let printed = ok(&["sweep", "sweep.toml", "--out", "one", "--threads", "1"], here);
     assert!(
-        told.contains("1500 tasks, 0 with a result from before, 1500 run") && told.contains("speed_final [rad/s]"),
-        "{told}"
+        printed.contains("1500 tasks, 0 with a result from before, 1500 run") && printed.contains("speed_final [rad/s]"),
+        "{printed}"
     );
     let expected = ["table.csv", "summary.json"].map(|name| read(&here.join("one").join(name)));
     let is_equal = |folder: &str| ["table.csv", "summary.json"].map(|name| read(&here.join(folder).join(name))) == expected;
@@ -98,8 +98,8 @@ fn threads_shards_and_kills_leave_the_bits_alone_and_no_task_is_repeated() {
     // Three shards in separate folders, merged.
     for k in 1..=3 {
         let (out, part) = (format!("part-{k}"), format!("{k}/3"));
-        let told = ok(&["sweep", "sweep.toml", "--out", &out, "--shard", &part], here);
-        assert!(told.contains("500 tasks") && !here.join(out).join("table.csv").exists(), "{told}");
+        let printed = ok(&["sweep", "sweep.toml", "--out", &out, "--shard", &part], here);
+        assert!(printed.contains("500 tasks") && !here.join(out).join("table.csv").exists(), "{printed}");
     }
     let output = rsm(&["sweep", "sweep.toml", "--out", "merged", "--merge", "part-1", "part-3"], here);
     assert_eq!(output.status.code(), Some(1), "a third is missing");
@@ -122,8 +122,11 @@ fn threads_shards_and_kills_leave_the_bits_alone_and_no_task_is_repeated() {
     });
     let before = results(&out);
     let output = rsm(&["sweep", "sweep.toml", "--out", "killed", "--json"], here);
-    let told = json(&output);
-    assert_eq!((told["there"].as_u64(), told["run"].as_u64()), (Some(before.len() as u64), Some((runs - before.len()) as u64)));
+    let printed = json(&output);
+    assert_eq!(
+        (printed["there"].as_u64(), printed["run"].as_u64()),
+        (Some(before.len() as u64), Some((runs - before.len()) as u64))
+    );
     assert!(is_equal("killed"));
     // Tasks with a result at a kill were started once; tasks in progress, two threads at two kills, were started once more.
     let starts = starts(&out);
@@ -131,8 +134,8 @@ fn threads_shards_and_kills_leave_the_bits_alone_and_no_task_is_repeated() {
     let again: usize = starts.values().map(|count| count - 1).sum();
     assert!(again <= 4, "{again} tasks were started again");
     // At the fourth start nothing runs.
-    let told = ok(&["sweep", "sweep.toml", "--out", "killed"], here);
-    assert!(told.contains("1500 with a result from before, 0 run"), "{told}");
+    let printed = ok(&["sweep", "sweep.toml", "--out", "killed"], here);
+    assert!(printed.contains("1500 with a result from before, 0 run"), "{printed}");
 }
 
 #[test]
@@ -143,8 +146,11 @@ fn a_changed_input_makes_new_tasks_and_old_results_are_in_no_table() {
     let before = read(&here.join("out/table.csv"));
     let record = read(&here.join("pmac.csv")).replace("0.0,0,5,0.5,0,2,10", "0.0,0,5,0.5,0,2,11");
     std::fs::write(here.join("pmac.csv"), record).unwrap();
-    let told = ok(&["sweep", "sweep.toml", "--out", "out"], here);
-    assert!(told.contains("0 with a result from before, 20 run") && told.contains("20 results of other lists"), "{told}");
+    let printed = ok(&["sweep", "sweep.toml", "--out", "out"], here);
+    assert!(
+        printed.contains("0 with a result from before, 20 run") && printed.contains("20 results of other lists"),
+        "{printed}"
+    );
     let after = read(&here.join("out/table.csv"));
     assert_eq!(after.lines().count(), 21);
     let hashes = |table: &str| table.lines().skip(1).map(|it| it.rsplit_once(',').unwrap().1.to_string()).collect::<Vec<_>>();
@@ -153,8 +159,8 @@ fn a_changed_input_makes_new_tasks_and_old_results_are_in_no_table() {
     let broken = here.join("out/tasks").join(format!("{}.json", hashes(&after)[3]));
     let whole = read(&broken);
     std::fs::write(&broken, &whole[..whole.len() / 2]).unwrap();
-    let told = ok(&["sweep", "sweep.toml", "--out", "out"], here);
-    assert!(told.contains("19 with a result from before, 1 run"), "{told}");
+    let printed = ok(&["sweep", "sweep.toml", "--out", "out"], here);
+    assert!(printed.contains("19 with a result from before, 1 run"), "{printed}");
     assert_eq!(read(&broken), whole);
     // One task alone prints the same bytes.
     let output = rsm(&["sweep", "sweep.toml", "--task", &hashes(&after)[3]], here);
@@ -165,7 +171,7 @@ fn a_changed_input_makes_new_tasks_and_old_results_are_in_no_table() {
 fn the_json_has_the_summary_with_its_intervals() {
     let here = motor(100);
     let output = rsm(&["sweep", "sweep.toml", "--out", "out", "--json"], here.path());
-    let told = json(&output);
+    let result = json(&output);
     let expected = [
         "confidence",
         "failed",
@@ -183,8 +189,8 @@ fn the_json_has_the_summary_with_its_intervals() {
         "tasks",
         "there",
     ];
-    assert_eq!(keys(&told), expected);
-    let first = &told["summary"][0];
+    assert_eq!(keys(&result), expected);
+    let first = &result["summary"][0];
     assert_eq!((first["figure"].as_str(), first["count"].as_u64()), (Some("speed_final"), Some(100)));
     let median = &first["quantiles"][3];
     let [low, value, high] = ["low", "value", "high"].map(|key| median[key].as_f64().unwrap());
@@ -235,9 +241,9 @@ fn a_run_that_stops_is_counted_and_the_status_is_1() {
                     outputs.speed = [\"final\"]\n[[vary]]\nparameter = \"inertia\"\ndistribution = \"list\"\nvalues = [1e-30, 0.01]\n";
     std::fs::write(here.join("sweep.toml"), scenario).unwrap();
     let output = rsm(&["sweep", "sweep.toml", "--out", "out"], here);
-    let told = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{told}");
-    assert!(told.contains("1 failed, 0 missing") && told.contains("the first that failed"), "{told}");
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("1 failed, 0 missing") && message.contains("the first that failed"), "{message}");
     let table = read(&here.join("out/table.csv"));
     assert!(table.contains("out of proportion") && table.lines().count() == 3, "{table}");
 }
@@ -274,8 +280,8 @@ fn dask(test: &str) -> Option<String> {
     let fetched = of_the_project("target/xtask/dask");
     let paths = [fetched, of_the_project("rsm-sweep/python")].map(|it| it.canonicalize().unwrap_or(it));
     let path = std::env::join_paths(paths).unwrap().into_string().unwrap();
-    let asked = Command::new("python3").args(["-c", "import distributed"]).env("PYTHONPATH", &path).output();
-    if asked.is_ok_and(|it| it.status.success()) {
+    let python_output = Command::new("python3").args(["-c", "import distributed"]).env("PYTHONPATH", &path).output();
+    if python_output.is_ok_and(|it| it.status.success()) {
         return Some(path);
     }
     skipped(&format!("no Dask (pip install --target target/xtask/dask distributed==2026.8.0): {test}"));
@@ -349,13 +355,13 @@ fn a_dask_cluster_gives_the_same_bits_and_survives_a_worker() {
 }
 
 #[test]
-fn a_cluster_that_is_not_there_is_told() {
+fn a_missing_cluster_is_reported() {
     let Some(path) = dask("a scheduler that is not there") else { return };
     let here = motor(3);
     let mut command = Command::new(env!("CARGO_BIN_EXE_rsm"));
     command.args(["sweep", "sweep.toml", "--out", "out", "--engine", "dask", "--scheduler", "127.0.0.1:1"]);
     let output = command.env("PYTHONPATH", &path).current_dir(here.path()).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
-    let said = text(&output.stderr);
-    assert!(said.contains("no scheduler at 127.0.0.1:1") && said.contains("3 of 3 tasks have no result"), "{said}");
+    let message = text(&output.stderr);
+    assert!(message.contains("no scheduler at 127.0.0.1:1") && message.contains("3 of 3 tasks have no result"), "{message}");
 }

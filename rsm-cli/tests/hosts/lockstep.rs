@@ -12,7 +12,7 @@ use crate::{alone, seconds};
 
 const RSM: &str = env!("CARGO_BIN_EXE_rsm");
 
-fn told(child: Child) -> Value {
+fn output_of(child: Child) -> Value {
     let output = child.wait_with_output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
@@ -24,8 +24,8 @@ fn start(mut command: Command, words: &[&str], folder: &std::path::Path) -> Chil
 }
 
 /// Prints the figures of a run in one line.
-fn figures(core: &str, place: &str, told: &Value) {
-    let motor = &told["roles"][0];
+fn figures(core: &str, place: &str, output: &Value) {
+    let motor = &output["roles"][0];
     let (trip, rate) = (&motor["round_trip_us"], motor["steps_per_second"].as_f64().unwrap());
     let of = |name: &str| trip[name].as_f64().unwrap();
     let (ticks, half, most) = (&motor["ticks"], of("p50"), of("p99"));
@@ -61,9 +61,9 @@ fn two_hosts_in_lock_step_have_the_bits_of_one_process() {
         let recorder = start(on(1), &[&["recorder"][..], &common, &run].concat(), folder.path());
         let broker = start(on(0), &[&["broker", "--federates", "3"][..], &common].concat(), folder.path());
         let motor = start(on(0), &[&["motor"][..], &common, &run].concat(), folder.path());
-        figures(core, "two hosts at 100 Mbit/s", &told(motor));
+        figures(core, "two hosts at 100 Mbit/s", &output_of(motor));
         for other in [controller, recorder, broker] {
-            told(other);
+            output_of(other);
         }
         equal_to_one_process(folder.path(), (seconds() * 1000.0).round() as u64);
     }
@@ -84,10 +84,10 @@ fn the_rate_of_every_core_on_one_host() {
         let broker = start(on(), &[&["broker", "--federates", "2"][..], &common].concat(), folder.path());
         let controller = start(on(), &[&["controller"][..], &common, &run].concat(), folder.path());
         let motor = start(on(), &[&["motor"][..], &common, &run].concat(), folder.path());
-        let motor = told(motor);
+        let motor = output_of(motor);
         figures(core, "one host", &motor);
         assert_eq!(motor["roles"][0]["ticks"].as_f64(), Some(seconds() * 1000.0));
-        told(controller);
-        told(broker);
+        output_of(controller);
+        output_of(broker);
     }
 }

@@ -60,39 +60,39 @@ impl Stream {
     /// The reports of both sides, the plant first, and their exit statuses.
     fn end(self) -> Ended {
         let read = |output: Output| {
-            let told = serde_json::from_slice(&output.stdout);
-            let told = told.unwrap_or_else(|error| panic!("{error}: {}", String::from_utf8_lossy(&output.stderr)));
-            (told, output.status.code())
+            let result = serde_json::from_slice(&output.stdout);
+            let result = result.unwrap_or_else(|error| panic!("{error}: {}", String::from_utf8_lossy(&output.stderr)));
+            (result, output.status.code())
         };
         let (plant, step) = (self.plant.wait_with_output().unwrap(), self.step.wait_with_output().unwrap());
-        Ended { folder: self.folder, told: [read(plant), read(step)], stood_us: self.relay.stood_us() }
+        Ended { folder: self.folder, results: [read(plant), read(step)], stood_us: self.relay.stood_us() }
     }
 }
 
 struct Ended {
     folder: tempfile::TempDir,
-    told: [(Value, Option<i32>); 2],
+    results: [(Value, Option<i32>); 2],
     stood_us: f64,
 }
 
-fn count(told: &Value, name: &str) -> u64 {
-    told[name].as_u64().unwrap_or_else(|| panic!("{name}: {told}"))
+fn count(result: &Value, name: &str) -> u64 {
+    result[name].as_u64().unwrap_or_else(|| panic!("{name}: {result}"))
 }
 
 impl Ended {
     /// Whether this machine itself was inactive for so long that the run has no meaning: both sides and the relay together for half of the buffer.
     /// The other half is for the listening threads, which they cannot observe, and for the jitter of a case.
     fn machine_stood_still(&self) -> bool {
-        let sides = self.told.iter().map(|(told, _)| told["lateness_us"]["max"].as_f64().unwrap());
+        let sides = self.results.iter().map(|(result, _)| result["lateness_us"]["max"].as_f64().unwrap());
         sides.sum::<f64>() + self.stood_us > BUFFER_MS * 1e3 / 2.0
     }
 
     fn figures(&self, place: &str, what: &str) {
-        for (told, _) in &self.told {
-            let of = |name: &str| count(told, name);
+        for (result, _) in &self.results {
+            let of = |name: &str| count(result, name);
             println!(
                 "figures: stream, {place}, {what}, {}: {} ticks, {} sent, {} heard, {} under-runs ({} held, {} safe), {} lost, {} late, {} doubled, {} foreign, round trip p50 {:.0} us, p99 {:.0} us, ticks late by up to {:.1} ms",
-                told["role"].as_str().unwrap(),
+                result["role"].as_str().unwrap(),
                 of("ticks"),
                 of("sent"),
                 of("heard"),
@@ -103,9 +103,9 @@ impl Ended {
                 of("late"),
                 of("doubled"),
                 of("foreign"),
-                told["round_trip_us"]["p50"].as_f64().unwrap(),
-                told["round_trip_us"]["p99"].as_f64().unwrap(),
-                told["lateness_us"]["max"].as_f64().unwrap() * 1e-3
+                result["round_trip_us"]["p50"].as_f64().unwrap(),
+                result["round_trip_us"]["p99"].as_f64().unwrap(),
+                result["lateness_us"]["max"].as_f64().unwrap() * 1e-3
             );
         }
     }
@@ -150,17 +150,17 @@ fn each(what: &str, roles: [&str; 2], fate: impl Fn() -> Fate, judge: impl Fn(&E
 
 /// Everything that was due has arrived, and both sides ended normally.
 fn nothing_missing(ended: &Ended, ticks: u64) {
-    for (told, status) in &ended.told {
-        assert_eq!((count(told, "ticks"), count(told, "sent")), (ticks, ticks), "{told}");
-        assert_eq!((count(told, "under_runs"), count(told, "lost"), count(told, "late")), (0, 0, 0), "{told}");
+    for (result, status) in &ended.results {
+        assert_eq!((count(result, "ticks"), count(result, "sent")), (ticks, ticks), "{result}");
+        assert_eq!((count(result, "under_runs"), count(result, "lost"), count(result, "late")), (0, 0, 0), "{result}");
         // All values except those that are still in the buffer were played.
-        assert!(count(told, "fresh") as f64 > ticks as f64 - 2.0 * BUFFER_MS, "{told}");
-        assert_eq!(*status, Some(0), "{told}");
+        assert!(count(result, "fresh") as f64 > ticks as f64 - 2.0 * BUFFER_MS, "{result}");
+        assert_eq!(*status, Some(0), "{result}");
     }
 }
 
 #[test]
-fn a_wire_that_works_gives_every_tick_its_values() {
+fn a_connection_without_loss_gives_every_tick_its_values() {
     each(
         "a wire that works",
         ["motor", "controller"],
@@ -192,13 +192,17 @@ fn a_jitter_of_20_ms_is_not_noticed() {
 fn a_loss_of_1_per_cent_is_held_tick_by_tick() {
     let fate = || -> Fate { Box::new(|draw, _| if draw.share() < 0.01 { vec![] } else { vec![Duration::ZERO] }) };
     each("1 % loss", ["motor", "controller"], fate, |ended, ticks| {
-        for (told, status) in &ended.told {
-            let lost = count(told, "lost") as f64;
+        for (result, status) in &ended.results {
+            let lost = count(result, "lost") as f64;
             // For a binomial number with this mean: four standard deviations.
             let mean = 0.01 * ticks as f64;
             assert!((lost - mean).abs() < 4.0 * mean.sqrt() + 2.0, "{lost} lost of {ticks}");
-            assert_eq!((count(told, "held"), count(told, "safe"), count(told, "late")), (count(told, "lost"), 0, 0), "{told}");
-            assert_eq!(*status, Some(1), "{told}");
+            assert_eq!(
+                (count(result, "held"), count(result, "safe"), count(result, "late")),
+                (count(result, "lost"), 0, 0),
+                "{result}"
+            );
+            assert_eq!(*status, Some(1), "{result}");
         }
     });
 }
@@ -212,8 +216,8 @@ fn doubled_datagrams_are_counted_and_change_nothing() {
     };
     each("5 % doubled", ["motor", "controller"], fate, |ended, ticks| {
         nothing_missing(ended, ticks);
-        for (told, _) in &ended.told {
-            let (doubled, mean) = (count(told, "doubled") as f64, 0.05 * ticks as f64);
+        for (result, _) in &ended.results {
+            let (doubled, mean) = (count(result, "doubled") as f64, 0.05 * ticks as f64);
             assert!((doubled - mean).abs() < 4.0 * mean.sqrt() + 2.0, "{doubled} doubled of {ticks}");
         }
     });
@@ -224,13 +228,13 @@ fn a_cut_of_500_ms_is_held_then_safe_then_over() {
     let fate =
         || -> Fate { Box::new(|_, time| if (800..1300).contains(&time.as_millis()) { vec![] } else { vec![Duration::ZERO] }) };
     each("a 500 ms cut", ["motor", "controller"], fate, |ended, _| {
-        for (told, status) in &ended.told {
-            let (held, safe) = (count(told, "held") as f64, count(told, "safe") as f64);
-            assert_eq!(held, HOLD_MS, "{told}");
+        for (result, status) in &ended.results {
+            let (held, safe) = (count(result, "held") as f64, count(result, "safe") as f64);
+            assert_eq!(held, HOLD_MS, "{result}");
             // The cut ends by the relay's clock, and a sender that is behind its schedule at that time sends several datagrams at once.
-            assert!((safe - 400.0).abs() <= 50.0, "{told}");
-            assert_eq!((count(told, "late"), *status), (0, Some(1)), "{told}");
-            assert!(told["peer_lost"].is_null(), "{told}");
+            assert!((safe - 400.0).abs() <= 50.0, "{result}");
+            assert_eq!((count(result, "late"), *status), (0, Some(1)), "{result}");
+            assert!(result["peer_lost"].is_null(), "{result}");
         }
         // In the safe state no torque is demanded; afterwards it is demanded again.
         let plant = ended.record("motor");
@@ -259,12 +263,12 @@ fn strangers_are_not_heard_and_a_killed_peer_ends_the_other_within_5_s() {
     let since = Instant::now();
     let output = plant.wait_with_output().unwrap();
     assert!(since.elapsed() < Duration::from_secs(5), "{:?}", since.elapsed());
-    let words = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(1), "{words}");
-    assert!(words.contains("sent no valid datagram for") && words.contains("whole ticks are recorded"), "{words}");
-    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(count(&told, "foreign"), 5, "{told}");
-    let ended = Ended { folder, told: [(told.clone(), Some(1)), (told, None)], stood_us: relay.stood_us() };
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("sent no valid datagram for") && message.contains("whole ticks are recorded"), "{message}");
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(count(&result, "foreign"), 5, "{result}");
+    let ended = Ended { folder, results: [(result.clone(), Some(1)), (result, None)], stood_us: relay.stood_us() };
     let record = ended.record("motor");
     let how = column(&record, "played_how");
     assert_eq!(how.last(), Some(&3.0), "it ends in the safe state");
@@ -272,7 +276,7 @@ fn strangers_are_not_heard_and_a_killed_peer_ends_the_other_within_5_s() {
 }
 
 #[test]
-fn a_wrong_key_and_a_silent_peer_are_told_at_the_start() {
+fn a_wrong_key_and_a_silent_peer_are_reported_at_the_start() {
     let _one = alone();
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("link.key"), "a secret of these tests alone\n").unwrap();
@@ -295,13 +299,13 @@ fn a_wrong_key_and_a_silent_peer_are_told_at_the_start() {
     );
     let (plant, step) = (start("motor", "link.key", one, other), start("controller", "other.key", other, one));
     for child in [plant, step] {
-        let words = refused(child);
-        assert!(words.contains("have another key"), "{words}");
+        let message = refused(child);
+        assert!(message.contains("have another key"), "{message}");
     }
     let (plant, step) = (start("motor", "link.key", one, other), start("throttle", "link.key", other, one));
     for child in [plant, step] {
-        let words = refused(child);
-        assert!(words.contains("runs another model"), "{words}");
+        let message = refused(child);
+        assert!(message.contains("runs another model"), "{message}");
     }
     assert!(refused(start("motor", "short.key", one, other)).contains("short.key: the key has 5 bytes, expected 16"));
     assert!(!folder.path().join("r").exists());

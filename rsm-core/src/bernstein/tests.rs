@@ -1,4 +1,4 @@
-//! Coefficients, cells and searches against exact rationals.
+//! Tests of coefficients, cells and searches against exact rationals.
 
 use super::*;
 use crate::adversary::Random;
@@ -18,7 +18,7 @@ fn monomial(powers: &[u32], coefficient: f64) -> Monomial {
 
 #[test]
 fn a_parabola_has_its_hand_worked_range() {
-    // x^2 - x over [0, 2]: least -1/4 at 1/2, greatest 2 at 2.
+    // x^2 - x over [0, 2]: the minimum is -1/4 at 1/2, the maximum is 2 at 2.
     let found = range_of(&[monomial(&[2], 1.0), monomial(&[1], -1.0)], &[Interval::new(0.0, 2.0)]);
     assert!(found.low <= -0.25 && found.low > -0.25 - 1e-6, "{found:?}");
     assert!(found.high >= 2.0 && found.high < 2.0 + 1e-12, "{found:?}");
@@ -26,7 +26,7 @@ fn a_parabola_has_its_hand_worked_range() {
 
 #[test]
 fn the_places_of_the_extremes_are_found() {
-    // x^2 - x over [0, 2]: least at 1/2, a quarter of the side; greatest at its end. The second variable does not matter.
+    // x^2 - x over [0, 2]: the minimum is at 1/2, a quarter of the side; the maximum is at the end. The second variable has no influence.
     let terms = [monomial(&[2, 0], 1.0), monomial(&[1, 0], -1.0)];
     let found = extent(&terms, &[Interval::new(0.0, 2.0), Interval::new(0.0, 1.0)]);
     assert!((found.least_at[0] - 0.25).abs() < 1e-4 && found.greatest_at[0] == 1.0, "{found:?}");
@@ -34,7 +34,7 @@ fn the_places_of_the_extremes_are_found() {
 
 #[test]
 fn two_variables_with_an_inner_saddle() {
-    // x y over [-1, 1]^2: -1 to 1, both at corners.
+    // x y over [-1, 1]^2: from -1 to 1, both at corners.
     let side = Interval::new(-1.0, 1.0);
     let found = range_of(&[monomial(&[1, 1], 1.0)], &[side, side]);
     assert!(found.low <= -1.0 && found.low > -1.0 - 1e-12 && found.high >= 1.0 && found.high < 1.0 + 1e-12);
@@ -42,7 +42,7 @@ fn two_variables_with_an_inner_saddle() {
 
 #[test]
 fn a_search_leaves_out_what_does_not_belong_to_the_region() {
-    // x + y over [0, 1]^2, only where x >= 0.7 + a hair: least 0.7 at (0.7, 0), though y = 0 is everywhere.
+    // x + y over [0, 1]^2, only where x >= 0.7: the minimum is 0.7 at (0.7, 0). The whole box also has smaller values.
     let terms = [monomial(&[1, 0], 1.0), monomial(&[0, 1], 1.0)];
     let place = |cell: &[[f64; 2]]| match (cell[0][0] >= 0.7, cell[0][1] < 0.7) {
         (true, _) => Place::Inside,
@@ -52,12 +52,12 @@ fn a_search_leaves_out_what_does_not_belong_to_the_region() {
     let side = Interval::new(0.0, 1.0);
     let find = |enough| least(&terms, &[side, side], &Search { place: &place, finest: 1.0 / 1024.0, enough });
     let found = find(f64::INFINITY);
-    // The cell that 0.7 cuts belongs to the region: 0.7 - 1/1024 at worst.
+    // The cell that contains 0.7 counts as inside the region, so the bound may be as low as 0.7 - 1/1024.
     assert!(found.bound > 0.7 - 1.0 / 1024.0 && found.bound <= 0.7 && found.at[1] == 0.0, "{found:?}");
     assert!(find(0.69).bound >= 0.69);
     let too_much = find(0.8);
     assert!(too_much.seen < 0.8 && too_much.bound <= too_much.seen, "{too_much:?}");
-    // A polynomial that does not know the variable which bounds the region.
+    // The polynomial does not depend on the variable that bounds the region.
     let nowhere = |cell: &[[f64; 2]]| if cell[0][0] <= 2.0 { Place::Outside } else { Place::Inside };
     let empty = Search { place: &nowhere, finest: 0.5, enough: 0.0 };
     let (found, work) = search_within(&Cell::new(&[&[monomial(&[0, 1], -1.0)]], &[side, side]), &Value, &empty, BUDGET);
@@ -66,8 +66,8 @@ fn a_search_leaves_out_what_does_not_belong_to_the_region() {
 
 #[test]
 fn every_side_of_every_cell_gets_short() {
-    // A tilted bowl that just misses 0: (x - y)^2 + (x + y - 1)^2/16 + 10^-6, least along a diagonal of the box. Its proof took
-    // all of the budget, and failed, when sides were halved in turn over all cells.
+    // A tilted bowl with values just above 0: (x - y)^2 + (x + y - 1)^2/16 + 10^-6. Its small values are along a diagonal of the box. When sides were
+    // halved in turn over all cells, the proof used the whole budget and failed.
     let terms = [
         monomial(&[2, 0], 17.0 / 16.0),
         monomial(&[0, 2], 17.0 / 16.0),
@@ -101,7 +101,7 @@ fn random_side(random: &mut Random) -> Interval {
     Interval::new(low, low + random.between(0.1, 3.0))
 }
 
-/// The polynomial itself, where every coefficient is a number.
+/// The exact value of the polynomial; every coefficient is a number.
 fn value(terms: &[Monomial], at: &[Rational]) -> Rational {
     let of_term = |term: &Monomial| {
         let powers = term.powers.iter().zip(at).map(|(power, x)| crate::number::power(x, *power));
@@ -110,7 +110,7 @@ fn value(terms: &[Monomial], at: &[Rational]) -> Rational {
     terms.iter().map(of_term).fold(integer(0), |sum, term| sum + term)
 }
 
-/// The point at some shares of the sides.
+/// The point at these shares of the sides.
 fn place(sides: &[Interval], shares: &[f64]) -> Vec<Rational> {
     let of_side = |(side, share): (&Interval, &f64)| exact(side.low) + (exact(side.high) - exact(side.low)) * exact(*share);
     sides.iter().zip(shares).map(of_side).collect()
@@ -126,8 +126,8 @@ fn is_held(found: Interval, truth: &Rational) -> bool {
 
 #[test]
 fn one_power_has_its_exact_coefficients() {
-    // t^j over [0, 1] has b_i = C(i, j)/C(n, j): of several hundred multiples of it the first of these is a product with a rounded
-    // inverse, and nothing else is rounded. To 40: a hinge of a power of 20 times a power of 20.
+    // t^j over [0, 1] has b_i = C(i, j)/C(n, j). Of the coefficients only the first one that is not zero is tested with several hundred multiples of
+    // t^j: it is a product with a rounded inverse, without any other rounding. Degrees go up to 40: the hinge of a power of 20 times a power of 20.
     let mut random = Random(1);
     for n in (1..=20usize).chain([27, 33, 40]) {
         for j in 0..=n {
@@ -136,13 +136,13 @@ fn one_power_has_its_exact_coefficients() {
                 let mut line = vec![Interval::point(0.0); n + 1];
                 line[j] = Interval::point(multiple);
                 to_bernstein(&mut line, Interval::new(0.0, 1.0));
-                // The first is that product alone; the others once.
+                // In the first round all coefficients are tested, in the others only the first one that is not zero.
                 for (i, found) in
                     line.iter().enumerate().take(if round == 0 { n + 1 } else { j + 1 }).skip(if round == 0 { 0 } else { j })
                 {
                     let truth = if i < j { integer(0) } else { exact(multiple) * choose(i, j) / choose(n, j) };
                     assert!(is_held(*found, &truth), "{multiple} t^{j} of degree {n}, coefficient {i}: {found:?}");
-                    // 2^-52 an operation: an inverse, a product and n sums of rising size.
+                    // 2^-52 for each operation: an inverse, a product and n sums of increasing size.
                     let width = found.high - found.low;
                     assert!(width <= (n as f64 + 4.0) * 4.0 * f64::EPSILON * found.magnitude(), "{found:?}");
                     assert!(j > 0 || found.low == multiple && found.high == multiple, "a constant is exact: {found:?}");
@@ -154,7 +154,7 @@ fn one_power_has_its_exact_coefficients() {
 
 #[test]
 fn the_coefficients_of_any_line_are_held() {
-    // By the binomial theorem: a_k x^k with x = low + w t has C(k, j) low^(k - j) w^j of t^j.
+    // By the binomial theorem: a_k x^k with x = low + w t contains C(k, j) low^(k - j) w^j t^j.
     let mut random = Random(2);
     for _ in 0..50 {
         let n = 1 + random.below(9);
@@ -174,7 +174,7 @@ fn the_coefficients_of_any_line_are_held() {
         for (i, found) in line.iter().enumerate() {
             let truth = (0..=i).fold(integer(0), |sum, j| sum + choose(i, j) / choose(n, j) * of_power(j));
             assert!(is_held(*found, &truth), "{powers:?} over {side:?}, coefficient {i}: {found:?}");
-            // Magnitudes of partial sums: at most sum |a_k| (|low| + w)^k.
+            // The magnitudes of partial sums are at most sum |a_k| (|low| + w)^k.
             let reach = side.low.abs() + side.width();
             let size: f64 = powers.iter().enumerate().map(|(k, a)| a.abs() * reach.powi(k as i32)).sum();
             assert!(found.width() <= 100.0 * f64::EPSILON * size, "{found:?} of {size}");
@@ -184,7 +184,7 @@ fn the_coefficients_of_any_line_are_held() {
 
 #[test]
 fn a_width_that_no_f64_holds_is_enclosed() {
-    // x over [low, high], where high - low is rounded by far more than high itself.
+    // x over [low, high], where the rounding error of high - low is far larger than high itself.
     let mut random = Random(7);
     for _ in 0..100 {
         let (low, high) = (-random.between(1.0, 2.0), random.between(1.0, 2.0) * 2f64.powi(-20 - random.below(60) as i32));
@@ -208,7 +208,7 @@ fn both_halves_have_the_coefficients_of_the_same_polynomial() {
             let axis = random.below(dimensions);
             let (left, right) = cell.halved(axis);
             cell = if random.chance(2) { left } else { right };
-            // Corners are values; all coefficients enclose every value of the cell.
+            // Coefficients at corners are values; all coefficients enclose every value of the cell.
             let whole = cell.bounds();
             for corner in 0..1usize << dimensions {
                 let shares: Vec<f64> = cell.spans.iter().enumerate().map(|(k, span)| span[corner >> k & 1]).collect();
@@ -239,12 +239,12 @@ fn an_enclosure_is_reached() {
         let box_of_shares = vec![[0.0, 1.0]; dimensions];
         let spread = found.range.width().max(1e-6);
         for (sign, bound, at) in [(1.0, found.range.low, &found.least_at), (-1.0, -found.range.high, &found.greatest_at)] {
-            // No value that an adversary finds is beyond it,
+            // The adversary finds no value beyond the bound.
             let height = |shares: &[f64]| -sign * Precision::F64.round(&value(&terms, &place(&sides, shares)));
             let (_, worst) = crate::adversary::climb(&mut random, Precision::F64, &box_of_shares, 100, height);
             let seen = value(&terms, &place(&sides, &worst)) * exact(sign);
             assert!(exact(bound) <= seen, "{terms:?} over {sides:?}: {bound} at {worst:?}");
-            // and the place that it names has a value as near as promised.
+            // The value at the returned point is as near to the bound as required.
             let named = Precision::F64.round(&(value(&terms, &place(&sides, at)) * exact(sign)));
             let promised = TIGHT_ENOUGH * 10.0 * spread.max(1.0) + 1e-10;
             assert!(bound <= named && named - bound <= promised, "{terms:?} over {sides:?}: {bound} but {named} at {at:?}");
@@ -261,7 +261,7 @@ fn what_is_said_to_be_seen_is_seen_there() {
         let sides: Vec<Interval> = (0..dimensions).map(|_| random_side(&mut random)).collect();
         let found = least(&terms, &sides, &WHOLE_BOX);
         let truth = value(&terms, &place(&sides, &found.at));
-        // Values of up to some hundred.
+        // Values may be as large as some hundred.
         assert!(truth <= exact(found.seen) && exact(found.seen - 1e-10) < truth, "{found:?} of {terms:?} over {sides:?}");
         assert!(exact(found.bound) <= truth);
     }
@@ -269,7 +269,7 @@ fn what_is_said_to_be_seen_is_seen_there() {
 
 #[test]
 fn a_least_value_inside_is_found_as_closely_as_promised() {
-    // (x - a)^2 + (y - b)^2 + c over [-1, 1]^2, its least c at (a, b); the spread is below 10.
+    // (x - a)^2 + (y - b)^2 + c over [-1, 1]^2: the minimum is c at (a, b); the spread is below 10.
     let mut random = Random(5);
     let side = Interval::new(-1.0, 1.0);
     for _ in 0..10 {
@@ -284,17 +284,17 @@ fn a_least_value_inside_is_found_as_closely_as_promised() {
         let found = extent(&terms, &[side, side]);
         assert!(found.range.low <= c + 1e-14 && c - found.range.low <= TIGHT_ENOUGH * 10.0 + 1e-14, "{found:?} {c}");
         for (share, place) in found.least_at.iter().zip([a, b]) {
-            // A value within 1e-8 of the least lies within 1e-4 of its place.
+            // If a value is within 1e-8 of the minimum, its point is within 1e-4 of the point of the minimum.
             assert!((share * 2.0 - 1.0 - place).abs() <= 1e-4, "{found:?} {a} {b}");
         }
     }
-    // 1e-9 of the spread is promised, no less is done.
+    // The required accuracy is 1e-9 of the spread; the constants must not be larger.
     assert_eq!((TIGHT_ENOUGH, ROUNDING), (1e-9, 1e-12));
 }
 
 #[test]
 fn the_corners_of_the_whole_box_are_seen_before_any_cut() {
-    // A constant has no side to cut.
+    // A constant cannot be divided along any side.
     let everywhere = Search { place: &|_| Place::Inside, finest: 1.0, enough: f64::INFINITY };
     let found = least(&[monomial(&[0], 3.5)], &[Interval::new(-1.0, 1.0)], &everywhere);
     assert_eq!((found.bound, found.seen), (3.5, 3.5));
@@ -312,11 +312,11 @@ fn every_corner_is_seen_and_of_equals_the_first_is_named() {
         assert!(found.bound <= -7.0 && found.bound > -7.0 - 1e-14);
     }
     assert_eq!(least(&[monomial(&[1, 1], 0.0)], &[side; 2], &WHOLE_BOX).at, [0.0, 0.0]);
-    // No term at all is one coefficient.
+    // A polynomial without terms has one coefficient.
     assert_eq!(Cell::new(&[&[]], &[side; 2]).coefficients, [Interval::point(0.0)]);
 }
 
-/// The lesser of two values: a concave function of them.
+/// The smaller of two values: a concave function of them.
 struct Lesser;
 
 impl Measure for Lesser {
@@ -334,7 +334,7 @@ fn polynomials_side_by_side_have_each_their_own_coefficients() {
     for _ in 0..40 {
         let dimensions = 1 + random.below(3);
         let terms: Vec<Vec<Monomial>> = (0..3).map(|_| random_terms(&mut random, dimensions, 3, 4)).collect();
-        // All have the degrees of the whole, which a term of nothing gives to each alone.
+        // All polynomials together have the degrees of the largest. A term with coefficient 0 gives these degrees to each polynomial alone.
         let degree = |k: usize| terms.iter().flatten().map(|term| term.powers[k]).max().unwrap();
         let top = monomial(&(0..dimensions).map(degree).collect::<Vec<u32>>(), 0.0);
         let sides: Vec<Interval> = (0..dimensions).map(|_| random_side(&mut random)).collect();
@@ -374,7 +374,7 @@ fn the_least_of_a_concave_measure_is_that_of_its_worst_place() {
         let there = there.expect("two");
         assert!(exact(found.bound) <= there && there <= exact(found.seen), "{found:?}");
     }
-    // It gets as far as a single one does, with the same work for twice as many coefficients, or less far.
+    // With two polynomials a cell has twice as many coefficients, so the same budget gives a bound that is no better than for one.
     let valley = vec![monomial(&[2, 0], 1.0), monomial(&[1, 1], -2.0), monomial(&[0, 2], 1.0), monomial(&[20, 20], 0.0)];
     let sides = [Interval::new(-1.0, 1.3), Interval::new(-0.9, 1.2)];
     let both = [valley.clone(), valley.clone()];

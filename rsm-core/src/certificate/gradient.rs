@@ -30,7 +30,7 @@ const CELLS: usize = 4096;
 /// The derivatives of a surface, in the order of its inputs.
 ///
 /// # Panics
-/// When the precision cannot hold the model: ask [`Checked::refusal`] first.
+/// When the precision cannot represent the model: see [`Checked::refusal`].
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\

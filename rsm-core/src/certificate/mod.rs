@@ -42,7 +42,7 @@ pub struct TapeCertificate {
 /// The certificate of every surface, in the order of the file.
 ///
 /// # Errors
-/// The faults of a precision that cannot hold the model.
+/// The faults of a precision that cannot represent the model.
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
@@ -65,7 +65,7 @@ pub fn surfaces(checked: &Checked, precisions: &[Precision]) -> Result<Vec<Surfa
     Ok((0..checked.model().surfaces.len()).map(|index| surface(checked, index, precisions)).collect())
 }
 
-/// The certificate of one surface, in precisions that can hold it.
+/// The certificate of one surface, in precisions that can represent it.
 #[must_use]
 pub fn surface(checked: &Checked, index: usize, precisions: &[Precision]) -> SurfaceCertificate {
     let surface = &checked.model().surfaces[index];

@@ -1,4 +1,4 @@
-//! Every surface has its certificate, in the order of the file.
+//! Tests that every surface has its certificate, in the order of the file.
 
 use super::*;
 use crate::source::Source;
@@ -39,10 +39,10 @@ fn every_surface_has_its_certificate_in_each_precision() {
         let precisions: Vec<Precision> = certificate.tapes.iter().map(|it| it.precision).collect();
         assert_eq!(precisions, Precision::ALL);
         for tape in &certificate.tapes {
-            // A half rounds nothing; 3 x is below 16 and loses half of a unit of 2^3 at most: 8 units of roundoff.
+            // The factor 1/2 causes no rounding. 3 x is below 16, so its rounding error is at most half of a unit of 2^3: 8 units of roundoff.
             let expected = if factor == 0.5 { 0.0 } else { 8.0 * tape.precision.unit_roundoff() };
             assert_eq!(tape.error, expected, "{tape:?}");
-            // Less, select, less, select of the clamp to the range, and the product.
+            // Two comparisons and two selections of the clamp to the range, and the product.
             assert_eq!((tape.operations, tape.depth), (5, 5), "{tape:?}");
         }
     }

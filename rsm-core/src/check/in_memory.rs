@@ -129,7 +129,7 @@ mod tests {
         Model { name: "m".into(), inputs: vec![x], surfaces: vec![y], compensators: vec![filter] }
     }
 
-    /// A change of the model, and what is said of it.
+    /// A change of the model, and the expected message.
     type Case = (fn(&mut Model), &'static str);
 
     #[test]
@@ -179,7 +179,7 @@ mod tests {
             change(&mut model);
             let faults = Checked::from_model(&model).unwrap_err().to_string();
             assert!(faults.lines().any(|line| line == format!("m.toml: {expected}")), "expected {expected}, found\n{faults}");
-            // Its file is refused too, with a line.
+            // The file of this model is refused too, with a line.
             assert!(Checked::read(&Source::new("m.toml", model_file::write(&model))).is_err(), "{expected}");
         }
     }
@@ -189,7 +189,7 @@ mod tests {
         let model = model();
         let read = Checked::read(&Source::new("m.toml", model_file::write(&model))).unwrap();
         let made = Checked::from_model(&model).unwrap();
-        // As text: evidence holds a NaN, which equals nothing.
+        // Compared as text, because the evidence contains a NaN, which does not equal itself.
         assert_eq!(format!("{:?}", made.model()), format!("{:?}", read.model()));
         assert_eq!(made.file(), read.file());
     }

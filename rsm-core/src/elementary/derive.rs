@@ -5,7 +5,7 @@
 //! has an error of at most its coefficient (Lanczos, "Applied Analysis", 1956, chapter 7: economisation). The bound is the sum of the dropped
 //! coefficients, of the remainder of the Taylor series, and of the rounding of the coefficients.
 //!
-//! Only tests use this file: one of them compares `coefficients.rs` with what is derived here (`RSM_BLESS=1` writes it).
+//! Only tests use this file: one of them compares `coefficients.rs` with the derived constants (`RSM_BLESS=1` writes them).
 
 use num_traits::Signed;
 

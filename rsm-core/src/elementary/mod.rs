@@ -88,7 +88,7 @@ impl Function {
     }
 }
 
-/// Whether tapes of a precision can hold elementary functions: only f64 can.
+/// Whether tapes of a precision can contain elementary functions: only f64 tapes can.
 #[must_use]
 pub fn holds(precision: Precision) -> bool {
     precision == Precision::F64
@@ -102,7 +102,7 @@ pub(crate) fn inverse_log_of_ten() -> Rational {
 /// Appends the operations of a function, and returns the register of its result.
 ///
 /// # Panics
-/// If the tape is not in f64 (ask [`holds`] first), or if the number of arguments is not that of the function.
+/// If the tape is not in f64 (see [`holds`]), or if the number of arguments is not that of the function.
 ///
 /// ```
 /// use rsm_core::elementary::{self, Function};

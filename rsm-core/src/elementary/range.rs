@@ -174,12 +174,12 @@ mod tests {
                     let [of_a, of_b] = [&a, &b].map(|point| value(function, point));
                     assert!(range.low <= of_a && of_a <= range.high, "{function:?} {cell:?} {a:?}");
                     let most: f64 = slopes.iter().zip(a.iter().zip(&b)).map(|(slope, (a, b))| slope * (a - b).abs()).sum();
-                    // Two results err by a unit each.
+                    // Each of the two results has an error of up to one unit.
                     let rounding = 4.0 * f64::EPSILON * of_a.abs().max(of_b.abs());
                     assert!((of_a - of_b).abs() <= most + rounding || most.is_nan(), "{function:?} {cell:?} {a:?} {b:?}");
                 }
             }
-            // A pole, a cut or a step may lie in a cell, but not in most.
+            // A cell may contain a pole, a cut or a step, but most cells do not.
             assert!(bounded > 150, "{function:?}: {bounded}");
         }
     }
@@ -210,7 +210,7 @@ mod tests {
         assert_eq!(of(Function::Tan, -0.1, 4.0), ANYTHING);
         assert_eq!(slopes(Function::Floor, &[Interval { low: 0.5, high: 1.5 }]), [f64::INFINITY]);
         assert_eq!(slopes(Function::Floor, &[Interval { low: 0.5, high: 0.75 }]), [0.0]);
-        // The whole circle around the origin: an angle, but no slope.
+        // The whole circle around the origin: the angle is bounded, its slope is not.
         let around = [Interval { low: -1.0, high: 1.0 }; 2];
         let range = over(Function::Atan2, &around);
         assert!(range.low < -PI && range.low > -PI - 2e-15 && range.high > PI && range.high < PI + 2e-15);

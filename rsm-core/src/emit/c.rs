@@ -391,7 +391,7 @@ fn test_block(unit: &Unit, function: &Function) -> String {
         Kind::Surface | Kind::Step | Kind::Gradient | Kind::Inside | Kind::Once => {
             format!("{}_rsm_differs{}({value}, points[k][{arity}])", unit.model, suffix(tape.precision))
         }
-        // Compares the tape's 1 or 0 with the function's int.
+        // Compares the tape's 1 or 0 with the int of the function.
         Kind::Support => format!("{value} != (points[k][{arity}] != 0)"),
     };
     let count = points.len();

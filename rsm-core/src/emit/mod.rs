@@ -91,7 +91,7 @@ impl Function {
             ),
             Kind::Once => {
                 format!(
-                    "What these inputs give to `{}_inside`: to be asked when one of them changes, in {}.",
+                    "The part of `{}_inside` that depends only on these inputs: call it when one of them changes. In {}.",
                     self.surface,
                     precision.name()
                 )

@@ -53,7 +53,7 @@ pub fn emit(unit: &Unit) -> String {
 /// The helpers that a text calls.
 pub(super) fn helpers(functions: &str, precisions: &[Precision]) -> String {
     let mut text = String::new();
-    // Helpers that nobody calls are left out: which do, the text says.
+    // Leave out the helpers that the text does not call.
     for precision in precisions {
         for (name, helper) in [
             ("at_least", AT_LEAST),
@@ -184,7 +184,7 @@ fn fill(helper: &str, precision: Precision) -> String {
         Precision::F64 => ("sd", "pd"),
         Precision::F32 => ("ss", "ps"),
     };
-    // 2^52 and 2^23 as bits; with the bias as a number; with the bias and 2^51 or 2^22 more.
+    // 2^52 or 2^23 as bits; then as a number with the bias added; then with the bias and 2^51 or 2^22 added.
     let (digits, whole, biased, lifted) = match precision {
         Precision::F64 => ("52", "0x4330_0000_0000_0000", "4503599627371519.0", "6755399441056767.0"),
         Precision::F32 => ("23", "0x4b00_0000", "8388735.0", "12583039.0"),
@@ -247,7 +247,7 @@ fn rsm_select_@float(left: @float, right: @float, then: @float, otherwise: @floa
 }
 "#;
 
-// No conversion between whole and floating-point numbers, which a machine without floating point of this width would call.
+// A conversion between integers and floating-point numbers would be a call on a machine without floating point of this width.
 const EXPONENT: &str = r#"// The exponent as a number: the field without its bias.
 fn rsm_exponent_@float(value: @float) -> @float {
     let field = (value.to_bits() << 1) >> (@digits + 1);

@@ -1,4 +1,4 @@
-//! Emitted code carries the model's own words: the term behind each constant that comes from one.
+//! Tests that emitted code has the names of the model: the term beside each constant that comes from a term.
 
 use crate::check::Checked;
 use crate::compile;
@@ -21,7 +21,7 @@ fn emitted(text: &str) -> [String; 2] {
 #[test]
 fn a_constant_has_its_term_beside_it() {
     let [c, rust] = emitted(MODEL);
-    // Halves of the ranges are 2 and 10: 3.75/(2*10), 1234567.5/100, 29/4 = 7.25, which the constant term is too.
+    // Half of the ranges are 2 and 10: 3.75/(2*10), 1234567.5/100, 29/4 = 7.25; the constant term is 7.25 too.
     let expected = [
         ("0.1875", "torque*speed: 3.75 deg"),
         ("12345.675", "speed^2: 1234570.0 deg"),
@@ -31,7 +31,7 @@ fn a_constant_has_its_term_beside_it() {
         assert!(c.contains(&format!(" = {value}; /* {words} */\n")), "{words} in\n{c}");
         assert!(rust.contains(&format!(": f64 = {value}; // {words}\n")), "{words} in\n{rust}");
     }
-    // The bounds of the box and its centre come from no term.
+    // The bounds of the box and its centre belong to no term.
     for value in ["-2.0", "10.0", "20.0", "30.0"] {
         assert!(c.contains(&format!(" = {value};\n")), "{value} in\n{c}");
     }

@@ -1,4 +1,4 @@
-//! Enclosures against exact rationals, and how tight they are.
+//! Tests of enclosures against exact rationals, and of their width.
 
 use super::*;
 use crate::adversary::Random;
@@ -21,7 +21,7 @@ fn operations_enclose_the_exact_result() {
     assert!(exact(around.low) < third && third < exact(around.high) && around.low.next_up() == around.high);
 }
 
-/// Numbers that hurt, and random ones of every size.
+/// Special numbers, and random ones of every size.
 fn number(random: &mut Random) -> f64 {
     let hurtful = [0.0, -0.0, 1.0, -1.0, 5e-324, -5e-324, f64::MIN_POSITIVE, f64::MAX, -f64::MAX, 1e200, -1e200, 0.1, 2.0, 0.5];
     let sizes = [2f64.powi(-1060), 2f64.powi(-500), 1e-3, 1.0, 1e3, 2f64.powi(500)];
@@ -33,7 +33,7 @@ fn interval(random: &mut Random) -> Interval {
     if random.chance(3) { Interval::point(a) } else { Interval::new(a.min(b), a.max(b)) }
 }
 
-/// Holds the exact interval, and its bounds are at most two numbers beyond it.
+/// Whether an interval contains the exact interval, with bounds at most two numbers beyond it.
 fn is_snug(found: Interval, low: &Rational, high: &Rational) -> bool {
     let holds = |bound: f64, truth: &Rational| bound == f64::NEG_INFINITY || bound.is_finite() && exact(bound) <= *truth;
     let near = |bound: f64, truth: &Rational| {
@@ -92,7 +92,7 @@ fn an_infinite_bound_stays_on_its_side() {
     let holds = |found: Interval, low: f64, high: f64| found.low <= low && found.high >= high;
     assert!(holds(from + from, 4.0, f64::INFINITY) && (from + from).low > 3.9);
     assert!(holds(from * to, f64::NEG_INFINITY, -4.0) && (from * to).high < -3.9);
-    // Zero times what is unbounded is zero: no NaN gets into a bound.
+    // Zero times an unbounded interval is zero: no bound becomes NaN.
     let share = Interval::new(0.0, 1.0);
     assert!(holds(from * share, 0.0, f64::INFINITY) && (from * share).low > -1e-300);
     assert!(holds(share * to, f64::NEG_INFINITY, 0.0) && (share * to).high < 1e-300);
@@ -112,7 +112,7 @@ fn around_a_rational_lie_its_two_neighbours() {
         assert_eq!(found.high, if is_number { found.low } else { found.low.next_up() }, "{a} / {b}");
         assert_eq!(Interval::around(&exact(a)), Interval::point(a));
     }
-    // Beyond the largest number: between it and infinity.
+    // Beyond the largest number: the enclosure is from the largest number to infinity.
     let beyond = exact(f64::MAX) * exact(3.0);
     assert_eq!(Interval::around(&beyond), Interval { low: f64::MAX, high: f64::INFINITY });
     assert_eq!(Interval::around(&-beyond), Interval { low: f64::NEG_INFINITY, high: -f64::MAX });

@@ -41,7 +41,7 @@ use crate::tape::{Op, Reg, State, Tape, TapeBuilder};
 /// The tape of a compensator's step, by its index in the model.
 ///
 /// # Panics
-/// When the precision cannot hold the model: ask [`Checked::refusal`] first.
+/// When the precision cannot represent the model: see [`Checked::refusal`].
 #[must_use]
 pub fn compensator(checked: &Checked, index: usize, precision: Precision) -> Tape {
     let compensator = &checked.model().compensators[index];

@@ -13,7 +13,7 @@ use crate::tape::{Reg, Tape, TapeBuilder};
 /// The tape of a surface's gradient, by the surface's index in the model.
 ///
 /// # Panics
-/// When the precision cannot hold the model: ask [`Checked::refusal`] first.
+/// When the precision cannot represent the model: see [`Checked::refusal`].
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\

@@ -36,7 +36,7 @@ pub struct Inside {
 /// The number of values that the first tape would pass to the rest, if it is not one; 0 if nothing is left for the rest.
 ///
 /// # Panics
-/// When the precision cannot hold the model: ask [`Checked::refusal`] first.
+/// When the precision cannot represent the model: see [`Checked::refusal`].
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\noutside = \"clamp\"\n[surfaces.drag]\nunit = \"N\"\n\
@@ -146,7 +146,7 @@ mod tests {
     use crate::run::Interpreter;
     use crate::source::Source;
 
-    /// Three inputs, of which `c` stands in terms of its own; a hinge, an odd and an even input are in other terms.
+    /// Three inputs. `c` has terms of its own; the other terms have `a` and `b`.
     const MODEL: &str = "format = 1\nmodel = \"m\"\n\
         [inputs.a]\nunit = \"A\"\nrange = [-2.0, 6.0]\noutside = \"clamp\"\n\
         [inputs.b]\nunit = \"V\"\nrange = [-3.0, 3.0]\noutside = \"clamp\"\n\
@@ -159,7 +159,7 @@ mod tests {
         Checked::read(&Source::new("m.toml", text)).unwrap_or_else(|faults| panic!("{faults}"))
     }
 
-    /// Points over the box and on its edges, as f32 and as f64 holds them.
+    /// Points over the box and on its edges; all are numbers of f32.
     fn points() -> Vec<[f64; 3]> {
         let along = |low: f64, high: f64| (0..=12).map(move |k| f64::from((low + (high - low) * f64::from(k) / 12.0) as f32));
         along(-2.0, 6.0).flat_map(|a| along(-3.0, 3.0).flat_map(move |b| along(1.0, 5.0).map(move |c| [a, b, c]))).collect()
@@ -191,7 +191,7 @@ mod tests {
             above += i32::from(expected > 3.0);
         }
         assert!(below > 0 && above > 0, "the range of the result is passed on both sides");
-        // A seldom input clamps; the others do not, and NaN passes.
+        // A rarely changed input is clamped; the others are not. NaN gives NaN.
         assert_eq!(once.eval(&[9.0]).to_bits(), once.eval(&[5.0]).to_bits());
         assert_ne!(two.eval(&[7.0, 0.0, 0.0]), two.eval(&[6.0, 0.0, 0.0]));
         assert!(
@@ -203,10 +203,10 @@ mod tests {
 
     #[test]
     fn what_is_not_one_number_is_refused() {
-        // c stands beside a and alone: its variable and its own terms.
+        // c occurs alone and in a product with a and b: the second part would need the variable and the sum of its own terms.
         let crossed = checked(&MODEL.replace("powers = [1, 2, 0]", "powers = [1, 2, 1]"));
         assert_eq!(inside(&crossed, 0, Precision::F64, &["c".to_string()]), Err(2));
-        // Nothing is left for each step.
+        // If all inputs change rarely, no operation is left for the steps.
         let all = ["a", "b", "c"].map(String::from);
         assert_eq!(inside(&checked(MODEL), 0, Precision::F64, &all), Err(0));
     }

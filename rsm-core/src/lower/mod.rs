@@ -39,7 +39,7 @@ pub use saturation::Saturation;
 /// The tape of a surface, by its index in the model.
 ///
 /// # Panics
-/// When the precision cannot hold the model: ask [`Checked::refusal`] first.
+/// When the precision cannot represent the model: see [`Checked::refusal`].
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
@@ -88,7 +88,7 @@ fn polynomial_of(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], va
 /// The bounds of `output_range` on the tape of a surface; `None` for a surface without them.
 ///
 /// # Panics
-/// When the precision cannot hold the model: ask [`Checked::refusal`] first.
+/// When the precision cannot represent the model: see [`Checked::refusal`].
 #[must_use]
 pub fn saturation(checked: &Checked, index: usize, precision: Precision) -> Option<Saturation> {
     let surface = &checked.model().surfaces[index];

@@ -65,7 +65,7 @@ pub fn read(source: &Source, faults: &mut Collector) -> Option<Located> {
     Some(Located { model, places })
 }
 
-/// Checks the format number first. If this version does not know it, nothing else is checked.
+/// Checks the format number first. If this version does not support it, nothing else is checked.
 pub fn read_format(top: &mut TableReader<'_>, faults: &mut Collector) -> bool {
     let Some(value) = top.required("format", faults) else { return false };
     match value.get_ref() {

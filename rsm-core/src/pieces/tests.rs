@@ -1,4 +1,4 @@
-//! Cells by hand, and each piece's polynomials against the factors that they stand for, in exact arithmetic.
+//! Tests of cells by hand, and of each piece's polynomials against the factors in exact arithmetic.
 
 use super::*;
 use crate::adversary::Random;
@@ -50,7 +50,7 @@ pub(crate) fn any_surface(random: &mut Random) -> (Vec<Input>, Surface) {
 fn cells_lie_between_the_knots_in_order() {
     let inputs = [input("x", [-1.0, 3.0]), input("y", [-2.0, 2.0]), input("z", [5.0, 6.0])];
     let mut surface = surface_of(&inputs, Coding::Range);
-    // Out of order; one occurs twice, as in a sum of two surfaces that both have it.
+    // Not in increasing order; one knot occurs twice, as in a sum of two surfaces that both have it.
     surface.knots = vec![knot("x", 2.0), knot("y", 1.0), knot("x", 0.5), knot("x", 2.0)];
     let cells = |surface: &Surface| -> Vec<Vec<[f64; 2]>> { all(surface, &inputs).into_iter().map(|it| it.cell).collect() };
     let product = |ys: &[[f64; 2]]| -> Vec<Vec<[f64; 2]>> {
@@ -60,7 +60,7 @@ fn cells_lie_between_the_knots_in_order() {
     assert_eq!(cells(&surface), product(&[[-2.0, 1.0], [1.0, 2.0]]));
     let places: Vec<Vec<usize>> = all(&surface, &inputs).into_iter().map(|piece| piece.place).collect();
     assert_eq!(places, [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0]]);
-    // Of a symmetric input the half above 0.
+    // For a symmetric input only the half above 0.
     for kind in [Symmetry::Even, Symmetry::Odd] {
         surface.symmetry = vec![("y".to_string(), kind)];
         assert_eq!(cells(&surface), product(&[[0.0, 1.0], [1.0, 2.0]]));
@@ -76,7 +76,7 @@ fn three_inputs_are_counted_like_digits() {
     assert_eq!(places, [0, 1, 2, 3, 4, 5, 6, 7]);
 }
 
-/// Points of a cell: its ends, and two between them that are no ends of anything.
+/// Points of a cell: its ends, and two other points between them.
 fn points(cell: &[[f64; 2]]) -> Vec<Vec<Rational>> {
     let mut points = vec![vec![]];
     for [low, high] in cell {

@@ -1,4 +1,4 @@
-//! Extents by hand, and against the exact polynomial over surfaces with every kind of variable.
+//! Tests of extents by hand, and against the exact polynomial for surfaces with every kind of variable.
 
 use super::*;
 use crate::adversary::Random;
@@ -16,7 +16,7 @@ fn value(surface: &Surface, inputs: &[Input], point: &[f64]) -> Rational {
     exact::polynomial(surface, inputs, &at).unwrap()
 }
 
-/// No value of the box lies outside, and those at the places that are named are as near the bounds as `tolerance`.
+/// Asserts that no value of the box is outside, and that the values at the returned points differ from the bounds by at most `tolerance`.
 fn assert_extent(surface: &Surface, inputs: &[Input], found: &Extent, tolerance: f64, points: impl Iterator<Item = Vec<f64>>) {
     let holds = |value: &Rational| exact(found.range.low) <= *value && *value <= exact(found.range.high);
     for point in points {
@@ -33,7 +33,8 @@ fn assert_extent(surface: &Surface, inputs: &[Input], found: &Extent, tolerance:
 
 #[test]
 fn a_surface_with_sigmoids_or_waves_is_enclosed_closely_and_its_extremes_are_where_they_are_told() {
-    // Narrow, wide, with a hinge, with symmetry: against a grid of 801 or 161 x 161 points, which misses the extremes by less than a part of 10^3.
+    // Narrow, wide, with a hinge, with symmetry: compared with a grid of 801 or 161 x 161 points, which misses the extremes by less than a
+    // thousandth.
     let texts = [
         "inputs = [\"x\"]\nwaves = [{ input = \"x\", period = 2.5, order = 7 }]\nterms = [{ powers = [1, 0, 0], coefficient = 0.3 }, { powers = [0, 1, 0], coefficient = 1.0 }, { powers = [1, 0, 1], coefficient = 0.5 }]",
         "inputs = [\"x\"]\nsigmoids = [{ input = \"x\", at = 0.3, width = 0.02 }]\nterms = [{ powers = [1, 0], coefficient = -3.0 }, { powers = [0, 1], coefficient = 1.0 }, { powers = [2, 1], coefficient = 0.5 }]",
@@ -88,7 +89,7 @@ fn every_surface_keeps_its_extent_and_reaches_it() {
         for _ in 0..1 + random.below(4) {
             let mut powers: Vec<u32> = (0..factors).map(|_| [0, 0, 1, 2][random.below(4)]).collect();
             for (k, input) in inputs.iter().enumerate() {
-                // An odd input has a power in every term: the surface passes 0 where the input does.
+                // An odd input has a power in every term: the surface is 0 where the input is 0.
                 if surface.symmetry.contains(&(input.name.clone(), Symmetry::Odd)) {
                     powers[k] = powers[k].max(1);
                 }
@@ -103,7 +104,7 @@ fn every_surface_keeps_its_extent_and_reaches_it() {
         for _ in 0..20 {
             points.push(inputs.iter().map(|input| random.between(input.range[0], input.range[1])).collect());
         }
-        // The search ends at 1e-9 of the spread of coefficients; natural values of places that are named are rounded.
+        // The search ends at 1e-9 of the spread of coefficients; the natural values of the returned points are rounded.
         let spread = found.range.width() + found.range.magnitude();
         assert_extent(&surface, &inputs, &found, 1e-7 * spread, points.into_iter());
         assert_eq!(range(&surface, &inputs), found.range);
@@ -112,7 +113,7 @@ fn every_surface_keeps_its_extent_and_reaches_it() {
 
 #[test]
 fn a_square_of_a_reciprocal_is_least_where_the_reciprocal_is() {
-    // (1/x - 1/2)^2 over [1, 4]: 0 at 2, 1/4 at 1, 1/16 at 4. All but 1/4 are exact, and over [-4, -1] it is mirrored.
+    // (1/x - 1/2)^2 over [1, 4]: 0 at 2, 1/4 at 1, 1/16 at 4. Only 1/4 is not exact. Over [-4, -1] it is mirrored.
     for sign in [1.0, -1.0] {
         let inputs = [input("x", if sign > 0.0 { [1.0, 4.0] } else { [-4.0, -1.0] })];
         let mut surface = surface_of(&inputs, Coding::None);
@@ -121,7 +122,7 @@ fn a_square_of_a_reciprocal_is_least_where_the_reciprocal_is() {
         let found = extent(&surface, &inputs);
         assert!(found.range.low <= 0.0 && found.range.low >= -1e-8, "{found:?}");
         assert!(found.range.high >= 0.25 && found.range.high <= 0.25 + 1e-12, "{found:?}");
-        // 1e-9 of the spread is within 4e-5 of the place in 1/x, four times that in x.
+        // 1e-9 of the spread corresponds to 4e-5 in 1/x, and to four times that in x.
         assert!((found.least_at[0] - 2.0 * sign).abs() < 2e-4, "{found:?}");
         assert_eq!(found.greatest_at, [sign]);
     }
@@ -129,7 +130,7 @@ fn a_square_of_a_reciprocal_is_least_where_the_reciprocal_is() {
 
 #[test]
 fn of_equal_extremes_the_first_is_named() {
-    // max(0, x - 1) - x over [0, 3]: falls to -1 at 1 and stays there.
+    // max(0, x - 1) - x over [0, 3]: decreases to -1 at 1 and is constant from there on.
     let inputs = [input("x", [0.0, 3.0])];
     let mut surface = surface_of(&inputs, Coding::None);
     surface.knots = vec![knot("x", 1.0)];
@@ -139,7 +140,7 @@ fn of_equal_extremes_the_first_is_named() {
     surface.terms = vec![term(&[1, 0], 1.0)];
     let found = extent(&surface, &inputs);
     assert_eq!((found.least_at[0], found.greatest_at[0]), (0.0, 3.0));
-    // A constant is the same everywhere.
+    // A constant has the same value everywhere.
     surface.terms = vec![term(&[0, 0], 1.5)];
     let found = extent(&surface, &inputs);
     assert_eq!((found.range, found.least_at[0], found.greatest_at[0]), (Interval::point(1.5), 0.0, 0.0));
@@ -147,7 +148,7 @@ fn of_equal_extremes_the_first_is_named() {
 
 #[test]
 fn on_the_other_side_of_an_odd_input_every_value_has_its_opposite() {
-    // |x| (2 + y) sign x over [-3, 3] x [-1, 1] coded by none: 9 at (3, 1), -9 at (-3, 1).
+    // |x| (2 + y) sign x over [-3, 3] x [-1, 1] without coding: 9 at (3, 1), -9 at (-3, 1).
     let inputs = [input("y", [-1.0, 1.0]), input("x", [-3.0, 3.0])];
     let mut surface = surface_of(&inputs, Coding::None);
     surface.symmetry = vec![("x".to_string(), Symmetry::Odd)];
@@ -156,12 +157,12 @@ fn on_the_other_side_of_an_odd_input_every_value_has_its_opposite() {
     assert_eq!((found.least_at, found.greatest_at), (vec![1.0, -3.0], vec![1.0, 3.0]));
     assert!(found.range.low <= -9.0 && found.range.low > -9.0 - 1e-12);
     assert_eq!(found.range.high, -found.range.low);
-    // An even input has none: the same terms are 0 to 9.
+    // An even input gives no sign: the same terms are from 0 to 9.
     surface.symmetry = vec![("x".to_string(), Symmetry::Even)];
     let found = extent(&surface, &inputs);
     assert_eq!((found.least_at[1], found.greatest_at), (0.0, vec![1.0, 3.0]));
     assert!(found.range.low <= 0.0 && found.range.low > -1e-12);
-    // Both, the even one first: |x| (4 |y| - 3) is -9 at (0, 3) and 3 at (1, 3); its opposite is 9 at (0, -3).
+    // Both symmetries, the even input first: |x| (4 |y| - 3) is -9 at (0, 3) and 3 at (1, 3); its opposite is 9 at (0, -3).
     let inputs = [input("y", [-1.0, 1.0]), input("x", [-3.0, 3.0])];
     surface.symmetry = vec![("y".to_string(), Symmetry::Even), ("x".to_string(), Symmetry::Odd)];
     surface.terms = vec![term(&[0, 1], -3.0), term(&[1, 1], 4.0)];
@@ -177,7 +178,7 @@ fn a_term_without_weight_changes_nothing() {
     let plain = extent(&surface, &inputs);
     surface.terms.insert(0, term(&[7], 0.0));
     assert_eq!(extent(&surface, &inputs), plain);
-    // Terms of the same powers add up; some ten operations are moved outward by 2^-52 of it each.
+    // Terms of the same powers are added; about ten operations are each rounded outward by 2^-52.
     surface.terms = vec![term(&[1], 0.25), term(&[0], 0.5), term(&[1], 0.5)];
     let found = extent(&surface, &inputs);
     assert!(found.range.low <= -0.25 && found.range.low > -0.25 - 4e-15, "{found:?}");
@@ -186,7 +187,7 @@ fn a_term_without_weight_changes_nothing() {
 
 #[test]
 fn a_coefficient_that_no_f64_holds_is_enclosed() {
-    // c max(0, x + k) is c x + c k above 0, and c k there: nothing else is computed at that end.
+    // c max(0, x + k) is c x + c k above 0, and c k at 0; at that end nothing else is computed.
     let mut random = Random(3);
     for _ in 0..60 {
         let (c, k) = (random.between(0.1, 1.0), random.between(0.1, 0.9));

@@ -1,7 +1,7 @@
-//! Each rule of the bound against an adversary: no error that a search finds is above the bound, and each rule is tight somewhere.
+//! Tests each rule of the bound with an adversary: no error that a search finds is above the bound, and each rule is tight somewhere.
 //!
-//! Constants of these tapes stand for numbers far from their values where a test is about errors that operands bring along: such an error
-//! is much larger than what the operation itself rounds, so a bound that leaves it out is broken at once.
+//! Where a test is about errors of operands, constants of its tape represent numbers far from their values. Such an error is much larger than the
+//! rounding error of the operation, so a bound without it fails immediately.
 
 mod boxes;
 mod choices;
@@ -23,12 +23,12 @@ fn write_tape(precision: Precision, arity: usize, write: impl FnOnce(&mut TapeBu
     builder.finish("t", (0..arity).map(|k| format!("x{k}")).collect(), output)
 }
 
-/// A constant that stands for another number.
+/// A constant that represents another number.
 fn off(builder: &mut TapeBuilder, value: f64, by: f64) -> Reg {
     builder.rounded_constant(value, exact(value) + exact(by))
 }
 
-/// The bound from the whole box as one cell.
+/// The bound if the whole box is one cell.
 fn bound_of_one_cell(tape: &Tape, ranges: &[[f64; 2]]) -> f64 {
     let sides: Vec<Side> = ranges.iter().map(|range| side(tape.precision, *range, 0, 1).unwrap()).collect();
     let mut analysis = Analysis::new(tape);
@@ -41,7 +41,7 @@ fn tightness(tape: &Tape, ranges: &[[f64; 2]], effort: usize) -> f64 {
     worst_ratio(&mut Random(1), tape, ranges, error_bound(tape, ranges), effort)
 }
 
-/// How much of a number one unit of roundoff is.
+/// One unit in the last place of 1.
 fn ulp_of_one(precision: Precision) -> f64 {
     2.0 * precision.unit_roundoff()
 }

@@ -1,4 +1,4 @@
-//! Series against solutions that are known.
+//! Tests of series against known solutions.
 
 use crate::elementary::{self, Function};
 use crate::number::{Precision, exact};
@@ -7,7 +7,7 @@ use crate::tape::{Reg, Tape, TapeBuilder};
 
 use super::{Argument, Series};
 
-/// The terms of all states, by order, in parts of so many orders.
+/// The terms of all states by order, computed in parts with these numbers of orders.
 fn terms(rates: &Tape, arguments: &[Argument], slots: &mut Vec<f64>, parts: &[usize]) -> (Vec<Vec<f64>>, Vec<f64>) {
     let states = rates.outputs.len();
     let mut series = Series::new(rates, arguments, 0, slots.len() as u32);
@@ -27,7 +27,7 @@ fn terms(rates: &Tape, arguments: &[Argument], slots: &mut Vec<f64>, parts: &[us
     (list, slots[end..end + states].to_vec())
 }
 
-/// x' = f(x) for one state x, which stands in slot 1; slot 0 is the step, slot 2 the time.
+/// x' = f(x) for one state x in slot 1; slot 0 is the step length, slot 2 the time.
 fn alone(write: impl Fn(&mut TapeBuilder, Reg, Reg) -> Reg) -> Tape {
     let mut builder = TapeBuilder::sharing(Precision::F64);
     let (x, t) = (builder.input(0), builder.input(1));
@@ -37,9 +37,9 @@ fn alone(write: impl Fn(&mut TapeBuilder, Reg, Reg) -> Reg) -> Tape {
 
 const ARGUMENTS: [Argument; 2] = [Argument::State(1, 0), Argument::Time(2)];
 
-/// The state a step on is that of a solution, whichever way the orders are parted.
+/// Checks the state after one step against a solution, for every division of the orders into parts.
 fn check(name: &str, rates: &Tape, (t, x): (f64, f64), h: f64, solution: impl Fn(f64) -> f64) {
-    // 24 orders of steps of a tenth of the radius of convergence: nothing is left but rounding.
+    // 24 orders with steps of a tenth of the radius of convergence: only rounding errors remain.
     for parts in [vec![24], vec![4; 6], vec![1; 24], vec![5, 2, 2, 15]] {
         let mut slots = vec![h, x, t];
         let (_, end) = terms(rates, &ARGUMENTS, &mut slots, &parts);
@@ -75,7 +75,7 @@ fn solutions_that_are_known() {
 
 #[test]
 fn a_function_of_the_time_integrates_to_its_integral() {
-    // x' = g(2 t - 0.3) at t = 0.4: by the difference of the integral, which is known in closed form, or by composite Gauss quadrature below.
+    // x' = g(2 t - 0.3) at t = 0.4: compared with the difference of the integral in closed form, or with composite Gauss quadrature below.
     for function in Function::ALL {
         let rates = alone(|b, _, t| {
             let (two, shift) = (b.constant(exact(2.0)), b.constant(exact(0.3)));

@@ -30,7 +30,7 @@ fn names(names: &[&str]) -> Vec<String> {
     names.iter().map(|name| (*name).to_string()).collect()
 }
 
-/// The derivative of one operation after the other by the rules of the schoolbook, in rationals, with nothing left out: a second implementation.
+/// The derivative of one operation after the other by the elementary rules, in rationals, without any simplification: a second implementation.
 fn dual(tape: &Tape, point: &[Rational], variable: usize) -> Option<Vec<(Rational, Rational)>> {
     let zero = || integer(0);
     let mut registers: Vec<(Rational, Rational)> = vec![];
@@ -147,7 +147,7 @@ fn what_a_tangent_computes_differs_from_the_exact_derivative_by_less_than_its_bo
 
 #[test]
 fn zeros_and_ones_are_not_written() {
-    // (x + 3) 2 + y: the derivative by x is the number 2, by y the number 1.
+    // (x + 3) 2 + y: the derivative with respect to x is 2, with respect to y it is 1.
     let mut tape = TapeBuilder::sharing(Precision::F64);
     let (x, y) = (tape.input(0), tape.input(1));
     let (two, three) = (tape.constant(integer(2)), tape.constant(integer(3)));
@@ -164,7 +164,7 @@ fn zeros_and_ones_are_not_written() {
 
 #[test]
 fn a_clamp_costs_a_derivative_one_choice_a_bound() {
-    // clamp(x)^3: the choices stand at the end, not before every product.
+    // clamp(x)^3: the selections come at the end, not before every product.
     let mut tape = TapeBuilder::sharing(Precision::F64);
     let x = tape.input(0);
     let (low, high) = (tape.constant(integer(-1)), tape.constant(integer(2)));
@@ -181,7 +181,7 @@ fn a_clamp_costs_a_derivative_one_choice_a_bound() {
     };
     assert_eq!([-1.5, -1.0, 0.5, 2.0, 2.5].map(&mut slope), [0.0, 3.0, 0.75, 12.0, 0.0]);
     assert!(slope(-1.5).is_sign_positive());
-    // 2 v, 2 v v, v^2, their sum, and two choices.
+    // 2 v, 2 v v, v^2, their sum, and two selections.
     assert_eq!(tangent.operation_count(), tape.operation_count() + 5, "{tangent}");
 }
 
@@ -209,7 +209,7 @@ fn a_variable_that_the_tape_does_not_have_is_refused() {
     let _ = tangent(&tape.finish("t", names(&["x"]), x), &[Variable::Input(1)]);
 }
 
-/// Central differences of the function's own rows: a step of 2^-17 leaves 2^-34 of the curvature and 2^-35 of the rounding.
+/// Central differences of the function's own operations: with a step of 2^-17 the error of the curvature is 2^-34 and that of the rounding 2^-35.
 #[test]
 fn elementary_functions_have_their_derivatives() {
     let mut random = Random(9);
@@ -219,7 +219,7 @@ fn elementary_functions_have_their_derivatives() {
         let arity = function.arity();
         let mut tape = TapeBuilder::sharing(Precision::F64);
         let inputs: Vec<Reg> = (0..arity as u32).map(|port| tape.input(port)).collect();
-        // Of 3/4 of each argument: the chain rule.
+        // 3/4 of each argument, to test the chain rule.
         let scaled: Vec<Reg> = inputs.iter().map(|x| tape.times(*x, exact(0.75))).collect();
         let result = elementary::write(&mut tape, function, &scaled);
         let tape = tape.finish("t", names(&["x", "y"][..arity]), result);
@@ -240,7 +240,7 @@ fn elementary_functions_have_their_derivatives() {
                     elementary::range::value(function, &scaled)
                 };
                 let difference = (beside(1.0) - beside(-1.0)) / (2.0 * step);
-                // A step of floor, a pole of tan or the cut of atan2 between the two is no slope.
+                // The difference is not a slope if there is a step of floor, a pole of tan or the cut of atan2 between the two points.
                 if difference.abs() > 1e3 {
                     continue;
                 }
@@ -260,11 +260,11 @@ fn an_elementary_function_is_differentiated_as_a_whole() {
     let x = tape.input(0);
     let y = elementary::write(&mut tape, Function::Exp, &[x]);
     let tape = tape.finish("t", names(&["x"]), y);
-    // exp is its own derivative: not one operation more.
+    // exp is its own derivative: no further operation is needed.
     let tangent = tangent(&tape, &[Variable::Input(0)]);
     assert_eq!(tangent.operation_count(), tape.operation_count());
     assert_eq!(tangent.outputs[0].reg, tangent.outputs[1].reg);
-    // And the error of both is a unit in the last place of e.
+    // The error of both is about a unit in the last place of e.
     let bounds = error_bounds(&tangent, &[[0.0, 1.0]]);
     assert!(bounds.iter().all(|bound| *bound <= 2f64.powi(-50)), "{bounds:?}");
 }

@@ -201,7 +201,7 @@ mod tests {
         }
     }
 
-    /// Operations at random over two inputs, a state and constants that meet the rules.
+    /// Random operations over two inputs, a state and constants to which the rules apply.
     fn random(seed: u64) -> Tape {
         let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
         let mut tape = TapeBuilder::new(Precision::F64);
@@ -231,7 +231,7 @@ mod tests {
         interpreter.set_states(&[0.75]);
         interpreter.step(arguments);
         let values = interpreter.results().chain(interpreter.states().iter().copied());
-        // Any NaN is as good as another.
+        // All NaNs count as equal.
         values.map(|it| if it.is_nan() { u64::MAX } else { it.to_bits() }).collect()
     }
 
@@ -250,7 +250,7 @@ mod tests {
             assert_eq!(folded.folded(), folded, "once is enough, seed {seed}");
             shorter += tape.operation_count() - folded.operation_count();
         }
-        // More than what nobody reads.
+        // More operations were removed than the unused ones.
         assert!(shorter > 20_000, "{shorter}");
     }
 

@@ -1,7 +1,7 @@
 //! First guesses for the parameters of an effect.
 //!
-//! In: an effect, scales of the records and of the site. Out: lists of its parameters, and the values at which it has no effect. Records are not
-//! used.
+//! In: an effect, scales of the records and of the site. Out: lists of its parameters, and the values at which it has no effect. This module reads no
+//! records.
 
 use std::collections::HashMap;
 
@@ -12,7 +12,7 @@ use super::site::SiteKind;
 use crate::flat::{Basic, Flat, Options, Value};
 use crate::syntax::tree::Expression;
 
-/// Scales that guesses may use in addition to the roles of the site. In order: the effort that the inputs can cause at the site; typical speed;
+/// Scales that guesses may use in addition to the roles of the site, in this order: the effort that the inputs can cause at the site; typical speed;
 /// largest position, level or twist; largest value and spread of the reading, its step and its noise; largest input; heat flow; sample period and
 /// length of the longest record in s; a resonance frequency as a share of the sample rate.
 pub const SCALES: [&str; 12] = [

@@ -45,7 +45,7 @@ impl Proposal {
 pub struct Room {
     /// The name for `at`.
     pub at: String,
-    /// What it is.
+    /// Its kind.
     pub kind: SiteKind,
     /// The effects, by kind.
     pub effects: Vec<String>,
@@ -118,7 +118,7 @@ fn unit(flat: &Flat, symbol: Symbol) -> &str {
     flat.variable(symbol).unit.as_deref().unwrap_or_default()
 }
 
-/// A body, a store, a heat capacity or a winding behind the derivative of a state.
+/// Proposes a body, a store, a heat capacity or a winding from the equation with the derivative of a state.
 fn body(flat: &mut Flat, derivatives: &[(Symbol, Symbol)], derivative: Symbol, state: Symbol) -> Option<Proposal> {
     let name = flat.variable(state).name.clone();
     let kind = match unit(flat, state) {
@@ -129,10 +129,10 @@ fn body(flat: &mut Flat, derivatives: &[(Symbol, Symbol)], derivative: Symbol, s
         "m" | "m3" | "Pa" | "kg" => SiteKind::Storage,
         _ => return None,
     };
-    // The balance: the derivative times a constant of the plant, and more than one signal besides.
+    // The balance has the derivative times a constant of the plant, and more than one other signal.
     let found = (0..flat.equations.len()).find_map(|k| {
         let (left, right) = (flat.equations[k].left, flat.equations[k].right);
-        // An equation that only defines the derivative, as an acceleration, is no balance.
+        // An equation that only defines the derivative, as an acceleration, is not a balance.
         let says = |side| {
             terms::symbol_of(flat, side).is_some_and(|it| {
                 let variable = flat.variable(it);
@@ -177,7 +177,7 @@ fn body(flat: &mut Flat, derivatives: &[(Symbol, Symbol)], derivative: Symbol, s
     Some(Proposal { name, kind, roles })
 }
 
-/// A spring: one equation gives an effort from a twist and its rate.
+/// Proposes a spring: one equation gives an effort from a twist and its rate.
 fn joint(flat: &Flat, derivatives: &[(Symbol, Symbol)], equation: usize) -> Option<Proposal> {
     let it = &flat.equations[equation];
     let effort = terms::symbol_of(flat, it.left)?;

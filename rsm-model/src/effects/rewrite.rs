@@ -3,8 +3,8 @@
 //! In: flat equations, sites, placed effects. Out: flat equations with the effects, with a parameter for each of their numbers; and the delays, which
 //! equations cannot express.
 //!
-//! Input signals are changed first, then the inner laws, then the readings. Within each group, effects act in the order of the file. A law that
-//! replaces a role refers to the role before the change, so later effects enclose earlier ones.
+//! Input signals are changed first, then the inner laws, then the readings. In each group, effects are added in the order of the file. A law that
+//! replaces a role refers to the value before the change, so a later effect acts on the result of the earlier ones.
 
 mod laws;
 mod places;
@@ -32,7 +32,7 @@ pub struct Placed<'e> {
     pub at: Option<String>,
     /// Its numbers.
     pub numbers: Vec<(String, f64)>,
-    /// The file that places it.
+    /// The file that contains it.
     pub source: Source,
     /// The position in that file.
     pub place: Range<usize>,
@@ -69,7 +69,7 @@ pub struct Extended {
     pub late_readings: Vec<LateReading>,
     /// Outputs whose first reading is that of another variable, because the true value cannot be computed from the reading.
     pub read_of: Vec<(Symbol, Symbol)>,
-    /// For each placed effect: its place, and its numbers with the parameters that hold them.
+    /// For each placed effect: its place, and its numbers with their parameters in the equations.
     pub placed: Vec<(String, Vec<(String, Symbol)>)>,
 }
 /// The data for the changes of an effect.
@@ -135,7 +135,7 @@ pub(super) struct Standing {
     rewriter: Rewriter,
 }
 
-/// What one place has.
+/// The data of one place.
 pub(super) struct Offer {
     bound: Bound,
 }
@@ -248,7 +248,7 @@ fn level(effect: &Effect) -> usize {
     } else if stands(SiteKind::Output) {
         6
     } else if has(&|it| matches!(it, Change::Replace(role, _) if role == "load")) {
-        // A separated second body takes the whole load.
+        // A second body that an effect splits off takes the whole load.
         5
     } else if effect.is_outermost {
         5

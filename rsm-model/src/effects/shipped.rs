@@ -55,7 +55,7 @@ impl Catalogue {
         faults.finish(Some(()))
     }
 
-    /// The effect of a kind.
+    /// The effect with this kind.
     #[must_use]
     pub fn find(&self, kind: &str) -> Option<&Effect> {
         self.effects.iter().find(|it| it.kind == kind)
@@ -68,7 +68,7 @@ impl Catalogue {
     }
 }
 
-/// The file of a model of the project: its sites, and which parameters a record sets.
+/// The file that comes with a model of the project: its sites, and the parameters that a record sets.
 #[must_use]
 pub fn shipped_file(model: &str) -> Option<Source> {
     let (name, text) = files::SITES.iter().find(|(name, _)| *name == model)?;

@@ -8,8 +8,7 @@
 //! inertia = "mass"
 //! ```
 //!
-//! In: tables of a plant file. Out: [`Site`], its roles as expressions in the names of the text. Does not compare a site with the equations:
-//! `rewrite` does.
+//! In: tables of a plant file. Out: [`Site`], its roles as expressions in the names of the text. `rewrite` compares a site with the equations.
 
 use std::ops::Range;
 
@@ -47,10 +46,10 @@ pub enum SiteKind {
     State,
 }
 
-/// The value of a role that the plant file does not name.
+/// The value of a role that the plant file does not set.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Otherwise {
-    /// The plant file must name it.
+    /// The plant file must set it.
     Required,
     /// This constant.
     Number(f64),
@@ -58,7 +57,7 @@ pub(crate) enum Otherwise {
     Absent,
 }
 
-/// A role: its name, and its value if a plant file does not name it.
+/// The name of a role, and its value if a plant file does not set it.
 type RoleOf = (&'static str, Otherwise);
 
 const BODY: &[RoleOf] = &[
@@ -149,7 +148,7 @@ impl SiteKind {
 pub struct Site {
     /// Its name in the plant file.
     pub name: String,
-    /// What it is.
+    /// Its kind.
     pub kind: SiteKind,
     /// Kinds of effects that act here if a plant file does not give their place.
     pub(crate) usual_for: Vec<String>,

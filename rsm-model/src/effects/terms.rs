@@ -70,6 +70,8 @@ struct Inertia {
 }
 
 /// Whether an inertia is only a part of the derivative's factor, as `m` in `m + J/r^2`. If it is the whole factor, possibly times a constant, both
+/// change in proportion with at least one of its parameters. If none of these parameters occurs in the factor, the equation was divided by the
+/// inertia, and the result is false.
 /// change in proportion with at least one of its parameters. If none of these parameters occurs, the equation was divided by the inertia, and the
 /// result is false.
 fn is_part(flat: &mut Flat, factor: Id, declared: Option<Id>, here: Id) -> bool {
@@ -189,8 +191,8 @@ fn symbols(flat: &Flat, equation: usize) -> Vec<Symbol> {
     list
 }
 
-/// The balance for a speed that is not a state but follows from one, as `road_speed = radius*wheel_speed`. What acts on the speed acts on the state
-/// through the same factor.
+/// The balance for a speed that is not a state but is computed from one, as `road_speed = radius*wheel_speed`. An effort on the speed acts on the
+/// state through the same factor.
 fn followed(flat: &mut Flat, symbol: Symbol, inertia: Inertia, depth: usize) -> Result<Balance, String> {
     let name = flat.variable(symbol).name.clone();
     let none = || format!("no equation contains `der({name})`, and `{name}` does not follow from a single state");

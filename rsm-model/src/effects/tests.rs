@@ -1,4 +1,4 @@
-//! The catalogue and the rewriting, on plants whose equations are known.
+//! Tests of the catalogue and of the rewriting, on plants with simple equations.
 
 use rsm_core::source::Source;
 
@@ -12,7 +12,7 @@ fn flat(name: &str) -> Flat {
     Flat::read(&shipped::text(name).unwrap(), &Options { model, parameters: Vec::new() }).unwrap()
 }
 
-/// The values of an effect that a test takes where any will do: inside all bounds.
+/// Values for the parameters of an effect that are inside all bounds.
 fn numbers(effect: &super::Effect, kind: super::SiteKind) -> Vec<(String, f64)> {
     let all = effect.numbers_on(kind).filter(|it| it.default.is_none());
     all.map(|it| (it.name.clone(), if it.is_whole { 3.0 } else { 0.5 })).collect()
@@ -67,7 +67,7 @@ fn every_shipped_effect_stands_somewhere_on_a_shipped_plant_or_is_for_plants_tha
             nowhere.push(effect.kind.clone());
         }
     }
-    // Tanks and heat capacities are on none of the three.
+    // None of the three plants has a tank or a heat capacity.
     assert_eq!(nowhere, ["leak", "overflow", "radiation"]);
 }
 
@@ -141,7 +141,8 @@ fn a_balance_takes_an_effort_in_whatever_form_it_is_written() {
 
 #[test]
 fn an_inertia_that_is_a_part_of_what_moves_is_refused() {
-    // A car on wheels: an effort on its speed moves the wheels too. Taken for the whole, the mass would let it act 1 + J/(m r^2) times as strong.
+    // A car on wheels: an effort on its speed moves the wheels too. If the mass were the whole inertia, the effort would act 1 + J/(m r^2) times as
+    // strongly.
     let text = "model M\n  parameter Real m = 1400;\n  parameter Real J = 4;\n  parameter Real r = 0.3;\n  input Real u;\n  output Real v;\n  Real w;\nequation\n  v = r*w;\n  (J + m*r^2)*der(w) = u;\nend M;\n";
     let flat = Flat::read(&Source::new("m.mo", text), &Options::default()).unwrap();
     let stands = |inertia: &str| {
@@ -162,7 +163,7 @@ fn an_inertia_that_is_a_part_of_what_moves_is_refused() {
         extend(&flat, &sites, &[placed]).map(|_| ()).map_err(|faults| faults.to_string())
     };
     assert_eq!(stands("m + J/r^2"), Ok(()));
-    // Half of an equation is an equation too.
+    // The equation divided by two is also valid.
     assert_eq!(stands("0.5*(m + J/r^2)"), Ok(()));
     let told = stands("m").unwrap_err();
     assert!(told.contains("the balance of line 10 contains `der(w)` times") && told.contains("is only a part of"), "{told}");
@@ -179,7 +180,7 @@ fn effects_on_an_input_act_in_the_order_of_the_file() {
 
 #[test]
 fn a_loop_does_not_see_what_a_sensor_makes_of_its_output() {
-    // The law of motion goes on with the truth; only what is read changes.
+    // The equation of motion uses the true value; only the reading changes.
     let text = "model M\n  input Real u;\n  output Real y;\nequation\n  der(y) = u - y;\nend M;\n";
     let found = rate(text, "", &[("sensor-gain", Some("y"), &[("gain", 2.0)])], "y (true)");
     assert_eq!(found, "u - y (true)");

@@ -1,7 +1,7 @@
 //! Exact derivatives of expressions.
 //!
 //! The caller gives the derivative of each symbol: 1 for the variable of differentiation, or the time derivative of the symbol.
-//! A condition has no derivative: between two events it does not change.
+//! A condition has no derivative, because it does not change between two events.
 
 use std::collections::HashMap;
 

@@ -23,7 +23,7 @@ impl std::fmt::Debug for Values<'_> {
 }
 
 impl<'p> Values<'p> {
-    /// No symbol has a value yet.
+    /// Values without any symbol set.
     #[must_use]
     pub fn new(pool: &'p Pool) -> Self {
         Values { pool, symbols: HashMap::new(), done: HashMap::new() }
@@ -66,7 +66,7 @@ impl<'p> Values<'p> {
                         of(then)
                     }
                 }
-                // The surface is in another file.
+                // The surface is in another file, so its value is unknown.
                 Node::Surface(..) => f64::NAN,
             };
             self.done.insert(id, value);

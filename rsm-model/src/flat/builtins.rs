@@ -212,7 +212,7 @@ impl Translator<'_> {
             }
             "smooth" => {
                 let [order, argument] = self.arguments(name, arguments, span)?;
-                // The order says how smooth the expression is: 0 means that its slope may have a corner, which must be located.
+                // The order is the smoothness of the expression: 0 means that its slope may have a corner, which must be located.
                 if self.whole(order)? >= 1 { self.without_switches(argument) } else { self.value(argument) }
             }
             // The simplified form is for solvers that use continuation to find the start. Here the start is found from the attributes.

@@ -7,7 +7,7 @@ use super::builtins::text_of;
 use super::translate::Translator;
 use super::{Basic, Check, Clause, Equation, Role};
 
-/// The result of equations.
+/// The equations that are written out.
 #[derive(Debug, Default)]
 pub(super) struct Written {
     pub(super) equations: Vec<Equation>,

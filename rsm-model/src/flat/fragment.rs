@@ -18,7 +18,7 @@ use crate::expression::{Id, Symbol};
 /// Another file.
 #[derive(Debug, Clone)]
 pub(super) struct Fragment {
-    /// Positions from this one on belong to it.
+    /// Positions from this one on belong to this file.
     base: usize,
     source: Source,
 }

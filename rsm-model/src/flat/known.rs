@@ -11,7 +11,7 @@ pub(crate) fn known(pool: &Pool, variables: &[Variable], id: Id) -> Option<(f64,
     if let Some(value) = pool.value(id) {
         return Some((value, Vec::new()));
     }
-    // Values of symbols that depend on one another, depth first. A symbol that is still open depends on itself.
+    // Values of symbols that depend on one another, depth first. If a symbol occurs again before it has a value, it depends on itself.
     let mut found: HashMap<Symbol, f64> = HashMap::new();
     let mut used = Vec::new();
     let mut open = vec![(None, id)];

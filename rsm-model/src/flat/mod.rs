@@ -36,7 +36,7 @@ pub enum Basic {
     Boolean,
 }
 
-/// What a symbol stands for.
+/// The meaning of a symbol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// A constant.
@@ -59,7 +59,7 @@ pub enum Role {
     Acts(u32),
     /// The value of a switch since the last event, by its number.
     Held(u32),
-    /// The start of an iteration: the value of another symbol in the last solution.
+    /// The starting value of an iteration: the value of another symbol in the last solution.
     Guess(Symbol),
 }
 
@@ -84,7 +84,7 @@ pub enum Preference {
 pub struct Variable {
     /// The name in the text; an element of an array is `x[1]`.
     pub name: String,
-    /// What it stands for.
+    /// Its meaning.
     pub role: Role,
     /// The values that it can take.
     pub basic: Basic,
@@ -112,7 +112,7 @@ pub struct Variable {
     pub preference: Preference,
     /// Whether its value changes the structure of the system, so that another value needs another compilation.
     pub is_structural: bool,
-    /// Where it is declared, in bytes of the text.
+    /// The position of its declaration, in bytes of the text.
     pub place: Range<usize>,
 }
 
@@ -123,7 +123,7 @@ pub struct Equation {
     pub left: Id,
     /// The right side.
     pub right: Id,
-    /// Where it stands, in bytes of the text.
+    /// Its position, in bytes of the text.
     pub place: Range<usize>,
     /// The pairs of expressions whose units must agree, if these are not the two sides: for an if-equation whose branches have different quantities.
     pub pairs: Vec<(Id, Id)>,
@@ -136,11 +136,11 @@ pub struct Sample {
     pub start: Id,
     /// The time between two instants in s.
     pub period: Id,
-    /// Where it stands, in bytes of the text.
+    /// Its position, in bytes of the text.
     pub place: Range<usize>,
 }
 
-/// What happens at an event: a branch of a `when`.
+/// The assignments at an event: a branch of a `when`.
 #[derive(Debug, Clone)]
 pub struct Clause {
     /// It acts when any of these becomes true.
@@ -151,18 +151,18 @@ pub struct Clause {
     pub assigned: Vec<(Symbol, Id)>,
     /// The states that are reset, with their new values.
     pub restarted: Vec<(Symbol, Id)>,
-    /// Where it stands, in bytes of the text.
+    /// Its position, in bytes of the text.
     pub place: Range<usize>,
 }
 
 /// A condition that must hold: `assert`.
 #[derive(Debug, Clone)]
 pub struct Check {
-    /// What must be true.
+    /// The condition.
     pub condition: Id,
     /// The message if it is false.
     pub message: String,
-    /// Where it stands, in bytes of the text.
+    /// Its position, in bytes of the text.
     pub place: Range<usize>,
 }
 
@@ -175,7 +175,7 @@ pub struct Surface {
     pub inputs: Vec<(String, Option<String>)>,
     /// The unit of the result.
     pub unit: Option<String>,
-    /// Where it is declared, in bytes of the text.
+    /// The position of its declaration, in bytes of the text.
     pub place: Range<usize>,
 }
 
@@ -184,7 +184,7 @@ pub struct Surface {
 pub struct Flat {
     /// The name of the model.
     pub name: String,
-    /// What the text says about it.
+    /// The description in the text.
     pub description: String,
     /// The text.
     pub source: Source,
@@ -192,11 +192,11 @@ pub struct Flat {
     pub pool: Pool,
     /// The symbols of the pool, by number.
     pub variables: Vec<Variable>,
-    /// What holds at all times.
+    /// Equations that hold at all times.
     pub equations: Vec<Equation>,
-    /// What holds at the start.
+    /// Equations that hold at the start.
     pub initial_equations: Vec<Equation>,
-    /// What happens at events.
+    /// The assignments at events.
     pub clauses: Vec<Clause>,
     /// Instants of `sample`.
     pub samples: Vec<Sample>,

@@ -45,7 +45,7 @@ pub(super) struct Translator<'t> {
     pub(super) without_events: bool,
     /// Whether inside a `when`.
     pub(super) at_event: bool,
-    /// The sizes that `end` stands for, the innermost last.
+    /// The sizes to which `end` refers, the innermost last.
     pub(super) ends: Vec<usize>,
     /// The depth of nested function calls.
     pub(super) calls: usize,
@@ -91,7 +91,7 @@ impl Translator<'_> {
         None
     }
 
-    /// The translated expression; `None` after a reported fault.
+    /// Translates an expression; `None` after a reported fault.
     pub(super) fn value(&mut self, expression: &Expression) -> Option<Value> {
         let span = &expression.span;
         match &expression.kind {
@@ -205,7 +205,7 @@ impl Translator<'_> {
         Some(value)
     }
 
-    /// Counts what is written out, and stops a text that would become too large.
+    /// Counts the elements that are written out, and stops a text that would become too large.
     pub(super) fn spend(&mut self, count: usize, span: &Span) -> Option<()> {
         let before = self.written;
         self.written = before.saturating_add(count);

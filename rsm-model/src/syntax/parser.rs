@@ -1,4 +1,4 @@
-//! What the parsers of declarations, equations and expressions share: the place in the tokens, faults, recovery.
+//! The functions that the parsers of declarations, equations and expressions share: the position in the tokens, faults, recovery.
 
 use rsm_core::source::{Collector, Source};
 
@@ -41,7 +41,7 @@ impl<'s> Parser<'s> {
         self.tokens[self.at].span.clone()
     }
 
-    /// Where the token before the present one ends.
+    /// The end of the token before the present one.
     pub(crate) fn end_before(&self) -> usize {
         self.tokens[self.at.saturating_sub(1)].span.end
     }

@@ -43,7 +43,7 @@ fn operators_bind_as_the_language_has_it() {
     let EquationKind::Equal(_, right) = &text.models[0].equations[0].kind else { panic!("an equation") };
     let Kind::Sum(terms) = &right.kind else { panic!("a sum") };
     assert_eq!(terms.iter().map(|(is_minus, _)| *is_minus).collect::<Vec<_>>(), [true, false]);
-    // Minus belongs to the whole product.
+    // Minus applies to the whole product.
     let Kind::Product(first) = &terms[0].1.kind else { panic!("a product") };
     assert!(matches!(first[0].1.kind, Kind::Number(..)) && matches!(first[1].1.kind, Kind::Power(..)));
     let Kind::Product(second) = &terms[1].1.kind else { panic!("a product") };
@@ -114,6 +114,6 @@ fn a_text_without_end_is_a_fault_and_not_a_hang() {
     }
     let deep = with(&format!("  x = {}1{};", "(".repeat(5000), ")".repeat(5000)));
     assert!(told(&deep).contains("levels"));
-    // Sums are lists: a long one is not deep.
+    // Sums are lists, so a long sum has a small depth.
     good(&with(&format!("  x = {}1;", "x + ".repeat(50_000))));
 }

@@ -1,6 +1,6 @@
 //! Aliases: variables that equal another variable or its negative.
 //!
-//! A flattened text has many aliases, because each connector repeats its variables. One variable of each group stays, and the others refer to it.
+//! A flattened text has many aliases, because each connector repeats its variables. One variable of each group is kept, and the others refer to it.
 
 use std::collections::HashMap;
 
@@ -57,7 +57,7 @@ impl Work {
                 continue;
             }
             let is_negative = x.is_negative ^ y.is_negative ^ opposite;
-            // The one with the higher rank stays; of equal ranks, the one declared first.
+            // The variable with the higher rank is kept; of equal ranks, the one declared first.
             let x_stays = (first, std::cmp::Reverse(x.of)) > (second, std::cmp::Reverse(y.of));
             let (stays, goes) = if x_stays { (x.of, y.of) } else { (y.of, x.of) };
             parents.insert(goes, Alias { of: stays, is_negative });
@@ -104,7 +104,7 @@ impl Work {
         }
     }
 
-    /// The priority of keeping a symbol; `None` if it cannot be an alias.
+    /// The priority for keeping a symbol; `None` if it cannot be an alias.
     fn rank(&self, symbol: Symbol) -> Option<u32> {
         let variable = self.flat.variable(symbol);
         match variable.role {

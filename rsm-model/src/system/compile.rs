@@ -1,4 +1,4 @@
-//! The passes in their order: from a flat system to a solved one.
+//! The passes in their order, from a flat system to a solved one.
 
 use std::collections::{HashMap, HashSet};
 
@@ -12,7 +12,7 @@ use super::solve::Solved;
 use super::work::{Residual, Work};
 use super::{Iterated, System};
 
-/// Values expressed by values before them, in sequence.
+/// Values, each expressed by the values before it.
 pub(super) struct Known {
     pub(super) replacement: Replacement,
 }

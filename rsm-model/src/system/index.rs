@@ -1,4 +1,4 @@
-//! Index reduction: which equations must be differentiated with respect to time, and which variables are then no longer states.
+//! Index reduction: finds the equations that must be differentiated with respect to time, and the variables that are then no longer states.
 //!
 //! Example: two inertias on a rigid shaft. An equation without a derivative couples their angles. C. C. Pantelides, "The consistent initialization of
 //! differential-algebraic systems", 1988, finds the equations to differentiate. S. E. Mattsson and G. Söderlind, "Index reduction in
@@ -28,7 +28,7 @@ impl Work {
         self.flat.pool.symbols(id).into_iter().filter(|symbol| self.is_unknown(*symbol)).collect()
     }
 
-    /// The variable whose derivative, of any order, a symbol is.
+    /// The variable of which a symbol is a derivative of any order.
     fn bottom(&self, mut symbol: Symbol) -> Symbol {
         while let Role::Derivative(of) = self.flat.variable(symbol).role {
             symbol = of;
@@ -314,7 +314,7 @@ impl Work {
     }
 }
 
-/// Gives a symbol a number.
+/// Assigns a number to a symbol.
 fn enter(
     symbol: Symbol,
     symbols: &mut Vec<Symbol>,

@@ -1,8 +1,8 @@
-//! Finds which equation determines which unknown, and in what order: matching and strongly connected components of graphs.
+//! Finds the unknown that each equation determines, and the order of solution: matching and strongly connected components of graphs.
 //!
 //! Equations and unknowns are numbers here. No pass is recursive, because a chain of a hundred thousand equations is a path of that length.
 
-/// Equations and the unknowns that they hold, with what was matched so far.
+/// Equations with their unknowns, and the current matching.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Matching {
     /// The unknowns of each equation.
@@ -33,7 +33,7 @@ impl Matching {
         self.unknowns.len() - 1
     }
 
-    /// Finds an unknown for an equation; other equations may change theirs. `may` says which unknowns are allowed.
+    /// Finds an unknown for an equation; other equations may change their unknown. `may` returns whether an unknown is allowed.
     ///
     /// # Errors
     /// The equations and unknowns that the search visited, if there is no augmenting path: these equations have no other unknowns.
@@ -79,7 +79,7 @@ impl Matching {
     }
 }
 
-/// The components of a graph, each after those that it depends on. `depends[k]` are what k depends on.
+/// The components of a graph, each after those on which it depends. Node k depends on the nodes `depends[k]`.
 pub(super) fn components(depends: &[Vec<usize>]) -> Vec<Vec<usize>> {
     const NONE: usize = usize::MAX;
     let count = depends.len();
@@ -161,7 +161,7 @@ mod tests {
         // 0 -> 1 -> 2 -> 1, 3 alone, 2 -> 3
         let found = components(&[vec![1], vec![2], vec![1, 3], vec![]]);
         assert_eq!(found, [vec![3], vec![1, 2], vec![0]]);
-        // A long chain does not recurse.
+        // A long chain causes no recursion.
         let chain: Vec<Vec<usize>> = (0..200_000).map(|k| if k == 0 { vec![] } else { vec![k - 1] }).collect();
         assert_eq!(components(&chain).len(), 200_000);
     }

@@ -51,7 +51,7 @@ pub struct Switch {
 /// An alias: another symbol, with a sign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Alias {
-    /// The variable that stays.
+    /// The variable that is kept.
     pub of: Symbol,
     /// Whether the alias is its negative.
     pub is_negative: bool,
@@ -278,7 +278,7 @@ impl System {
         &self.iterated
     }
 
-    /// Any variable in known symbols: states, inputs, parameters, the time, switches, memories, guesses.
+    /// The value of any variable in known symbols: states, inputs, parameters, the time, switches, memories, guesses.
     pub fn value(&mut self, symbol: Symbol) -> Id {
         if let Some(alias) = self.aliases.get(&symbol).copied() {
             let value = self.value(alias.of);
@@ -334,12 +334,12 @@ impl System {
         Program::new(&self.flat.pool, arguments, results)
     }
 
-    /// The exact derivative of an expression in known symbols with respect to one of them.
+    /// The exact derivative of an expression in known symbols with respect to one known symbol.
     pub fn derivative(&mut self, of: Id, by: Symbol) -> Id {
         Derivative::by(&mut self.flat.pool, by).of(&mut self.flat.pool, of)
     }
 
-    /// The system in the form for the passes, to solve its start.
+    /// The system in the form that the passes use, to solve its start.
     fn again(&self) -> Work {
         let mut work = Work::new(self.flat.clone());
         work.equations.clone_from(&self.equations);

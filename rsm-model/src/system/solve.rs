@@ -142,7 +142,7 @@ impl Work {
         }
     }
 
-    /// Whether an expression has a piecewise constant part, such as a sign, that depends on these symbols. Its derivative does not show the jumps.
+    /// Whether an expression has a piecewise constant part, such as a sign, that depends on these symbols. Its derivative does not contain the jumps.
     fn jumps(&self, id: Id, symbols: &[Symbol]) -> bool {
         let pool = &self.flat.pool;
         let depends = |id: Id| pool.symbols(id).iter().any(|it| symbols.contains(it));

@@ -1,8 +1,8 @@
 //! The initial values, from several sources in order of priority.
 //!
 //! The equations also hold at the start. Further conditions are added in this order: values given by the caller; the text's initial equations that
-//! couple several unknowns; recorded values of outputs, while unknowns are left; initial equations for a single unknown; fixed starts; and, if
-//! something is still undetermined, the other starts of states. A surplus condition is a fault if it is a given value or if the text requires it.
+//! couple several unknowns; recorded values of outputs, while unknowns are undetermined; initial equations for a single unknown; fixed starts; and,
+//! if something is still undetermined, the other starts of states. A surplus condition is a fault if it is a given value or if the text requires it.
 
 use std::collections::HashMap;
 
@@ -52,8 +52,8 @@ enum Of {
 }
 
 impl System {
-    /// The start of the system if some of its variables are known: given ones, which are all used, and recorded ones, which are used in their order
-    /// while something is undetermined. They are arguments of the result, under their own symbols.
+    /// Solves the start of the system if some of its variables are known: given ones, which are all used, and recorded ones, which are used in their
+    /// order while something is undetermined. They are arguments of the result, under their own symbols.
     ///
     /// # Errors
     /// If the conditions of the text and the given values are too many, contradict one another, or leave something undetermined.

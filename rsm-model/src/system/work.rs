@@ -33,7 +33,7 @@ pub(super) struct Work {
     pub(super) switches: Vec<Switch>,
     /// A point near the start, at which choices are made.
     point: HashMap<Symbol, f64>,
-    /// Values at that point, and whether they are constant.
+    /// Values at that point, and whether they are constant (a cache).
     looked: HashMap<Id, (f64, bool)>,
 }
 

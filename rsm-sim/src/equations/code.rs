@@ -34,7 +34,7 @@ pub fn plant(machine: &Machine, length: f64, start: &Start<'_>, model: Option<&s
     let step = Step::new(machine, length)?;
     if let Some((pole, longest)) = too_fast(&start.linear.poles, length) {
         return Err(format!(
-            "{} s is too long for the fastest rate at the start, {} 1/s ({}): the method of Runge and Kutta holds it up to {} s",
+            "{} s is too long for the fastest rate at the start, {} 1/s ({}): the classical Runge-Kutta method is stable up to {} s",
             decimal(length),
             short(pole.frequency()),
             described(&pole),

@@ -129,8 +129,9 @@ pub(super) fn place_of(system: &System, name: &str, value: f64) -> Result<usize,
     };
     let variable = system.flat().variable(symbol);
     let Some(place) = list.iter().position(|it| *it == symbol) else {
-        let why = if variable.is_structural { "shapes the equations" } else { "follows from other parameters" };
-        let help = "set it under [parameters] of the plant file, and make the machine again";
+        let why =
+            if variable.is_structural { "changes the structure of the equations" } else { "is computed from other parameters" };
+        let help = "set it under [parameters] of the plant file, and read the plant file again";
         return Err(fault(format!("`{name}` {why}: it cannot be set in a machine"), help.to_string()));
     };
     let fits = match variable.basic {

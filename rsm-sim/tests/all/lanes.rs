@@ -207,8 +207,8 @@ fn what_cannot_be_set_is_refused_and_nothing_changes() {
     let before = machine.parameters();
     assert_eq!(before.iter().find(|it| it.0 == "k").map(|it| it.2), Some(1.0));
     for (name, value, expected) in [
-        ("n", 3.0, "shapes the equations"),
-        ("twice", 3.0, "follows from other parameters"),
+        ("n", 3.0, "changes the structure of the equations"),
+        ("twice", 3.0, "is computed from other parameters"),
         ("x", 3.0, "no parameter is called `x`"),
         ("k", f64::NAN, "expected a finite number"),
         ("on", 0.5, "expected 0 or 1"),

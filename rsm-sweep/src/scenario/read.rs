@@ -18,7 +18,7 @@ use rsm_sim::simulate::{self, Simulator};
 use super::{Diagnosis, Factor, MOST_TASKS, Open, Plant, Points, Scenario, Simulations, Statistic, Work};
 use crate::scenario::vary::{self, VaryEntry};
 
-/// The largest seed: every JSON reader holds integers up to this exactly.
+/// The largest seed: every JSON reader represents integers up to this exactly.
 const LARGEST_SEED: i64 = (1 << 53) - 1;
 
 /// The opened files, each once.
@@ -255,7 +255,7 @@ fn simulations(
     })
 }
 
-/// The plan, if the file names one.
+/// The plan, if the file refers to one.
 fn plan(top: &mut TableReader<'_>, files: &Files<'_>, faults: &mut Collector) -> Option<Option<Plan>> {
     let Some(value) = top.optional("plan") else { return Some(None) };
     let name = top.optional_text("plan", faults)?;
@@ -323,7 +323,7 @@ fn points(
         let name = format!("factor_{}", k + 1);
         match (shape, vary_entry.levels()) {
             (Shape::FullFactorial, Some(count)) => {
-                // The middles of equal parts: the shares of the list's values.
+                // The midpoints of equal intervals: the shares of the list's values.
                 let shares: Vec<f64> = (0..count).map(|level| (level as f64 + 0.5) / count as f64).collect();
                 axes.push(Axis::at(name, "1", shares));
             }

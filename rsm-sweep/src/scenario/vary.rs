@@ -1,4 +1,4 @@
-//! The entries `[[vary]]`: which numbers vary, and how.
+//! The entries `[[vary]]`: the varied numbers and their distributions.
 //!
 //! In: entries, a plant, a plan. Out: for each entry the number of the plant and its distribution, with unit and bound.
 
@@ -24,7 +24,7 @@ pub(super) struct VaryEntry {
     law: Wanted,
 }
 
-/// What it varies.
+/// The number that an entry varies.
 enum Target {
     Parameter(String),
     Effect { kind: String, on: Option<String>, number: String },
@@ -229,7 +229,7 @@ fn law(table: &mut TableReader<'_>, shape: Shape, target: Option<&Target>, fault
 /// Beyond this many standard deviations, shares of a normal distribution are no longer distinguished.
 const FAR: f64 = 8.0;
 
-/// Checks that a plan is used by entries, and that all its factors are.
+/// Checks that entries use a plan, and that they use all its factors.
 pub(super) fn plan_and_factors(top: &TableReader<'_>, vary_entries: &[VaryEntry], plan: Option<&Plan>, faults: &mut Collector) {
     let columns: Vec<&str> = vary_entries
         .iter()

@@ -1,7 +1,7 @@
 //! Comparisons that select without a branch, in f32: the operations that a control step needs in addition to + - * and /.
 //!
 //! In: numbers. Out: one of them, by one comparison, with the same meaning on every machine; `targets/firmware/exact.h` is the same in C. On x86-64
-//! each of the two bounds is one instruction and a select four; elsewhere a hint says to the compiler that the comparison is not predictable. Never
+//! each of the two bounds is one instruction and a select four; elsewhere a hint tells the compiler that the comparison is not predictable. Never
 //! allocates, never branches, contains nothing about motors.
 //!
 //! ```
@@ -17,7 +17,7 @@
 // unsafe code.
 #![deny(unsafe_code)]
 
-/// `bound` where `value < bound`, else `value`: a NaN passes, and a tie keeps `value`.
+/// `bound` if `value < bound`, else `value`: a NaN passes, and for equal numbers the result is `value`.
 #[allow(unsafe_code)]
 #[inline(always)]
 #[must_use]
@@ -25,7 +25,7 @@ pub fn at_least(value: f32, bound: f32) -> f32 {
     #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
     {
         use core::arch::x86_64::{_mm_cvtss_f32, _mm_max_ss, _mm_set_ss};
-        // SAFETY: `cfg` says that the machine has SSE.
+        // SAFETY: the `cfg` ensures that the machine has SSE.
         unsafe { _mm_cvtss_f32(_mm_max_ss(_mm_set_ss(bound), _mm_set_ss(value))) }
     }
     #[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
@@ -34,7 +34,7 @@ pub fn at_least(value: f32, bound: f32) -> f32 {
     }
 }
 
-/// `bound` where `bound < value`, else `value`: a NaN passes, and a tie keeps `value`.
+/// `bound` if `bound < value`, else `value`: a NaN passes, and for equal numbers the result is `value`.
 #[allow(unsafe_code)]
 #[inline(always)]
 #[must_use]
@@ -42,7 +42,7 @@ pub fn at_most(value: f32, bound: f32) -> f32 {
     #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
     {
         use core::arch::x86_64::{_mm_cvtss_f32, _mm_min_ss, _mm_set_ss};
-        // SAFETY: `cfg` says that the machine has SSE.
+        // SAFETY: the `cfg` ensures that the machine has SSE.
         unsafe { _mm_cvtss_f32(_mm_min_ss(_mm_set_ss(bound), _mm_set_ss(value))) }
     }
     #[cfg(not(all(target_arch = "x86_64", target_feature = "sse2")))]
@@ -51,14 +51,14 @@ pub fn at_most(value: f32, bound: f32) -> f32 {
     }
 }
 
-/// Both bounds, the lower one first: where `high < low` the answer is `high`.
+/// Both bounds, the lower one first: if `high < low` the result is `high`.
 #[inline(always)]
 #[must_use]
 pub fn within(value: f32, low: f32, high: f32) -> f32 {
     at_most(at_least(value, low), high)
 }
 
-/// `then` where `left < right`, else `otherwise`, also where either is NaN.
+/// `then` if `left < right`, else `otherwise`, also if either is NaN.
 #[allow(unsafe_code)]
 #[inline(always)]
 #[must_use]
@@ -66,7 +66,7 @@ pub fn select(left: f32, right: f32, then: f32, otherwise: f32) -> f32 {
     #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
     {
         use core::arch::x86_64::{_mm_and_ps, _mm_andnot_ps, _mm_cmplt_ss, _mm_cvtss_f32, _mm_or_ps, _mm_set_ss};
-        // SAFETY: `cfg` says that the machine has SSE.
+        // SAFETY: the `cfg` ensures that the machine has SSE.
         unsafe {
             let mask = _mm_cmplt_ss(_mm_set_ss(left), _mm_set_ss(right));
             let chosen = _mm_and_ps(mask, _mm_set_ss(then));
@@ -101,7 +101,7 @@ pub fn root(value: f32) -> f32 {
     #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
     {
         use core::arch::x86_64::{_mm_cvtss_f32, _mm_set_ss, _mm_sqrt_ss};
-        // SAFETY: `cfg` says that the machine has SSE.
+        // SAFETY: the `cfg` ensures that the machine has SSE.
         unsafe { _mm_cvtss_f32(_mm_sqrt_ss(_mm_set_ss(value))) }
     }
     #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
@@ -116,7 +116,7 @@ pub fn root(value: f32) -> f32 {
     #[cfg(all(target_arch = "arm", target_abi = "eabihf"))]
     {
         let mut bits = value.to_bits();
-        // SAFETY: the instructions change the two registers that are named and nothing else.
+        // SAFETY: the instructions change only the two named registers.
         unsafe {
             core::arch::asm!(
                 "vmov s0, {0}",
@@ -139,7 +139,7 @@ pub fn root(value: f32) -> f32 {
     }
 }
 
-/// The same with integers, for machines without the instruction.
+/// The same computation with integers, for machines without the instruction.
 #[cfg_attr(
     any(
         all(target_arch = "x86_64", target_feature = "sse2"),
@@ -157,7 +157,7 @@ fn root_by_digits(value: f32) -> f32 {
         // A NaN, or a number below 0.
         return f32::NAN;
     }
-    // value = mantissa * 2^exponent with a mantissa of 24 bits, also where it is subnormal.
+    // value = mantissa * 2^exponent with a mantissa of 24 bits, also if the value is subnormal.
     let (raw, rest) = ((bits >> 23) as i32, bits & 0x007F_FFFF);
     let (mantissa, exponent) = if raw == 0 { (rest, -149) } else { (rest | 0x0080_0000, raw - 150) };
     let up = mantissa.leading_zeros() as i32 - 8;
@@ -214,7 +214,7 @@ impl BadSamples {
     }
 }
 
-/// `one` is 0 or 1, a count at most the largest `i32`: a sum of such numbers that saturates is one instruction on a Cortex-M4.
+/// The sum of a count and `one`, at most the largest `i32`. `one` is 0 or 1. Such a saturating sum is one instruction on a Cortex-M4.
 #[inline(always)]
 fn add_up_to_the_largest(count: u32, one: u32) -> u32 {
     let sum = count.wrapping_add(one);
@@ -222,7 +222,7 @@ fn add_up_to_the_largest(count: u32, one: u32) -> u32 {
 }
 
 /// 1 if a count has reached `most`, a number from 1 to 2^23, else 0. Floats are compared, because a compiler makes a branch of a comparison of
-/// integers. Up to 2^23 `most` minus a half is exact, and a larger count stays above it, however it is rounded.
+/// integers. Up to 2^23 `most` minus a half is exact. A larger count stays above it with any rounding.
 #[inline(always)]
 #[must_use]
 pub fn reached(count: u32, most: u32) -> f32 {

@@ -1,12 +1,12 @@
 //! The clock of the loop: nanoseconds that never go back, and a sleep until a time.
 //!
-//! In: an absolute time. Out: the time now. Tests give a clock of their own to the loop; nothing else in this package reads time.
+//! In: an absolute time. Out: the present time. Tests pass a clock of their own to the loop; no other code of this package reads the time.
 
-/// A clock that a loop can run on.
+/// A clock for a loop.
 pub trait Clock {
-    /// Nanoseconds since an origin of the clock's own. Never less than what was returned before.
+    /// Nanoseconds since the origin of the clock. Never less than a value returned before.
     fn now_ns(&mut self) -> u64;
-    /// Returns at or after `deadline_ns`, at once when that has passed.
+    /// Returns at or after `deadline_ns`, immediately if that time has passed.
     fn sleep_until_ns(&mut self, deadline_ns: u64);
 }
 
@@ -29,7 +29,7 @@ mod system {
 
         fn sleep_until_ns(&mut self, deadline_ns: u64) {
             let request = TimeSpec::new((deadline_ns / NS_PER_S) as i64, (deadline_ns % NS_PER_S) as i64);
-            // A signal ends the sleep early (EINTR). The deadline is absolute, so the same call simply goes on.
+            // A signal ends the sleep early (EINTR). The deadline is absolute, so the same call is repeated.
             while clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &request)
                 == Err(nix::errno::Errno::EINTR)
             {}

@@ -1,13 +1,13 @@
 //! A periodic loop on a POSIX host, to test a control step before a board exists.
 //!
-//! In: a rate, a number of ticks and a step to call once a tick. Out: a [`Report`] of how long the step took, how late the loop woke, and how many
-//! ticks were done and lost. The loop wakes at absolute times, so lateness never adds up; a tick is *lost* when its whole period has passed before it
-//! could start, or done late by a loop that catches up; no tick is ever done twice. [`Ring`] takes samples from one thread to another without a lock.
-//! While it runs it allocates nothing, writes nothing and calls nothing but the clock and the step. What the system refuses (priority, locked memory)
-//! is in the report with the reason; the loop runs all the same.
+//! In: a rate, a number of ticks and a step, which is called once for each tick. Out: a [`Report`] with the compute time of the step, the lateness of
+//! the loop, and the numbers of ticks done and lost. The loop wakes at absolute times, so lateness never adds up. If the whole period of a tick has
+//! passed before it could start, the tick is *lost*, or run late by a loop that catches up; no tick is ever run twice. [`Ring`] passes samples from
+//! one thread to another without a lock. While it runs, the loop allocates nothing, writes nothing and calls only the clock and the step. If the
+//! system refuses priority or locked memory, the report has the reason, and the loop runs without it.
 //!
-//! A virtual machine does not keep deadlines of 1 ms, with any priority. On such a machine judge compute time and lost ticks only; the lateness
-//! depends on its load at the time of the run.
+//! A virtual machine does not keep deadlines of 1 ms, with any priority. On such a machine use only compute time and lost ticks; the lateness depends
+//! on the load of the machine during the run.
 //!
 //! ```
 //! use host_loop::{Settings, run};

@@ -1,14 +1,14 @@
 //! The periodic loop.
 //!
-//! In: settings, a clock, a step. Out: a [`Report`]. Tick k belongs to the time [k T, (k + 1) T) after the start. The loop sleeps until k T,
-//! and runs tick k if it wakes before the tick's time is over. If the time is over, [`Late`] decides: the loop drops the missed ticks and continues
-//! with the present one, or it runs them one after another until it has caught up. It never runs a tick twice.
+//! In: settings, a clock, a step. Out: a [`Report`]. Tick k has the time [k T, (k + 1) T) after the start. The loop sleeps until k T, and runs tick k
+//! if it wakes before this time is over. If the time is over, [`Late`] decides: the loop drops the missed ticks and continues with the present one,
+//! or it runs them one after another until it has caught up. It never runs a tick twice.
 
 use crate::clock::{Clock, SystemClock};
 use crate::realtime::RealTime;
 use crate::report::{Report, Summary};
 
-/// What to do with a tick whose time is over before it could start.
+/// What to do with a tick whose time was over before it could start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Late {
     /// It is lost: the loop continues with the present tick. Use this if a step depends on the present time only.
@@ -23,26 +23,26 @@ pub enum Late {
 pub struct Settings {
     /// The period, in nanoseconds, at least 1.
     pub period_ns: u64,
-    /// How many periods to run for.
+    /// The number of periods of the run.
     pub ticks: u64,
-    /// Whether to ask for locked memory and real-time priority.
+    /// Whether to request locked memory and real-time priority.
     pub real_time: bool,
     /// What to do with late ticks.
     pub late: Late,
 }
 
 impl Settings {
-    /// A loop of `rate_hz` for `seconds`, which asks for real-time priority and locked memory. Both numbers are rounded to whole nanoseconds
-    /// and whole ticks. Impossible values (zero, negative, NaN) become the smallest possible ones: one tick, one nanosecond.
+    /// A loop of `rate_hz` for `seconds`, which requests real-time priority and locked memory. Both numbers are rounded to whole nanoseconds and
+    /// whole ticks. Impossible values (zero, negative, NaN) become the smallest possible ones: one tick, one nanosecond.
     #[must_use]
     pub fn new(rate_hz: f64, seconds: f64) -> Self {
-        // A float-to-integer cast saturates and takes NaN to 0.
+        // A float-to-integer cast saturates and converts NaN to 0.
         let period_ns = ((1e9 / rate_hz).round() as u64).max(1);
         let ticks = ((seconds * 1e9 / period_ns as f64).round() as u64).max(1);
         Settings { period_ns, ticks, real_time: true, late: Late::Drop }
     }
 
-    /// The same loop, in which late ticks are done and none is lost.
+    /// The same loop, which runs late ticks so that none is lost.
     #[must_use]
     pub fn catching_up(mut self) -> Self {
         self.late = Late::CatchUp;
@@ -57,12 +57,12 @@ impl Settings {
     }
 }
 
-/// Runs `step` once a tick, with the number of the tick, on the system's clock. The compute time is all of it.
+/// Runs `step` once for each tick, with the number of the tick, on the system's clock. The compute time is the whole time of the step.
 pub fn run(settings: &Settings, step: impl FnMut(u64)) -> Report {
     run_with_clock(settings, &mut SystemClock, step)
 }
 
-/// As [`run`]; `step` answers how many nanoseconds of it were computing. For a step that waits for its sample.
+/// As [`run`], for a step that waits for its sample: `step` returns the nanoseconds of it that were compute time.
 pub fn run_measured(settings: &Settings, mut step: impl FnMut(u64) -> u64) -> Report {
     run_loop(settings, &mut SystemClock, |tick, _| step(tick))
 }
@@ -76,8 +76,8 @@ pub fn run_with_clock(settings: &Settings, clock: &mut impl Clock, mut step: imp
     })
 }
 
-/// The first period starts this long after the call, so that the preparations do not make the first tick late: 2 ms, some hundred times the time
-/// for reading the clock and going to sleep.
+/// The first period starts this long after the call, so that the preparations do not make the first tick late: 2 ms, about a hundred times the time
+/// for reading the clock and starting to sleep.
 const LEAD_NS: u64 = 2_000_000;
 
 fn run_loop<C: Clock>(settings: &Settings, clock: &mut C, mut step: impl FnMut(u64, &mut C) -> u64) -> Report {
@@ -131,7 +131,7 @@ fn run_loop<C: Clock>(settings: &Settings, clock: &mut C, mut step: impl FnMut(u
     }
 }
 
-/// Room for one sample a tick, every page of it written to once so that the loop meets no page fault.
+/// Memory for one sample for each tick. Every page of it is written once, so that the loop has no page fault.
 fn samples(ticks: u64) -> Vec<u64> {
     let mut samples = vec![u64::MAX; usize::try_from(ticks).expect("the samples of a loop fit in memory")];
     // Without this the compiler may remove the writes, and the pages would not be mapped.
@@ -147,7 +147,7 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// A clock of which the test decides how late each sleep ends. Time passes only in sleeps and in steps.
+    /// A clock for which the test chooses how late each sleep ends. Time passes only in sleeps and in steps.
     struct Injected<F> {
         now_ns: u64,
         oversleep_ns: F,
@@ -164,7 +164,7 @@ mod tests {
         }
     }
 
-    /// The ticks done, and the report, of ten ticks of 1 ms when sleep number k ends `oversleep(k)` late.
+    /// Runs ten ticks of 1 ms, in which sleep number k ends `oversleep(k)` late. Returns the ticks that were run, and the report.
     fn ten_ticks(oversleep_ns: impl FnMut(u64) -> u64) -> (Vec<u64>, Report) {
         let mut clock = Injected { now_ns: 5 * MS, oversleep_ns, sleeps: 0 };
         let mut done = Vec::new();
@@ -200,7 +200,7 @@ mod tests {
 
     #[test]
     fn a_loop_that_catches_up_does_every_tick_once_and_counts_the_late_ones() {
-        // As above, tick 3 starts 2.25 ms late; 4 and 5 follow at once, 1.25 and 0.25 ms late: 3 and 4 after their time.
+        // As above, tick 3 starts 2.25 ms late; 4 and 5 follow immediately, 1.25 and 0.25 ms late: 3 and 4 are after their time.
         let mut clock =
             Injected { now_ns: 5 * MS, oversleep_ns: |sleep| if sleep == 3 { 2 * MS + MS / 4 } else { 0 }, sleeps: 0 };
         let mut done = Vec::new();
@@ -230,7 +230,8 @@ mod tests {
     #[test]
     fn a_step_longer_than_its_period_loses_the_ticks_it_covers() {
         let mut clock = Injected { now_ns: 0, oversleep_ns: |_| 0, sleeps: 0 };
-        // Every step takes 2.5 periods: after tick 0 it is 2.5, so ticks 1 is over and tick 2 has begun; after it 5.0, so 3 and 4 are over.
+        // Every step takes 2.5 periods: after tick 0 the time is 2.5, so tick 1 is over and tick 2 has begun; after tick 2 it is 5.0, so 3 and 4 are
+        // over.
         let settings = Settings { period_ns: MS, ticks: 10, real_time: false, late: Late::Drop };
         let mut done = Vec::new();
         let shared = std::cell::RefCell::new(&mut clock);
@@ -250,7 +251,7 @@ mod tests {
         assert_eq!(done, [0, 2, 5, 7]);
         assert_eq!((report.ticks_done, report.ticks_lost), (4, 6));
         assert_eq!(report.compute.max_ns, 5 * MS / 2);
-        // All four end after their period; the last, 7, began at 7.5.
+        // All four end after their period; the last tick, 7, began at 7.5.
         assert_eq!((report.deadlines_missed, report.skew_ns), (4, MS / 2));
     }
 

@@ -1,6 +1,6 @@
-//! The requests of a real-time loop to the operating system: locked memory and a real-time priority, as long as the loop runs.
+//! The requests of a real-time loop to the operating system: locked memory and a real-time priority while the loop runs.
 //!
-//! In: whether to ask. Out: a [`Grant`] for each, with the reason if it was refused. On drop everything is given back; never fails.
+//! In: whether to make the requests. Out: a [`Grant`] for each, with the reason if it was refused. On drop everything is released; never fails.
 
 use std::fmt;
 
@@ -18,9 +18,9 @@ use elsewhere as system;
 pub enum Grant {
     /// The system granted it.
     Granted,
-    /// It was not asked for.
+    /// It was not requested.
     NotAsked,
-    /// The system refused, for this reason.
+    /// The system refused it, for this reason.
     Refused(String),
 }
 
@@ -34,22 +34,22 @@ impl fmt::Display for Grant {
     }
 }
 
-/// The process while a loop runs in it. Dropping it gives back what was granted.
+/// The process while a loop runs in it. On drop everything that was granted is released.
 #[derive(Debug)]
 pub(crate) struct RealTime {
     pub(crate) memory: Grant,
     pub(crate) priority: Grant,
-    /// The calling thread's policy and priority before.
+    /// The policy and priority of the calling thread before the request.
     before: Option<(i32, i32)>,
 }
 
 impl RealTime {
-    /// Nothing asked for, nothing to give back.
+    /// Without requests.
     pub(crate) fn not_asked() -> Self {
         RealTime { memory: Grant::NotAsked, priority: Grant::NotAsked, before: None }
     }
 
-    /// Asks for both. Call it when everything that the loop touches has been allocated and written to.
+    /// Makes both requests. Call it after all memory of the loop has been allocated and written.
     pub(crate) fn ask() -> Self {
         let memory = match system::lock_memory() {
             Ok(()) => Grant::Granted,
@@ -65,7 +65,7 @@ impl RealTime {
 
 impl Drop for RealTime {
     fn drop(&mut self) {
-        // Both return to a state that was allowed before, so a refusal needs no reaction.
+        // Both return to a state that was allowed before, so an error needs no reaction.
         if let Some((policy, priority)) = self.before {
             system::restore_priority(policy, priority);
         }

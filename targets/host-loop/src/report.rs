@@ -1,26 +1,26 @@
 //! The report of a loop: numbers in public fields, a few lines of text, one JSON object.
 //!
-//! In: the samples of a run. Out: percentiles that are always one of the samples, never an interpolation between two.
+//! In: the samples of a run. Out: percentiles. Each is one of the samples, never an interpolation between two.
 
 use std::fmt;
 
 use crate::realtime::Grant;
 
-/// The distribution of a time, in nanoseconds. All zero when there was no sample.
+/// The distribution of a time, in nanoseconds. All values are zero if there was no sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Summary {
-    /// Half of the samples are not above this.
+    /// At least half of the samples are not above this.
     pub p50_ns: u64,
-    /// 99 % of the samples are not above this.
+    /// At least 99 % of the samples are not above this.
     pub p99_ns: u64,
-    /// 99.9 % of the samples are not above this.
+    /// At least 99.9 % of the samples are not above this.
     pub p999_ns: u64,
     /// The largest sample.
     pub max_ns: u64,
 }
 
 impl Summary {
-    /// Of the samples, which are sorted on the way.
+    /// The distribution of samples. Sorts the samples.
     pub fn of(samples: &mut [u64]) -> Self {
         samples.sort_unstable();
         Summary {
@@ -37,11 +37,11 @@ impl Summary {
     }
 }
 
-/// The smallest sample such that at least `per_mille` thousandths of the samples are not above it (the nearest-rank definition); 0 of no sample.
-/// `sorted` must be sorted.
+/// The smallest sample such that at least `per_mille` thousandths of the samples are not above it (the nearest-rank definition); 0 if there is no
+/// sample. `sorted` must be sorted.
 #[must_use]
 pub fn percentile(sorted: &[u64], per_mille: usize) -> u64 {
-    // rank = ceil(n p), from 1: whole numbers, since 0.999 * 1000 in f64 is not 999.
+    // rank = ceil(n p), from 1: in integers, because 0.999 * 1000 in f64 is not 999.
     let rank = (sorted.len() * per_mille).div_ceil(1000).max(1);
     sorted.get(rank - 1).or(sorted.last()).copied().unwrap_or(0)
 }
@@ -51,23 +51,23 @@ pub fn percentile(sorted: &[u64], per_mille: usize) -> u64 {
 pub struct Report {
     /// The period of a tick.
     pub period_ns: u64,
-    /// How many ticks the run had.
+    /// Number of ticks of the run.
     pub ticks_wanted: u64,
-    /// How many were done, each once.
+    /// Number of ticks that were run, each once.
     pub ticks_done: u64,
-    /// How many were not: their whole period had passed before they could start. Done and lost add up to wanted.
+    /// Number of ticks that were not run: their whole period had passed before they could start. Done and lost ticks add up to the wanted ones.
     pub ticks_lost: u64,
-    /// How many of the done ones started only after their period had passed, in a loop that catches up.
+    /// Number of ticks that started after their period had passed, in a loop that catches up.
     pub ticks_caught_up: u64,
-    /// Whether a tick can be lost at all: not in a loop that catches up.
+    /// Whether a tick can be lost; false for a loop that catches up.
     pub drops: bool,
-    /// How many of the done ones ended after their period, whenever they started.
+    /// Number of ticks that ended after their period, whenever they started.
     pub deadlines_missed: u64,
-    /// How late the last tick began: the delay of the loop against the clock at its end.
+    /// The lateness of the last tick: at the end the loop is behind the clock by this time.
     pub skew_ns: u64,
     /// The compute time of the step: from its call to its end, or as the step reports it.
     pub compute: Summary,
-    /// From the start of the tick's time to waking, of the ticks that were done.
+    /// The time from the start of the tick's period to waking, for the ticks that were run.
     pub lateness: Summary,
     /// Whether the memory was locked.
     pub locked_memory: Grant,
@@ -76,8 +76,8 @@ pub struct Report {
 }
 
 impl Report {
-    /// One JSON object: counts, the two summaries in nanoseconds, and what was granted ("yes", "not asked for", "no: reason"). A loop that drops
-    /// ticks has `ticks_lost`, one that catches up has `ticks_caught_up`. The number that is always 0 is left out.
+    /// One JSON object: counts, the two summaries in nanoseconds, and the grants ("yes", "not asked for", "no: reason"). A loop that drops ticks has
+    /// `ticks_lost`, one that catches up has `ticks_caught_up`. The number that is always 0 is left out.
     #[must_use]
     pub fn json(&self) -> String {
         let late = if self.drops {
@@ -100,7 +100,7 @@ impl Report {
     }
 }
 
-/// A JSON string: the reasons of the operating system may hold anything.
+/// A JSON string: the reasons of the operating system may contain any character.
 fn json_string(text: &str) -> String {
     let mut quoted = String::from("\"");
     for character in text.chars() {
@@ -114,7 +114,7 @@ fn json_string(text: &str) -> String {
     quoted
 }
 
-/// Microseconds, to the nanosecond that was measured.
+/// Microseconds, printed with the measured nanoseconds.
 struct Us(u64);
 
 impl fmt::Display for Us {
@@ -127,7 +127,8 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Report { compute, lateness, .. } = self;
         write!(f, "ticks     {} wanted, {} done, ", self.ticks_wanted, self.ticks_done)?;
-        // Each kind of loop reports only what can happen in it: one that catches up loses no tick, and one that drops starts none after its period.
+        // Each kind of loop reports only what can happen in it: one that catches up loses no tick, and one that drops starts no tick after its
+        // period.
         if self.drops {
             write!(f, "{} lost, ", self.ticks_lost)?;
         } else {
@@ -167,7 +168,7 @@ mod tests {
         assert_eq!(percentile(&thousand, 999), 999);
         assert_eq!(percentile(&thousand, 1000), 1000);
         assert_eq!(percentile(&thousand, 0), 1);
-        // Of three samples, 99 % are only reached by the last.
+        // Of three samples, only the last one is not below 99 % of them.
         assert_eq!(percentile(&[10, 20, 30], 990), 30);
         assert_eq!(percentile(&[10, 20, 30], 500), 20);
         assert_eq!(percentile(&[7], 999), 7);

@@ -1,14 +1,14 @@
 //! A ring of numbered samples from one thread to another, without a lock.
 //!
-//! In: samples of N numbers, each with its number in the sequence. Out: the same, in the same order. One thread pushes and one pops; with more of
-//! either samples may be mixed up, but memory stays safe. Never waits and never allocates after it was made.
+//! In: samples of N numbers, each with its number in the sequence. Out: the same samples in the same order. One thread pushes and one pops; with more
+//! threads samples may be mixed, but memory stays safe. Never waits. Allocates only when it is created.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A sample and its number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Numbered<const N: usize> {
-    /// Its place in the sequence, from 0.
+    /// Its number in the sequence, from 0.
     pub number: u64,
     /// The sample.
     pub values: [f64; N],
@@ -22,14 +22,14 @@ struct Slot<const N: usize> {
 /// The ring.
 pub struct Ring<const N: usize> {
     slots: Box<[Slot<N>]>,
-    /// How many were pushed. Written by the pushing thread alone: its release hands the slot over.
+    /// Number of pushed samples. Only the pushing thread writes it: the release store makes the slot visible to the other thread.
     pushed: AtomicU64,
-    /// How many were popped. Written by the popping thread alone: its release gives the slot back.
+    /// Number of popped samples. Only the popping thread writes it: the release store makes the slot free again.
     popped: AtomicU64,
 }
 
 impl<const N: usize> Ring<N> {
-    /// A ring with room for so many samples, one at least.
+    /// A ring with space for this many samples, at least one.
     #[must_use]
     pub fn new(room: usize) -> Self {
         let slot = || Slot { number: AtomicU64::new(0), bits: [const { AtomicU64::new(0) }; N] };
@@ -40,7 +40,7 @@ impl<const N: usize> Ring<N> {
         &self.slots[(count % self.slots.len() as u64) as usize]
     }
 
-    /// Whether there was room.
+    /// Adds a sample. Returns whether there was space.
     pub fn push(&self, sample: &Numbered<N>) -> bool {
         let pushed = self.pushed.load(Ordering::Relaxed);
         if pushed - self.popped.load(Ordering::Acquire) == self.slots.len() as u64 {
@@ -55,7 +55,7 @@ impl<const N: usize> Ring<N> {
         true
     }
 
-    /// The oldest sample, if there is one.
+    /// Removes and returns the oldest sample, if there is one.
     pub fn pop(&self) -> Option<Numbered<N>> {
         let popped = self.popped.load(Ordering::Relaxed);
         if popped == self.pushed.load(Ordering::Acquire) {
@@ -73,14 +73,14 @@ impl<const N: usize> Ring<N> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Sequence {
     next: u64,
-    /// Numbers that were left out.
+    /// Count of missing numbers.
     pub lost: u64,
-    /// Numbers that came again, or late.
+    /// Count of numbers that came again, or late.
     pub doubled: u64,
 }
 
 impl Sequence {
-    /// Notes a number.
+    /// Adds a number.
     pub fn note(&mut self, number: u64) {
         if number < self.next {
             self.doubled += 1;

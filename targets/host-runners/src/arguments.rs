@@ -1,4 +1,4 @@
-//! The command line of the runners, and what is common to their `main`.
+//! The command line of the runners, and their common `main`.
 //!
 //! In: `--seconds N`, `--rate HZ`, `--json`. Out: settings of a loop, or what was found and what is accepted. Exit status 2 for bad usage.
 
@@ -9,19 +9,19 @@ use host_loop::Settings;
 /// The options of a runner.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arguments {
-    /// The loop.
+    /// The settings of the loop.
     pub settings: Settings,
-    /// One JSON object in place of lines.
+    /// Print one JSON object in place of lines.
     pub json: bool,
 }
 
-/// An hour at 10 kHz is 36 million samples of 16 bytes in all: what a workstation can lock.
+/// An hour at 10 kHz needs 36 million samples of 16 bytes, which a workstation can lock in memory.
 const MOST_TICKS: u64 = 36_000_000;
 
 /// Reads the words after the program's name.
 ///
 /// # Errors
-/// What was found and what is accepted, in one sentence.
+/// A sentence with what was found and what is accepted.
 pub fn parse(words: impl IntoIterator<Item = String>) -> Result<Arguments, String> {
     let mut seconds = 2.0;
     let mut rate_hz = 1000.0;
@@ -50,7 +50,7 @@ pub fn parse(words: impl IntoIterator<Item = String>) -> Result<Arguments, Strin
     Ok(Arguments { settings, json })
 }
 
-/// The `main` of a runner: reads the command line, runs, prints. The text and the JSON are made by `run`.
+/// The `main` of a runner: reads the command line, runs, prints. `run` returns the text and the JSON.
 #[must_use]
 pub fn main(run: impl FnOnce(&Settings) -> (String, String)) -> ExitCode {
     match parse(std::env::args().skip(1)) {

@@ -1,8 +1,8 @@
 //! The simulated car with a gear lever, in ticks of one millisecond.
 //!
 //! In: throttle and gear. Out: speed and acceleration. The plant `driveline` of `rsm-sim` is integrated with the classical Runge-Kutta method. The
-//! number of steps in a millisecond follows from the fastest rate. A gear change restarts the driveline in the new gear, at the present road speed
-//! and with the clutch closed.
+//! number of steps in a millisecond depends on the fastest rate. A gear change restarts the driveline in the new gear, at the present road speed and
+//! with the clutch closed.
 
 use rsm_core::source::Source;
 use rsm_sim::hooks::Hooks;
@@ -38,7 +38,7 @@ pub struct Car {
 }
 
 impl Car {
-    /// The shipped car rolling at a speed (m/s) in a gear, throttle closed.
+    /// The shipped car rolling at a speed (m/s) in a gear, with the throttle closed.
     #[must_use]
     pub fn new(speed: f64, gear: usize) -> Self {
         let file = PlantFile::read(&Source::new("driveline.toml", PLANT)).expect("the shipped car is a plant file");

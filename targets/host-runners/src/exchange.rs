@@ -14,31 +14,31 @@ use std::time::{Duration, Instant};
 
 use host_loop::{Clock as _, Numbered, Report, Ring, Sequence, Settings, SystemClock, run_measured};
 
-/// 150 ms: three times the longest time that a virtual machine was seen to sleep too long (44 ms).
+/// 150 ms: three times the longest observed oversleep of a virtual machine (44 ms).
 pub const BUFFER_NS: u64 = 150_000_000;
 
-/// Room in each direction: the buffer at 1 kHz, and as much again.
+/// Space in each direction: the buffer at 1 kHz, twice.
 const ROOM: usize = 300;
 
-/// The time between two checks of an empty ring: a fiftieth of a millisecond does not delay a tick, and other threads can use the processor.
+/// The time between two checks of an empty ring. A fiftieth of a millisecond does not delay a tick, and other threads can use the processor.
 const NAP: Duration = Duration::from_micros(20);
 
 /// Counts of samples and commands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Exchange {
-    /// Numbers of samples that the loop did not see, and of commands that the plant did not see.
+    /// Numbers of samples that the loop did not receive, and of commands that the plant did not receive.
     pub lost: u64,
-    /// Numbers that came twice.
+    /// Numbers that arrived twice.
     pub doubled: u64,
-    /// Ticks whose sample was not there yet when they began.
+    /// Ticks whose sample had not arrived when they began.
     pub waits: u64,
-    /// Commands that came later than the buffer allows.
+    /// Commands that arrived later than the buffer allows.
     pub under_runs: u64,
     /// Ticks of the plant with an older command, because the answer to the sample before had not arrived.
     pub held: u64,
     /// Ticks of the plant that began after their period was over.
     pub plant_late: u64,
-    /// How far the plant was behind the clock in its last tick, in ns.
+    /// The delay of the plant's last tick against the clock, in ns.
     pub plant_skew_ns: u64,
 }
 
@@ -56,7 +56,7 @@ impl Exchange {
 impl std::fmt::Display for Exchange {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Exchange { lost, doubled, waits, under_runs, held, plant_late, plant_skew_ns } = self;
-        // The rings have room for twice the buffer: a number is missing only if the loop was stopped for that long.
+        // The rings have space for twice the buffer: a number is missing only if the loop was stopped for that long.
         if lost + doubled > 0 {
             writeln!(f, "samples   {lost} LOST, {doubled} DOUBLED")?;
         }
@@ -81,7 +81,7 @@ pub struct PlantEnd<'r, const S: usize, const C: usize> {
     start_ns: u64,
     tick: u64,
     seen: Sequence,
-    /// The number of the newest command and one more; 0 before the first.
+    /// The number of the newest command plus one; 0 before the first.
     newest: u64,
     last: [f64; C],
     held: u64,
@@ -90,7 +90,7 @@ pub struct PlantEnd<'r, const S: usize, const C: usize> {
 }
 
 impl<const S: usize, const C: usize> PlantEnd<'_, S, C> {
-    /// Waits for the time of this tick, sends its sample, and takes the newest command: in the first ticks the one that the run starts with.
+    /// Waits for the time of this tick, sends its sample, and returns the newest command: in the first ticks the initial command of the run.
     pub fn exchange(&mut self, values: [f64; S]) -> [f64; C] {
         if self.tick == 0 {
             self.start_ns = SystemClock.now_ns();
@@ -115,7 +115,7 @@ impl<const S: usize, const C: usize> PlantEnd<'_, S, C> {
 /// The next value of a ring, or `None` if the sender has ended. `waits` is called before every sleep.
 fn awaited<const N: usize>(ring: &Ring<N>, ended: &AtomicBool, mut waits: impl FnMut()) -> Option<Numbered<N>> {
     loop {
-        // In this order: when the end is seen, everything sent before it has arrived.
+        // In this order: once the end is read, everything that was sent before it has arrived.
         let over = ended.load(Ordering::Acquire);
         let next = ring.pop();
         if next.is_some() || over {
@@ -126,7 +126,7 @@ fn awaited<const N: usize>(ring: &Ring<N>, ended: &AtomicBool, mut waits: impl F
     }
 }
 
-/// Signals at its end, also after a panic, that this thread sends no more.
+/// Signals when it is dropped, also after a panic, that this thread sends nothing more.
 struct Ended<'r>(&'r AtomicBool);
 
 impl Drop for Ended<'_> {
@@ -135,8 +135,8 @@ impl Drop for Ended<'_> {
     }
 }
 
-/// Runs both. `plant` is called once, in a thread of its own, and is to exchange once a tick for as many ticks as the settings have; `step` answers a
-/// sample. The compute time is that of `step` alone.
+/// Runs both sides. `plant` is called once, in a thread of its own; it must exchange once for each tick of the settings. `step` computes the command
+/// for a sample. The compute time is that of `step` alone.
 pub fn run<const S: usize, const C: usize, T: Send>(
     settings: &Settings,
     first: [f64; C],
@@ -168,7 +168,7 @@ pub fn run<const S: usize, const C: usize, T: Send>(
             let values = step(sample.values);
             let computing = began.elapsed();
             commands.push(&Numbered { number: sample.number, values });
-            // The first tick is the one that the others are counted from.
+            // The times of all other ticks are counted from the first tick.
             let due = due.get_or_insert(began);
             let late = began.saturating_duration_since(*due).as_nanos() as u64;
             exchange.under_runs += u64::from(late > tick * settings.period_ns + BUFFER_NS);
@@ -202,7 +202,7 @@ mod tests {
         assert_eq!((report.ticks_done, report.ticks_lost), (200, 0));
         assert_eq!((exchange.lost, exchange.doubled), (0, 0));
         assert_eq!(answered, (0..200).map(f64::from).collect::<Vec<_>>());
-        // Tick k has the answer to k - 1, whole, or an older one: never one of the future, never back.
+        // Tick k gets the whole answer to sample k - 1, or an older one: never a newer one, and never one older than before.
         assert_eq!(seen[0], [-1.0, -2.0]);
         let mut held = 0;
         for (k, pair) in seen.windows(2).enumerate() {
@@ -227,8 +227,8 @@ mod tests {
             }
             [k]
         });
-        // Ticks 52 to 170 or so have no newer command than that of 49, fewer where the plant's thread is stopped meanwhile; the loop does every tick
-        // all the same.
+        // Ticks 52 to about 170 have no newer command than that of 49, or fewer ticks if the plant's thread is stopped in the meantime; the loop runs
+        // every tick anyway.
         assert!(exchange.held >= 30 && seen.iter().filter(|it| **it == 49.0).count() >= 30, "{exchange}");
         assert_eq!((report.ticks_done, exchange.lost), (200, 0), "{exchange}");
         assert!(took >= Duration::from_millis(199), "{took:?}");

@@ -24,7 +24,7 @@ mod tests {
     fn one_sample_a_second_is_bad() {
         let bad = |ticks: u64, period_ns| (0..ticks).filter(|tick| is_bad_sample(*tick, period_ns)).count();
         assert_eq!(bad(3000, 1_000_000), 3);
-        // At one tick a second or slower every other tick stays good.
+        // At one tick a second or slower, every second tick stays good.
         assert_eq!(bad(10, 2_000_000_000), 5);
     }
 }

@@ -1,6 +1,6 @@
-//! The motor's two steps with the simulated drive behind them: in real time, and as fast as they go.
+//! The motor's two steps with a simulated drive: in real time, and as fast as possible.
 //!
-//! In: the settings of the loop. Out: its report, what became of samples, and how the drive did. In real time the 1 kHz step runs in the loop's
+//! In: the settings of the loop. Out: its report, counts of the samples, and figures of the drive. In real time the 1 kHz step runs in the loop's
 //! thread, and the inner step with inverter, motor and encoder in the plant's thread, like a drive with two processors: the inner step cannot wait
 //! for the outer one. [`ride`] and [`Outer`] are these two sides, for connections other than a ring: a federation or a network.
 
@@ -19,13 +19,13 @@ use crate::exchange::{self, Exchange, PlantEnd};
 /// The trial motor of the project.
 const PLANT: &str = include_str!("../../../rsm-sim/plants/pmac.toml");
 
-/// Of the current control, over the PWM period: 1/6 leaves 75 degrees of phase margin beside its dead time of 1.5 periods.
+/// The bandwidth of the current control times the PWM period: 1/6 leaves 75 degrees of phase margin with the dead time of 1.5 periods.
 const BANDWIDTH_PERIODS: f64 = 1.0 / 6.0;
 
-/// From this current on the dead time is compensated in full: some times the ripple at zero crossing, a sixtieth of the limit.
+/// From this current on the dead time is compensated in full: a few times the ripple at zero crossing, and a sixtieth of the limit.
 const DEAD_TIME_CURRENT_A: f32 = 1.0;
 
-/// The constants of the steps from what a controller of the simulation is told.
+/// The constants of the steps from the data that a controller of the simulation gets.
 #[must_use]
 pub fn drive_of(known: &Known) -> Drive {
     let motor = Motor {
@@ -51,12 +51,12 @@ pub struct Steps {
     drive: Drive,
     outer: ReferenceState,
     inner: CurrentState,
-    /// Periods in which the bridge would have been open.
+    /// Number of periods in which the bridge would have been open.
     opened: u32,
 }
 
 impl Steps {
-    /// At rest, with what a controller is told.
+    /// Steps at rest, from the data that a controller gets.
     #[must_use]
     pub fn new(known: &Known) -> Self {
         Steps { drive: drive_of(known), outer: ReferenceState::default(), inner: CurrentState::default(), opened: 0 }
@@ -71,7 +71,7 @@ impl Steps {
             speed_rad_s: measured.speed_rad_s as f32,
             bus_voltage_v: measured.bus_voltage_v as f32,
         };
-        // The simulated inverter has no open bridge: it starts as a board whose bridge has just closed, its ten good samples behind it. A safe state
+        // The simulated inverter has no open bridge, so it starts like a board whose bridge has just closed after ten good samples. A safe state
         // later would be a fault of this program, and is counted.
         if self.inner.bus_voltage_v == 0.0 {
             let a_period = self.drive.turns_per_speed * sampled.speed_rad_s;
@@ -87,7 +87,7 @@ impl Steps {
         duties.map(f64::from)
     }
 
-    /// For how many periods the bridge would have been open.
+    /// Number of periods in which the bridge would have been open.
     #[must_use]
     pub fn opened(&self) -> u32 {
         self.opened
@@ -115,7 +115,7 @@ impl Controller for Steps {
     }
 }
 
-/// The outer step alone: it gets a sample and gives an answer.
+/// The outer step alone: it gets a sample and returns a command.
 #[derive(Debug, Clone)]
 pub struct Outer {
     drive: Drive,
@@ -123,7 +123,7 @@ pub struct Outer {
 }
 
 impl Outer {
-    /// At rest, with the constants of the shipped motor.
+    /// A step at rest, with the constants of the shipped motor.
     #[must_use]
     pub fn shipped() -> Self {
         let plant = PlantFile::read(&Source::new("pmac.toml", PLANT)).expect("the shipped motor is a plant file");
@@ -134,21 +134,22 @@ impl Outer {
         Outer { drive: drive_of(known), state: ReferenceState::default() }
     }
 
-    /// i_d and i_q, in A, for a sample: torque demand in N m, speed in rad/s, bus voltage in V, share of the voltage that the inner step wants.
+    /// i_d and i_q, in A, for a sample: torque demand in N m, speed in rad/s, bus voltage in V, and the share of the voltage that the inner step
+    /// requests.
     pub fn answer(&mut self, [torque_nm, speed_rad_s, bus_voltage_v, share]: [f64; 4]) -> [f64; 2] {
         let demand = demand_of(&controller::Demand { torque_nm, speed_rad_s, bus_voltage_v }, share as f32);
         let References { i_d_a, i_q_a } = references(&mut self.state, &self.drive, &demand);
         [i_d_a, i_q_a].map(f64::from)
     }
 
-    /// How many samples were bad.
+    /// Number of bad samples.
     #[must_use]
     pub fn bad_samples(&self) -> u32 {
         self.state.bad.all
     }
 }
 
-/// The plant's side: the outer step is elsewhere, the inner one here.
+/// The plant's side: it contains the inner step; the outer step is on the other side.
 struct Remote<E> {
     exchange: E,
     steps: Steps,
@@ -180,15 +181,15 @@ impl<E: FnMut([f64; 4]) -> Option<[f64; 2]>> Controller for Remote<E> {
     }
 }
 
-/// The speed goes up and down again, without end, through the whole weakening region in both directions.
+/// The speed rises and falls repeatedly through the whole weakening region in both directions.
 struct Shuttle {
     up: bool,
 }
 
-/// 7500 rpm is 785 rad/s; turned back a little before.
+/// 7500 rpm is 785 rad/s; the torque reverses a little before that.
 const TURN_ABOVE_RAD_S: f64 = 750.0;
 const TURN_BELOW_RAD_S: f64 = 50.0;
-/// Within both circles up to the turning speed (docs/book/src/reference/plants.md's motor has 21.6 N m at rest).
+/// Inside both circles up to the reversal speed (the motor of docs/book/src/reference/plants.md has 21.6 N m at rest).
 const TORQUE_NM: f64 = 8.0;
 
 impl Task for Shuttle {
@@ -205,17 +206,17 @@ impl Task for Shuttle {
 /// Figures of the drive.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Figures {
-    /// Mean of |torque - demand| over the run, in N m, the moments after a change of the demand included.
+    /// Mean of |torque - demand| over the run, in N m, including the time after a change of the demand.
     pub torque_error_nm: f64,
     /// The highest true speed, in rad/s.
     pub highest_speed_rad_s: f64,
     /// The longest true current vector, in A.
     pub longest_current_a: f64,
-    /// The largest weakening current that was commanded, in A.
+    /// The largest commanded weakening current, in A.
     pub most_weakening_a: f64,
 }
 
-/// Runs the shuttle for so many milliseconds under a controller; `goes_on` sees every row, and ends the run.
+/// Runs the task for this many milliseconds with a controller. `goes_on` gets every row, and can end the run.
 fn shuttle<C: Controller>(
     plant: &mut ClosedLoop,
     controller: &mut C,
@@ -243,9 +244,9 @@ fn shipped(load_inertia: f64) -> (ClosedLoop, Known) {
     (ClosedLoop::new(&plant, &drive, load_inertia, 0.0).expect("the shipped motor runs in a loop"), drive.known(&plant))
 }
 
-/// The motor's side for so many milliseconds, with a load of this inertia (kg m^2) on its shaft: `exchange` takes what [`Outer::answer`] is told and
-/// gives what acts in the millisecond that begins, or `None` to end the run. `seen` gets every whole millisecond. One sample a second is bad on
-/// purpose.
+/// Runs the motor's side for this many milliseconds, with a load of this inertia (kg m^2) on its shaft. `exchange` gets the input of
+/// [`Outer::answer`] and returns the command for the millisecond that begins, or `None` to end the run. `seen` gets every complete millisecond. One
+/// sample a second is bad on purpose.
 pub fn ride(
     ticks: u64,
     period_ns: u64,
@@ -271,13 +272,13 @@ pub struct Run {
     pub report: Report,
     /// Counts of samples.
     pub exchange: Exchange,
-    /// How many ticks had a bad sample, and held the references.
+    /// Number of ticks with a bad sample, in which the references were held.
     pub bad_samples: u32,
     /// Figures of the drive.
     pub figures: Figures,
 }
 
-/// Runs the loop in real time. A tick is a millisecond for the plant, whatever the rate.
+/// Runs the loop in real time. A tick is a millisecond for the plant, at any rate.
 #[must_use]
 pub fn run(settings: &Settings) -> Run {
     let (ticks, period_ns) = (settings.ticks, settings.period_ns);
@@ -287,7 +288,7 @@ pub fn run(settings: &Settings) -> Run {
     Run { report, exchange, bad_samples: outer.bad_samples(), figures }
 }
 
-/// The same drive and task without a clock, both steps in one thread: figures, and how many times as fast as real time it went.
+/// The same drive and task without a clock, both steps in one thread. Returns the figures, and the ratio of simulated to elapsed time.
 #[must_use]
 pub fn simulate(seconds: f64) -> (Figures, f64) {
     let (mut plant, known) = shipped(0.0);

@@ -1,7 +1,7 @@
-//! The throttle's step with the simulated car behind it: in real time, and as fast as they go.
+//! The throttle's step with a simulated car: in real time, and as fast as possible.
 //!
-//! In: the settings of the loop. Out: its report, what became of samples, and how the car did. The step runs in the loop's thread, from A/D counts
-//! and gear lines to a compare value as on a board; the car in the plant's.
+//! In: the settings of the loop. Out: its report, counts of the samples, and figures of the car. The step runs in the loop's thread, from A/D counts
+//! and gear lines to a compare value as on a board; the car runs in the plant's thread.
 
 use host_loop::{Report, Settings};
 use throttle_loop::raw::{CLUTCH_LINE, Counts, RawState, Scaling, raw_step};
@@ -11,8 +11,8 @@ use crate::exchange::{self, Exchange, PlantEnd};
 
 const BOARD: Scaling = Scaling::BOARD;
 
-/// The drive: pedal, gear and clutch at a tick. Tip-in and tip-out every second, in second gear and in third, eight seconds before it starts
-/// again; the clutch is open for 200 ms at a change.
+/// The driver: pedal, gear and clutch at a tick. Tip-in and tip-out every second, in second and in third gear, in a cycle of eight seconds; the
+/// clutch is open for 200 ms at a change.
 fn driver(tick: u64) -> (f64, usize, bool) {
     let ms = tick % 8000;
     let pedal = if (ms / 1000).is_multiple_of(2) { 0.1 } else { 0.6 };
@@ -20,12 +20,12 @@ fn driver(tick: u64) -> (f64, usize, bool) {
     (pedal, gear, ms % 4000 < 200)
 }
 
-/// Counts of a value, the inverse of the table.
+/// The A/D counts for a value, the inverse of the table.
 fn counts_of(channel: &throttle_loop::raw::Channel, value: f64) -> f64 {
     (f64::from(channel.zero) + value / f64::from(channel.per_count)).round().clamp(0.0, 4095.0)
 }
 
-/// How the car did.
+/// Figures of the car.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Figures {
     /// The largest step of the throttle between two ticks, 0 to 1.
@@ -38,7 +38,7 @@ pub struct Figures {
     pub highest_speed: f64,
 }
 
-/// One millisecond of the car, as it is at its end.
+/// One millisecond of the car: its state at the end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
     /// The pedal, 0 to 1, before the simulated broken wire.
@@ -53,8 +53,8 @@ pub struct Row {
     pub acceleration: f64,
 }
 
-/// The car's side for so many milliseconds: `exchange` takes what [`Step::answer`] is told and gives what acts in the millisecond that begins, or
-/// `None` to end the run. `seen` gets every whole millisecond. One sample a second is bad on purpose.
+/// Runs the car's side for this many milliseconds. `exchange` gets the input of [`Step::answer`] and returns the command for the millisecond that
+/// begins, or `None` to end the run. `seen` gets every complete millisecond. One sample a second is bad on purpose.
 pub fn ride(
     ticks: u64,
     period_ns: u64,
@@ -88,7 +88,7 @@ pub fn ride(
 /// The compare value of a closed throttle: the command before the first answer.
 pub const CLOSED: [f64; 1] = [BOARD.compare_closed as f64];
 
-/// The step alone, from counts: it gets a sample and gives an answer.
+/// The step alone, from counts: it gets a sample and returns a command.
 #[derive(Debug, Clone, Default)]
 pub struct Step {
     state: RawState,
@@ -96,13 +96,13 @@ pub struct Step {
 
 impl Step {
     /// The compare value of the throttle for a sample: counts of pedal, plate and road speed, and the bits of gear and clutch lines. A value that is
-    /// not a count is taken as 0, a broken wire.
+    /// not a valid count is used as 0, like a broken wire.
     pub fn answer(&mut self, [pedal, plate, speed, lines]: [f64; 4]) -> [f64; 1] {
         let counts = Counts { pedal: pedal as u16, plate: plate as u16, speed: speed as u16, lines: lines as u32 };
         [f64::from(raw_step(&mut self.state, &BOARD, &counts))]
     }
 
-    /// How many samples were bad.
+    /// Number of bad samples.
     #[must_use]
     pub fn bad_samples(&self) -> u32 {
         self.state.step.bad.all
@@ -116,13 +116,13 @@ pub struct Run {
     pub report: Report,
     /// Counts of samples.
     pub exchange: Exchange,
-    /// How many ticks had a bad sample.
+    /// Number of ticks with a bad sample.
     pub bad_samples: u32,
-    /// How the car did.
+    /// Figures of the car.
     pub figures: Figures,
 }
 
-/// Runs the loop in real time. A tick is a millisecond for the car, whatever the rate.
+/// Runs the loop in real time. A tick is a millisecond for the car, at any rate.
 #[must_use]
 pub fn run(settings: &Settings) -> Run {
     let (ticks, period_ns) = (settings.ticks, settings.period_ns);
@@ -132,7 +132,7 @@ pub fn run(settings: &Settings) -> Run {
     Run { report, exchange, bad_samples: step.bad_samples(), figures }
 }
 
-/// The same car and driver without a clock, in one thread: figures, and how many times as fast as real time it went.
+/// The same car and driver without a clock, in one thread. Returns the figures, and the ratio of simulated to elapsed time.
 #[must_use]
 pub fn simulate(seconds: f64) -> (Figures, f64) {
     let mut step = Step::default();

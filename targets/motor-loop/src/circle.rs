@@ -8,11 +8,11 @@ use branch_free::{magnitude, root};
 
 rsm_macros::include_model!("../../generated/coefficients/circle.toml", precision = "f32");
 
-/// 1.5 * 2^23: a number added to it is rounded to a whole one, since the numbers up to 2^24 are whole there; the difference is exact. This
-/// rounds to even and holds for magnitudes up to 2^22 (Goldberg, "What every computer scientist should know", 1991, names the device).
+/// 1.5 * 2^23. A sum with it is rounded to an integer, because all numbers from 2^23 to 2^24 are integers; the difference afterwards is exact. This
+/// rounds half to even and is valid for magnitudes up to 2^22 (Goldberg, "What every computer scientist should know", 1991, describes it).
 pub(crate) const WHOLE: f32 = 12_582_912.0;
 
-/// A longer leg than this leaves less than sqrt(0.1) = 0.32 for the other. sqrt(0.9), rounded down so that its square is inside.
+/// With a longer leg than this the other leg is less than sqrt(0.1) = 0.32. sqrt(0.9), rounded down so that its square is at most 0.9.
 pub(crate) const LONGEST_LEG: f32 = 0.948_683_2;
 
 /// Cosine and sine.
@@ -25,8 +25,8 @@ pub struct Direction {
 }
 
 impl Direction {
-    /// Of an angle in turns, up to 2^22 turns either way. The error is that of the angle, up to 2^-24 of its magnitude, times 2 pi, and 1.0e-6.
-    /// Beyond, the numbers are still in [-1, 1] but mean nothing; NaN and infinities give NaN.
+    /// The direction of an angle in turns, up to 2^22 turns either way. The error is that of the angle, up to 2^-24 of its magnitude, times 2 pi,
+    /// plus 1.0e-6. Beyond 2^22 the numbers are still in [-1, 1] but have no meaning; NaN and infinities give NaN.
     #[inline(always)]
     #[must_use]
     pub fn of_turns(turns: f32) -> Self {
@@ -34,20 +34,19 @@ impl Direction {
     }
 }
 
-/// With r what is left of the angle beside whole turns, in [-1/2, 1/2]: cos(2 pi r) = sin(pi/2 (1 - 4 |r|)), the argument of which is in [-1, 1].
+/// With r, the angle without its whole turns, in [-1/2, 1/2]: cos(2 pi r) = sin(pi/2 (1 - 4 |r|)), whose argument is in [-1, 1].
 #[inline(always)]
 fn cosine(turns: f32) -> f32 {
     let whole = (turns + WHOLE) - WHOLE;
     circle::sine_f32(1.0 - 4.0 * magnitude(turns - whole))
 }
 
-/// The square of the circle's radius, slightly reduced, so that the roundings of both legs (6e-8 each, half a dozen) do not lead out of the circle.
-/// `rsm check
-/// --limits` proves this, in fewer steps if the radius is reduced more.
+/// The square of the circle's radius, slightly reduced, so that the roundings of both legs (about six of 6e-8 each) do not leave the circle.
+/// `rsm check --limits` proves this, in fewer steps if the radius is reduced more.
 const HELD_BACK: f32 = 0.9996;
 
-/// How long the other leg of a circle of radius 1 may be, from the square of the one, up to 0.9: never more than sqrt(1 - square), at most 6.4e-4
-/// less. NaN above [`HELD_BACK`].
+/// The largest length of the other leg in a circle of radius 1, from the square of one leg, up to 0.9: never more than sqrt(1 - square), and at most
+/// 6.4e-4 less. NaN above [`HELD_BACK`].
 #[inline(always)]
 pub(crate) fn other_leg(square: f32) -> f32 {
     root(HELD_BACK - square)
@@ -65,8 +64,8 @@ mod tests {
             let turns = k as f32 / 7919.0;
             let Direction { cos, sin } = Direction::of_turns(turns);
             let (true_sin, true_cos) = (f64::from(turns) * std::f64::consts::TAU).sin_cos();
-            // The polynomial's 6.0e-7 (see the coefficient file) and some six roundings of numbers up to 1.6, 6e-8 each, and what `turns - 0.25`
-            // rounds: half a unit of 5 turns, 2.4e-7 turns.
+            // The polynomial's error of 6.0e-7 (see the coefficient file), about six roundings of numbers up to 1.6 (6e-8 each), and the rounding of
+            // `turns - 0.25`: half a unit of 5 turns, 2.4e-7 turns.
             let tolerance = 1.0e-6 + 2.4e-7 * std::f64::consts::TAU;
             let error = (f64::from(sin) - true_sin).abs().max((f64::from(cos) - true_cos).abs());
             assert!(error <= tolerance, "{turns} turns: {error:e}");

@@ -18,8 +18,8 @@
 //!
 //! **The safe state is the open bridge** (`closed` = 0): all six switches off. It begins after the number of bad samples in a row that
 //! [`crate::Limits`] gives, or immediately if the current exceeds the circle by 7 %, or will do so in the next period. The README of
-//! `targets/firmware` says why it is not a short circuit, and what the caller must do. It ends after as many good samples in a row as the limits
-//! give. The control then begins with the measured currents as its references and without an integral, so there is no jump.
+//! `targets/firmware` gives the reasons against a short circuit, and the duties of the caller. The safe state ends after as many good samples in a
+//! row as the limits give. The control then begins with the measured currents as its references and with zero integral parts, so there is no jump.
 
 use branch_free::{BadSamples, at_least, at_most, magnitude, reached, select, within};
 
@@ -45,14 +45,14 @@ const INTEGRAL_SHARE: f32 = 0.2;
 /// Periods between the command that closes the bridge and the first sample whose period had it closed.
 const PERIODS_TO_CLOSE: f32 = 1.0;
 
-/// Good samples before the bridge closes for the first time, and one more.
+/// Good samples before the bridge closes for the first time, plus one.
 const FIRST_WAIT: f32 = 11.0;
 
 /// The samples at the start of a PWM period.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Measured {
-    /// Phase currents a, b, c into the motor, in A. A part that all three have in common is dropped.
+    /// Phase currents a, b, c into the motor, in A. Their common part is removed.
     pub currents_a: [f32; 3],
     /// Electrical angle from the axis of phase a to the magnets' flux, in turns; best reduced to one turn, because its unit in the last place is then
     /// 6e-8.
@@ -63,13 +63,13 @@ pub struct Measured {
     pub bus_voltage_v: f32,
 }
 
-/// What the bridge does in the next period.
+/// The command to the bridge for the next period.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Command {
     /// The shares of the period for which the upper switches of legs a, b and c are on, 0 to 1.
     pub duties: [f32; 3],
-    /// 1; or 0, the safe state: all six switches are to be off, whatever the duties say.
+    /// 1; or 0, the safe state: all six switches must be off, for any duties.
     pub closed: f32,
 }
 
@@ -98,19 +98,19 @@ pub struct CurrentState {
     pub speed_rad_s: f32,
     /// The last good bus voltage, in V.
     pub bus_voltage_v: f32,
-    /// The number of good samples until the bridge closes, and one more; 0 in operation.
+    /// The number of good samples until the bridge closes, plus one; 0 in operation.
     pub waiting: f32,
     /// The square of the wanted voltage over the square of the reachable one; 0 while the bridge is open. The outer step trims the weakening current
     /// by it.
     pub voltage_share: f32,
-    /// What the bridge does in the next period.
+    /// The command to the bridge for the next period.
     pub last: Command,
     /// Bad samples up to now.
     pub bad: BadSamples,
 }
 
 impl Default for CurrentState {
-    /// The bridge is open, until so many good samples have come as the way back from the safe state takes.
+    /// The bridge is open. It closes after the number of good samples that ends a safe state.
     fn default() -> Self {
         CurrentState {
             integral_d_v: 0.0,
@@ -142,13 +142,13 @@ fn per_root(square: f32) -> f32 {
     once * (1.5 - half * (once * once))
 }
 
-/// `turns` without its whole ones: -1/2 to 1/2.
+/// `turns` without its whole turns: -1/2 to 1/2.
 #[inline(always)]
 fn part_of_turn(turns: f32) -> f32 {
     turns - ((turns + WHOLE) - WHOLE)
 }
 
-/// One PWM period: what the bridge does in the next one.
+/// One PWM period: computes the command to the bridge for the next one.
 ///
 /// The axes are decoupled at the wanted currents, not at the measured ones, and a voltage beyond the reachable circle is scaled back to it. With both
 /// rules there is exactly one equilibrium. Proof: with e = wanted - measured current, L/2 |e|^2 falls at the rate e (v - v_w) + r |e|^2, where v_w is
@@ -157,7 +157,7 @@ fn part_of_turn(turns: f32) -> f32 {
 /// with decoupling at the measured currents, there is no such proof, and a second equilibrium was found. The wanted currents must be inside the
 /// limits. This is the task of the outer step. They move along straight lines, and a straight line between two points of a circle is inside.
 ///
-/// `inline(never)`, so that its object code has a name of its own, which a test reads.
+/// `inline(never)` gives its object code a name of its own, which a test reads.
 #[inline(never)]
 pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References, measured: &Measured) -> Command {
     let Measured { currents_a: [a, b, c], angle_turns, speed_rad_s, bus_voltage_v } = *measured;
@@ -203,7 +203,7 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let move_q = |d: f32, q: f32| {
         drive.amperes_per_volt * (state.v_q_v - drive.resistance_ohm * q) - turned * (d + drive.characteristic_current_a)
     };
-    // By the middle of the period: a straight step of 0.3 rad would be 5 % too long.
+    // From the currents in the middle of the period: a straight step of 0.3 rad would be 5 % too long.
     let half_d = from_d + 0.5 * move_d(from_d, from_q);
     let half_q = from_q + 0.5 * move_q(from_d, from_q);
     // With an open bridge the diodes hold the current constant in the rotor's frame, except for their ripple.
@@ -211,8 +211,8 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let expected_q = from_q + select(0.0, open, 0.0, move_q(half_d, half_q));
 
     let all_good = (bus.good * speed.good) * (angle_good * current_good);
-    // Now, even if the sample does not agree with the model; or at the next sample, if the currents continue to move away from the model at the same
-    // rate.
+    // Too high now, even if the sample does not agree with the model; or at the next sample, if the currents continue to move away from the model at
+    // the same rate.
     let now = select(0.0, in_range, square, 0.0);
     let then_d = expected_d + seen_d;
     let then_q = expected_q + seen_q;
@@ -224,7 +224,7 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let waiting = select(0.0, not_yet, limits.good_in_a_row + PERIODS_TO_CLOSE, at_least(state.waiting - 1.0, 0.0));
     let closed = select(waiting, PERIODS_TO_CLOSE + 0.5, 1.0, 0.0);
 
-    // The references go straight to those of the outer step; from the measured currents where the bridge was open.
+    // The references move along a straight line to those of the outer step; if the bridge was open, they start from the measured currents.
     let to_d = references.i_d_a - state.reference_d_a;
     let to_q = references.i_q_a - state.reference_q_a;
     let farther = at_least(magnitude(to_d), magnitude(to_q));
@@ -281,7 +281,7 @@ pub fn currents(state: &mut CurrentState, drive: &Drive, references: &References
     let lowest = at_most(at_most(v_a, v_b), v_c);
     let centre = 0.5 * (highest + lowest);
     // While both switches of a leg are off, its current flows through a diode: the leg loses dead time / T of the bus voltage, against the current.
-    // The wanted currents of that period are used, because the sign of a bad or noisy sample is not reliable.
+    // The sign comes from the wanted currents of that period, because the sign of a bad or noisy sample is not reliable.
     let flow_alpha = cos * wanted_d_a - sin * wanted_q_a;
     let flow_beta = sin * wanted_d_a + cos * wanted_q_a;
     let flow_half = 0.5 * flow_alpha;

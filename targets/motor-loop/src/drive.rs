@@ -1,7 +1,7 @@
 //! Constants of the motor and its drive for both steps, computed once outside the loop.
 //!
-//! In: the motor's nominal parameters, the tuning of its drive, the plausible ranges of its sensors. Out: a [`Drive`]. Divisions are here and not in
-//! the steps.
+//! In: the motor's nominal parameters, the tuning of its drive, the plausible ranges of its sensors. Out: a [`Drive`]. All divisions are made here,
+//! so the steps need none.
 
 use core::f32::consts::TAU;
 
@@ -19,7 +19,7 @@ pub struct Motor {
     pub phase_inductance_h: f32,
     /// lambda, in Wb.
     pub flux_linkage_wb: f32,
-    /// How many electrical turns a mechanical one has.
+    /// Number of electrical turns in a mechanical turn.
     pub pole_pairs: f32,
     /// The bus voltage at which the surface was measured, in V.
     pub bus_voltage_v: f32,
@@ -27,7 +27,7 @@ pub struct Motor {
     pub current_limit_a: f32,
 }
 
-/// How the drive is tuned.
+/// The tuning of a drive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tuning {
     /// T, the period of the inner step, in s.
@@ -35,39 +35,40 @@ pub struct Tuning {
     /// The bandwidth of the current control, in rad/s. The PI controller cancels the winding's time constant L/r: gain bandwidth L,
     /// integral gain bandwidth r. The loop has a dead time of 1.5 T, so a bandwidth up to 1/(6 T) leaves a phase margin of 75 degrees.
     pub bandwidth_rad_s: f32,
-    /// Dead time of a leg, in s; 0 for none. Its loss of voltage is given back.
+    /// Dead time of a leg, in s; 0 for none. Its voltage loss is compensated.
     pub dead_time_s: f32,
-    /// The current, in A, from which on the loss of a leg's dead time is given back in full; in proportion below.
+    /// The current, in A, from which on the dead time is compensated in full; below, in proportion.
     pub dead_time_current_a: f32,
 }
 
-/// What counts as plausible, and for how many bad samples the steps continue. Each drive has its own table: a board with other sensors has another.
+/// The plausible samples, and the number of bad samples for which the steps continue. Each drive has its own table, because each board has its own
+/// sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Limits {
-    /// Bus voltage, in V; its rate a call.
+    /// Bus voltage, in V, and its largest change in a call.
     pub bus_v: Band,
     /// The largest mechanical speed, either way, in rad/s.
     pub speed_rad_s: f32,
-    /// Its rate a call, in rad/s.
+    /// Its largest change in a call, in rad/s.
     pub speed_rate_rad_s: f32,
-    /// The largest torque demand, in N m. A demand may step over its whole range.
+    /// The largest torque demand, in N m. A demand may jump over its whole range.
     pub torque_nm: f32,
-    /// The largest angle, in turns: the range of what comes from the encoder, not of the rotor.
+    /// The largest angle, in turns: the range of the encoder's value, not of the rotor.
     pub angle_turns: f32,
     /// The largest difference of the angle from the one predicted by the last angle and the speed, in turns.
     pub angle_rate_turns: f32,
-    /// The largest sum of the three phase currents, in A: it is 0 but for errors of the sensors.
+    /// The largest sum of the three phase currents, in A. Without errors of the sensors it is 0.
     pub current_sum_a: f32,
     /// Square of the longest current vector that the sensors can measure, in A^2.
     pub current_square_a2: f32,
     /// Square of the largest difference of the current vector from the one predicted by the model of the winding, in A^2.
     pub current_rate_square_a2: f32,
-    /// Square of the current vector at which the bridge is opened at once, in A^2.
+    /// Square of the current vector at which the bridge is opened immediately, in A^2.
     pub trip_square_a2: f32,
-    /// So many bad samples in a row open the bridge (inner step) and take the torque away (outer step).
+    /// This many bad samples in a row open the bridge (inner step) and set the torque to 0 (outer step).
     pub bad_in_a_row: u32,
-    /// So many good samples in a row close the bridge again.
+    /// This many good samples in a row close the bridge again.
     pub good_in_a_row: f32,
 }
 
@@ -78,17 +79,17 @@ impl Limits {
         Band { middle: 0.0, half: self.speed_rad_s, rate: self.speed_rate_rad_s }
     }
 
-    /// The limits of a drive on a bus of two thirds to four thirds of the nominal voltage, and of its speed up to that of the surface and a quarter.
+    /// The limits of a drive on a bus of two thirds to four thirds of the nominal voltage, and of a speed up to that of the surface plus a quarter.
     ///
-    /// - Bus: 150 to 360 V of 270. 50 V a call: at 60 A a capacitor of 1 mF moves by 6 V in a period; a noise of 5 % has 19 V between two samples.
-    /// - Speed: 1000 rad/s of 785. 100 rad/s a call: far beyond what the shaft can do (2200 rad/s^2), and below what hurts (a tenth of the range for
-    ///   one period is 24 V of back-EMF, 3 A).
-    /// - Torque: twice what the current limit gives.
+    /// - Bus: 150 to 360 V of 270. 50 V a call: at 60 A a capacitor of 1 mF changes by 6 V in a period; noise of 5 % makes 19 V between two samples.
+    /// - Speed: 1000 rad/s of 785. 100 rad/s a call: far more than the shaft can do (2200 rad/s^2), and small enough to do no harm (a tenth of the
+    ///   range for one period is 24 V of back-EMF, 3 A).
+    /// - Torque: twice the torque at the current limit.
     /// - Angle: 4 turns; 0.04 turns, two and a half counts of an encoder with 256 counts and 4 pole pairs.
-    /// - Currents: sum a fifth of the current limit, vector twice the limit. A quarter of the limit from the model: an inductance that is off by a
-    ///   quarter makes 10 A of the 38 A that the largest voltage moves in a period.
-    /// - The bridge opens at 1.07 of the limit: what the current control itself overshoots is below.
-    /// - 10 in a row: within a millisecond a free rotor turns its speed by 2 rad/s and its angle by 0.001 turns from what was last known.
+    /// - Currents: sum a fifth of the current limit, vector twice the limit. A quarter of the limit from the model: an inductance with an error of a
+    ///   quarter gives 10 A of the 38 A by which the largest voltage changes the current in a period.
+    /// - The bridge opens at 1.07 of the limit: the overshoot of the current control is less.
+    /// - 10 in a row: within a millisecond a free rotor changes its speed by 2 rad/s and its angle by 0.001 turns from the last known values.
     #[must_use]
     pub fn of(motor: &Motor) -> Self {
         let Motor { current_limit_a: limit, bus_voltage_v: bus, pole_pairs, flux_linkage_wb, .. } = *motor;
@@ -109,12 +110,12 @@ impl Limits {
     }
 }
 
-/// Constants of the steps. Every field is a number in the units of its name; a C program holds the same struct.
+/// Constants of the steps. Every field is a number in the unit of its name; a C program has the same struct.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Drive {
-    /// k_t = 1.5 pole_pairs lambda (21), but at most what takes the current limit to [`LARGEST_TORQUE_NM`]: the surfaces are asked at torques that it
-    /// makes of currents, and those are within the limit.
+    /// k_t = 1.5 pole_pairs lambda (21), but at most the value with which the current limit gives [`LARGEST_TORQUE_NM`]: the surfaces are evaluated
+    /// at torques that are computed from currents, and these torques must be within the limit.
     pub newton_metres_per_ampere: f32,
     /// 1/k_t.
     pub amperes_per_newton_metre: f32,
@@ -122,13 +123,13 @@ pub struct Drive {
     pub current_limit_a: f32,
     /// 1/I.
     pub per_ampere: f32,
-    /// What the current limit gives to the surface `limit_current`, in A.
+    /// The part of the surface `limit_current` that depends on the current limit, in A.
     pub limit_current_once_a: f32,
-    /// The longest i_d: more would leave less than 0.32 of the circle for i_q.
+    /// The largest i_d: more would leave less than 0.32 of the circle for i_q.
     pub most_weakening_a: f32,
     /// The bus voltage at which the surface was measured.
     pub nominal_bus_v: f32,
-    /// How much weakening a speed beyond the surface takes, in A s/rad.
+    /// The additional weakening current for a speed beyond the surface, in A s/rad.
     pub weakening_per_speed: f32,
     /// r.
     pub resistance_ohm: f32,
@@ -142,17 +143,17 @@ pub struct Drive {
     pub turned_per_speed: f32,
     /// Electrical turns in T per mechanical rad/s.
     pub turns_per_speed: f32,
-    /// T/L, in A/V: what a volt moves in a period.
+    /// T/L, in A/V: the change of current in a period for a volt.
     pub amperes_per_volt: f32,
-    /// lambda/L, in A: the current that takes the magnets' flux away.
+    /// lambda/L, in A: the current that cancels the magnets' flux.
     pub characteristic_current_a: f32,
     /// Proportional gain of the current control, in V/A.
     pub gain_v_per_a: f32,
-    /// T r/L: the share of its way that the integral part goes in a period.
+    /// T r/L: the share by which the integral part approaches its target in a period.
     pub integral_share: f32,
-    /// How far the reference of the current control moves in a period, in A.
+    /// The largest change of the current control's reference in a period, in A.
     pub slew_a: f32,
-    /// 0.75 L/T, in V/A: what moving the current takes, less what the proportional part gives, which sees the references 1.5 periods ahead.
+    /// 0.75 L/T, in V/A: the voltage that changes the current, minus the proportional part, which acts on the references 1.5 periods ahead.
     pub slew_v_per_a: f32,
     /// Electrical turns in 1.5 T per mechanical rad/s: one period until the duties act, half of one until their middle.
     pub advance_turns_s: f32,
@@ -160,20 +161,20 @@ pub struct Drive {
     pub dead_time_share: f32,
     /// 1/the current from which on dead time is compensated in full.
     pub per_dead_time_ampere: f32,
-    /// What is plausible.
+    /// The limits of plausible samples.
     pub limits: Limits,
 }
 
-/// How fast the reference of the current control moves, as a share of the current limit a period: from full torque to full braking takes 40 periods.
-/// Faster, the voltage at the limit no longer follows, and the current leaves the circle by what it lags.
+/// The largest change of the current control's reference in a period, as a share of the current limit: from full torque to full braking takes 40
+/// periods. With a faster change the voltage at the limit could not follow, and the current would leave the circle by its lag.
 const SLEW_SHARE: f32 = 0.05;
 
-/// The steepest descent of what zero torque needs, (0.95 V/sqrt 3)/(pole pairs w^2 L) at the surface's edge, times this: at full torque the descent
-/// is half as steep again.
+/// A factor on the steepest decrease of the current for zero torque, (0.95 V/sqrt 3)/(pole pairs w^2 L) at the edge of the surface: at full torque
+/// the decrease is half as steep again.
 const STEEPER: f32 = 1.25;
 
 impl Drive {
-    /// Of no motor: every sample of the bus is bad, nothing is commanded, and all that the steps compute is finite.
+    /// Constants without a motor: every sample of the bus is bad, nothing is commanded, and all results of the steps are finite.
     const NONE: Drive = Drive {
         newton_metres_per_ampere: 0.0,
         amperes_per_newton_metre: 0.0,
@@ -199,7 +200,7 @@ impl Drive {
         dead_time_share: 0.0,
         per_dead_time_ampere: 0.0,
         limits: Limits {
-            // No distance is less than one below 0.
+            // No distance is less than a negative number.
             bus_v: Band { middle: 0.0, half: -1.0, rate: 0.0 },
             speed_rad_s: 0.0,
             speed_rate_rad_s: 0.0,
@@ -215,8 +216,9 @@ impl Drive {
         },
     };
 
-    /// The constants of a motor and a tuning, with [`Limits::of`] that motor. Parameters that are no physical ones (zero, negative, NaN) give
-    /// constants with which every sample is bad: nothing is commanded, and the bridge stays open. So do those of which a constant is no number.
+    /// The constants of a motor and a tuning, with the [`Limits::of`] that motor. Parameters without physical meaning (zero, negative, NaN) give
+    /// constants with which every sample is bad: nothing is commanded, and the bridge stays open. The same holds if one of the constants is not a
+    /// finite number.
     #[must_use]
     pub fn new(motor: &Motor, tuning: &Tuning) -> Self {
         let Motor { phase_resistance_ohm: r, phase_inductance_h: l, flux_linkage_wb: lambda, pole_pairs, .. } = *motor;
@@ -252,7 +254,7 @@ impl Drive {
         if drive.is_of_a_motor() { drive } else { Drive::NONE }
     }
 
-    /// Whether the constants are those of a motor and a tuning that can be.
+    /// Whether the constants are those of a possible motor and tuning.
     fn is_of_a_motor(&self) -> bool {
         let positive = [
             self.newton_metres_per_ampere,
@@ -277,7 +279,7 @@ impl Drive {
             self.advance_turns_s,
             self.per_dead_time_ampere,
         ];
-        // One surface may give either sign, and a drive without dead time has a share of 0.
+        // The part of the surface may have either sign, and a drive without dead time has a share of 0.
         positive.iter().all(|value| *value > 0.0 && value.is_finite())
             && self.limit_current_once_a.is_finite()
             && self.dead_time_share.is_finite()

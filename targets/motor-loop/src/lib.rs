@@ -3,7 +3,7 @@
 //! - [`references`], at 1 kHz. In: torque demand, speed, bus voltage. Out: current references, from the response surfaces of the model `motor`.
 //! - [`currents`], once a PWM period (10 kHz or more). In: references, phase currents, angle, speed, bus voltage. Out: duties of three legs.
 //!
-//! Neither allocates, panics, loops or branches; they need nothing outside `core`, and nothing but + - * / and comparisons, so that
+//! Neither allocates, panics, loops or branches. They need nothing outside `core`, and only + - * / and comparisons, so that
 //! `targets/firmware/motor_step.c` gives the same bits. Every sample is checked: it must be plausible in range and in rate ([`Limits`]). A bad sample
 //! (a broken wire, a stuck encoder, a false edge) is replaced by the predicted value, and counted. Ten bad samples in a row lead to a safe state: the
 //! outer step sets the torque to 0, the inner one opens the bridge. Ten good ones end it.

@@ -1,7 +1,7 @@
 //! Checks whether a sample is plausible, in range and in rate. One rule for every sensor of both steps.
 //!
 //! In: a sample, its expected value, its limits. Out: the value to use, and whether the sample was good. A NaN and an infinity are outside every
-//! range, so one comparison finds them all. Never branches.
+//! range, so one comparison detects them all. Never branches.
 
 use branch_free::{at_least, magnitude, select};
 
@@ -15,9 +15,9 @@ const BELIEVED_LEVEL: f32 = 0.25;
 pub struct Band {
     /// Middle of the range, in the sensor's unit.
     pub middle: f32,
-    /// Half of the range: a sample this far from the middle, or farther, is bad.
+    /// Half of the range: a sample at this distance from the middle, or farther, is bad.
     pub half: f32,
-    /// A sample this far from what is expected, or farther, is bad.
+    /// A sample at this distance from the expected value, or farther, is bad.
     pub rate: f32,
 }
 
@@ -26,7 +26,7 @@ pub struct Band {
 pub(crate) struct Judged {
     /// The sample, or the expected value in its place.
     pub value: f32,
-    /// 1 where the sample was good, else 0.
+    /// 1 if the sample was good, else 0.
     pub good: f32,
 }
 

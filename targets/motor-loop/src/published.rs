@@ -1,8 +1,8 @@
 //! The published surface (26): current advance against torque and speed, as printed.
 //!
 //! In: torque in N m, 0 to 21.6, and speed in rad/s, 0 to 800, clamped outside. Out: the angle by which the current vector leads the q axis, in
-//! degrees, 0 to
-//! 90. The loop does not use it: it is the surface of the paper's motor, whose parameters are not printed, and the ranges of its variables are ours.
+//! degrees, 0 to 90. The loop does not use it: it is the surface of the paper's motor, whose parameters are not printed, and the ranges of its
+//! variables are ours.
 //!
 //! ```
 //! use motor_loop::{Direction, published::pmac};

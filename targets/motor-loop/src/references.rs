@@ -9,10 +9,10 @@
 //! bus voltage. So they are evaluated at the speed that has the voltage circle of the present bus voltage, the circle speed. This is exact except for
 //! the resistive drop, 3 % of the voltage, which the surfaces contain at the nominal voltage; their margin covers it.
 //!
-//! Outside the surfaces' support there are no data, and a polynomial is not valid. Then the torque is reduced (folded back), the surfaces are
+//! Outside the surfaces' support there are no data, and a polynomial is not valid. There the torque is reduced (folded back), the surfaces are
 //! evaluated at the edge, and the weakening current grows along a straight line with the steepest slope that an ideal motor needs there. The
-//! remaining error, and effects that the surfaces do not contain (a hot magnet, a wrong inductance), show in the voltage: while the inner step wants
-//! nearly all of it, a trim increases the weakening current.
+//! remaining error, and effects that the surfaces do not contain (a hot magnet, a wrong inductance), appear in the voltage: while the inner step
+//! requests nearly all of it, a trim increases the weakening current.
 
 use branch_free::{BadSamples, at_least, at_most, magnitude, reached, select, within};
 
@@ -24,39 +24,39 @@ use crate::plausible::judge;
 /// The fastest circle speed at which the surface has support at every torque within the limit; a test checks the support.
 pub const FOLD_SPEED_RAD_S: f32 = 780.0;
 
-/// The slowest speed of the surfaces: below it, they are evaluated at this speed. With [`FOLD_SPEED_RAD_S`] and [`LARGEST_TORQUE_NM`] it keeps every
-/// argument in its range, so that the surfaces need no clamp; a test compares them with the ranges of the model.
+/// The slowest speed of the surfaces: below it, they are evaluated at this speed. Together with [`FOLD_SPEED_RAD_S`] and [`LARGEST_TORQUE_NM`] it
+/// keeps every argument in its range, so that the surfaces need no clamp; a test compares them with the ranges of the model.
 pub const SLOWEST_RAD_S: f32 = 440.0;
 
-/// The largest torque of the surfaces, either way. That of the largest current is below: see [`Drive::newton_metres_per_ampere`].
+/// The largest torque of the surfaces, either way. The torque at the largest current is below it: see [`Drive::newton_metres_per_ampere`].
 pub const LARGEST_TORQUE_NM: f32 = 21.6;
 
-/// 1/the circle speed, beyond the edge, at which no torque is left: 780 rad/s beyond. At 1170 rad/s, 785 on a bus of 180 V, half of the edge's torque
-/// is left, two thirds of what an ideal motor has.
+/// 1/(the circle speed beyond the edge at which the torque is zero): 780 rad/s beyond. At 1170 rad/s, which is 785 on a bus of 180 V, half of the
+/// edge's torque is left, two thirds of that of an ideal motor.
 pub const FOLD_PER_RAD_S: f32 = 1.0 / 780.0;
 
-/// From this share of the reachable voltage, squared, the weakening current is trimmed up. References are within 0.95 of the voltage, 0.90 squared;
-/// the surface's worst error of 1.8 A is 0.06 more.
+/// From this share of the reachable voltage, squared, the trim increases the weakening current. References are within 0.95 of the voltage, 0.90
+/// squared; the surface's worst error of 1.8 A adds 0.06.
 pub const TRIM_FROM: f32 = 0.96;
 
-/// The largest share that is used: moving the references takes more voltage for milliseconds, and this must not increase the weakening.
+/// The largest share that is used: a change of the references needs more voltage for milliseconds, and this must not increase the weakening.
 pub const TRIM_MOST: f32 = 1.2;
 
-/// By how much the trim moves in a tick, in A. At top speed an ampere is 0.036 of the share, so its loop has a time constant of 5 ms there: slow
-/// beside the current control (0.7 ms), fast beside a sagging bus.
+/// The change of the trim in a tick, in A. At top speed an ampere is 0.036 of the share, so the loop of the trim has a time constant of 5 ms there:
+/// slow compared with the current control (0.7 ms), fast compared with a sagging bus voltage.
 pub const TRIM_A: f32 = 5.5;
 
 /// One tick's measurements and demand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Demand {
-    /// Torque demand, in N m. Negative brakes a motor that turns forward.
+    /// Torque demand, in N m. A negative demand brakes a motor that turns forwards.
     pub torque_nm: f32,
-    /// Rotor speed, in mechanical rad/s. Negative turns backwards.
+    /// Rotor speed, in mechanical rad/s. Negative: backwards.
     pub speed_rad_s: f32,
     /// Voltage of the bus, in V.
     pub bus_voltage_v: f32,
-    /// The share of the voltage that the inner step wants ([`crate::CurrentState::voltage_share`]); 0 if it is unknown.
+    /// The share of the voltage that the inner step requests ([`crate::CurrentState::voltage_share`]); 0 if it is unknown.
     pub voltage_share: f32,
 }
 
@@ -64,7 +64,7 @@ pub struct Demand {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[repr(C)]
 pub struct References {
-    /// i_d, in A: never positive, it weakens the magnets' flux.
+    /// i_d, in A: zero or negative; it weakens the magnets' flux.
     pub i_d_a: f32,
     /// i_q, in A, with the sign of the torque demand.
     pub i_q_a: f32,

@@ -1,15 +1,14 @@
 //! The step of a drive-by-wire throttle that damps driveline shuffle, in f32.
 //!
-//! In, every millisecond: pedal, road speed, gear and clutch. Out: the throttle, 0 to 1. Between them is the compensator `tip_in` of the model
-//! `driveline`, (a s^2 + b s + c)/(a s^2 + d s + c) with coefficients from response surfaces of speed and gear. b cancels the lightly damped pole
-//! pair of the driveline, d places a new one. Its output is saturated. Where the compensator is not valid, the throttle fades to the pedal ([`step`]
-//! says where).
+//! In, every millisecond: pedal, road speed, gear and clutch. Out: the throttle, 0 to 1. The compensator `tip_in` of the model `driveline` computes
+//! it, (a s^2 + b s + c)/(a s^2 + d s + c) with coefficients from response surfaces of speed and gear. b cancels the lightly damped pole pair of the
+//! driveline, d places a new one. The output is saturated. Where the compensator is not valid, the throttle fades to the pedal (see [`step`]).
 //!
-//! [`raw`] is the same step from A/D counts and gear lines to a PWM compare value. Neither allocates, panics, loops or branches; they need nothing
+//! [`raw`] is the same step from A/D counts and gear lines to a PWM compare value. Neither allocates, panics, loops or branches. They need nothing
 //! outside `core`, and `targets/firmware/throttle_step.c` gives the same bits.
 //!
-//! Single precision, on the host too: the two integrators of the compensator are exact at rest whatever the precision, and a test compares with
-//! double precision over a drive.
+//! Single precision, on the host too. The two integrators of the compensator are exact at rest in any precision, and a test compares with double
+//! precision over a drive.
 //!
 //! ```
 //! use throttle_loop::{Inputs, State, step};
@@ -23,7 +22,7 @@
 //! let tip_in = step(&mut state, &drive(0.9)).throttle;
 //! assert!(tip_in < 0.9 && tip_in > 0.2);                              // a step of the pedal is taken in gently
 //! let torn = step(&mut state, &drive(f32::NAN)).throttle;
-//! assert!(torn < 0.9 && torn > 0.2 && state.bad.all == 1);              // a torn wire: the pedal is taken to stand where it stood
+//! assert!(torn < 0.9 && torn > 0.2 && state.bad.all == 1);              // a torn wire: the last good pedal is held
 //! ```
 //!
 //! [`published`] is the damping surface of the paper, (32).

@@ -1,7 +1,7 @@
 //! The published damping surface (32), as printed.
 //!
-//! In: road speed in mph, 10 to 70, and gear, 1 to 5, clamped outside. Out: a damping ratio. It is negative on a quarter of its box, probably by a
-//! misprint (see the coefficient file): no compensator is to be built on it there, and `rsm check` refuses one. The loop does not use it.
+//! In: road speed in mph, 10 to 70, and gear, 1 to 5, clamped outside. Out: a damping ratio. It is negative on a quarter of its box, probably because
+//! of a misprint (see the coefficient file): no compensator can be built on it there, and `rsm check` refuses one. The loop does not use it.
 //!
 //! ```
 //! use throttle_loop::published::throttle;

@@ -9,10 +9,10 @@ use branch_free::{BadSamples, magnitude, select};
 use crate::step::advance;
 use crate::{GEARS, Inputs, State};
 
-/// The clutch switch among the lines of [`Counts::lines`].
+/// The bit of the clutch switch in [`Counts::lines`].
 pub const CLUTCH_LINE: u32 = 1 << GEARS;
 
-/// The commanded and the measured throttle may differ by this much before it is counted: 10 % of the stroke.
+/// The commanded and the measured throttle may differ by this much before a tick is counted: 10 % of the stroke.
 const PLATE_TOLERANCE: f32 = 0.1;
 
 /// The throttle closes after this many ticks in a row in which the plate does not follow its command: 0.1 s. A third of the time for a whole stroke
@@ -62,7 +62,7 @@ impl Scaling {
     };
 }
 
-/// What the board reads in one tick.
+/// The readings of the board in one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C)]
 pub struct Counts {
@@ -72,7 +72,7 @@ pub struct Counts {
     pub plate: u16,
     /// Road speed.
     pub speed: u16,
-    /// Gear lines: bit k - 1 is gear k, none is neutral, more than one is a torn line; bit 5 is the clutch switch; others must be 0.
+    /// Gear lines: bit k - 1 is gear k; no bit is neutral; more than one is a broken line. Bit 5 is the clutch switch; all others must be 0.
     pub lines: u32,
 }
 
@@ -103,7 +103,7 @@ fn value(channel: &Channel, counts: u16) -> f32 {
 #[inline(always)]
 fn gear(lines: u32) -> u8 {
     let gears = lines & (CLUTCH_LINE - 1);
-    // Each line times its gear; with one line at most the sum is that gear.
+    // Each bit times its gear: with at most one bit set, the sum is that gear.
     let number = (gears & 1) + (gears & 2) + 3 * (gears >> 2 & 1) + 4 * (gears >> 3 & 1) + 5 * (gears >> 4);
     let several = gears & gears.wrapping_sub(1);
     let torn = u32::from(several | lines >> (GEARS + 1) != 0);
@@ -128,6 +128,6 @@ pub fn raw_step(state: &mut RawState, scaling: &Scaling, counts: &Counts) -> u16
     let throttle = advance(&mut state.step, &inputs, fault).throttle;
     state.plate.count(deviation <= PLATE_TOLERANCE);
     state.throttle = throttle;
-    // Rounded to the nearest count; a finite number in the range of the table, so the conversion only cuts off.
+    // Rounded to the nearest count: the number is finite and in the range of the table, so the conversion only truncates.
     (scaling.compare_closed + scaling.compare_span * throttle + 0.5) as u16
 }

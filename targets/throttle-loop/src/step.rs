@@ -1,6 +1,6 @@
 //! The step in physical units.
 //!
-//! In: pedal, road speed, gear, clutch. Out: the throttle. Never touches hardware: `raw.rs` has counts.
+//! In: pedal, road speed, gear, clutch. Out: the throttle. Never accesses hardware: `raw.rs` converts the counts.
 
 use branch_free::{BadSamples, at_least, at_most, magnitude, select, within};
 
@@ -20,12 +20,12 @@ pub const GEAR_PER_TICK: f32 = 0.02;
 /// contact.
 pub const HOLD_TICKS: f32 = 50.0;
 
-/// How fast a lost pedal closes the throttle, in a tick: the whole stroke in 0.25 s. With the time that it is held that is 0.3 s; FMVSS 124 (49 CFR
-/// 571.124, S5.3) asks for idle within 1 s after a connection is lost.
+/// The rate at which a lost pedal closes the throttle, in a tick: the whole stroke in 0.25 s. Together with the holding time that is 0.3 s; FMVSS 124
+/// (49 CFR 571.124, S5.3) requires idle within 1 s after a connection is lost.
 pub const CLOSE_PER_TICK: f32 = 0.004;
 
-/// How fast it may open again when the pedal is back, in a tick: the whole stroke in 1 s. So the car does not jump if the driver has kept the pedal
-/// down.
+/// The rate at which the throttle may open again when the pedal signal is back, in a tick: the whole stroke in 1 s. So the car does not jump if the
+/// driver has kept the pedal down.
 pub const REOPEN_PER_TICK: f32 = 0.001;
 
 /// A pedal reading at least this far from the middle of the stroke is bad: three times the half stroke. A nearer reading outside the stroke counts as
@@ -59,7 +59,7 @@ pub struct State {
 }
 
 impl Default for State {
-    /// At rest: pedal up, standing, no compensation yet.
+    /// At rest: pedal up, speed 0, no compensation yet.
     fn default() -> Self {
         let compensator = driveline::tip_in_init_f32();
         State {
@@ -78,7 +78,7 @@ impl Default for State {
 /// One tick's measurements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inputs {
-    /// Pedal, 0 up to 1 down; what is outside counts as the end.
+    /// Pedal, 0 (up) to 1 (down); a value outside counts as the nearest end.
     pub pedal: f32,
     /// Road speed, in m/s. Its sign does not matter.
     pub speed_m_s: f32,
@@ -88,16 +88,16 @@ pub struct Inputs {
     pub clutch: bool,
 }
 
-/// One tick's answer.
+/// The results of one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outputs {
     /// The throttle, 0 to 1.
     pub throttle: f32,
-    /// How much of the compensator is in it: 0 is the pedal itself.
+    /// The share of the compensator: 0 is the pedal itself.
     pub share: f32,
 }
 
-/// One tick. `inline(never)`, so that its object code has a name of its own, which a test reads.
+/// One tick. `inline(never)` gives its object code a name of its own, which a test reads.
 ///
 /// The throttle is pedal + share * (compensated - pedal), saturated. The share goes to 1 under four conditions: a gear is engaged, the clutch is
 /// closed, the samples of speed and gear are good, and both are inside the support of the damping surface, where there were data. Otherwise it goes
@@ -107,9 +107,9 @@ pub struct Outputs {
 /// At a gear change the gear that the surfaces get changes by [`GEAR_PER_TICK`], through values between two gears, so the coefficients do not jump.
 ///
 /// If the pedal sample is NaN or far outside its stroke, the last good one is held for [`HOLD_TICKS`]. Then the throttle closes at [`CLOSE_PER_TICK`]
-/// and stays closed. When the pedal is back it may open at [`REOPEN_PER_TICK`]. The pedal itself may step over its whole stroke. If the speed is
+/// and stays closed. When the pedal is back it may open at [`REOPEN_PER_TICK`]. The pedal itself may jump over its whole stroke. If the speed is
 /// implausible in range or rate, or the gear is invalid, the last good one is held while the share fades out. At a share of 0 any speed in the range
-/// is accepted, so that a real jump is not refused for ever.
+/// is accepted, so that a real jump is not refused forever.
 #[inline(never)]
 pub fn step(state: &mut State, inputs: &Inputs) -> Outputs {
     advance(state, inputs, 0.0)

@@ -1,6 +1,6 @@
 //! The steps that both cases share: certify a fitted model, emit it, compile it with the machine's compilers, and compare the results.
 //!
-//! In: a model. Out: its files in a folder, what was found as JSON, and whether all of it is good.
+//! In: a model. Out: its files in a folder, the results as JSON, and whether every step succeeded.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use crate::commands::fit;
 use crate::outcome::Refusal;
 use crate::{evaluators, output};
 
-/// Tells what a fit found.
+/// Prints the results of a fit.
 pub fn print_fit(printer: &Printer, fitted: &Fitted) -> Result<(), Refusal> {
     fit::require_all(fitted)?;
     for (response, statistics) in fitted.responses.iter().filter_map(|it| Some((it, it.statistics.as_ref()?))) {
@@ -31,7 +31,7 @@ pub fn print_fit(printer: &Printer, fitted: &Fitted) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Certifies, emits, compiles, compares.
+/// Certifies and emits a model, compiles the emitted code and compares the results.
 pub fn compiled(printer: &Printer, folder: &Path, model: &Model, results: &mut Map<String, Value>) -> Result<bool, Refusal> {
     let checked = Checked::from_model(model)?;
     let mut good = true;
@@ -52,7 +52,7 @@ pub fn compiled(printer: &Printer, folder: &Path, model: &Model, results: &mut M
     }
     results.insert("check".into(), Value::Object(certified));
 
-    // Refuses a compensator that is not certain to be stable.
+    // A compensator without a proof of stability is refused here.
     let (unit, files) = evaluators::files(&checked, folder)?;
     for compensator in &model.compensators {
         printer
@@ -71,7 +71,7 @@ pub fn compiled(printer: &Printer, folder: &Path, model: &Model, results: &mut M
                 good &= different == 0;
                 compared.insert(compiler, json!({ "compared": count, "different": different }));
             }
-            // A machine without one of the compilers shows less, and says so.
+            // Without one of the compilers its comparison is left out, and a line reports this.
             Err(reason) => printer.print(&format!("compare  left out: {}", reason.trim_end()))?,
         }
     }

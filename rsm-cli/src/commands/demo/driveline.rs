@@ -1,7 +1,7 @@
 //! Case 2 of the demo: driveline oscillation (shuffle), from tip-in runs to the compensated car.
 //!
-//! plan -> track -> estimator -> fit -> compensator -> rounds, for the car without lash and the car with it; then check, emit and compare bits of the
-//! latter.
+//! plan -> track -> estimator -> fit -> compensator -> rounds, for the car without lash and the car with lash; then check, emit and compare bits for
+//! the car with lash.
 
 use std::path::Path;
 
@@ -29,7 +29,7 @@ use crate::{output, report};
 /// The shipped car.
 const PLANT: &str = include_str!("../../../../rsm-sim/plants/driveline.toml");
 
-/// Of the noise, of the run order, of the unseen set. The same as that of the shipped data.
+/// The seed of the noise, of the run order and of the holdout set. It is the same as that of the shipped data.
 const SEED: u64 = 1;
 
 /// The gear and the engine speed (rad/s) whose runs are drawn: second gear, 3000 rpm.
@@ -93,7 +93,7 @@ pub fn run(printer: &Printer, folder: &Path, full: bool, paper: &mut Paper) -> R
     Ok(Section { good, plot: String::new(), html: text, json: Value::Object(results) })
 }
 
-/// Errors of surfaces over the gear ratio for a gearbox without runs, and of surfaces with the load as input for other loads.
+/// Errors for other cars: of surfaces over the gear ratio, for a gearbox without runs; of surfaces with the load as input, for other loads.
 fn other_cars(
     printer: &Printer,
     plant: &PlantFile,
@@ -155,11 +155,11 @@ fn of_car(car: &Car) -> Value {
 /// Acceleration over the time since the step.
 fn acceleration(trace: &Trace) -> Vec<(f64, f64)> {
     let step = COAST_ROWS as f64 * PERIOD;
-    // A tenth of a second before the step shows where the run comes from.
+    // The plot begins a tenth of a second before the step, to show the start of the run.
     trace.time.iter().zip(&trace.acceleration).map(|(time, a)| (time - step, *a)).filter(|(time, _)| *time > -0.1).collect()
 }
 
-/// Damping ratio of the response over road speed, a series a gear and a state.
+/// Damping ratio of the response over road speed.
 fn over_speed(car: &Car, compensated: bool) -> Vec<(f64, f64)> {
     let runs = if compensated { &car.compensated } else { &car.uncompensated };
     runs.iter().map(|(measured, _)| (measured.road_speed, measured.response.shape.damping_ratio)).collect()
@@ -247,7 +247,7 @@ fn html(found: &Figures, checked: &Checked) -> Result<String, Refusal> {
     ))
 }
 
-/// The damping surface where the runs support it.
+/// The damping surface in the region that the runs support.
 fn surface(checked: &Checked, car: &Car) -> Result<String, Refusal> {
     let lost = || Refusal::new("the driveline's model lost its surface `damping_ratio` of speed and gear");
     let index = checked.model().surfaces.iter().position(|surface| surface.name == "damping_ratio").ok_or_else(lost)?;

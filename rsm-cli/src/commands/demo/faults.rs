@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::{Printer, Section};
 use crate::outcome::Refusal;
 
-/// Runs all of it.
+/// Runs the campaign.
 pub fn run(printer: &Printer) -> Result<Section, Refusal> {
     printer.print("faults   every sensor of the motor's loop, broken in six ways for 1 to 500 samples, at 11 points and 4 bus voltages ...")?;
     let exact = campaign::exact_longest_a();

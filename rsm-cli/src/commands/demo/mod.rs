@@ -1,8 +1,8 @@
-//! `rsm demo`: both experiments of the original work, from the plan to the controller, without a shortcut.
+//! `rsm demo`: both experiments of the original work, from the plan to the controller, with every step.
 //!
 //! Motor: plan -> bench -> fit -> check -> emit -> compare bits -> closed loop. Driveline: plan -> track -> fit -> compensator -> rounds. Then the 1
 //! kHz loop against a simulated motor in real time, and one page with the figures. Plants, plans and specifications are part of the program, so the
-//! demo runs anywhere; everything that it makes lands in one folder.
+//! demo runs anywhere. It writes all its files to one folder.
 
 mod chain;
 mod driveline;
@@ -25,7 +25,7 @@ use crate::page::page;
 use crate::page::summary::{self, Tone};
 use paper::Paper;
 
-/// Seconds of the loop in real time, quick and full.
+/// Duration of the loop in real time in s: short demo, full demo.
 const LOOP_S: [f64; 2] = [2.0, 60.0];
 
 #[derive(Args)]
@@ -53,7 +53,7 @@ struct Printer {
 impl Printer {
     fn print(&self, line: &str) -> Result<(), Refusal> {
         if self.json {
-            tell!("{line}");
+            stderr_line!("{line}");
             Ok(())
         } else {
             output::line(line)
@@ -65,7 +65,7 @@ impl Printer {
 struct Section {
     /// Whether every step succeeded.
     good: bool,
-    /// The one plot that shows the result; empty where the case has none for the head of the page.
+    /// The one plot that shows the result at the head of the page; empty if the case has none.
     plot: String,
     /// Its part of the report.
     html: String,
@@ -122,7 +122,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     Ok(if good { Answer::Positive } else { Answer::Negative })
 }
 
-/// A page: the verdict, three numbers and one plot; below them every figure and both cases.
+/// The page: first the verdict, three numbers and one plot, then every figure and both cases.
 fn report(paper: &Paper, good: bool, motor: &Section, driveline: &Section, looped: &str, faults: Option<&Section>) -> String {
     let missed = paper.missed().len();
     let (tone, state, sentence) = match (good, missed) {

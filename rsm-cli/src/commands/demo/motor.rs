@@ -1,6 +1,6 @@
 //! Case 1 of the demo: the motor in flux weakening, from the dynamometer to the loop.
 //!
-//! plan -> bench -> fit -> check -> emit -> compare bits -> the surface's controller beside the full one: commands, run-ups, times.
+//! plan -> bench -> fit -> check -> emit -> compare bits -> comparison of the surface's controller with the full one: commands, run-ups, times.
 
 use std::path::Path;
 
@@ -30,14 +30,14 @@ use crate::plot::{self, GREY, Mark, ORANGE, PINK, Series, Words};
 use crate::weakening::{self, FIT, PLANS, SEEDS};
 use crate::{output, report};
 
-/// What is shipped: the plant, and the study of forms.
+/// The shipped plant and the shipped study of forms.
 const PLANT: &str = include_str!("../../../../rsm-sim/plants/pmac.toml");
 const STUDY: &str = include_str!("../../../demo/motor/study.toml");
 
-/// Seeds of the random profiles, which no experiment has.
+/// Seeds of the random profiles. No experiment uses them.
 const PROFILES: std::ops::Range<u64> = 100..104;
 
-/// Seconds of a profile; and in the full demo.
+/// Duration of a profile in s: short demo, full demo.
 const PROFILE_S: [f64; 2] = [10.0, 60.0];
 
 /// Runs the case.
@@ -65,7 +65,7 @@ pub fn run(printer: &Printer, folder: &Path, full: bool, paper: &mut Paper) -> R
 /// A measured point of the bench: torque, speed, weakening current.
 type Points = Vec<[f64; 3]>;
 
-/// Plans, both runs of the bench, the fit.
+/// Writes the plans, runs both sets of points on the bench and fits the first.
 fn measure_and_fit(
     printer: &Printer,
     folder: &Path,
@@ -110,12 +110,12 @@ fn measure_and_fit(
     Ok((points, fitted))
 }
 
-/// A form of surface: how far its commands are from the full controller's, and what it costs.
+/// A form of surface: the distance of its commands from the full controller's, and its cost.
 struct Form {
     name: String,
     mean: f64,
     p99: f64,
-    /// Of its f64 tape.
+    /// Number of operations of its f64 tape.
     operations: usize,
 }
 
@@ -125,7 +125,7 @@ impl Form {
     }
 }
 
-/// Commands over unseen profiles: the controller with its surfaces, and every form of the study.
+/// Commands over holdout profiles: the controller with its surfaces, and every form of the study.
 fn commands(
     printer: &Printer,
     plant: &PlantFile,
@@ -164,7 +164,7 @@ fn commands(
     Ok(forms)
 }
 
-/// Run-ups from rest with a coarse encoder: full controller, embedded steps.
+/// Run-ups from rest with a coarse encoder: with the full controller and with the embedded steps.
 fn run_ups(printer: &Printer, plant: &PlantFile, paper: &mut Paper) -> Result<[Trace; 2], Refusal> {
     let drive = Drive::default();
     let known = drive.known(plant);
@@ -201,7 +201,7 @@ fn html(
     let [torque, speed] = inputs.map(|input| (input.range[0], input.range[1]));
     let tape = lower::surface(checked, index, Precision::F64);
     let mut interpreter = Interpreter::<f64>::new(&tape);
-    // At no torque the vector has no length, so no angle, wherever nothing is weakened.
+    // At zero torque and without weakening the current vector has no length and thus no angle.
     let mut angle = |torque: f64, speed: f64| Some(interpreter.eval(&[torque, speed]).atan2((torque / k_t).abs()).to_degrees());
     let measured =
         points.iter().filter(|[_, at, _]| (speed.0..=speed.1).contains(at)).map(|[torque, speed, _]| (*torque, *speed));

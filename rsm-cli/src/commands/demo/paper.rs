@@ -1,7 +1,7 @@
-//! The figures of the original work, and ours beside them.
+//! The figures of the original work beside the figures of this demo.
 //!
-//! In: numbers that the demo measured. Out: one JSON object, and one table for the report. The bounds are written here
-//! only. Times are reported and compared with their bounds, but a time on a busy machine is no reason to fail.
+//! In: numbers that the demo measured. Out: one JSON object, and one table for the report. The bounds are written here only. Times are reported and
+//! compared with their bounds, but a missed time is no failure, because the machine may be busy.
 
 use serde_json::{Map, Value, json};
 
@@ -13,7 +13,7 @@ use crate::page::{escaped, figure, known};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Bound {
     /// No bound: the figure is only reported.
-    Told,
+    Reported,
     Equal(f64),
     AtMost(f64),
     Below(f64),
@@ -25,7 +25,7 @@ pub enum Bound {
 impl Bound {
     fn met(self, value: f64) -> Option<bool> {
         match self {
-            Bound::Told => None,
+            Bound::Reported => None,
             Bound::Equal(wanted) => Some(value == wanted),
             Bound::AtMost(most) => Some(value <= most),
             Bound::Below(limit) => Some(value < limit),
@@ -36,7 +36,7 @@ impl Bound {
 
     fn words(self) -> String {
         match self {
-            Bound::Told => "stated".to_string(),
+            Bound::Reported => "stated".to_string(),
             Bound::Equal(wanted) => format!("{wanted}"),
             Bound::AtMost(most) => format!("at most {most}"),
             Bound::Below(limit) => format!("below {limit}"),
@@ -52,7 +52,7 @@ struct Line {
     words: &'static str,
     paper: &'static str,
     bound: Bound,
-    /// Depends on how fast the machine is and what else it does.
+    /// Whether the figure depends on the machine's speed and load.
     is_time: bool,
 }
 
@@ -79,11 +79,11 @@ const LINES: [Line; 24] = [
         "angle_error_mean_deg_second_order",
         "the same, mean, second order in torque and speed as the paper has it, deg",
         "&lt; 1 on its motor",
-        Bound::Told,
+        Bound::Reported,
     ),
-    // 1.06 measured, and it is the same number each time; a tenth above it. The first 20 ms from rest have 1.04 of it: there the embedded step moves
-    // its references at 3 A a period, and the full controller moves them at once. With references that move at once 0.25 is left, most of it beyond
-    // 600 rad/s, where the surface is beside the circle diagram.
+    // Every run gives 1.06; the bound is a tenth above it. The first 20 ms from rest contribute 1.04: the embedded step moves its references at 3 A a
+    // period, and the full controller moves them at once. If both move them at once, 0.25 is left, most of it beyond 600 rad/s, where the surface
+    // differs from the circle diagram.
     line(
         "runup_torque_rms_percent",
         "run-up with a coarse encoder: r.m.s. difference of torque, % of peak",
@@ -92,13 +92,13 @@ const LINES: [Line; 24] = [
     ),
     line("runup_time_percent", "run-up with a coarse encoder: difference of time, %", "not visible", Bound::Below(0.5)),
     time("evaluator_ns", "evaluator of the surface, dependent chain, ns", "", Bound::AtMost(12.0)),
-    time("ratio_solve", "circle-diagram solve over evaluator, time", "", Bound::Told),
-    time("ratio_step", "full controller's 1 kHz step over surface controller's, time", "", Bound::Told),
+    time("ratio_solve", "circle-diagram solve over evaluator, time", "", Bound::Reported),
+    time("ratio_step", "full controller's 1 kHz step over surface controller's, time", "", Bound::Reported),
     time(
         "ratio_simulation",
         "simulation with the full controller over simulation with the surface, time",
         "&gt; 50 against Simulink",
-        Bound::Told,
+        Bound::Reported,
     ),
     time("realtime_factor", "simulated over elapsed time, averaged inverter", "&gt; 10", Bound::AtLeast(100.0)),
     line(
@@ -111,7 +111,7 @@ const LINES: [Line; 24] = [
         "damping_residual_percent_second_order",
         "the same, second order in speed and gear as the paper has it, %",
         "1.65 on its car",
-        Bound::Told,
+        Bound::Reported,
     ),
     line("zeta_mean", "damping ratio of the compensated car without lash, mean over the map", "", Bound::Near(0.70, 0.02)),
     line("zeta_max_residual", "the same, largest residual from 0.70", "", Bound::Below(0.07)),
@@ -119,9 +119,9 @@ const LINES: [Line; 24] = [
         "zeta_mean_lash",
         "damping ratio of the compensated car with 3 degrees of lash, mean over the map",
         "0.68",
-        Bound::Told,
+        Bound::Reported,
     ),
-    line("zeta_max_residual_lash", "the same, largest residual from 0.70", "0.07", Bound::Told),
+    line("zeta_max_residual_lash", "the same, largest residual from 0.70", "0.07", Bound::Reported),
     line(
         "overshoot_ratio_worst_lash",
         "overshoot compensated over uncompensated, worst run, with lash",
@@ -132,11 +132,11 @@ const LINES: [Line; 24] = [
         "rise_time_ratio",
         "rise time to 90 % of the acceleration, compensated over uncompensated, mean, with lash",
         "\"a small amount\"",
-        Bound::Told,
+        Bound::Reported,
     ),
-    time("ticks", "ticks of the 1 kHz loop that ran", "", Bound::Told),
-    time("ticks_late", "ticks that started after their period, and were caught up", "", Bound::Told),
-    time("deadlines_missed", "ticks that ended after their period", "", Bound::Told),
+    time("ticks", "ticks of the 1 kHz loop that ran", "", Bound::Reported),
+    time("ticks_late", "ticks that started after their period, and were caught up", "", Bound::Reported),
+    time("deadlines_missed", "ticks that ended after their period", "", Bound::Reported),
     time("under_runs", "commands later than a buffer of 150 ms can hide", "none", Bound::Equal(0.0)),
 ];
 
@@ -147,10 +147,10 @@ pub struct Paper {
 }
 
 impl Paper {
-    /// Notes a figure.
+    /// Stores a figure.
     ///
     /// # Panics
-    /// When the key is not in the table, or was noted before.
+    /// When the key is not in the table, or has been stored before.
     pub fn note(&mut self, key: &'static str, value: f64) {
         assert!(LINES.iter().any(|line| line.key == key), "`{key}` is no key of the table");
         assert!(self.value(key).is_none(), "`{key}` is noted twice");
@@ -181,7 +181,7 @@ impl Paper {
 
     /// The three numbers at the beginning of the report: the error of each surface, and the missed samples of the real-time loop.
     pub fn numbers(&self) -> [Number; 3] {
-        let told = |key: &str, of: &str, unit: &str, from: &str| {
+        let number = |key: &str, of: &str, unit: &str, from: &str| {
             let value = self.value(key).map_or("not measured".to_string(), |value| {
                 // A count has no decimals.
                 let figures = if value.fract() == 0.0 { short(value) } else { known(value, 0.0) };
@@ -190,19 +190,19 @@ impl Paper {
             Number::new(of, value, from)
         };
         [
-            told(
+            number(
                 "angle_error_mean_deg",
                 "Motor: error of the advance angle",
                 " deg",
                 "mean difference from the full controller where the flux is weakened, on profiles that were not fitted; below 0.5 deg wanted",
             ),
-            told(
+            number(
                 "damping_residual_percent",
                 "Car: error of the damping surface",
                 " %",
                 "mean residual on runs that were not fitted, of the mean damping ratio; the original work has 1.65 %",
             ),
-            told("under_runs", "Real time: late commands", "", "later than a buffer of 150 ms can hide; expected: none"),
+            number("under_runs", "Real time: late commands", "", "later than a buffer of 150 ms can hide; expected: none"),
         ]
     }
 

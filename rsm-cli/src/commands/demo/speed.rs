@@ -1,7 +1,7 @@
-//! Times of the motor's controllers, each ratio within one run.
+//! Times of the motor's controllers. Both times of a ratio are measured in the same run.
 //!
-//! In: the plant. Out: nanoseconds and ratios. The compared functions run in turns for many rounds, and the medians are
-//! taken, so that other load of the machine affects both alike. Each call waits for the one before it.
+//! In: the plant. Out: nanoseconds and ratios. The compared functions run in turns for many rounds, and the medians are taken, so that other load of
+//! the machine affects both alike. The argument of each call depends on the result of the call before it.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -25,29 +25,30 @@ mod embedded {
     rsm_macros::include_model!("../generated/coefficients/motor.toml", precision = "f32");
 }
 
-/// Rounds of the short works, of which the median is taken.
+/// Number of rounds for the short functions; the median of the rounds is taken.
 const ROUNDS: usize = 101;
 
-/// Calls a round: 4,000 of some 10 ns are far above the clock's resolution (some 25 ns), and of some 100 ns still short enough that few rounds are
-/// interrupted.
+/// Calls a round. 4,000 calls of about 10 ns take far longer than the clock's resolution (about 25 ns). 4,000 calls of about 100 ns are still so
+/// short that few rounds are interrupted.
 const CALLS: usize = 4_000;
 
-/// Rounds of whole simulations, and seconds that each simulates.
+/// Rounds of whole simulations, and the simulated time of each in s.
 const SIMULATIONS: usize = 5;
 const SIMULATED_S: f64 = 4.0;
 
-/// Where the controllers are timed: half torque, in the weakening region.
+/// The operating point of the timed controllers: half torque, in the weakening region.
 const TORQUE_NM: f64 = 8.0;
 const SPEED_RAD_S: f64 = 650.0;
 const BUS_V: f64 = 270.0;
 
-/// What was measured.
+/// The measured times.
 pub struct Times {
     evaluator_ns: f64,
     solve_ns: f64,
     surface_step_ns: f64,
     full_step_ns: f64,
-    /// Simulated over elapsed time with the surface's controller.
+    /// Simulated time over elapsed time: with an averaged inverter and the surface's controller; then with the full controller; then with a switched
+    /// inverter.
     averaged: f64,
     averaged_full: f64,
     switched: f64,
@@ -81,7 +82,7 @@ impl Times {
     }
 }
 
-/// Nanoseconds a call of works that take turns: the median of the rounds for each.
+/// Nanoseconds a call for functions that run in turns: the median of the rounds for each.
 fn in_turns<const N: usize>(mut works: [&mut dyn FnMut(); N]) -> [f64; N] {
     let mut times = [const { Vec::new() }; N];
     for _ in 0..ROUNDS {
@@ -99,8 +100,8 @@ fn median(mut times: Vec<f64>) -> f64 {
     times[times.len() / 2]
 }
 
-/// A chain of calls, each with an argument that waits for the last result and is always `start`: it takes the sign of a result that is never
-/// negative. That costs two operations on bits, as in the chain of `bench/`, and stays in the registers of the floating-point unit.
+/// A chain of calls. Each argument depends on the last result but always equals `start`: it takes the sign of the result, which is never negative.
+/// That costs two operations on bits, as in the chain of `bench/`, and stays in the registers of the floating-point unit.
 fn chain(start: f64, mut call: impl FnMut(f64) -> f64) {
     let start = black_box(start);
     let mut argument = start;
@@ -110,7 +111,7 @@ fn chain(start: f64, mut call: impl FnMut(f64) -> f64) {
     assert_eq!(black_box(argument).to_bits(), start.to_bits(), "a result was negative");
 }
 
-/// The same in single precision, as the embedded evaluator has it.
+/// The same in single precision, as the embedded evaluator uses it.
 fn chain_f32(start: f32, mut call: impl FnMut(f32) -> f32) {
     let start = black_box(start);
     let mut argument = start;
@@ -120,7 +121,7 @@ fn chain_f32(start: f32, mut call: impl FnMut(f32) -> f32) {
     assert_eq!(black_box(argument).to_bits(), start.to_bits(), "a result was negative");
 }
 
-/// Measures, tells and notes.
+/// Measures the times, prints them and stores them among the figures.
 pub fn measure(printer: &Printer, plant: &PlantFile, paper: &mut Paper) -> Result<Times, Refusal> {
     let drive = Drive::default();
     let known = drive.known(plant);
@@ -130,7 +131,7 @@ pub fn measure(printer: &Printer, plant: &PlantFile, paper: &mut Paper) -> Resul
     let demand = |torque_nm: f64| Demand { torque_nm, speed_rad_s: black_box(SPEED_RAD_S), bus_voltage_v: BUS_V };
     let [evaluator_ns, masked_ns, solve_ns, surface_step_ns, full_step_ns] = in_turns([
         &mut || {
-            // Each result is the next torque, and nothing else is in the chain: the evaluator takes the same time for every argument.
+            // Each result is the next torque, without any other operation in the chain: the time of the evaluator does not depend on its argument.
             let last = (0..CALLS).fold(TORQUE_NM as f32, |torque, _| {
                 embedded::motor::weakening_current_f32(torque, black_box(SPEED_RAD_S as f32))
             });
@@ -156,7 +157,7 @@ pub fn measure(printer: &Printer, plant: &PlantFile, paper: &mut Paper) -> Resul
     let times = Times { evaluator_ns, solve_ns, surface_step_ns, full_step_ns, averaged, averaged_full, switched };
 
     paper.note("evaluator_ns", evaluator_ns);
-    // The solve takes its time by its argument, so both are timed at one: with the mask.
+    // The time of the solve depends on its argument, so both are timed at the same argument: in the chain that takes only the sign.
     paper.note("ratio_solve", solve_ns / masked_ns);
     paper.note("ratio_step", full_step_ns / surface_step_ns);
     paper.note("ratio_simulation", averaged / averaged_full);

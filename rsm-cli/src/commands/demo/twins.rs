@@ -1,6 +1,6 @@
 //! Compiles the emitted C and Rust with the machine's compilers and compares their results with the interpreter's, bit for bit.
 //!
-//! Each twin is a program around the emitted file: it reads points from standard input as raw numbers and writes results likewise.
+//! Each twin is a program around the emitted file: it reads points from standard input as raw numbers and writes the results in the same way.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -12,16 +12,16 @@ use rsm_core::run::Interpreter;
 
 use crate::outcome::Refusal;
 
-/// Points for each function: a few hundred would be enough for corners and special values, the others test the arithmetic between them.
+/// Points for each function: a few hundred would be enough for corners and special values; the others test the arithmetic between them.
 const POINTS: usize = 100_000;
 
 /// The result of one compiler.
 pub struct Verdict {
-    /// What compiled it: `cc -O2`.
+    /// The compiler with its option: `cc -O2`.
     pub compiler: String,
-    /// How many results were compared.
+    /// Number of compared results.
     pub compared: usize,
-    /// How many differed in their bits (NaN equals NaN).
+    /// Number of results whose bits differ (NaN equals NaN).
     pub different: usize,
 }
 
@@ -42,7 +42,7 @@ fn surfaces(unit: &Unit) -> impl Iterator<Item = &Function> {
     unit.functions.iter().filter(|function| function.kind == Kind::Surface)
 }
 
-/// Compiles, and gives the reason when that is not possible.
+/// Compiles a program. The error is the reason why that is not possible.
 fn compile(command: &mut Command, program: PathBuf) -> Result<PathBuf, String> {
     match command.output() {
         Err(error) => Err(format!("cannot be started: {error}")),
@@ -153,7 +153,7 @@ fn judge(unit: &Unit, compiler: &str, program: &Path) -> Result<Verdict, Refusal
     Ok(verdict)
 }
 
-/// All NaN are one.
+/// Replaces every NaN by the same bits.
 fn canonical(bits: u64, precision: Precision) -> u64 {
     let is_nan = match precision {
         Precision::F64 => f64::from_bits(bits).is_nan(),

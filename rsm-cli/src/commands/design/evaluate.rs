@@ -1,4 +1,4 @@
-//! `rsm design --evaluate`: what the runs of a design can determine, in words or as JSON.
+//! `rsm design --evaluate`: the terms that the runs of a design can determine, in words or as JSON.
 //!
 //! In: an evaluation. Out: standard output. The answer is negative if a term cannot be estimated.
 
@@ -11,10 +11,10 @@ use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 use crate::page::number::with_unit;
 
-/// Factors of the alias matrix of at least this size are printed in words. JSON has all.
+/// Entries of the alias matrix of at least this size are printed in words. JSON has all.
 const LEAST_ALIAS: f64 = 0.1;
 
-/// The largest number of names in a line of words.
+/// The largest number of names in a printed line.
 const MOST_NAMES: usize = 8;
 
 /// Prints an evaluation. `file`: the runs, if they are not those of the specification.

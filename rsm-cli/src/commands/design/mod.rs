@@ -1,7 +1,7 @@
 //! `rsm design`: from a design specification to a plan in random run order, or to its evaluation.
 //!
-//! In: a design specification. Out: a CSV `run[1],factor[unit],...`, whole or absent; with `--evaluate` what the runs can determine. The same
-//! specification gives the same bytes.
+//! In: a design specification. Out: a CSV `run[1],factor[unit],...`, complete or not written at all; with `--evaluate` the evaluation of the design.
+//! The same specification gives the same bytes.
 
 mod evaluate;
 
@@ -51,11 +51,11 @@ pub fn run(arguments: &Arguments) -> Outcome {
     };
     if arguments.evaluate.is_some() {
         let runs = existing.map_or_else(|| Runs::of(&plan), |existing| Runs::of_augmented(&plan, &existing));
-        // Evaluated first: if that is refused, no file is written.
+        // The evaluation comes first: if it is refused, no file is written.
         let evaluation = specification.evaluate(&runs)?;
         if let Some(out) = &arguments.out {
             output::write_all(&[(out.clone(), plan.csv())])?;
-            tell!("{}: {} runs", out.display(), plan.runs.len());
+            stderr_line!("{}: {} runs", out.display(), plan.runs.len());
         }
         return evaluate::print(&specification, &evaluation, None, arguments.json);
     }
@@ -109,15 +109,15 @@ pub fn run(arguments: &Arguments) -> Outcome {
         let (runs, points) = (plan.runs.len(), plan.points());
         if let Some(fraction) = fraction {
             let resolution = fraction.resolution().map_or("full".to_string(), |length| length.to_string());
-            tell!("resolution {resolution}; aliased effects:");
+            stderr_line!("resolution {resolution}; aliased effects:");
             for class in effects(fraction) {
-                tell!("  {}", class.join(" = "));
+                stderr_line!("  {}", class.join(" = "));
             }
         }
-        tell!("{out}: {runs} runs of {points} points in {}, {}", names.join(", "), specification.design.name());
+        stderr_line!("{out}: {runs} runs of {points} points in {}, {}", names.join(", "), specification.design.name());
     }
     if let Some(kept) = &plan.kept {
-        tell!("warning: {}", kept.words(specification.design.name()));
+        stderr_line!("warning: {}", kept.words(specification.design.name()));
     }
     Ok(Answer::Positive)
 }

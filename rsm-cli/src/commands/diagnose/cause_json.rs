@@ -1,7 +1,6 @@
 //! The JSON of causes and errors, the same for a surface and for a plant (docs/book/src/reference/formats.md 4.3).
 //!
-//! In: what a diagnosis says of a cause, in its own types. Out: values, with the keys in one order. Never a figure that is not finite: null stands
-//! for it.
+//! In: the results for a cause, in the types of its diagnosis. Out: values, with the keys in one order. A number that is not finite becomes null.
 
 use serde_json::{Map, Value, json};
 
@@ -14,38 +13,38 @@ pub(super) type Keys = Vec<(&'static str, Value)>;
 pub(super) struct CauseJson<'a> {
     /// The kind.
     pub(super) kind: &'a str,
-    /// Where a reader of JSON looks for it: the response of a surface, with its subject.
+    /// The keys that identify the cause in addition to its kind: the response of a surface, with its subject.
     pub(super) place: Keys,
-    /// Its numbers by name.
+    /// Its parameters by name.
     pub(super) numbers: Vec<(String, Value)>,
-    /// What else there is to know of it.
+    /// Further keys of this kind of cause.
     pub(super) details: Keys,
-    /// The probability that it is right,
+    /// The probability that it is right.
     pub(super) confidence: f64,
-    /// and that it or one of its equals is.
+    /// The probability that it, or a cause that cannot be distinguished from it, is right.
     pub(super) confidence_of_any: f64,
-    /// Its equals.
+    /// The causes that cannot be distinguished from it.
     pub(super) indistinguishable_from: &'a [String],
-    /// What follows: where it holds, what speaks for it, words.
+    /// The last keys: regions, evidence, sentences.
     pub(super) evidence: Keys,
 }
 
 impl CauseJson<'_> {
     /// The cause as JSON.
     pub(super) fn value(self) -> Value {
-        let mut one: Map<String, Value> = Map::new();
-        let mut tell = |keys: Keys| one.extend(keys.into_iter().map(|(key, value)| (key.to_string(), value)));
-        tell(vec![("kind", json!(self.kind))]);
-        tell(self.place);
-        tell(vec![("parameters", Value::Object(self.numbers.into_iter().collect()))]);
-        tell(self.details);
-        tell(vec![
+        let mut object: Map<String, Value> = Map::new();
+        let mut add = |keys: Keys| object.extend(keys.into_iter().map(|(key, value)| (key.to_string(), value)));
+        add(vec![("kind", json!(self.kind))]);
+        add(self.place);
+        add(vec![("parameters", Value::Object(self.numbers.into_iter().collect()))]);
+        add(self.details);
+        add(vec![
             ("confidence", json!(finite(self.confidence))),
             ("confidence_of_any", json!(finite(self.confidence_of_any))),
             ("indistinguishable_from", json!(self.indistinguishable_from)),
         ]);
-        tell(self.evidence);
-        Value::Object(one)
+        add(self.evidence);
+        Value::Object(object)
     }
 }
 
@@ -54,7 +53,7 @@ pub(super) fn number(value: f64, low: f64, high: f64, unit: &str) -> Value {
     json!({ "value": finite(value), "low": finite(low), "high": finite(high), "unit": unit })
 }
 
-/// Rivals, with how far they are behind.
+/// Rivals, each with the difference of its gain.
 pub(super) fn rivals(list: &[(String, f64)]) -> Value {
     list.iter().map(|(label, behind)| json!({ "cause": label, "behind": finite(*behind) })).collect()
 }
@@ -64,7 +63,7 @@ pub(super) fn error(rmse: f64, noise_ratio: f64) -> Value {
     json!({ "rmse": finite(rmse), "noise_ratio": finite(noise_ratio) })
 }
 
-/// Errors by name, on the rows that judged and on test rows where there are any.
+/// Errors by name: on the rows that choose the causes, and on test rows if there are any.
 pub(super) fn errors(
     validate: impl Iterator<Item = (String, Value)>,
     test: Option<impl Iterator<Item = (String, Value)>>,

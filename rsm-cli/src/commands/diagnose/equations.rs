@@ -1,6 +1,6 @@
 //! Errors of the plant's equations, evaluated with the recorded signals, for the report and as JSON.
 //!
-//! In: what the screen by equation error found. Out: sentences and a value. Decides nothing.
+//! In: the results of the screen by equation error. Out: sentences and a value. Decides nothing.
 
 use rsm_diagnose::plant::equations::{EquationScreen, Term};
 use serde_json::{Map, Value, json};
@@ -9,27 +9,27 @@ use crate::output;
 use crate::page::figure;
 
 /// As JSON.
-pub fn value(it: &EquationScreen) -> Value {
-    let terms = it.terms.iter().map(|term| {
+pub fn value(screen: &EquationScreen) -> Value {
+    let terms = screen.terms.iter().map(|term| {
         let numbers = term.entry.arguments.numbers.iter();
         let numbers: Map<String, Value> =
             numbers.map(|(name, value)| ((*name).to_string(), json!(output::finite(*value)))).collect();
         json!({ "cause": term.label, "numbers": numbers, "left": output::finite(term.left) })
     });
-    json!({ "of": it.equations, "calibrated": output::finite(it.calibrated), "terms": terms.collect::<Vec<Value>>() })
+    json!({ "of": screen.equations, "calibrated": output::finite(screen.calibrated), "terms": terms.collect::<Vec<Value>>() })
 }
 
 /// One sentence for each term; none if calibration alone explains the error.
-pub fn sentences(it: &EquationScreen) -> Vec<String> {
+pub fn sentences(screen: &EquationScreen) -> Vec<String> {
     let sentence = |term: &Term| {
         let numbers = term.entry.arguments.numbers.iter();
         let numbers: Vec<String> = numbers.map(|(name, value)| format!("{name} {}", figure(Some(*value)))).collect();
-        let left = 100.0 * term.left;
+        let remaining = 100.0 * term.left;
         format!(
-            "{} ({}): with this term, {left:.2} % of the equation error of the plant file remains.",
+            "{} ({}): with this term, {remaining:.2} % of the equation error of the plant file remains.",
             term.label,
             numbers.join(", ")
         )
     };
-    it.terms.iter().map(sentence).collect()
+    screen.terms.iter().map(sentence).collect()
 }

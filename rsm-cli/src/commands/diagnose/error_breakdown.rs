@@ -1,4 +1,4 @@
-//! Further keys of docs/book/src/reference/formats.md 4.3: evidence, calibration, what is left and its correction, as JSON.
+//! Further keys of docs/book/src/reference/formats.md 4.3: evidence, calibration, the remaining error and its correction, as JSON.
 //!
 //! In: a diagnosis. Out: values of diagnosis.json, and correction.toml. Decides nothing.
 
@@ -14,7 +14,7 @@ use crate::output::finite;
 /// The name of the model file beside diagnosis.json.
 pub const CORRECTION: &str = "correction.toml";
 
-/// Lines of `where` and `left`.
+/// The largest number of entries of `where` and `left`.
 const LINES: usize = 16;
 
 /// Regions as a list.
@@ -30,14 +30,14 @@ pub fn regions(kind: PlantKind, regions: &[Region]) -> Value {
 
 /// Evidence for and against a cause, and how to check it.
 pub fn evidence(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Value {
-    let it = evidence::of(kind, found, cause);
+    let sentences = evidence::of(kind, found, cause);
     json!({
-        "for": it.supports, "against": it.speaks_against, "check": cause.check, "gain": finite(cause.gain),
+        "for": sentences.supports, "against": sentences.speaks_against, "check": cause.check, "gain": finite(cause.gain),
         "rivals": cause_json::rivals(&cause.rivals), "rivals_asked": cause.rivals_tested,
     })
 }
 
-/// Parameters that moved within their tolerances.
+/// Calibrated parameters: each moved within its tolerance.
 pub fn calibration(found: &Diagnosis) -> Value {
     let each = found.error_breakdown.calibration.iter().map(|it| {
         let value = json!({
@@ -49,7 +49,7 @@ pub fn calibration(found: &Diagnosis) -> Value {
     Value::Object(each.collect::<Map<String, Value>>())
 }
 
-/// The correction: null where none was tried; without a file where none gains.
+/// The correction: null if none was tried; without a file if none gains.
 pub fn correction(kind: PlantKind, found: &Diagnosis) -> Value {
     match &found.error_breakdown.correction {
         None => Value::Null,
@@ -70,7 +70,7 @@ pub fn correction(kind: PlantKind, found: &Diagnosis) -> Value {
     }
 }
 
-/// correction.toml, where there is one.
+/// The text of correction.toml, if a correction gains.
 pub fn correction_file(found: &Diagnosis) -> Option<String> {
     match &found.error_breakdown.correction {
         Some(CorrectionResult::Useful(it)) => Some(rsm_core::model_file::write(&it.model)),

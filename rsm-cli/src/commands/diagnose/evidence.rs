@@ -11,10 +11,10 @@ use super::words;
 use crate::page::{figure, multiple};
 
 /// An interval is called wide if its half width is at least this share of the value.
-const WIDE: f64 = 0.3;
+const WIDE_INTERVAL: f64 = 0.3;
 
 /// A parameter is called close to its limit if it used this share of its two standard deviations of tolerance.
-const PRESSED: f64 = 1.8;
+const NEAR_LIMIT: f64 = 1.8;
 
 /// Sentences for and against a cause.
 pub struct Evidence {
@@ -24,29 +24,29 @@ pub struct Evidence {
 
 /// Evidence for and against a cause.
 pub fn of(kind: PlantKind, found: &Diagnosis, cause: &Cause) -> Evidence {
-    let mut it = Evidence { supports: Vec::new(), speaks_against: Vec::new() };
-    errors(kind, found, cause, &mut it);
-    rivals(cause, &mut it);
-    numbers(cause, &mut it);
-    constants(found, &mut it);
+    let mut evidence = Evidence { supports: Vec::new(), speaks_against: Vec::new() };
+    errors(kind, found, cause, &mut evidence);
+    rivals(cause, &mut evidence);
+    numbers(cause, &mut evidence);
+    constants(found, &mut evidence);
     if found.verdict == Verdict::Unexplained {
-        let words = format!(
+        let sentence = format!(
             "The residuals have structure that nothing in the catalogue explains (error {} times the noise with this cause): the parameters of this cause may be biased by it.",
             multiple(found.times_noise())
         );
-        it.speaks_against.push(words);
+        evidence.speaks_against.push(sentence);
     }
-    it
+    evidence
 }
 
-fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) {
+fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, evidence: &mut Evidence) {
     if let ("sensor-quantisation", Some(step)) = (cause.kind, cause.parameters.first()) {
         let words = format!(
             "Its readings are multiples of {} {}: only rounding produces such readings.",
             figure(Some(step.value)),
             step.unit
         );
-        it.supports.push(words);
+        evidence.supports.push(words);
     }
     let Some(contribution) = &cause.contribution else { return };
     let records = if found.error_breakdown.unseen { "validation records" } else { "the records of the fit" };
@@ -57,80 +57,90 @@ fn errors(kind: PlantKind, found: &Diagnosis, cause: &Cause, it: &mut Evidence) 
     };
     let [moved, worse] = contribution.changes().each_ref().map(words);
     if !moved.is_empty() {
-        it.supports.push(format!("On {records} it lowers the error, in multiples of the noise: {}.", moved.join(", ")));
+        evidence.supports.push(format!("On {records} it lowers the error, in multiples of the noise: {}.", moved.join(", ")));
     }
     if !worse.is_empty() {
-        it.speaks_against.push(format!("On {records} it raises the error, in multiples of the noise: {}.", worse.join(", ")));
+        evidence
+            .speaks_against
+            .push(format!("On {records} it raises the error, in multiples of the noise: {}.", worse.join(", ")));
     }
     let (none, all) = (contribution.without_gain(), contribution.records.len());
     let judged = if found.error_breakdown.unseen { "validation record" } else { "record of the fit" };
     let plural = if all == 1 { "" } else { "s" };
     if none.is_empty() {
         let each = if all == 1 { "The only".to_string() } else { format!("Every one of the {all}") };
-        it.supports.push(format!("{each} {judged}{plural} is simulated better with it than without."));
+        evidence.supports.push(format!("{each} {judged}{plural} is simulated better with it than without."));
     } else {
-        it.speaks_against.push(format!("{} of {all} {judged}{plural} gain nothing from it: {}.", none.len(), none.join(", ")));
+        evidence.speaks_against.push(format!(
+            "{} of {all} {judged}{plural} gain nothing from it: {}.",
+            none.len(),
+            none.join(", ")
+        ));
     }
     if let Some(place) = contribution.wrong_regions.first() {
-        it.supports.push(format!("Without it {}.", words::place(kind, place)));
+        evidence.supports.push(format!("Without it {}.", words::place(kind, place)));
     }
     if !found.error_breakdown.unseen {
-        it.speaks_against.push("There is no validation record: the gain is computed on the records of the fit.".to_string());
+        evidence
+            .speaks_against
+            .push("There is no validation record: the gain is computed on the records of the fit.".to_string());
     }
 }
 
-fn rivals(cause: &Cause, it: &mut Evidence) {
+fn rivals(cause: &Cause, evidence: &mut Evidence) {
     if !cause.indistinguishable_from.is_empty() {
         let names = cause.indistinguishable_from.join(", ");
-        it.speaks_against.push(format!(
+        evidence.speaks_against.push(format!(
             "These records do not distinguish it from {names}: a simulation with that in its place fits equally well."
         ));
     }
     let behind = cause.rivals.iter().find(|(name, _)| !cause.indistinguishable_from.contains(name));
     match behind {
-        Some((name, behind)) => it.supports.push(format!(
+        Some((name, behind)) => evidence.supports.push(format!(
             "The best alternative, {name}, in its place and with all parameters fitted again, gains {:.0} % of what this cause gains.",
-            // A rival that was fitted badly may do worse than nothing.
+            // A rival whose fit did not converge may even increase the error.
             100.0 * (1.0 - behind / cause.gain).max(0.0)
         )),
         _ if !cause.rivals_tested => {
             let words = "Alternatives in its place were not tested: the search reached its work limit before.";
-            it.speaks_against.push(words.to_string());
+            evidence.speaks_against.push(words.to_string());
         }
         None if cause.indistinguishable_from.is_empty() && cause.contribution.is_some() => {
-            it.supports.push("No other entry of the catalogue had a first-order gain large enough to be fitted in its place.".to_string());
+            evidence.supports.push("No other entry of the catalogue had a first-order gain large enough to be fitted in its place.".to_string());
         }
         None => {}
     }
-    // What half of the evidence would be is a coin.
+    // Below 0.5 the cause is more probably wrong than right.
     if cause.confidence < 0.5 {
-        it.speaks_against.push(format!(
+        evidence.speaks_against.push(format!(
             "Its rivals and causes outside the catalogue are together more probable than this cause: confidence {:.2}.",
             cause.confidence
         ));
     }
 }
 
-fn numbers(cause: &Cause, it: &mut Evidence) {
+fn numbers(cause: &Cause, evidence: &mut Evidence) {
     for number in &cause.parameters {
         let Some(share) = Cause::relative_error(number) else { continue };
         let unit = if number.unit == "1" { String::new() } else { format!(" {}", number.unit) };
-        let words = format!("{} = {}{unit} +- {} % (95 %)", number.name, figure(Some(number.value)), percent(share));
-        if share < WIDE {
-            it.supports.push(format!("Its parameter is well determined: {words}."));
+        let text = format!("{} = {}{unit} +- {} % (95 %)", number.name, figure(Some(number.value)), percent(share));
+        if share < WIDE_INTERVAL {
+            evidence.supports.push(format!("Its parameter is well determined: {text}."));
         } else {
-            it.speaks_against.push(format!("Its parameter is poorly determined: {words}."));
+            evidence.speaks_against.push(format!("Its parameter is poorly determined: {text}."));
         }
     }
 }
 
-fn constants(found: &Diagnosis, it: &mut Evidence) {
+fn constants(found: &Diagnosis, evidence: &mut Evidence) {
     let Some(most) = found.moved_most() else { return };
-    let words = format!("{} moved most, by {:.1} standard deviations of its tolerance", most.name, most.sds.abs());
-    if most.sds.abs() < PRESSED {
-        it.supports.push(format!("The constants of the plant stay within the tolerances of the plant file: {words}."));
+    let text = format!("{} moved most, by {:.1} standard deviations of its tolerance", most.name, most.sds.abs());
+    if most.sds.abs() < NEAR_LIMIT {
+        evidence.supports.push(format!("The constants of the plant stay within the tolerances of the plant file: {text}."));
     } else {
-        it.speaks_against.push(format!("A constant of the plant is at the limit of its tolerance in the plant file: {words}."));
+        evidence
+            .speaks_against
+            .push(format!("A constant of the plant is at the limit of its tolerance in the plant file: {text}."));
     }
 }
 

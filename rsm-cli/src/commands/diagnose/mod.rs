@@ -1,8 +1,9 @@
-//! `rsm diagnose`: what a simulation gets wrong, the cause, the extended plant, the gain.
+//! `rsm diagnose`: finds errors of a simulation, their causes, the extended plant and the gain.
 //!
-//! In: a plant file, training, validation and test records. Out: one JSON object, and with `--out` diagnosis.json, extended.toml, report.html,
-//! correction.toml where a black box gains, law.toml where a law that is in no textbook acts, next_experiment.csv where causes are not to be told apart, and with `--refit` the folder refit, whole or
-//! absent. Every verdict is an answer: exit status 0. A model file with new data goes to [`surface`].
+//! In: a plant file, training, validation and test records. Out: one JSON object, and with `--out` the files diagnosis.json, extended.toml,
+//! report.html; correction.toml if a black-box correction gains; law.toml and law-effect.toml if a law that is in no textbook acts;
+//! next_experiment.csv if causes cannot be distinguished; with `--refit` the folder refit. The files are complete or not written at all. Every verdict
+//! is an answer: exit status 0. A model file with new data goes to [`surface`].
 
 mod cause_json;
 mod equations;
@@ -113,7 +114,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         ProgressStyle::with_template("{elapsed} {spinner} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner()),
     );
     bar.enable_steady_tick(std::time::Duration::from_millis(200));
-    let progress = |words: &str| bar.set_message(words.to_string());
+    let progress = |message: &str| bar.set_message(message.to_string());
     let options = Options { threads: threads(), progress: &progress };
     let found = plant::diagnose_and_test(&plant, &training, &validation, &test, &options);
     let found = found.map_err(|why| Refusal::new(format!("{}: {why}", arguments.plant.display())))?;
@@ -136,12 +137,12 @@ pub fn run(arguments: &Arguments) -> Outcome {
     let mut value = value(plant.kind, &found);
     let mut page_words: &[String] = &[];
     if let Some(refitted) = &refitted {
-        let what = match refitted {
+        let refit_value = match refitted {
             Ok(refitted) => refitted.value.clone(),
-            // The diagnosis stands all the same.
+            // The diagnosis is valid without the refit.
             Err(why) => json!({ "failed": why.to_string() }),
         };
-        value["refit"] = what;
+        value["refit"] = refit_value;
         page_words = refitted.as_ref().map_or(&[], |refitted| &refitted.words);
     }
     if let Some(folder) = &arguments.out {
@@ -165,11 +166,11 @@ pub fn run(arguments: &Arguments) -> Outcome {
     if arguments.json {
         output::json(&value)?;
     }
-    words::tell(&found, plant.kind, began.elapsed().as_secs_f64());
+    words::print(&found, plant.kind, began.elapsed().as_secs_f64());
     match refitted {
-        Some(Ok(refitted)) => refitted.words.iter().for_each(|line| tell!("  {line}")),
+        Some(Ok(refitted)) => refitted.words.iter().for_each(|line| stderr_line!("  {line}")),
         Some(Err(why)) => {
-            tell!("  The extended plant could not be refitted: {why}");
+            stderr_line!("  The extended plant could not be refitted: {why}");
             return Ok(Answer::Negative);
         }
         None => {}
@@ -190,14 +191,14 @@ fn plant_file(source: &Source, arguments: &Arguments) -> Result<PlantFile, Refus
     Ok(equation_plant::read_with(source, &open, &plants::catalogue(arguments.effects.as_deref())?)?)
 }
 
-/// The files that a plant file names, for the folder of the extended one, which names them without a folder.
+/// The files that a plant file refers to. They are copied beside the extended plant file, which refers to them without a folder.
 fn named_files(plant: &PlantFile) -> Vec<(String, String)> {
     let PlantKind::Equations(kind) = plant.kind else { return Vec::new() };
     let last = |name: &str| name.rsplit_once('/').map_or(name, |it| it.1).to_string();
     kind.files.iter().map(|(name, text)| (last(name), text.clone())).collect()
 }
 
-/// Whether the file is a model: it has the key `model`, as a plant file has `plant`. Flags that belong to the other kind are refused.
+/// Whether the file is a model file (it has the key `model`) or a plant file (key `plant`). Options that belong to the other kind are refused.
 fn is_model(source: &Source, arguments: &Arguments) -> Result<bool, Refusal> {
     if plants::is_equations(source) {
         return Ok(false);
@@ -227,7 +228,7 @@ fn is_model(source: &Source, arguments: &Arguments) -> Result<bool, Refusal> {
     }
 }
 
-/// The effects of the plant file, judged.
+/// The effects that the plant file contains, each with its test against the records.
 fn claims(found: &Diagnosis) -> Vec<Value> {
     let one = |claim: &plant::claims::Claim| {
         let numbers: Map<String, Value> = claim
@@ -261,7 +262,7 @@ fn findings(list: &[Finding]) -> Vec<Value> {
     each.collect()
 }
 
-/// Columns in another unit, as findings about all records.
+/// Columns whose unit is not the stated one, as findings about all records.
 fn in_other_units(list: &[WrongUnit]) -> Vec<Value> {
     let finding = |it: &WrongUnit, column: &str| {
         json!({
@@ -271,7 +272,7 @@ fn in_other_units(list: &[WrongUnit]) -> Vec<Value> {
     list.iter().flat_map(|it| it.columns.iter().map(move |column| finding(it, column))).collect()
 }
 
-/// docs/book/src/reference/formats.md 4.3.
+/// The object of docs/book/src/reference/formats.md 4.3.
 pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
     let cause_value = |cause: &Cause| {
         let details = match cause.of {

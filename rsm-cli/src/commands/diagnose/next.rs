@@ -30,8 +30,8 @@ pub fn sentence(found: &Diagnosis) -> Option<String> {
     Some(match found.next.as_ref()? {
         NextExperiment::Distinguishes { excitation, differences } => {
             let record = record(excitation);
-            let (told, not): (Vec<&Difference>, Vec<&Difference>) = differences.iter().partition(|it| it.enough);
-            let told: Vec<String> = told
+            let (distinguished, others): (Vec<&Difference>, Vec<&Difference>) = differences.iter().partition(|it| it.enough);
+            let distinguished: Vec<String> = distinguished
                 .iter()
                 .map(|it| format!("{} from {} ({:.2} times the noise)", it.cause, it.rival, it.times_noise))
                 .collect();
@@ -39,10 +39,10 @@ pub fn sentence(found: &Diagnosis) -> Option<String> {
                 "Make the record \"{}\" ({}; {record}, in {FILE}): it would distinguish {}.",
                 excitation.name,
                 excitation.words,
-                told.join(", and ")
+                distinguished.join(", and ")
             );
-            if !not.is_empty() {
-                let pairs: Vec<String> = not.iter().map(|it| format!("{} from {}", it.cause, it.rival)).collect();
+            if !others.is_empty() {
+                let pairs: Vec<String> = others.iter().map(|it| format!("{} from {}", it.cause, it.rival)).collect();
                 text += &format!(" It would not distinguish {}.", pairs.join(", nor "));
             }
             text
@@ -75,7 +75,7 @@ fn record(excitation: &Excitation) -> String {
     format!("{} rows of {} s", record.rows(), record.period)
 }
 
-/// The same for programs; null where there is nothing to do.
+/// The same as JSON; null if no experiment is proposed.
 pub fn value(found: &Diagnosis) -> Value {
     let pairs = |differences: &[Difference]| -> Vec<Value> {
         let each = differences.iter().map(|it| {

@@ -1,7 +1,7 @@
-//! `rsm diagnose MODEL.toml --data`: a fitted surface against new data.
+//! `rsm diagnose MODEL.toml --data`: compares a fitted surface with new data.
 //!
-//! In: a model file, new data, unseen rows. Out: one JSON object, and with `--out` diagnosis.json, extended.toml (a model file) and report.html,
-//! whole or absent. Every verdict is an answer: exit status 0.
+//! In: a model file, new data, holdout rows. Out: one JSON object, and with `--out` diagnosis.json, extended.toml (a model file) and report.html,
+//! complete or not written at all. Every verdict is an answer: exit status 0.
 
 use std::path::{Path, PathBuf};
 
@@ -22,15 +22,15 @@ use super::surface_report;
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
-/// What the command line says of a surface.
+/// The arguments of the command line for a surface.
 pub struct Task<'a> {
     /// The model file.
     pub model: &'a Source,
     /// New data.
     pub data: &'a [PathBuf],
-    /// Unseen rows.
+    /// Holdout rows.
     pub validate: &'a [PathBuf],
-    /// Rows for the last figures.
+    /// Test rows: only the final gain is computed on them.
     pub test: &'a [PathBuf],
     /// The folder for the files.
     pub out: Option<&'a Path>,
@@ -75,33 +75,33 @@ pub fn run(task: &Task<'_>) -> Outcome {
     if task.json {
         output::json(&value)?;
     }
-    words(model, &data, &found);
+    print(model, &data, &found);
     Ok(Answer::Positive)
 }
 
-/// Verdict and causes on standard error.
-fn words(model: &Model, data: &NewData, found: &Diagnosis) {
+/// Prints verdict and causes on standard error.
+fn print(model: &Model, data: &NewData, found: &Diagnosis) {
     for (column, why) in &data.ignored {
-        tell!("column `{column}` is not used: {why}");
+        stderr_line!("column `{column}` is not used: {why}");
     }
-    tell!("{}", found.verdict.name());
+    stderr_line!("{}", found.verdict.name());
     for response in &found.responses {
         let surface = &model.surfaces[response.surface];
         let unit = &surface.unit;
-        tell!("{}: {}, {} rows compared", surface.name, response.verdict.name(), response.rows);
+        stderr_line!("{}: {}, {} rows compared", surface.name, response.verdict.name(), response.rows);
         if !response.outside.is_empty() {
             let places: Vec<String> = response.outside.iter().take(5).map(|row| data.place_of(*row)).collect();
             let more = if response.outside.len() > 5 { " ..." } else { "" };
-            tell!(
+            stderr_line!(
                 "  {} rows are outside the ranges or the support and are not used: {}{more}",
                 response.outside.len(),
                 places.join(", ")
             );
         }
         for cause in &response.causes {
-            tell!("  {} Confidence {:.2}.", cause.sentence, cause.confidence);
+            stderr_line!("  {} Confidence {:.2}.", cause.sentence, cause.confidence);
             if !cause.indistinguishable_from.is_empty() {
-                tell!(
+                stderr_line!(
                     "    These data do not distinguish it from {}. Confidence that one of these is right: {:.2}.",
                     cause.indistinguishable_from.join(", "),
                     cause.confidence_of_any
@@ -109,9 +109,9 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
             }
         }
         for note in &response.notes {
-            tell!("  Note: {note}.");
+            stderr_line!("  Note: {note}.");
         }
-        tell!(
+        stderr_line!(
             "  noise {:.4} {unit} (from {}); on holdout rows ({}): {:.2} times the noise before, {:.2} after",
             response.floor.sd,
             response.floor.from,
@@ -120,7 +120,7 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
             response.extended.noise_ratio
         );
         if let Some(it) = &response.tested {
-            tell!(
+            stderr_line!(
                 "  on {} test rows, not used before: {:.2} times the noise before, {:.2} after",
                 it.nominal.rows,
                 it.nominal.noise_ratio,
@@ -130,7 +130,7 @@ fn words(model: &Model, data: &NewData, found: &Diagnosis) {
     }
 }
 
-/// docs/book/src/reference/formats.md 4.3, as far as it goes for surfaces; every cause has its `response`.
+/// The object of docs/book/src/reference/formats.md 4.3, with the keys that exist for surfaces; every cause has its `response`.
 pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
     let name = |response: &ResponseDiagnosis| model.surfaces[response.surface].name.clone();
     let mut all: Vec<(&ResponseDiagnosis, &Cause)> =
@@ -171,9 +171,9 @@ pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
 }
 
 fn cause_value(response: &str, data: &NewData, cause: &Cause) -> Value {
-    let mut place = vec![("response", json!(response))];
-    place.extend(cause.subject.as_ref().map(|(key, subject)| (*key, json!(subject))));
-    // Numbers and lists of them stay what they are.
+    let mut identity = vec![("response", json!(response))];
+    identity.extend(cause.subject.as_ref().map(|(key, subject)| (*key, json!(subject))));
+    // Numbers and lists of numbers keep their JSON type.
     let detail = |value: &String| serde_json::from_str(value).unwrap_or_else(|_| json!(value));
     let mut details: cause_json::Keys = cause.details.iter().map(|(key, value)| (*key, detail(value))).collect();
     if !cause.runs.is_empty() {
@@ -191,7 +191,7 @@ fn cause_value(response: &str, data: &NewData, cause: &Cause) -> Value {
     });
     CauseJson {
         kind: cause.kind,
-        place,
+        place: identity,
         numbers: cause
             .parameters
             .iter()

@@ -140,7 +140,7 @@ fn in_short(response: &ResponseDiagnosis) -> String {
     summary::verdict(tone, state, &verdict(response)) + &summary::numbers(&numbers)
 }
 
-/// So many rows are listed by file and line; diagnosis.json has them all.
+/// The largest number of rows that the page lists by file and line; diagnosis.json has all of them.
 const PLACES: usize = 12;
 
 /// A probability; in words if it is below one in a million.
@@ -172,7 +172,7 @@ fn what_to_do(body: &mut String, response: &ResponseDiagnosis) {
     body.push_str("</table>\n");
 }
 
-/// What an engineer can do about a cause.
+/// The recommendation for a cause.
 fn remedy(cause: &Cause) -> String {
     let name = cause.subject.as_ref().map_or("", |(_, name)| name.as_str());
     let detail = |key: &str| cause.details.iter().find(|it| it.0 == key).map(|it| it.1.as_str());

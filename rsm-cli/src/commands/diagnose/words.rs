@@ -19,14 +19,14 @@ use super::next;
 use crate::page::number::short;
 use crate::page::{figure, multiple};
 
-/// The basis of the figures of training and validation records: no parameter is estimated from validation records, but they take part in the choice
-/// of causes.
+/// The records on which the figures of training and validation are computed. No parameter is estimated from validation records, but they take part in
+/// the choice of causes.
 pub const CHOSEN: &str = "on the records that chose it";
 
 /// Noise with at least this lag-one autocorrelation is called slow: its correlation lasts for more than ten rows.
 const SLOW_NOISE: f64 = 0.9;
 
-/// The basis of the figures of test records.
+/// The records on which the figures of the test are computed.
 pub fn tested_on() -> String {
     format!(
         "on test records, which nothing has seen before: their starts are estimated on the first {} % of each, errors are of the rest",
@@ -186,51 +186,56 @@ fn and(names: &[String]) -> String {
 }
 
 /// How gaps of a few rows were filled.
-pub fn bridged(it: &FilledGaps) -> String {
-    let gaps = match (it.gaps, it.longest) {
+pub fn bridged(filled: &FilledGaps) -> String {
+    let gaps = match (filled.gaps, filled.longest) {
         (1, 1) => "a lost row was bridged".to_string(),
         (1, rows) => format!("a gap of {rows} rows was bridged"),
         (gaps, 1) => format!("{gaps} lost rows were bridged"),
-        (gaps, longest) => format!("{gaps} gaps of 1 to {longest} rows, {} rows in all, were bridged", it.rows),
+        (gaps, longest) => format!("{gaps} gaps of 1 to {longest} rows, {} rows in all, were bridged", filled.rows),
     };
     format!("{gaps}: there, outputs are not compared, and inputs are interpolated from the readings around the gap")
 }
 
 /// An effect of the plant file, with its parameters as estimated from the records.
-pub fn claim(it: &Claim) -> String {
+pub fn claim(claim: &Claim) -> String {
     let number = |(number, file): (&Interval, &f64)| {
         format!(
             "{} is {file} in the file, {:.4} ({:.4} to {:.4}) in the records",
             number.name, number.value, number.low, number.high
         )
     };
-    let numbers: Vec<String> = it.records.iter().zip(&it.file).map(number).collect();
-    let subject = it.subject.as_ref().map_or(String::new(), |name| format!(" of {name}"));
-    let judged = if it.stands { "agrees with the records" } else { "disagrees with the records" };
-    format!("{}{subject} {judged}: {}.", it.kind, numbers.join("; "))
+    let numbers: Vec<String> = claim.records.iter().zip(&claim.file).map(number).collect();
+    let subject = claim.subject.as_ref().map_or(String::new(), |name| format!(" of {name}"));
+    let judged = if claim.stands { "agrees with the records" } else { "disagrees with the records" };
+    format!("{}{subject} {judged}: {}.", claim.kind, numbers.join("; "))
 }
 
-/// The lines on standard error.
-pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
+/// Prints the results on standard error.
+pub fn print(found: &Diagnosis, kind: PlantKind, seconds: f64) {
     for it in &found.findings {
         let rows = (it.rows.0 + 1, it.rows.1 + 1);
-        let done = if it.what == SWAPPED { "corrected here" } else { "left out" };
-        tell!("{}: data rows {} to {}: {} {}, {done}", it.record, rows.0, rows.1, it.channel, it.what);
+        let action = if it.what == SWAPPED { "corrected here" } else { "left out" };
+        stderr_line!("{}: data rows {} to {}: {} {}, {action}", it.record, rows.0, rows.1, it.channel, it.what);
     }
     for (output, low, high) in &found.growing {
         let name = kind.outputs()[*output].name;
         let (low, high) = (figure(Some(*low)), figure(Some(*high)));
-        tell!("The noise of {name} grows with the reading: its standard deviation is {low} at 0 and {high} at the largest.");
+        stderr_line!(
+            "The noise of {name} grows with the reading: its standard deviation is {low} at 0 and {high} at the largest."
+        );
     }
     for (output, step) in &found.rounded {
         let signal = kind.outputs()[*output];
-        tell!("The readings of {} are rounded to multiples of {} {}.", signal.name, figure(Some(*step)), signal.unit);
+        stderr_line!("The readings of {} are rounded to multiples of {} {}.", signal.name, figure(Some(*step)), signal.unit);
     }
     for (output, _, correlation) in found.noise.iter().filter(|it| it.2 > SLOW_NOISE) {
-        tell!("The noise of {} is slow: its correlation from row to row is {correlation:.2}.", kind.outputs()[*output].name);
+        stderr_line!(
+            "The noise of {} is slow: its correlation from row to row is {correlation:.2}.",
+            kind.outputs()[*output].name
+        );
     }
     for (output, law) in &found.tails {
-        tell!(
+        stderr_line!(
             "The noise of {} has heavy tails (Student's t with {} degrees of freedom; {:.2} % of its readings are far from their neighbours): such readings have a lower weight.",
             kind.outputs()[*output].name,
             law.freedom,
@@ -238,31 +243,31 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
         );
     }
     for it in &found.units {
-        tell!("{it}.");
+        stderr_line!("{it}.");
     }
     if let Some(it) = &found.unused_rows {
-        tell!("{it}.");
+        stderr_line!("{it}.");
     }
     if let Some(it) = &found.all_rows {
-        tell!("{it}.");
+        stderr_line!("{it}.");
     }
     for it in &found.filled_gaps {
-        tell!("{}: {}", it.record, bridged(it));
+        stderr_line!("{}: {}", it.record, bridged(it));
     }
-    tell!("{} ({seconds:.1} s). {}", found.verdict.name(), verdict(kind, found));
+    stderr_line!("{} ({seconds:.1} s). {}", found.verdict.name(), verdict(kind, found));
     for cause in &found.causes {
-        tell!("  {}: {} Confidence {:.2}.", cause.label(), cause.sentence, cause.confidence);
+        stderr_line!("  {}: {} Confidence {:.2}.", cause.label(), cause.sentence, cause.confidence);
         if !cause.indistinguishable_from.is_empty() {
-            tell!(
+            stderr_line!(
                 "    These records do not distinguish it from {}. Confidence that one of these is right: {:.2}.",
                 cause.indistinguishable_from.join(", "),
                 cause.confidence_of_any
             );
         }
-        tell!("    Check: {}", cause.check);
+        stderr_line!("    Check: {}", cause.check);
     }
     for helper in &found.helpers {
-        tell!(
+        stderr_line!(
             "  Reduces the error, but is not a confirmed cause: {}: {} Confidence {:.2}.",
             helper.label(),
             helper.sentence,
@@ -270,32 +275,35 @@ pub fn tell(found: &Diagnosis, kind: PlantKind, seconds: f64) {
         );
     }
     for it in &found.claims {
-        tell!("  The plant file's {}", claim(it));
+        stderr_line!("  The plant file's {}", claim(it));
     }
     for it in &found.refused {
-        tell!("  Tried and rejected: {}: {}.", it.cause, it.why);
+        stderr_line!("  Tried and rejected: {}: {}.", it.cause, it.why);
     }
     let forces: Vec<String> = found.steps.iter().filter_map(force).collect();
     if !forces.is_empty() {
-        tell!("  Error of the force by the inverse model: {}.", forces.join(", "));
+        stderr_line!("  Error of the force by the inverse model: {}.", forces.join(", "));
     }
     if let Some(sentence) = next::sentence(found) {
-        tell!("  {sentence}");
+        stderr_line!("  {sentence}");
     }
     match &found.error_breakdown.correction {
-        Some(CorrectionResult::Useful(it)) => tell!(
+        Some(CorrectionResult::Useful(it)) => stderr_line!(
             "  A black-box correction (correction.toml) removes {:.0} % of the remaining error on {}.",
             100.0 * it.gain,
             judging(&found.error_breakdown)
         ),
         Some(CorrectionResult::NoGain { .. }) => {
-            tell!("  A black-box correction of the remaining error gains nothing on {}.", judging(&found.error_breakdown));
+            stderr_line!(
+                "  A black-box correction of the remaining error gains nothing on {}.",
+                judging(&found.error_breakdown)
+            );
         }
         None => {}
     }
 }
 
-/// A step of the ladder by the inverse model of an axis.
+/// The error of the force at a step of the ladder, by the inverse model of an axis.
 fn force(step: &Step) -> Option<String> {
     let name = if step.causes.is_empty() { "calibrated".to_string() } else { step.causes.join(" and ") };
     Some(format!("{name} {:.1} %", 100.0 * step.force_error?))

@@ -1,6 +1,6 @@
-//! `rsm effects`: the catalogue, and which of it can stand where on a plant.
+//! `rsm effects`: lists the catalogue, and the sites of a plant on which each effect can act.
 //!
-//! In: files of effects, perhaps a plant. Out: a list.
+//! In: files of effects, optionally a plant. Out: a list.
 
 use std::path::PathBuf;
 
@@ -24,7 +24,7 @@ pub struct Arguments {
     json: bool,
 }
 
-/// The numbers of an effect on one of its kinds of sites, with their units: `{role}` stands for the unit of a role.
+/// The parameters of an effect on one of its kinds of sites, with their units. In a unit, `{role}` is replaced by the unit of that role.
 fn numbers(effect: &Effect, kind: SiteKind) -> Vec<(String, String)> {
     effect.numbers_on(kind).map(|it| (it.name.clone(), it.unit(kind).to_string())).collect()
 }

@@ -1,6 +1,6 @@
 //! `rsm emit` of a plant of equations: a step of constant length as source text.
 //!
-//! In: a plant, the length of a step, where it starts. Out: a header and a source file in C, or a module in Rust, whole or absent.
+//! In: a plant, the length of a step, a starting point. Out: a header and a source file in C, or a module in Rust, complete or not written at all.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use super::point;
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
-/// What the command line says of a plant.
+/// The options of the command line for a plant.
 pub struct Options<'a> {
     pub step: f64,
     pub in_c: bool,

@@ -1,7 +1,7 @@
-//! `rsm inspect`: what the compiler understood of a plant's equations.
+//! `rsm inspect`: prints a plant's equations as the compiler reads them.
 //!
-//! In: a plant of equations. Out: its signals, states, parameters, what each set of equations is solved for and how, conditions, time constants at
-//! the start, where effects can stand, and sites that units and equations suggest.
+//! In: a plant of equations. Out: its signals, states and parameters; for each set of equations the variables that it is solved for, and the method;
+//! conditions; time constants at the start; sites of effects, and sites that units and equations suggest.
 
 use std::path::PathBuf;
 
@@ -37,7 +37,7 @@ fn words(method: Method) -> &'static str {
 
 pub fn run(arguments: &Arguments) -> Outcome {
     let (file, mut machine) = plant(&arguments.plant, arguments.effects.as_deref())?;
-    // Without a start there are no time constants, and everything else is still true.
+    // Without a starting point there are no time constants; all other results remain valid.
     let start = point(&file, &mut machine, "");
     let poles = match &start {
         Ok(at) => linearise(&file, &machine, at)?.poles,
@@ -94,7 +94,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         }))?;
         return Ok(Answer::Positive);
     }
-    // The listing ends its last line itself.
+    // The listing already ends with a line break.
     output::line(system.to_string().trim_end())?;
     for (name, _, _, tolerance) in &parameters {
         if let Some(tolerance) = tolerance {

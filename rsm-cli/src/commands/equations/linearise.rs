@@ -1,4 +1,4 @@
-//! `rsm linearise`: the linear model of a plant at a point.
+//! `rsm linearise`: computes the linear model of a plant at a point.
 //!
 //! In: a plant of equations and a point. Out: the matrices as CSV and JSON, the poles with their damping.
 
@@ -31,7 +31,7 @@ pub struct Arguments {
     json: bool,
 }
 
-/// `None` where a number is not finite, as JSON has it.
+/// `None` where a number is not finite, because JSON has no such number.
 fn finite(matrix: &[Vec<f64>]) -> Vec<Vec<Option<f64>>> {
     matrix.iter().map(|row| row.iter().map(|it| output::finite(*it)).collect()).collect()
 }
@@ -62,16 +62,18 @@ pub fn run(arguments: &Arguments) -> Outcome {
         return Ok(Answer::Positive);
     }
     for (state, value) in states.iter().zip(&at.states) {
-        tell!("at {} = {}", with_unit(state), decimal(*value));
+        stderr_line!("at {} = {}", with_unit(state), decimal(*value));
     }
     if [&found.a, &found.b, &found.c, &found.d].iter().any(|it| it.iter().flatten().any(|it| !it.is_finite())) {
-        tell!("a derivative is not finite at this point (a square root at 0, a division by 0): choose another with --at");
+        stderr_line!(
+            "a derivative is not finite at this point (a square root at 0, a division by 0): choose another with --at"
+        );
     }
     for line in pole_lines(&found.poles) {
-        tell!("{line}");
+        stderr_line!("{line}");
     }
     if let Some(out) = &arguments.out {
-        tell!("{}: {} states, {} inputs, {} outputs", out.display(), states.len(), inputs.len(), outputs.len());
+        stderr_line!("{}: {} states, {} inputs, {} outputs", out.display(), states.len(), inputs.len(), outputs.len());
     }
     Ok(Answer::Positive)
 }

@@ -1,6 +1,6 @@
 //! Plants of equations (plant files of format 2, or a text alone): `rsm inspect`, `rsm linearise`, and their part of `rsm simulate` and `rsm emit`.
 //!
-//! In: a plant file or a text. Out: what each subcommand prints or writes. No mathematics.
+//! In: a plant file or a text of equations. Out: the output of each subcommand. No mathematics.
 
 pub mod effects;
 pub mod emit;
@@ -20,7 +20,7 @@ use rsm_sim::plant_file::PlantFile;
 
 use crate::outcome::Refusal;
 
-/// The effects that come with the project, and those of a folder.
+/// The effects that come with the project, and those of the folder if one is given.
 pub fn catalogue(folder: Option<&Path>) -> Result<Arc<Catalogue>, Refusal> {
     let mut catalogue = Catalogue::shipped();
     if let Some(folder) = folder {
@@ -38,7 +38,7 @@ pub fn catalogue(folder: Option<&Path>) -> Result<Arc<Catalogue>, Refusal> {
     Ok(Arc::new(catalogue))
 }
 
-/// The file of a plant of equations, by its plant file or by its text (`.mo`) alone.
+/// Reads a plant of equations from its plant file, or from its text (`.mo`) alone.
 pub fn file(path: &Path, effects: Option<&Path>) -> Result<EquationFile, Refusal> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let open = |name: &str| Source::read(&folder.join(name));
@@ -126,23 +126,23 @@ fn with_unit((name, unit): &(String, String)) -> String {
     if unit.is_empty() { name.clone() } else { format!("{name} [{unit}]") }
 }
 
-/// What can stand where, as JSON has it.
+/// The possible sites of effects as JSON.
 fn rooms_json(rooms: &[Room]) -> Vec<serde_json::Value> {
     rooms.iter().map(|it| serde_json::json!({ "at": it.at, "site": it.kind.name(), "kinds": it.effects })).collect()
 }
 
-/// What can stand where, a line for each place.
+/// The possible sites of effects, one line for each.
 fn room_lines(rooms: &[Room]) -> impl Iterator<Item = String> {
     rooms.iter().map(|it| format!("{} ({}): {}", it.at, it.kind.name(), it.effects.join(", ")))
 }
 
-/// Poles as JSON has them.
+/// Poles as JSON.
 fn poles_json(poles: &[Pole]) -> Vec<serde_json::Value> {
     let one = |it: &Pole| serde_json::json!({ "real": it.real, "imaginary": it.imaginary, "frequency": it.frequency(), "damping": it.damping() });
     poles.iter().map(one).collect()
 }
 
-/// Poles in words, a line each. Of a pair the second says nothing new.
+/// Poles in words, one line each. The second pole of a conjugate pair is left out.
 fn pole_lines(poles: &[Pole]) -> Vec<String> {
     let one = |pole: &Pole| match (pole.imaginary == 0.0, pole.damping()) {
         (_, None) => "pole at 0: an integrator".to_string(),

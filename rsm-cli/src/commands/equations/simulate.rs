@@ -1,6 +1,6 @@
 //! `rsm simulate` of a plant of equations.
 //!
-//! In: a plant, a record, how time moves on. Out: a CSV of time, inputs and outputs, whole or absent.
+//! In: a plant, a record, the method of integration. Out: a CSV of time, inputs and outputs, complete or not written at all.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use super::file;
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
-/// How time moves on, as the command line says it.
+/// The method of integration as given on the command line.
 pub struct Options<'a> {
     pub method: Option<&'a str>,
     pub tolerance: Option<f64>,
@@ -24,11 +24,11 @@ pub struct Options<'a> {
 }
 
 impl Options<'_> {
-    /// The setting for rows of a period.
+    /// The setting of the integrator for rows of this period.
     pub fn setting(&self, period: f64) -> Result<Setting, Refusal> {
         let mut setting = Setting::default();
         if let Some(tolerance) = self.tolerance {
-            // Below some 1e-14 the error of a step is rounding, above 0.1 it is none.
+            // Below about 1e-14 rounding dominates the error of a step; a tolerance above 0.1 is too large to bound the error.
             if !(1e-14..=0.1).contains(&tolerance) {
                 return Err(Refusal::new(format!("--tolerance: found {tolerance}, expected 1e-14 to 0.1")));
             }
@@ -49,7 +49,7 @@ impl Options<'_> {
     }
 }
 
-/// Runs it.
+/// Runs the subcommand.
 pub fn run(path: &Path, record: &Path, out: &Path, options: &Options<'_>, as_json: bool) -> Outcome {
     let table = Source::read(record)?;
     let file = file(path, options.effects)?.of_record(&table)?;
@@ -91,7 +91,7 @@ pub fn run(path: &Path, record: &Path, out: &Path, options: &Options<'_>, as_jso
             "out": out.display().to_string(),
         }))?;
     } else {
-        tell!("{}: {} rows of {name}", out.display(), signals.time.len());
+        stderr_line!("{}: {} rows of {name}", out.display(), signals.time.len());
     }
     Ok(Answer::Positive)
 }

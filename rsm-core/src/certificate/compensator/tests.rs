@@ -1,4 +1,4 @@
-//! Limits at their edges, sums as one polynomial against the exact surfaces, and the points that are named.
+//! Tests of limits at their ends, of sums as one polynomial against the exact surfaces, and of the points in the messages.
 
 use super::*;
 use crate::adversary::Random;
@@ -64,7 +64,7 @@ fn violation_of(model: &Model, scheduled: &Scheduled, condition: Condition) -> V
 
 #[test]
 fn a_number_exactly_at_its_limit_breaks_it() {
-    // 0 at x = 1, and the limit at x = 3: both are found, and neither is allowed.
+    // The value is 0 at x = 1, and equals the limit at x = 3: both are found, and both are violations.
     let model = Model {
         inputs: vec![input("x", [1.0, 3.0])],
         surfaces: vec![surface("s", &["x"], &[(&[1], 1.0), (&[0], -1.0)])],
@@ -78,7 +78,7 @@ fn a_number_exactly_at_its_limit_breaks_it() {
     assert_eq!(fixed.what, "found 2, expected less than a quarter of the sample rate, 2 rad/s");
 }
 
-/// Surfaces over the same kinds of variables, each over some of the inputs, in any order, with knots of its own.
+/// Surfaces with the same kinds of variables, each over some of the inputs in any order, with knots of its own.
 fn surfaces_of_one_kind(random: &mut Random) -> (Vec<Input>, Vec<Surface>) {
     let all = [input("x", [0.5, 2.0]), input("y", [-3.0, 3.0]), input("z", [-4.0, -1.0])];
     let coding = random.pick(&[Coding::None, Coding::Range]);
@@ -162,7 +162,7 @@ fn surfaces_of_different_kinds_are_not_summed() {
         assert_eq!(as_one(&[&plain, changed], &inputs), None, "{changed:?}");
         assert_eq!(as_one(&[changed, &plain], &inputs), None, "{changed:?}");
     }
-    // Alike among themselves, but for what saturates or has a sign.
+    // Two equal surfaces have the same kind; only one that saturates or has an odd input cannot be summed.
     let is_one = changed.each_ref().map(|changed| as_one(&[changed, changed], &inputs).is_some());
     assert_eq!(is_one, [true, true, false, true, false]);
     assert_eq!(as_one(&[], &inputs), None);
@@ -170,7 +170,7 @@ fn surfaces_of_different_kinds_are_not_summed() {
 
 #[test]
 fn what_cancels_in_a_sum_is_not_counted_twice() {
-    // (x y + 2) + (3 - x y) = 5, over inputs that only one of them lists first; each alone is 0 to 6 and more.
+    // (x y + 2) + (3 - x y) = 5; the surfaces list the inputs in different orders. The range of each alone is several units wide.
     let model = Model {
         inputs: vec![input("x", [1.0, 2.0]), input("y", [-1.0, 2.0]), input("z", [0.0, 9.0])],
         surfaces: vec![
@@ -188,8 +188,8 @@ fn what_cancels_in_a_sum_is_not_counted_twice() {
 
 #[test]
 fn the_point_that_is_named_may_lie_inside_for_one_and_in_the_middle_for_the_others() {
-    // x (x - 2) over [0.5, 3] falls to -1 at 1. y has no say in it: it is named in the middle of [2, 4], where -(y - 3)^2/100 is 0; in the corners
-    // x (x - 2) is -0.75 at least, the other summand -0.01.
+    // x (x - 2) over [0.5, 3] has its minimum -1 at 1. It does not depend on y, so the point has the y of the other summand's maximum: the middle of
+    // [2, 4], where -(y - 3)^2/100 is 0. At the corners x (x - 2) is at least -0.75, and the other summand is -0.01.
     let bowl: &[(&[u32], f64)] = &[(&[2], 1.0), (&[1], -2.0)];
     let hill: &[(&[u32], f64)] = &[(&[2], -0.01), (&[1], 0.06), (&[0], -0.09)];
     let mut held = surface("hill", &["y"], hill);
@@ -202,7 +202,7 @@ fn the_point_that_is_named_may_lie_inside_for_one_and_in_the_middle_for_the_othe
     let found = violation_of(&model, &sum(&["bowl", "hill"]), Condition::Positive);
     assert_eq!((found.at[1].0.as_str(), found.at[1].1), ("y", 3.0), "{found:?}");
     assert!((found.at[0].1 - 1.0).abs() < 1e-3 && found.what.starts_with("found -1 at x = "), "{found:?}");
-    // The same upside down, against the other limit.
+    // The same with opposite signs, against the other limit.
     for surface in &mut model.surfaces {
         surface.terms.iter_mut().for_each(|term| term.coefficient = -term.coefficient);
     }
@@ -213,8 +213,8 @@ fn the_point_that_is_named_may_lie_inside_for_one_and_in_the_middle_for_the_othe
 
 #[test]
 fn a_corner_is_named_where_the_sum_is_worst_there() {
-    // Held at -0.1 and at 0.1: each alone is least along half of its range, and the first place that is seen is 2 for both; together they are least
-    // in the corner of x = 3 and y = -3 only, 0.3 lower than there.
+    // Both surfaces saturate at -2.5. Each alone has this minimum along a part of the box. Of the candidates only the corner x = 3, y = -3 has the
+    // minimum of both.
     let model = Model {
         inputs: vec![input("x", [-3.0, 3.0]), input("y", [-3.0, 3.0])],
         surfaces: vec![

@@ -630,7 +630,7 @@ mod tests {
     use crate::number::Precision;
     use crate::tape::TapeBuilder;
 
-    /// 1 + x in two numbers, to which x^2 is added with or without what the first sum has lost.
+    /// 1 + x in two numbers, to which x^2 is added. `keeps`: whether the rounding error of the first sum is added too.
     fn besides(keeps: bool, x: Span) -> f64 {
         let mut tape = TapeBuilder::sharing(Precision::F64);
         let input = tape.input(0);
@@ -648,7 +648,7 @@ mod tests {
         let x = span(2f64.powi(-10), 2f64.powi(-9).next_down());
         let half_unit = 2f64.powi(-53);
         assert!((half_unit..half_unit * 1.01).contains(&besides(false, x)), "{}", besides(false, x));
-        // Half units of the square, up to 2^-18, and of its sum with a lost 2^-53.
+        // Half units of the square, up to 2^-18, and of its sum with the rounding error of 2^-53.
         assert!(besides(true, x) <= 2.01 * 2f64.powi(-18 - 53), "{}", besides(true, x));
     }
 

@@ -1,4 +1,4 @@
-//! Which products are kept, and which helpers stand in the file: tapes written by hand, and the lines that they must become.
+//! Tests of the products that need a barrier, and of the helpers in the file: tapes written by hand, and the expected lines.
 
 use super::*;
 use crate::model::{Input, Outside};
@@ -25,7 +25,7 @@ fn unit(kind: Kind, precision: Precision, write: impl FnOnce(&mut TapeBuilder, [
     Unit { model: "m".to_owned(), functions: vec![function] }
 }
 
-/// The lines of the function's body, without what is before the first: what is done with inputs, and the registers.
+/// The lines of the function's body from the first register on.
 fn body(unit: &Unit) -> Vec<String> {
     let text = define(unit, &unit.functions[0]);
     let (_, body) = text.split_once(c_idioms::IN_ORDER).expect("a body begins so");
@@ -38,7 +38,7 @@ fn product(tape: &mut TapeBuilder, a: Reg, b: Reg) -> Reg {
     tape.push(Op::Multiply(a, b))
 }
 
-/// A product that a sum may take, itself or through a sign, here or at the caller's, goes through the barrier; no other does.
+/// A product passes the barrier if a sum may use it, directly or through a sign, in the function or in its caller. No other product does.
 #[test]
 fn a_product_is_kept_from_sums_and_callers_alone() {
     let kept = "m_rsm_keep(r0 * r1)";
@@ -116,7 +116,7 @@ fn a_product_is_kept_from_sums_and_callers_alone() {
             plain,
         ),
         (
-            // The sum reads another opposite, and another opposite is the result.
+            // The sum uses the opposite of another register, and the result is the opposite of another register.
             "beside a sum and a result",
             &|t, [x, y, z]| {
                 let p = product(t, x, y);
@@ -139,7 +139,7 @@ fn a_product_is_kept_from_sums_and_callers_alone() {
     }
 }
 
-/// The result of an operation over z: no sum and no caller reads the operation itself.
+/// A quotient of an operation by z: no sum and no caller uses the operation itself.
 fn in_quotient(tape: &mut TapeBuilder, z: Reg, write: impl FnOnce(&mut TapeBuilder) -> Op) -> Reg {
     let op = write(tape);
     let value = tape.push(op);
@@ -148,7 +148,7 @@ fn in_quotient(tape: &mut TapeBuilder, z: Reg, write: impl FnOnce(&mut TapeBuild
 
 #[test]
 fn every_operation_is_a_line_and_what_is_not_read_has_none() {
-    // Every kind of operation but the choices; y + y through the barrier, since gcc makes a product of it; x and y feed a sum, z does not.
+    // Every kind of operation except selections. y + y passes the barrier, because gcc makes it a product; x and y are operands of a sum, z is not.
     let unit = unit(Kind::Surface, Precision::F32, |t, [x, y, z]| {
         let constant = t.push(Op::Constant(Constant { value: 0.5, exact: exact(0.5) }));
         let twice = t.push(Op::Add(y, y));
@@ -173,7 +173,7 @@ fn every_operation_is_a_line_and_what_is_not_read_has_none() {
     assert_eq!(body(&unit), expected);
 }
 
-/// A support that does not depend on an input: its weight is 0.
+/// A support test that does not depend on an input, because its weight is 0.
 #[test]
 fn an_argument_that_nothing_reads_is_said_to_be_so() {
     let unit = unit(Kind::Support, Precision::F64, |t, [_, y, _]| {
@@ -195,7 +195,7 @@ fn an_argument_that_nothing_reads_is_said_to_be_so() {
     assert!(rust.contains("    let _ = x;\n    let _ = z;\n    let r1: f64 = y;\n"), "{rust}");
 }
 
-/// Tapes that each need other helpers, alone and in pairs of the two precisions.
+/// Tapes that need different helpers, in all pairs of an f64 function and an f32 function.
 #[test]
 fn a_helper_stands_in_the_file_if_it_is_called() {
     let choice = |t: &mut TapeBuilder, [x, y, z]: [Reg; 3]| {
@@ -207,7 +207,7 @@ fn a_helper_stands_in_the_file_if_it_is_called() {
         &|t, [x, y, _]| t.push(Op::Divide(x, y)),
         &|t, [x, y, _]| t.push(Op::Multiply(x, y)),
         &|t, [x, y, _]| t.push(Op::Add(x, y)),
-        // Its operands are products of nothing: only the sum of one register with itself is kept.
+        // Its operands are no products: only the sum of a register with itself passes the barrier.
         &|t, [x, y, _]| {
             let quotient = t.push(Op::Divide(x, y));
             t.push(Op::Add(quotient, quotient))
@@ -219,7 +219,7 @@ fn a_helper_stands_in_the_file_if_it_is_called() {
         &|t, [x, _, _]| t.push(Op::Negate(x)),
         &|t, [x, _, _]| t.push(Op::Subtract(x, x)),
         &|t, [x, y, _]| t.push(Op::Subtract(x, y)),
-        // The same of a larger one, which asks for nothing else that is kept; and of two, for nothing at all.
+        // The same for the larger of two numbers: no other operation passes the barrier. The sum of two different registers needs no barrier.
         &|t, [x, y, _]| {
             let larger = t.at_least(x, y);
             t.push(Op::Add(larger, larger))
@@ -230,7 +230,7 @@ fn a_helper_stands_in_the_file_if_it_is_called() {
         },
     ];
     let names = ["keep", "hide", "absolute", "choose", "select", "at_least", "at_most"];
-    // What is hidden from clang is kept there.
+    // Where clang needs `hide`, other compilers use `keep`.
     let hidden: &[&str] = &["keep", "hide"];
     let calls_by_hand: [&[&str]; 14] = [
         &[],
@@ -260,7 +260,7 @@ fn a_helper_stands_in_the_file_if_it_is_called() {
                         [format!("static inline {} {helper}", c_type(precision)), format!("#define {helper}value)")]
                             .iter()
                             .any(|definition| text.contains(definition));
-                    // Every choice is written with masks where a machine has no idiom.
+                    // Every selection is written with masks on a machine without an idiom.
                     let is_choice = by_hand.iter().any(|name| ["select", "at_least", "at_most"].contains(name));
                     let expected = if name == "choose" { is_choice } else { by_hand.contains(&name) };
                     assert_eq!(is_defined, expected, "{helper} {by_hand:?}");
@@ -272,7 +272,7 @@ fn a_helper_stands_in_the_file_if_it_is_called() {
     }
 }
 
-/// rustfmt breaks a line of more than 100 letters.
+/// rustfmt breaks a line of more than 100 characters.
 #[test]
 fn a_signature_of_rust_is_one_line_up_to_the_width() {
     let with_name = |letters: usize| {
@@ -290,10 +290,10 @@ fn a_signature_of_rust_is_one_line_up_to_the_width() {
     assert!(breaks.contains(&broken), "{breaks}");
 }
 
-/// Of a step the next states are results too, each of them.
+/// The next states of a step are results too.
 #[test]
 fn a_register_is_a_result_if_it_is_one_of_several() {
-    // Registers 2 and 3 are the product and the quotient, 4 the opposite of the product.
+    // Registers 2 and 3 are the product and the quotient; register 4 is the opposite of the product.
     let [product, quotient, opposite] = [2, 3, 4].map(Reg);
     let finished = |output: Reg, next: &[Reg]| {
         let mut tape = TapeBuilder::new(Precision::F64);

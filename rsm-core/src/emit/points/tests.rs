@@ -1,4 +1,4 @@
-//! The points against hand-worked lists, and what fusing gives against `mul_add` by hand.
+//! Tests of the points against lists worked by hand, and of fused results against `mul_add`.
 
 use super::*;
 use crate::model::Outside;
@@ -26,7 +26,7 @@ fn arguments(point: &Point) -> Vec<f64> {
 fn points_that_fusing_changes_are_found_in_both_precisions() {
     for precision in Precision::ALL {
         let points = points(&quadratic(precision), &[input([0.0, 1.0])]);
-        // Beside those that every function is asked.
+        // Without the special points of every function.
         let found = points[9..].iter().filter(|point| point.changes_under_fusing).count();
         assert_eq!((found, points.len()), (SENSITIVE, 9 + SENSITIVE), "{precision:?}: {found}");
     }
@@ -71,7 +71,7 @@ fn every_function_is_asked_its_middle_its_edges_what_lies_outside_and_special_va
         ([f64::NAN, 5.0], f64::NAN),
         ([1.0, f64::NAN], f64::NAN),
     ];
-    // No product, so nothing is looked for beside them.
+    // Without a product, no further points are searched.
     assert_eq!(points.len(), expected.len());
     for (point, (asked, result)) in points.iter().zip(expected) {
         let bits = |values: &[f64]| -> Vec<u64> { values.iter().map(|value| value.to_bits()).collect() };
@@ -81,7 +81,7 @@ fn every_function_is_asked_its_middle_its_edges_what_lies_outside_and_special_va
     }
 }
 
-/// Whether the share of x is in a window that no special point meets: two comparisons of which each goes both ways somewhere, but not together.
+/// x is inside a window that contains no special point. The two comparisons have both outcomes at special points, but never together.
 #[test]
 fn a_comparison_goes_both_ways_where_random_points_of_the_box_show_it() {
     for (low, high, found) in [(0.6, 0.7, true), (0.75, 0.76, true), (0.501, 0.502, true), (0.3, 0.2, false)] {
@@ -97,14 +97,14 @@ fn a_comparison_goes_both_ways_where_random_points_of_the_box_show_it() {
         let tape = tape.finish("s", vec!["x".to_string()], output);
         let points = points(&tape, &[input([0.0, 1.0])]);
         let inside = points[9..].iter().filter(|point| point.results[0] != 0).count();
-        // One is enough: the others show nothing new.
+        // One point is enough: further points give no new outcome.
         assert_eq!((inside, points.len()), (usize::from(found), 9 + usize::from(found)));
     }
 }
 
 #[test]
 fn the_points_of_a_step_are_a_sequence() {
-    // y = s + 0.3 x, s := y where that is a number: each result needs the state of the step before, a candidate that was not taken leaves none.
+    // y = s + 0.3 x, and s := y if y is a number. Each result needs the state of the step before; a rejected candidate must not change the state.
     let mut tape = TapeBuilder::new(Precision::F64);
     let x = tape.push(Op::Input(Port(0)));
     let state = tape.push(Op::State(State(0)));
@@ -116,7 +116,7 @@ fn the_points_of_a_step_are_a_sequence() {
     let condition = tape.push(Op::Less(nothing, one));
     let next = tape.push(Op::Select { condition, then: output, otherwise: state });
     let tape = tape.finish_with_states("s", vec!["x".to_string()], output, vec![next]);
-    // The special points leave a state that is not 0: 0 + 0.3 x would be the same fused.
+    // The special points leave a state that is not 0; from state 0 fusing would not change 0 + 0.3 x.
     let points = points(&tape, &[input([-1.0, 1.5])]);
     let mut state = 0.0f64;
     for point in &points {
@@ -132,7 +132,7 @@ fn the_points_of_a_step_are_a_sequence() {
     assert_eq!(points[9..].iter().filter(|point| point.changes_under_fusing).count(), SENSITIVE);
 }
 
-/// What `fused` gives on a tape of four inputs and a state of 0.9.
+/// The result of `fused` on a tape of four inputs and a state of 0.9.
 fn fused_of(at: [f64; 4], left_first: bool, write: impl FnOnce(&mut TapeBuilder, [Reg; 4]) -> Reg) -> f64 {
     let mut tape = TapeBuilder::new(Precision::F64);
     let inputs = [0, 1, 2, 3].map(|k| tape.push(Op::Input(Port(k))));
@@ -141,12 +141,12 @@ fn fused_of(at: [f64; 4], left_first: bool, write: impl FnOnce(&mut TapeBuilder,
     fused(&tape.finish_with_states("s", names, output, vec![output]), &[0.9], &at, left_first)[0]
 }
 
-/// Writes what an operation reads, and gives the operation.
+/// Writes the operands of an operation, and returns the operation.
 type Write<'w> = &'w dyn Fn(&mut TapeBuilder, [Reg; 4]) -> Op;
 
 #[test]
 fn what_feeds_a_sum_is_fused_and_nothing_else() {
-    // Fusing changes the last bits of a sum at some arguments and not at others: thirty show each of the changes.
+    // Fusing changes the last bits of a sum at some arguments only: with thirty random points each change occurs.
     let mut random = SplitMix(1);
     for _ in 0..30 {
         let mut share = || random.next_share() + 0.5;
@@ -163,7 +163,7 @@ fn fuses(at: [f64; 4]) {
     };
     for left_first in [false, true] {
         let one = |write: &dyn Fn(&mut TapeBuilder, [Reg; 4]) -> Reg| fused_of(at, left_first, write);
-        // One product, on either side, its sign before it or not.
+        // One product on either side, with or without a sign.
         let cases: [(Write<'_>, f64); 8] = [
             (&|t, [a, b, c, _]| Op::Add(product(t, a, b), c), a.mul_add(b, c)),
             (&|t, [a, b, c, _]| Op::Add(c, product(t, a, b)), a.mul_add(b, c)),
@@ -181,7 +181,7 @@ fn fuses(at: [f64; 4]) {
             });
             assert_eq!(found, *expected, "case {k}");
         }
-        // Two products: the one that is fused first leaves the other rounded.
+        // Two products: one of them is fused, the other is rounded.
         let sum = one(&|tape, [a, b, c, d]| {
             let (left, right) = (product(tape, a, b), product(tape, c, d));
             tape.push(Op::Add(left, right))
@@ -210,13 +210,13 @@ fn fuses(at: [f64; 4]) {
             });
             assert_eq!(found, *expected, "case {k}");
         }
-        // A sum of an opposite that is no product's.
+        // A sum of an opposite that is not the opposite of a product.
         let difference = one(&|tape, [a, b, ..]| {
             let opposite = tape.push(Op::Negate(b));
             tape.push(Op::Add(a, opposite))
         });
         assert_eq!(difference, a - b);
-        // Choices compare what was fused; at equality and with NaN the other is taken.
+        // Selections use a comparison; for equal numbers and for NaN the second value is selected.
         let (less, more) = if a < b { (0, 1) } else { (1, 0) };
         for (left, right, expected) in [(less, more, c), (more, less, d), (0, 0, d)] {
             let found = one(&|tape, inputs| {
@@ -235,7 +235,7 @@ fn bits_are_the_same_or_both_are_no_numbers() {
     assert!(!same(1.0, 1.0f64.next_up()) && !same(0.0, -0.0) && !same(f64::NAN, 1.0) && !same(1.0, f64::NAN));
 }
 
-/// The first three of splitmix64 from 0x5eed, computed apart from this code with whole numbers of any size.
+/// The first three numbers of splitmix64 from 0x5eed, computed without this code with integers of any size.
 #[test]
 fn shares_are_those_of_splitmix() {
     let mut random = SplitMix(0x5eed);
@@ -243,7 +243,7 @@ fn shares_are_those_of_splitmix() {
     assert_eq!(found, [0.038848734697185194, 0.3328011087394298, 0.3646818563781382]);
 }
 
-/// A window around the share of one candidate alone is found up to the last candidate.
+/// A window around a single candidate is found if the candidate is among the first 3000.
 #[test]
 fn three_thousand_candidates_are_tried() {
     let mut random = SplitMix(0x5eed);

@@ -1,10 +1,10 @@
-//! What the nest writes, against hand-worked lists, and the depth of its sums against every other way to take them.
+//! Tests of the written operations against lists worked by hand, and of the depth of sums against every other order of addition.
 
 use super::*;
 use crate::number::Precision;
 use crate::tape::Port;
 
-/// The powers of one variable that are written when some are asked for, in the order in which they are written: the exponents of both factors of each
+/// The powers of one variable that are written when these powers are requested, in the order of writing: the exponents of both factors of each
 /// product.
 fn products(asked: &[u32]) -> Vec<[u32; 2]> {
     let mut tape = TapeBuilder::new(Precision::F64);
@@ -31,23 +31,24 @@ fn products(asked: &[u32]) -> Vec<[u32; 2]> {
 
 #[test]
 fn powers_are_shared_and_shallow() {
-    // By hand: a power that is there costs nothing; else one product of two that are there, of those the shallowest; else halves.
+    // By hand: an existing power costs nothing. Otherwise a power is one product of two existing powers, of several such pairs the one with the
+    // smallest depth; otherwise a product of two halves.
     assert_eq!(products(&[1]), [[0; 2]; 0]);
     assert_eq!(products(&[2]), [[1, 1]]);
     assert_eq!(products(&[2, 2]), [[1, 1]]);
     assert_eq!(products(&[3]), [[1, 1], [2, 1]]);
     assert_eq!(products(&[4]), [[1, 1], [2, 2]]);
     assert_eq!(products(&[5]), [[1, 1], [2, 1], [3, 2]]);
-    // x^4 from x^2 twice (2 deep), not from x^3 and x (3 deep).
+    // x^4 from x^2 twice (depth 2), not from x^3 and x (depth 3).
     assert_eq!(products(&[3, 4]), [[1, 1], [2, 1], [2, 2]]);
     // x^7 = x^5 x^2 has one product, x^4 x^3 would have two.
     assert_eq!(products(&[5, 7]), [[1, 1], [2, 1], [3, 2], [5, 2]]);
-    // x^6: of x^3 x^3, x^4 x^2 and x^5 x the last is one deeper; x^3 x^3 comes first.
+    // x^6: of x^3 x^3, x^4 x^2 and x^5 x the last has a depth of one more; x^3 x^3 comes first.
     assert_eq!(products(&[3, 4, 5, 6]), [[1, 1], [2, 1], [2, 2], [3, 2], [3, 3]]);
     assert_eq!(products(&[2, 4, 8]), [[1, 1], [2, 2], [4, 4]]);
 }
 
-/// The least depth of a sum, by trying every pair first, of the pairs of what is left, and so on.
+/// The smallest depth of a sum: tries every pair first, then every pair of the rest, and so on.
 fn shallowest(ready: &[usize]) -> usize {
     if let [only] = ready {
         return *only;
@@ -67,7 +68,7 @@ fn shallowest(ready: &[usize]) -> usize {
 #[test]
 fn no_other_order_of_a_sum_is_shallower() {
     let one_half = integer(1) / integer(2);
-    // Every way to be ready of up to five addends, with a constant among them or not.
+    // All combinations of depths of up to five addends, with and without a constant.
     for count in 1..=5u32 {
         for number in 0..4usize.pow(count) {
             for has_constant in [false, true] {
@@ -76,7 +77,7 @@ fn no_other_order_of_a_sum_is_shallower() {
                 let mut nest = Nest::new(&mut counted, &[]);
                 let mut parts: Vec<Part<'_, usize>> = ready.iter().map(|ready| Part::Value(*ready)).collect();
                 if has_constant {
-                    // It is there from the beginning.
+                    // A constant is ready at depth 0.
                     ready.push(0);
                     parts.push(Part::Constant(&one_half));
                 }
@@ -88,7 +89,7 @@ fn no_other_order_of_a_sum_is_shallower() {
     }
 }
 
-/// A sign and what it stands before: a constant of 3, the variable x, its opposite.
+/// A sign and its operand: the constant 3, the variable x, or its opposite.
 #[test]
 fn a_sign_costs_an_operation_only_where_no_sum_takes_it() {
     #[derive(Clone, Copy, Debug)]
@@ -120,10 +121,10 @@ fn a_sign_costs_an_operation_only_where_no_sum_takes_it() {
         let (product, _) = nest.written(product);
         let output = tape.push(Op::Subtract(sum, product));
         let tape = tape.finish("t", vec!["x".to_owned()], output);
-        // Both in one number: the product is told from the sum by its size.
+        // Sum and product are in one number; their sizes distinguish them.
         let expected = value(a) + value(b) - value(a) * integer(7);
         assert_eq!(crate::exact::ideal(&tape, &[integer(7)]), Some(expected), "{a:?} {b:?}\n{tape}");
-        // Of two opposites one keeps its sign; the opposite of a product is written, because nothing takes it here.
+        // Of two opposites one keeps its sign. The opposite of a product is written, because no sum uses it here.
         let signs = usize::from(matches!((a, b), (Kind::Opposite, Kind::Opposite))) + usize::from(matches!(a, Kind::Opposite));
         assert_eq!(tape.operation_count(), 3 + signs, "{a:?} {b:?}\n{tape}");
         assert_eq!(ready, 1 + usize::from(matches!((a, b), (Kind::Opposite, Kind::Opposite))), "{a:?} {b:?}");

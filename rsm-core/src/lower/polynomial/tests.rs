@@ -1,4 +1,4 @@
-//! The limits within which scales are folded and powers written, at their ends.
+//! Tests of the limits within which scales are folded and powers are written.
 
 use super::*;
 use crate::check::Checked;
@@ -23,16 +23,16 @@ fn magnitude_bits_hold_the_logarithm_and_hardly_more() {
                 let bits = magnitude_bits(&value) as i32;
                 let size = if value < integer(0) { -value } else { value };
                 assert!(two_to(-bits) < size && size < two_to(bits), "{size}: {bits}");
-                // At most two more than needed: numerator and denominator are measured each for itself.
+                // At most two more than needed, because numerator and denominator are measured separately.
                 assert!(size <= two_to(2 - bits) || two_to(bits - 2) <= size, "{size}: {bits}");
             }
         }
     }
-    // The bit beside the difference is needed: 3 lies between 2^1 and 2^2, 1 at 2^0.
+    // The additional bit is needed: 3 is between 2^1 and 2^2, 1 is 2^0.
     assert_eq!([3, 1].map(|value| magnitude_bits(&integer(value))), [2, 1]);
 }
 
-/// 90 bits of f32 and 900 of f64, by hand: 2^k has |k| + 1.
+/// Limits of 90 bits for f32 and 900 for f64: 2^k has |k| + 1 bits.
 #[test]
 fn scales_fold_and_weights_are_ordinary_up_to_the_limit() {
     for (precision, third) in [(Precision::F32, 30), (Precision::F64, 300)] {
@@ -43,7 +43,7 @@ fn scales_fold_and_weights_are_ordinary_up_to_the_limit() {
                 let term = Term { powers: vec![2], coefficient };
                 scales_fold(precision, &[&near, &term], &[(0, two_to(scale))])
             };
-            // Twice the scale and once the coefficient: 3 thirds.
+            // The scale counts twice and the coefficient once: three thirds.
             let end = third - 1;
             assert!(folds(sign * end, -end) && folds(sign * end, end));
             assert!(!folds(sign * (end + 1), -end) && !folds(sign * (end + 1), end));
@@ -54,7 +54,8 @@ fn scales_fold_and_weights_are_ordinary_up_to_the_limit() {
     }
 }
 
-/// A surface of one clamped input: 0.5 times a power of its last factor, and a constant. Written as powers it has fewer operations than nested.
+/// A surface of one clamped input: 0.5 times a power of its last factor, and a constant. In the form of powers it has fewer operations than in Horner
+/// form.
 fn lowered(precision: Precision, range: [f64; 2], kind: &Surface, degree: u32) -> Tape {
     let input = Input { name: "x".to_owned(), unit: "1".to_owned(), range, outside: Outside::Clamp };
     let factors = 1 + kind.knots.len();
@@ -84,12 +85,12 @@ fn at<T: Scalar>(tape: &Tape, x: f64) -> T {
 #[test]
 fn powers_stand_up_to_the_limit_of_the_exponents() {
     let natural = Surface { coding: Coding::None, ..Surface::default() };
-    // x^5 from 18 bits is 90.
+    // x^5 of an x with 18 bits has 90 bits.
     for (precision, last) in [(Precision::F32, 17), (Precision::F64, 179)] {
         let to = |exponent: i32| [1.0, crate::number::power_of_two(i64::from(exponent))];
         assert!(has_powers(&lowered(precision, to(last), &natural, 5)));
         assert!(!has_powers(&lowered(precision, to(last + 1), &natural, 5)));
-        // The other end is the far one.
+        // The largest magnitude is at the other end.
         let mirrored = |exponent: i32| to(exponent).map(|end| -end);
         let [near, far] = mirrored(last);
         assert!(has_powers(&lowered(precision, [far, near], &natural, 5)));
@@ -98,8 +99,8 @@ fn powers_stand_up_to_the_limit_of_the_exponents() {
     }
 }
 
-/// A hinge of a reciprocal: x = 1/xi - 1/k is below 2^20, but the variable that stands for it, (k - xi)/xi, is nearly 2^39: its fourth power is no
-/// number of f32, while the nested products are.
+/// A hinge of a reciprocal: x = 1/xi - 1/k is below 2^20, but its variable on the tape, (k - xi)/xi, is nearly 2^39. The fourth power of that
+/// variable overflows in f32; the nested products do not.
 #[test]
 fn it_is_the_variable_of_the_tape_whose_powers_must_be_numbers() {
     let [low, knot, high] = [-20, 19, 20].map(crate::number::power_of_two);
@@ -114,12 +115,12 @@ fn it_is_the_variable_of_the_tape_whose_powers_must_be_numbers() {
     let found = f64::from(at::<f32>(&tape, low));
     let expected = 0.5 * 2f64.powi(80);
     assert!((found / expected - 1.0).abs() < 1e-5, "{found:e} {expected:e}");
-    // In f64 it is.
+    // In f64 it does not overflow.
     let tape = lowered(Precision::F64, [low, high], &bent, 4);
     assert!(has_powers(&tape) && (at::<f64>(&tape, low) / expected - 1.0).abs() < 1e-5, "{tape}");
 }
 
-/// Natural variables have scale 1: where nothing is folded, they are divided by nothing.
+/// Natural variables have scale 1. If the scale is not folded, no division by 1 is written.
 #[test]
 fn a_scale_of_one_is_no_operation() {
     let natural = Surface { coding: Coding::None, ..Surface::default() };

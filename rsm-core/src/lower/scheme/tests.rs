@@ -1,4 +1,4 @@
-//! A cost is that of the tape that is written, and the scheme that is chosen is the cheapest of all that may stand.
+//! Tests that a cost is that of the written tape, and that the chosen scheme is the cheapest of all allowed ones.
 
 use crate::lower::nest::Written;
 use crate::number::{Precision, Rational, integer};
@@ -6,7 +6,7 @@ use crate::tape::{Op, Port, Reg, TapeBuilder};
 
 use super::*;
 
-/// A linear congruential generator (Knuth, MMIX): deterministic, and nothing is asked of it but variety.
+/// A linear congruential generator (Knuth, MMIX): deterministic, and good enough for these tests.
 struct Random(u64);
 
 impl Random {
@@ -16,7 +16,7 @@ impl Random {
     }
 }
 
-/// Some terms of some factors, and how many operations each factor waits for.
+/// Terms of some factors, and for each factor the depth at which it is ready.
 struct Polynomial {
     terms: Vec<(Vec<u32>, Rational)>,
     waits: Vec<usize>,
@@ -41,7 +41,8 @@ impl Polynomial {
         self.waits.iter().copied().map(Some).collect()
     }
 
-    /// The cost by a tape: its operations behind the variables, its depth. The second number is what the writer says of its depth.
+    /// The cost from a written tape: the number of operations after the variables, and the depth. The second number is the depth that the writer
+    /// returns.
     fn written(&self, levels: &[Level]) -> (Cost, usize) {
         let mut tape = TapeBuilder::new(Precision::F64);
         let mut variables: Vec<Option<(Reg, usize)>> = vec![];
@@ -76,7 +77,7 @@ fn a_cost_is_that_of_the_written_tape() {
     }
 }
 
-/// All orders of the candidates: the place of the first is taken by each in turn.
+/// All orders of the candidates, by recursion over the first one.
 fn all_orders(candidates: &[Candidate]) -> Vec<Vec<Candidate>> {
     let Some(last) = candidates.len().checked_sub(1) else { return vec![vec![]] };
     (0..=last)
@@ -87,7 +88,7 @@ fn all_orders(candidates: &[Candidate]) -> Vec<Vec<Candidate>> {
         .collect()
 }
 
-/// The order of the file, then those with one exchange.
+/// The order of the file, then the orders with one exchange.
 fn orders_of_one_exchange(candidates: &[Candidate]) -> Vec<Vec<Candidate>> {
     let count = candidates.len();
     let pairs = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
@@ -99,8 +100,9 @@ fn orders_of_one_exchange(candidates: &[Candidate]) -> Vec<Vec<Candidate>> {
     std::iter::once(candidates.to_vec()).chain(exchanged).collect()
 }
 
-/// Every scheme of an order with at most `most` levels in the form of powers, nothing but Horner first, then counted like a binary number whose last
-/// digit is the outermost level. A level may have that form only where its powers are numbers, and where nothing at it and inside can be infinite.
+/// Every scheme of an order with at most `most` levels in the form of powers, in this order: first all levels in Horner form, then counted like a
+/// binary number whose last digit is the outermost level. The form of powers is allowed only if the powers are finite, and if nothing at this level
+/// and inside can be infinite.
 fn schemes(order: &[Candidate], most: u32) -> Vec<Vec<Level>> {
     let may = |k: usize| order[k].has_powers && order[k..].iter().all(|inside| inside.is_bounded);
     (0..1usize << order.len())
@@ -112,7 +114,7 @@ fn schemes(order: &[Candidate], most: u32) -> Vec<Vec<Level>> {
         .collect()
 }
 
-/// The scheme that is chosen against all that may stand, each written on a tape of its own. Gives the levels in the form of powers.
+/// Compares the chosen scheme with all allowed schemes, each written on a tape of its own. Returns the number of levels in the form of powers.
 fn compare(polynomial: &Polynomial, candidates: &[Candidate], all: &[Vec<Level>]) -> usize {
     let scaled_terms = polynomial.scaled_terms();
     let scaled_terms: Vec<&ScaledTerm<'_>> = scaled_terms.iter().collect();
@@ -120,17 +122,17 @@ fn compare(polynomial: &Polynomial, candidates: &[Candidate], all: &[Vec<Level>]
     let powers = |levels: &[Level]| levels.iter().filter(|level| level.form == Form::Powers).count();
     let price = |levels: &&Vec<Level>| {
         let (cost, _) = polynomial.written(levels);
-        // An operation is worth two steps of the chain.
+        // An operation counts as much as two steps of the chain.
         (2 * cost.operations + cost.ready, powers(levels), cost.operations)
     };
-    // `min_by_key` takes the first of equal ones.
+    // `min_by_key` returns the first of equal elements.
     let expected = all.iter().min_by_key(price).expect("there is a scheme");
     assert_eq!(&found, expected, "{:?} {:?} {candidates:?}", polynomial.terms, polynomial.waits);
     powers(&found)
 }
 
 fn candidates(random: &mut Random, factors: usize) -> Vec<Candidate> {
-    // Most may have powers, so that the form is often a choice.
+    // For most factors the form of powers is allowed, so that both forms are often possible.
     (0..factors).map(|factor| Candidate { factor, is_bounded: random.below(6) > 0, has_powers: random.below(6) > 0 }).collect()
 }
 
@@ -161,7 +163,7 @@ fn up_to_six_factors_the_cheapest_of_all_orders_with_one_form_of_powers_is_chose
     assert!(seen.iter().all(|count| *count > 0), "{seen:?}");
 }
 
-/// The best score of some orders in Horner form, by costs that are not written: there are many.
+/// The best score of some orders in Horner form. The costs are only counted, because there are many orders.
 fn least_score(polynomial: &Polynomial, orders: &[Vec<Candidate>]) -> usize {
     let scaled_terms = polynomial.scaled_terms();
     let scaled_terms: Vec<&ScaledTerm<'_>> = scaled_terms.iter().collect();
@@ -183,7 +185,7 @@ fn of_six_factors_all_orders_are_tried_and_of_seven_those_with_one_exchange() {
             let candidates: Vec<Candidate> =
                 (0..factors).map(|factor| Candidate { factor, is_bounded: false, has_powers: false }).collect();
             let of_one_exchange = least_score(&polynomial, &orders_of_one_exchange(&candidates));
-            // Of seven the 5040 are more than is needed: those with two exchanges hold enough better ones.
+            // Seven factors have 5040 orders, more than needed: the orders with two exchanges contain enough better ones.
             let more: Vec<Vec<Candidate>> = if tries_all {
                 all_orders(&candidates)
             } else {
@@ -204,7 +206,7 @@ fn of_six_factors_all_orders_are_tried_and_of_seven_those_with_one_exchange() {
 #[test]
 fn of_more_factors_the_cheapest_of_one_exchange_is_chosen() {
     let mut random = Random(4);
-    // Of few terms many orders cost the same, and that of the file stands first.
+    // With few terms many orders have the same cost; the order of the file comes first.
     for count in [1, 1, 1, 2, 2, 2, 3, 3, 8, 8, 8, 8] {
         let polynomial = Polynomial::random(&mut random, 7, count, 4);
         let candidates = candidates(&mut random, 7);

@@ -1,4 +1,4 @@
-//! Boxes and their cells.
+//! Tests of boxes and their cells.
 
 use super::*;
 
@@ -7,7 +7,7 @@ fn cells_hold_every_number_of_the_range() {
     let mut random = Random(11);
     for precision in Precision::ALL {
         for _ in 0..300 {
-            // Ranges of a few numbers, whose ends are none of the type, or are.
+            // Ranges of a few numbers; their ends are numbers of the type or not.
             let mut low = f64::from((random.between(-4.0, 4.0) * power_of_two(random.below(40) as i64 - 20)) as f32);
             let mut numbers = vec![low];
             for _ in 0..random.below(12) {
@@ -29,7 +29,7 @@ fn cells_hold_every_number_of_the_range() {
             }
         }
     }
-    // No number of f32 in it.
+    // The range contains no number of f32.
     assert_eq!(side(Precision::F32, [1.0 + 1e-12, 1.0 + 2e-12], 0, 1), None);
     assert_eq!(side(Precision::F64, [0.0, 8.0], 1, 4), Some([2.0, 4.0]));
 }
@@ -40,15 +40,15 @@ fn the_number_of_cells_stays_within_the_budget() {
     for (dimensions, operations, side) in expected {
         assert_eq!(cells_per_side(dimensions, operations), side, "{dimensions}");
     }
-    // 4096 cells of 1000 operations: longer tapes have fewer.
+    // 4096 cells for 1000 operations; longer tapes have fewer cells.
     assert_eq!(cells_per_side(2, 1000), 64);
     assert_eq!(cells_per_side(2, 4000), 32);
     assert_eq!(cells_per_side(1, 1_000_000), 4);
     assert_eq!(cells_per_side(1, 0), 256);
     assert_eq!([cells_per_side(1, 256_000), cells_per_side(1, 256_001)], [16, 8]);
-    // So long that a cell is too many: one all the same.
+    // So many operations that even one cell exceeds the budget: one cell is used.
     assert_eq!(cells_per_side(1, 10_000_000), 1);
-    // As many inputs as a file may name.
+    // As many inputs as a file may have.
     for dimensions in [31, 32, 63, 64, 65, 100, 1000] {
         assert_eq!(cells_per_side(dimensions, 10), 1, "{dimensions}");
     }
@@ -56,7 +56,7 @@ fn the_number_of_cells_stays_within_the_budget() {
 
 #[test]
 fn the_worst_cell_counts_wherever_it_lies() {
-    // The error is the sum of the arguments' magnitudes over 64: largest in one corner.
+    // The error is the sum of the arguments' magnitudes over 64, so it is largest in one corner.
     for precision in Precision::ALL {
         for arity in 1..=3usize {
             for corner in 0..1 << arity {
@@ -72,7 +72,7 @@ fn the_worst_cell_counts_wherever_it_lies() {
                 assert!(found > 0.999, "{found} over {ranges:?}");
             }
         }
-        // Cells make the bound tight where a whole range would not: x (1 - x) is no more than a quarter, which one range takes for 1.
+        // Cells make the bound tight where a single range does not: x (1 - x) is at most a quarter, but a single range gives 1.
         let hump = write_tape(precision, 1, |builder, x| {
             let (one, factor) = (builder.constant(integer(1)), off(builder, 1.0, 1.0 / 64.0));
             let rest = builder.push(Op::Subtract(one, x[0]));

@@ -1,11 +1,11 @@
-//! Maxima, minima and choices by comparison.
+//! Tests of maxima, minima and selections by comparison.
 
 use super::*;
 
 #[test]
 fn a_maximum_moves_by_no_more_than_what_it_compares() {
     for precision in Precision::ALL {
-        // The error of the value where it wins, that of the bound where that wins; the same mirrored.
+        // Where the value is selected its error counts, where the bound is selected the error of the bound; the same for a minimum.
         for (of_value, of_bound) in [(0.25, 0.0), (0.0, 0.25), (0.25, 0.125), (0.125, 0.25), (-0.25, -0.125)] {
             for is_minimum in [false, true] {
                 let tape = write_tape(precision, 1, |builder, x| {
@@ -18,8 +18,8 @@ fn a_maximum_moves_by_no_more_than_what_it_compares() {
                 assert!(found > 0.999, "{found} {of_value} {of_bound}\n{tape}");
             }
         }
-        // A bound that is never reached but might be, were it exact: an exact value that stays on the safe side costs nothing if the
-        // bound was rounded towards it, else what the bound is off by.
+        // A bound that the computed value never exceeds, but the exact value might. If the bound was rounded towards the exact value, there is no
+        // error. Otherwise the error is that of the bound.
         for (by, is_minimum, range) in
             [(-0.125, false, [1.0, 2.0]), (0.125, false, [1.0, 2.0]), (0.125, true, [0.0, 1.0]), (-0.125, true, [0.0, 1.0])]
         {
@@ -31,18 +31,18 @@ fn a_maximum_moves_by_no_more_than_what_it_compares() {
             let is_free = (by < 0.0) != is_minimum;
             assert_eq!(bound, if is_free { 0.0 } else { 0.125 }, "{by} {is_minimum}");
             worst_ratio(&mut Random(5), &tape, &[range], bound, 50);
-            // Where the value may pass the bound, the bound's error counts in any case.
+            // If the value may exceed the bound, the error of the bound always counts.
             let wider = [0.0, 2.0];
             assert_eq!(error_bound(&tape, &[wider]), 0.125);
             assert!(tightness(&tape, &[wider], 50) > 0.999);
-            // An exact bound costs nothing.
+            // An exact bound causes no error.
             let exactly = write_tape(precision, 1, |builder, x| {
                 let bound = builder.constant(integer(1));
                 if is_minimum { builder.at_most(x[0], bound) } else { builder.at_least(x[0], bound) }
             });
             assert_eq!(error_bound(&exactly, &[range]), 0.0);
         }
-        // A computed bound says nothing of how it was rounded: here 0.9 that stands for 1.4.
+        // The rounding direction of a computed bound is unknown: here 0.9 represents 1.4.
         for is_minimum in [false, true] {
             let sign = if is_minimum { -1.0 } else { 1.0 };
             let computed = write_tape(precision, 2, |builder, x| {
@@ -65,7 +65,7 @@ fn a_choice_by_exact_numbers_is_charged_what_it_may_choose() {
             let (then, otherwise) = (off(builder, 1.0, of_then), off(builder, 2.0, of_otherwise));
             let shift = off(builder, 0.0, of_left);
             let left = builder.push(Op::Add(x[0], shift));
-            // Straight from the argument where nothing is off: a sum with zero is charged.
+            // Without an error the argument is used directly, because a sum with zero has a rounding error in the bound.
             let left = if of_left == 0.0 { x[0] } else { left };
             let condition = builder.push(Op::Less(left, x[1]));
             builder.push(Op::Select { condition, then, otherwise })
@@ -79,14 +79,14 @@ fn a_choice_by_exact_numbers_is_charged_what_it_may_choose() {
             worst_ratio(&mut Random(7), &tape, &ranges, bound, 60);
             bound
         };
-        // Always less, never less (a tie is not less), and both.
+        // The comparison is always true, never true (for equal numbers it is false), or both.
         assert_eq!(charged(small, large, [[0.0, 0.5], [1.0, 2.0]]), small);
         assert_eq!(charged(small, large, [[0.0, 1.0], [1.0, 2.0]]), large);
         assert_eq!(charged(large, small, [[2.0, 3.0], [1.0, 2.0]]), small);
         assert_eq!(charged(large, small, [[2.5, 3.0], [1.0, 2.0]]), small);
         assert_eq!(charged(large, small, [[1.0, 3.0], [1.0, 2.0]]), large);
         assert_eq!(charged(small, large, [[1.0, 3.0], [1.0, 2.0]]), large);
-        // An inexact comparison may choose the other one: nothing is known.
+        // An inexact comparison may select the other value, so there is no bound.
         let inexact = choice(precision, 0.0, 0.0, 0.25);
         assert_eq!(error_bound(&inexact, &[[0.0, 2.0], [1.0, 1.0]]), f64::INFINITY);
         let other_side = write_tape(precision, 1, |builder, x| {
@@ -109,7 +109,7 @@ fn a_choice_by_exact_numbers_is_charged_what_it_may_choose() {
     }
 }
 
-/// A choice between 0 and x by a comparison: a clamp's derivative.
+/// Selects 0 or x by a comparison, as the derivative of a clamp does.
 fn choice(precision: Precision, arity: usize, compared: impl Fn(&mut TapeBuilder, &[Reg]) -> (Reg, Reg)) -> Tape {
     write_tape(precision, arity, |builder, x| {
         let (left, right) = compared(builder, x);
@@ -123,7 +123,7 @@ fn a_choice_is_known_where_tape_and_ideal_compare_alike() {
     let tenth = || integer(1) / integer(10);
     for precision in Precision::ALL {
         let (below, above) = (precision.round_down(&tenth()), precision.round_up(&tenth()));
-        // (the bound's value, whether it stands on the right, whether tape and ideal agree): no number lies between 1/10 and its neighbours.
+        // (Value of the bound, whether it is on the right, whether tape and ideal agree): no number of the type is between 1/10 and its neighbours.
         for (value, is_right, agrees) in
             [(above, true, true), (below, true, false), (below, false, true), (above, false, false)]
         {
@@ -133,11 +133,11 @@ fn a_choice_is_known_where_tape_and_ideal_compare_alike() {
             });
             let bound = error_bound(&tape, &[[0.0, 1.0]]);
             assert_eq!(bound, if agrees { 0.0 } else { f64::INFINITY }, "{value} {is_right}");
-            // At the neighbour itself they differ indeed, or not.
+            // At the neighbour itself they differ if and only if they do not agree.
             let differs = seen_error(&tape, &[value]) != Some(integer(0));
             assert_eq!(differs, !agrees, "{value} {is_right}");
         }
-        // A bound farther away than the next number is another one.
+        // A bound farther away than the next number is a different bound.
         let far = choice(precision, 1, |builder, x| (x[0], off(builder, 0.5, -0.25)));
         assert_eq!(error_bound(&far, &[[0.0, 1.0]]), f64::INFINITY);
     }
@@ -156,7 +156,7 @@ fn the_sign_of_a_difference_of_exact_numbers_is_certain() {
         for is_left in [true, false] {
             assert_eq!(error_bound(&difference(is_left), &[[0.1, 1.0], [0.1, 3.0]]), 0.0);
         }
-        // Of a number that is off, and beside another number than 0, it is not.
+        // The comparison is not certain if an operand of the difference is not exact, or if the other side is not 0.
         let of_rounded = choice(precision, 2, |builder, x| {
             let product = builder.multiply(x[0], x[1]);
             let difference = builder.subtract(product, x[1]);
@@ -170,7 +170,7 @@ fn the_sign_of_a_difference_of_exact_numbers_is_certain() {
             (difference, one)
         });
         assert_eq!(error_bound(&beside_one, &[[0.1, 1.0], [0.1, 3.0]]), f64::INFINITY);
-        // Nor of a sum beside 0: 0.1 + x changes its sign where the ideal may not.
+        // The sign of a product is not certain here either: only a difference of exact numbers is.
         let of_sum = choice(precision, 2, |builder, x| {
             let square = builder.multiply(x[0], x[1]);
             let zero = builder.constant(integer(0));

@@ -1,4 +1,4 @@
-//! What rounds nothing is charged nothing, and what comes close to it is charged.
+//! Tests that exact operations have a bound of 0, and that operations that are almost exact have not.
 
 use super::*;
 
@@ -8,22 +8,22 @@ fn a_difference_is_exact_up_to_a_ratio_of_two_and_no_further() {
         let u = ulp_of_one(precision);
         let difference = write_tape(precision, 2, |builder, x| builder.push(Op::Subtract(x[0], x[1])));
         let sum = write_tape(precision, 2, |builder, x| builder.push(Op::Add(x[0], x[1])));
-        // Both ends of both ranges at a ratio of exactly 2.
+        // Both ends of both ranges have a ratio of exactly 2.
         for ranges in
             [[[2.0, 4.0], [2.0, 4.0]], [[-4.0, -2.0], [-4.0, -2.0]], [[1.5, 1.5], [3.0, 3.0]], [[3.0, 3.0], [1.5, 1.5]]]
         {
-            // However large the numbers are.
+            // For numbers of any size.
             for scale in [-60, 0, 60] {
                 let ranges = ranges.map(|range| range.map(|end| end * power_of_two(scale)));
                 assert_eq!(error_bound(&difference, &ranges), 0.0, "{ranges:?}");
                 let [a, [low, high]] = ranges;
                 assert_eq!(error_bound(&sum, &[a, [-high, -low]]), 0.0, "{ranges:?}");
-                // Of one sign they are not.
+                // Numbers of the same sign have no exact sum.
                 assert!(error_bound(&sum, &ranges) > 0.0);
                 worst_ratio(&mut Random(4), &difference, &ranges, 0.0, 100);
             }
         }
-        // One number beyond: 4 - (2 - u/1) = 2 + u has a bit too many, and is rounded by half a unit of its last place.
+        // One number beyond: 4 - (2 - u) = 2 + u needs one bit more, and is rounded by half a unit of its last place.
         let below_two = precision.next_down(2.0);
         for (a, b) in [(4.0, below_two), (below_two, 4.0), (-4.0, -below_two), (-below_two, -4.0)] {
             let ranges = [[a, a], [b, b]];
@@ -31,17 +31,17 @@ fn a_difference_is_exact_up_to_a_ratio_of_two_and_no_further() {
             assert_eq!(error_bound(&difference, &ranges), u, "{a} {b}");
             assert_eq!(error_bound(&sum, &[[a, a], [-b, -b]]), u, "{a} {b}");
         }
-        // Nothing is exact where the second may have another sign, or be 0.
+        // The difference is not exact if the second number may have another sign or be 0.
         for b in [[-1.0, 1.0], [0.0, 1.0], [-1.0, 0.0]] {
             assert!(error_bound(&difference, &[[1.0, 1.5], b]) > 0.0);
         }
-        // The edges over a whole box: a ratio of up to 4 in either direction.
+        // Over a whole box: a ratio of up to 4 in either direction.
         for sign in [1.0, -1.0] {
             let range = if sign > 0.0 { [1.0, 4.0] } else { [-4.0, -1.0] };
             let found = tightness(&difference, &[range, range], 2000);
             assert!(found > 0.4, "{found}");
         }
-        // Exact operands and an exact difference: what follows is charged nothing either.
+        // With exact operands and an exact difference the maximum after it has no error either.
         let hinge = write_tape(precision, 1, |builder, x| {
             let (three, zero) = (builder.constant(integer(3)), builder.constant(integer(0)));
             let above = builder.push(Op::Subtract(x[0], three));
@@ -60,9 +60,9 @@ fn a_difference_with_itself_is_zero_unless_it_is_no_number() {
         });
         let largest = precision.largest();
         assert_eq!(error_bound(&square_less_itself, &[[0.1, 0.7]]), 0.0);
-        // The square overflows: infinity less infinity is NaN, of which nothing may be promised.
+        // The square overflows: infinity minus infinity is NaN, so there is no bound.
         assert_eq!(error_bound(&square_less_itself, &[[1.0, largest]]), f64::INFINITY);
-        // A sum with itself is no difference.
+        // A sum of a number with itself is not a difference.
         let twice = write_tape(precision, 1, |builder, x| builder.push(Op::Add(x[0], x[0])));
         let with_error = write_tape(precision, 1, |builder, x| {
             let c = off(builder, 1.0, 0.5);
@@ -77,7 +77,7 @@ fn a_difference_with_itself_is_zero_unless_it_is_no_number() {
 #[test]
 fn what_is_known_of_a_square_and_of_nothing_goes_into_what_follows() {
     for precision in Precision::ALL {
-        // A square is not negative, so a divisor that it is part of is not zero.
+        // A square is not negative, so the divisor that contains it is not zero.
         let bell = write_tape(precision, 1, |builder, x| {
             let (one, width) = (builder.constant(integer(1)), off(builder, 1e-6f32.into(), 1e-8));
             let square = builder.push(Op::Multiply(x[0], x[0]));
@@ -87,7 +87,7 @@ fn what_is_known_of_a_square_and_of_nothing_goes_into_what_follows() {
         assert!(error_bound(&bell, &[[-1.0, 1.3]]).is_finite());
         let at_its_top = bound_of_one_cell(&bell, &[[-1e-6, 1.3e-6]]);
         assert!(worst_ratio(&mut Random(15), &bell, &[[-1e-6, 1.3e-6]], at_its_top, 50) > 0.9);
-        // x - x is zero and nothing else: added, it moves no range.
+        // x - x is exactly zero: adding it changes no range.
         for range in [[2.0, 3.0], [-3.0, -2.0]] {
             let moved = write_tape(precision, 2, |builder, x| {
                 let factor = off(builder, 1.0, 1.0 / 64.0);
@@ -123,7 +123,7 @@ fn a_power_of_two_moves_the_exponent_alone() {
                     assert_eq!(error_bound(&tape, &[range]), 0.0, "{tape}");
                     worst_ratio(&mut Random(16), &tape, &[range], 0.0, 40);
                 }
-                // Bits are shifted out of what becomes subnormal, and of what is rounded up to the smallest normal number.
+                // A result loses bits if it is subnormal, or if it is rounded up to the smallest normal number.
                 let (low, high) = (normal / factor.abs(), 4.0 * normal / factor.abs());
                 let above = [precision.next_up(low), high];
                 assert_eq!(error_bound(&tape, &[above]), 0.0, "{tape}");
@@ -132,15 +132,15 @@ fn a_power_of_two_moves_the_exponent_alone() {
                     let found = tightness(&tape, &[range], 200);
                     let is_exact = factor.abs() >= 1.0;
                     assert_eq!(error_bound(&tape, &[range]) == 0.0, is_exact, "{tape}");
-                    // Half of the smallest f64 is none: a whole one stands for it.
+                    // Half of the smallest f64 is no f64, so the bound has the smallest f64 itself.
                     assert!(is_exact || found > if precision == Precision::F64 { 0.45 } else { 0.9 }, "{found}\n{tape}");
                 }
-                // A quarter of a number just below four times the smallest normal number is rounded up to that.
+                // A quarter of a number just below four times the smallest normal number is rounded up to the smallest normal number.
                 let edge = precision.next_down(low);
                 assert!(factor.abs() >= 1.0 || tightness(&tape, &[[edge, edge]], 1) > 0.1, "{tape}");
             }
         }
-        // What is no power of two, or not alone in its range, rounds.
+        // Other factors, and ranges that contain more than a power of two, cause a rounding error.
         for factor in [3.0, 1.5, -0.75] {
             let times = write_tape(precision, 1, |builder, x| {
                 let factor = builder.constant(exact(factor));
@@ -155,7 +155,7 @@ fn a_power_of_two_moves_the_exponent_alone() {
             assert!(tightness(&tape, &[[1.0, 1.9], [2.0, above_two]], 200) > 0.4);
             assert!(tightness(&tape, &[[1.0, 1.9], [1.0, 2.0]], 200) > 0.4);
         }
-        // A factor that stands for another number brings its own error along.
+        // A factor that represents another number has an error of its own.
         let off_two = write_tape(precision, 1, |builder, x| {
             let factor = off(builder, 2.0, 1.0 / 64.0);
             builder.push(Op::Multiply(x[0], factor))

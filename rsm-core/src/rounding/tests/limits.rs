@@ -1,4 +1,4 @@
-//! Beyond the largest number, at a divisor of zero, below the smallest normal number.
+//! Tests of values beyond the largest number, of a divisor of zero, and of values below the smallest normal number.
 
 use super::*;
 
@@ -11,7 +11,7 @@ fn nothing_is_promised_where_the_tape_may_leave_its_numbers() {
         assert!(error_bound(&twice, &[[1.0, half], [1.0, half]]).is_finite());
         assert_eq!(error_bound(&twice, &[[1.0, largest], [1.0, half]]), f64::INFINITY);
         assert_eq!(error_bound(&twice, &[[-largest, -1.0], [-half, -1.0]]), f64::INFINITY);
-        // What is lost by rounding alone at the edge: half a unit of the largest number.
+        // At the edge only the rounding error remains: half a unit of the largest number.
         let tiny = [0.0, half * precision.unit_roundoff() * 0.5];
         let found = tightness(&twice, &[[half, largest], tiny], 300);
         assert!(found > 0.2, "{found}");
@@ -19,14 +19,14 @@ fn nothing_is_promised_where_the_tape_may_leave_its_numbers() {
         assert!(error_bound(&product, &[[1.0, half], [-2.0, 2.0]]).is_finite());
         assert_eq!(error_bound(&product, &[[1.0, half], [-2.0, 2.0 + 1e-6]]), f64::INFINITY);
         assert_eq!(error_bound(&product, &[[1.0, half], [-2.0 - 1e-6, 2.0]]), f64::INFINITY);
-        // Infinity reaches the result through everything that follows, also through a product with zero.
+        // An infinity affects all later operations, also a product with zero.
         let lost = write_tape(precision, 2, |builder, x| {
             let zero = builder.constant(integer(0));
             let square = builder.push(Op::Multiply(x[0], x[1]));
             builder.push(Op::Multiply(square, zero))
         });
         assert_eq!(error_bound(&lost, &[[1.0, largest], [1.0, 2.0]]), f64::INFINITY);
-        // An error that no f64 holds, of numbers that are: 1 + 10^200, squared.
+        // The numbers are finite, but their error exceeds f64: 1 + 10^200, squared.
         let lost = write_tape(precision, 0, |builder, _| {
             let (zero, a) = (builder.constant(integer(0)), off(builder, 1.0, 1e200));
             let square = builder.push(Op::Multiply(a, a));
@@ -40,7 +40,7 @@ fn nothing_is_promised_where_the_tape_may_leave_its_numbers() {
         for divisor in [[0.5, 1.0], [-1.0, -0.5]] {
             assert!(error_bound(&quotient, &[[1.0, 2.0], divisor]).is_finite(), "{divisor:?}");
         }
-        // A divisor whose error reaches zero, or passes it.
+        // A divisor whose error is as large as the divisor, or larger.
         for (by, is_finite) in [(-0.5, true), (-1.0, false), (-1.5, false), (1.0, false), (0.5, true)] {
             let off_by = write_tape(precision, 1, |builder, x| {
                 let divisor = off(builder, 1.0, by);
@@ -50,7 +50,7 @@ fn nothing_is_promised_where_the_tape_may_leave_its_numbers() {
             worst_ratio(&mut Random(9), &off_by, &[[1.0, 2.0]], error_bound(&off_by, &[[1.0, 2.0]]), 30);
         }
     }
-    // A state may hold anything.
+    // A state may have any value.
     let mut builder = TapeBuilder::new(Precision::F64);
     let state = builder.push(Op::State(State(0)));
     let held = builder.finish_with_states("t", vec![], state, vec![state]);
@@ -59,7 +59,7 @@ fn nothing_is_promised_where_the_tape_may_leave_its_numbers() {
 
 #[test]
 fn results_below_the_smallest_normal_number_lose_more() {
-    // Products and quotients of which only a few bits, or none, are left.
+    // Products and quotients of which only a few bits or none remain.
     for (precision, small) in [(Precision::F32, 1e-30), (Precision::F64, 1e-300)] {
         let smallest = power_of_two(precision.smallest_exponent());
         let product = write_tape(precision, 2, |builder, x| builder.push(Op::Multiply(x[0], x[1])));
@@ -70,12 +70,13 @@ fn results_below_the_smallest_normal_number_lose_more() {
             let inverse = [ranges[0], [0.5 / (scale * factor), 1.0 / (scale * factor)]];
             for (tape, ranges) in [(&product, ranges), (&quotient, inverse)] {
                 let found = tightness(tape, &ranges, 400);
-                // Half of the smallest number of f64 is no f64; one whole stands for it. A result below a half of it errs by itself.
+                // Half of the smallest f64 is no f64, so the bound has the smallest f64 itself. A result below half of the smallest f64 is its own
+                // error.
                 let expected = if precision == Precision::F64 { 0.45 } else { 0.9 };
                 assert!(found > expected || scale < 0.2 && found > 0.35 * expected, "{found} at {scale}\n{tape}");
             }
         }
-        // Sums of subnormal numbers are exact; they may be charged half of the smallest number, no more.
+        // Sums of subnormal numbers are exact; the bound may contain at most the smallest number.
         let sum = write_tape(precision, 2, |builder, x| builder.push(Op::Add(x[0], x[1])));
         let ranges = [[smallest, 100.0 * smallest]; 2];
         assert!(error_bound(&sum, &ranges) <= smallest);

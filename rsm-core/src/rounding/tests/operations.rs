@@ -1,10 +1,11 @@
-//! What each operation is charged: its own rounding, the errors of its operands, what the bound itself rounds. Each is tight somewhere.
+//! Tests of the bound of each operation: its own rounding, the errors of its operands, and the rounding of the bound itself. Each part is tight
+//! somewhere.
 
 use super::*;
 
 #[test]
 fn every_operation_is_charged_its_rounding_and_little_more() {
-    // Results stay inside one binade, so half a unit in the last place is the same everywhere.
+    // Results stay inside one power of two, so half a unit in the last place is the same everywhere.
     let cases: [(Binary, [[f64; 2]; 2]); 10] = [
         (Op::Add, [[1.0, 1.9], [0.01, 0.02]]),
         (Op::Add, [[-1.9, -1.0], [-0.02, -0.01]]),
@@ -28,7 +29,7 @@ fn every_operation_is_charged_its_rounding_and_little_more() {
             assert!(tightness(&square, &[range], 600) > 0.97, "{square}");
         }
         for value in [0.1f64, -0.7, 1.0 / 3.0] {
-            // What a constant stands for may lie anywhere: here the tenth, not its f64.
+            // A constant may represent any number: here the exact fraction, not its f64.
             let tenths = integer((value * 30.0).round() as i64) / integer(30);
             let constant = write_tape(precision, 0, |builder, _| builder.constant(tenths.clone()));
             assert!(tightness(&constant, &[], 1) > 0.999, "{constant}");
@@ -55,7 +56,7 @@ fn an_error_that_an_operand_brings_along_is_charged() {
                         builder.push(op(a, b))
                     })
                 });
-                // One choice of signs adds the two errors up.
+                // With one choice of signs the two errors add up.
                 let worst = tapes.iter().map(|tape| tightness(tape, &[], 1)).fold(0.0, f64::max);
                 assert!(worst > 0.9999, "{name} of {a} and {b}: {worst}");
             }
@@ -80,7 +81,7 @@ fn an_error_that_an_operand_brings_along_is_charged() {
 
 #[test]
 fn a_divisor_that_is_mostly_error_enlarges_what_the_quotient_rounds() {
-    // The ideal divisor is a sixteenth of the computed one: what the quotient rounds comes back fifteen times.
+    // The ideal divisor is a sixteenth of the computed one, so the rounding error of the quotient counts fifteen times more.
     let mut random = Random(13);
     for precision in Precision::ALL {
         let mut worst = 0.0f64;
@@ -109,14 +110,14 @@ fn arithmetic_of_bounds_errs_to_the_safe_side_by_at_most_two_numbers() {
         assert!(above(quotient_up(a, b), exact(a) / exact(b)), "{a} / {b}");
         assert!(above(-difference_down(large, small), exact(small) - exact(large)), "{large} - {small}");
     }
-    // Nothing lost, nothing charged.
+    // Zero operands give zero bounds.
     assert_eq!([sum_up(0.0, 3.0), sum_up(3.0, 0.0), product_up(0.0, 3.0), product_up(3.0, 0.0)], [3.0, 3.0, 0.0, 0.0]);
     assert_eq!([quotient_up(0.0, 3.0), difference_down(3.0, 0.0)], [0.0, 3.0]);
     assert!(product_up(0.0, f64::INFINITY).is_nan() && product_up(f64::INFINITY, 0.0).is_nan());
 }
 
-/// The error of a product with an inexact factor is the magnitude of the other one times that factor's error: so the bound shows which
-/// range the analysis knows.
+/// The error of a product with an inexact factor is the magnitude of the other factor times that factor's error. So the bound shows the range that
+/// the analysis uses.
 #[test]
 fn the_range_of_every_result_is_known() {
     type Write = fn(&mut TapeBuilder, &[Reg]) -> Reg;
@@ -172,7 +173,7 @@ fn the_range_of_every_result_is_known() {
                     builder.push(Op::Multiply(result, factor))
                 });
                 let found = tightness(&tape, &ranges, if arity == 1 { 150 } else { 30 });
-                // The choice is between four arguments, 8 cells a side: its corner is in the last of them.
+                // The selection has four arguments with 8 cells a side: the largest error is in the corner of the last cell.
                 assert!(found > if arity == 4 { 0.85 } else { 0.97 }, "{name} over {ranges:?}: {found}");
                 let whole = bound_of_one_cell(&tape, &ranges);
                 let found = worst_ratio(&mut random, &tape, &ranges, whole, if arity == 1 { 150 } else { 30 });
@@ -184,7 +185,7 @@ fn the_range_of_every_result_is_known() {
 
 #[test]
 fn what_the_bound_itself_rounds_is_charged_too() {
-    // Values of 2^-60, errors of all significant bits: what the operation rounds is nothing beside what the bound rounds.
+    // Values of 2^-60 with errors that use all bits: the rounding error of the operation is negligible compared with that of the bound.
     let mut random = Random(8);
     let tiny = power_of_two(-60);
     let near_one = |random: &mut Random| random.between(1.0, 2.0) * power_of_two(-4 - random.below(8) as i64);
@@ -205,7 +206,7 @@ fn what_the_bound_itself_rounds_is_charged_too() {
             }
             assert!(closest > 1.0 - 1e-9, "{name}: {closest}");
         }
-        // Values whose product has all bits, times an error that has them too; and a constant whose error is no f64.
+        // Values whose product uses all bits, times an error that does so too; and a constant whose error is no f64.
         for _ in 0..300 {
             let (value, by) = (f64::from(random.between(1.0, 2.0) as f32), near_one(&mut random));
             let product = write_tape(precision, 0, |builder, _| {

@@ -1,17 +1,17 @@
-//! Tapes of any operations over any box: drawn from a seed, and searched for those that come closest to their bound.
+//! Tests with random tapes over random boxes, and a search for those that come closest to their bound.
 
 use super::*;
 
-/// A tape that can be changed a little: what its steps do is drawn, and any drawn number has a meaning.
+/// A tape that can be changed in small steps: it is made from random numbers, and every random number is valid.
 #[derive(Clone)]
 struct Plan {
     precision: Precision,
     ranges: Vec<[f64; 2]>,
-    /// Values, and by how much they are off what they stand for.
+    /// Values, and their differences from the numbers that they represent.
     constants: Vec<[f64; 2]>,
-    /// Whether constants may be off.
+    /// Whether constants may represent other numbers.
     may_be_off: bool,
-    /// An operation, and what chooses its operands.
+    /// An operation, and the numbers that select its operands.
     steps: Vec<[usize; 4]>,
 }
 
@@ -66,7 +66,7 @@ impl Plan {
             registers.extend(self.constants.iter().map(|[value, by]| off(builder, *value, *by)));
             for [kind, a, b, c] in &self.steps {
                 let any = |k: usize| registers[k % registers.len()];
-                // Late registers more often: chains, not bushes.
+                // Late registers are selected more often, so that the tape has long chains.
                 let (a, b) = (any(*a), if b % 2 == 0 { registers[registers.len() - 1] } else { any(b / 2) });
                 let made = match kind {
                     0 | 1 => builder.push(Op::Add(a, b)),
@@ -93,7 +93,7 @@ fn any_step(random: &mut Random) -> [usize; 4] {
     [random.below(13), random.below(1000), random.below(1000), random.below(1000)]
 }
 
-/// Which registers the result depends on.
+/// The registers on which the result depends.
 fn live(tape: &Tape) -> Vec<bool> {
     let mut live = vec![false; tape.ops.len()];
     live[tape.output().0 as usize] = true;
@@ -105,12 +105,12 @@ fn live(tape: &Tape) -> Vec<bool> {
     live
 }
 
-/// Whether the result depends on every quotient: a tape in rational arithmetic has no value where any divisor is zero.
+/// Whether the result depends on every quotient: in rational arithmetic a tape has no value if any divisor is zero.
 fn divides_to_the_end(tape: &Tape) -> bool {
     tape.ops.iter().zip(live(tape)).all(|(op, is_live)| is_live || !matches!(op, Op::Divide(..)))
 }
 
-/// How many sums, products and quotients the result depends on.
+/// The number of sums, products and quotients on which the result depends.
 fn roundings(tape: &Tape) -> usize {
     let rounds = |op: &Op| matches!(op, Op::Add(..) | Op::Subtract(..) | Op::Multiply(..) | Op::Divide(..));
     tape.ops.iter().zip(live(tape)).filter(|(op, is_live)| *is_live && rounds(op)).count()
@@ -130,15 +130,15 @@ fn no_tape_errs_by_more_than_its_bound() {
         promised += usize::from(bound.is_finite());
         tight += usize::from(found > 0.5);
     }
-    // Most have a bound, and of many the search finds more than half.
+    // Most tapes have a bound, and for many of them the search finds more than half of it.
     assert!(promised > 80 && tight > 40, "{promised} promised, {tight} tight");
 }
 
-/// From tape to tape by small changes of operations, constants and ranges, towards the worst ratio of seen error to bound.
+/// Changes operations, constants and ranges in small steps, towards the largest ratio of observed error to bound.
 #[test]
 fn no_tape_that_a_search_finds_errs_by_more_than_its_bound() {
     let mut random = Random(17);
-    // A single operation is tight by itself: here three of them must be wrong together.
+    // A single operation is tight by itself, so at least three are required here.
     let counts = |tape: &Tape| divides_to_the_end(tape) && roundings(tape) >= 3;
     for precision in Precision::ALL {
         for may_be_off in [false, true] {
@@ -160,7 +160,7 @@ fn no_tape_that_a_search_finds_errs_by_more_than_its_bound() {
                 }
                 worst = worst.max(ratio);
             }
-            // The search is sharp: of some tape the bound has no tenth to spare.
+            // The search is effective: for some tape the bound exceeds the largest error by less than a tenth.
             assert!(worst > 0.9 && worst <= 1.0, "{worst} in {}", precision.name());
         }
     }

@@ -76,14 +76,14 @@ fn a_sharing_tape_writes_an_operation_once() {
         let (x, two) = (tape.input(0), tape.constant(exact(2.0)));
         let (first, second) = (tape.multiply(x, two), tape.multiply(x, two));
         assert_eq!(first == second, shares);
-        // Another order, or another operation, is another one; a constant is never written twice.
+        // Another order of operands, or another operation, is a different operation; a constant is never written twice.
         assert_eq!(tape.constant(exact(2.0)), two);
         let turned = tape.multiply(two, x);
         assert!(turned != first && *tape.op(turned) == Op::Multiply(two, x));
         assert_eq!(tape.len(), expected);
         assert_ne!(tape.add(x, two), first);
     }
-    // An input and a state of the same number are two operations.
+    // An input and a state with the same number are two operations.
     let mut tape = TapeBuilder::sharing(Precision::F32);
     assert_ne!(tape.input(0), tape.state(0));
     assert_eq!(tape.input(0), tape.input(0));
@@ -103,7 +103,7 @@ fn a_tape_stands_inside_another_with_all_its_operations() {
     Interpreter::<f64>::new(&inner).eval_all(&[-6.0, 4.0], &mut direct);
 
     let mut outer = TapeBuilder::sharing(Precision::F64);
-    // Inputs in another order, behind an operation: registers do not carry their old numbers.
+    // Inputs in another order, after another operation: registers get new numbers.
     let (b, a) = (outer.input(0), outer.input(1));
     let a = outer.negate(a);
     let inside = outer.inline(&inner, &[a, b]);

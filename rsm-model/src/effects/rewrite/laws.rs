@@ -131,7 +131,7 @@ impl Rewriter {
         Ok(())
     }
 
-    /// Moves the properties of the true value from a reading to it: start, bounds, derivatives, the value before an event.
+    /// Moves properties from the reading to the true value: start, bounds, derivatives, the value before an event.
     pub(super) fn hand_over(&mut self, reading: Symbol, truth: Symbol, replaced: &mut HashMap<Symbol, Id>) {
         let old = self.flat.variable(reading).clone();
         let new = &mut self.flat.variables[truth.0 as usize];
@@ -193,7 +193,7 @@ impl Rewriter {
         Ok(())
     }
 
-    /// Replaces symbols by expressions in all equations and sites. If `moves`, also where a `when` assigns the symbol.
+    /// Replaces symbols by expressions in all equations and sites. With `moves`, also in the assignments of a `when`.
     pub(super) fn substitute(&mut self, replaced: &HashMap<Symbol, Id>, moves: bool) {
         if replaced.is_empty() {
             return;
@@ -229,7 +229,7 @@ impl Rewriter {
         for check in &mut flat.checks {
             check.condition = replacement.of(pool, check.condition);
         }
-        // A parameter that depends on another one now depends on its replacement, if that is constant too.
+        // A parameter that depends on a replaced one now depends on the replacement, if that is constant too.
         for k in 0..flat.variables.len() {
             let is_number = |it: &Symbol, flat: &Flat| matches!(flat.variable(*it).role, Role::Parameter | Role::Constant);
             let role = flat.variables[k].role;

@@ -24,7 +24,7 @@ fn read(address: usize) -> u32 {
     unsafe { read_volatile(address as *const u32) }
 }
 
-/// Starts a timer whose interrupt has this priority (the smaller the more urgent): the first time after `first` ticks, then every `ticks`.
+/// Starts a timer whose interrupt has this priority (a smaller number is more urgent): the first time after `first` ticks, then every `ticks`.
 pub fn start_timer(timer: usize, priority: u8, first: u32, ticks: u32) {
     let (base, number) = (TIMER[timer], TIMERS[timer]);
     write(base, 0);
@@ -47,7 +47,7 @@ pub fn clear_timer(timer: usize) {
     write(TIMER[timer] + 12, 1);
 }
 
-/// Whether the timer requests an interrupt again.
+/// Whether the timer has a new interrupt request.
 pub fn asks_again(timer: usize) -> bool {
     read(TIMER[timer] + 12) & 1 != 0
 }
@@ -57,7 +57,7 @@ pub fn elapsed(timer: usize) -> u32 {
     u32::MAX - read(TIMER[timer] + 4)
 }
 
-/// A timer that only counts.
+/// Starts a timer that only counts.
 pub fn count_from_now(timer: usize) {
     write(TIMER[timer], 0);
     write(TIMER[timer] + 8, u32::MAX);
@@ -65,7 +65,7 @@ pub fn count_from_now(timer: usize) {
     write(TIMER[timer], 1);
 }
 
-/// The first alarm comes after this many ticks without a feed, the reset after as many more.
+/// Starts the watchdog. Without a feed the first alarm comes after this many ticks, and the reset after the same time again.
 pub fn start_watchdog(ticks: u32) {
     unlocked(|| {
         write(WATCHDOG, ticks);

@@ -1,7 +1,7 @@
 //! Passes values between two interrupts of one processor, always as a consistent set: `../../handover.h` in Rust.
 //!
-//! In: a value, from one writer. Out: the newest complete value, for one reader. Two slots, and an index that is written last. Never waits and never
-//! masks interrupts.
+//! In: a value, from one writer. Out: the newest complete value, for one reader. There are two slots, and an index that is written last. Never waits
+//! and never masks interrupts.
 
 use core::cell::UnsafeCell;
 use core::sync::atomic::{AtomicUsize, Ordering};
@@ -13,8 +13,8 @@ pub struct Handover<T> {
     newest: AtomicUsize,
 }
 
-// SAFETY: who calls `put` and `take` promises that there is one of each, and that no two `put` begin in one `take`; then no slot is written while it
-// is read.
+// SAFETY: the callers of `put` and `take` ensure that there is one of each, and that no two `put` begin during one `take`. So no slot is written
+// while it is read.
 unsafe impl<T: Copy + Send> Sync for Handover<T> {}
 
 impl<T: Copy> Handover<T> {
@@ -26,10 +26,10 @@ impl<T: Copy> Handover<T> {
     /// Makes `value` the newest one.
     ///
     /// # Safety
-    /// There is one writer, and it does not begin twice in one reading.
+    /// There is one writer, and it does not begin twice during one reading.
     pub unsafe fn put(&self, value: T) {
         let next = self.newest.load(Ordering::Relaxed) ^ 1;
-        // SAFETY: the index names the other slot, so the reader is there.
+        // SAFETY: the index is that of the other slot, so the reader uses that one.
         unsafe { *self.slots[next & 1].get() = value };
         self.newest.store(next, Ordering::Release);
     }
@@ -37,7 +37,7 @@ impl<T: Copy> Handover<T> {
     /// The newest value.
     ///
     /// # Safety
-    /// There is one reader, and the writer does not begin twice in one reading.
+    /// There is one reader, and the writer does not begin twice during one reading.
     pub unsafe fn take(&self) -> T {
         let newest = self.newest.load(Ordering::Acquire);
         // SAFETY: the writer writes the other slot, and changes the index only after that.

@@ -47,7 +47,7 @@ pub struct Between {
 }
 
 impl Between {
-    /// No current, no samples yet.
+    /// Without current and samples.
     pub const fn new() -> Self {
         Between {
             reference: Handover::new(References { i_d_a: 0.0, i_q_a: 0.0 }),
@@ -63,10 +63,10 @@ impl Default for Between {
     }
 }
 
-/// Every 0.1 ms, with the higher priority. `inline(never)`, so that its frame of the stack has a name of its own, which a test reads.
+/// The interrupt every 0.1 ms, with the higher priority. `inline(never)` gives its stack frame a name of its own, which a test reads.
 ///
 /// # Safety
-/// No other than this interrupt calls it.
+/// Only this interrupt calls it.
 #[inline(never)]
 pub unsafe fn current_interrupt(state: &mut CurrentState, drive: &Drive, between: &Between, board: &mut impl Bridge) {
     // SAFETY: the references' interrupt is the only writer, and cannot run in between.
@@ -76,12 +76,12 @@ pub unsafe fn current_interrupt(state: &mut CurrentState, drive: &Drive, between
     board.command(&command);
     let seen =
         Seen { speed_rad_s: measured.speed_rad_s, bus_voltage_v: measured.bus_voltage_v, voltage_share: state.voltage_share };
-    // SAFETY: the only writer; 0.1 ms pass until it comes again, and a reading takes some ten instructions.
+    // SAFETY: this is the only writer; it comes again after 0.1 ms, and a reading takes about ten instructions.
     unsafe { between.seen.put(seen) };
     between.periods.store(between.periods.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
 }
 
-/// The safe state, immediately: bridge open, the plate's drive switched off. For the watchdog's alarm, and after a reset by it.
+/// Sets the safe state immediately: bridge open, the drive of the plate switched off. For the watchdog's alarm, and after a reset by it.
 pub fn safe_state(bridge: &mut impl Bridge, driver: &mut impl Driver) {
     bridge.command(&Command { duties: [0.5; 3], closed: 0.0 });
     driver.throttle((Scaling::BOARD.compare_closed + 0.5) as u16, 0.0);
@@ -90,21 +90,22 @@ pub fn safe_state(bridge: &mut impl Bridge, driver: &mut impl Driver) {
 /// The state of the references' interrupt.
 #[derive(Debug, Clone, Default)]
 pub struct Slow {
-    /// Of the motor.
+    /// The state of the motor's step.
     pub references: ReferenceState,
-    /// Of the throttle.
+    /// The state of the throttle's step.
     pub throttle: RawState,
-    /// Periods of the currents up to the last call.
+    /// The number of periods of the currents at the last call.
     pub periods_before: u32,
 }
 
-/// Every millisecond, with the lower priority. Feeds the watchdog if the currents were controlled in the meantime. `inline(never)` as above.
+/// The interrupt every millisecond, with the lower priority. Feeds the watchdog if the currents were controlled in the meantime. `inline(never)` as
+/// above.
 ///
 /// # Safety
-/// No other than this interrupt calls it.
+/// Only this interrupt calls it.
 #[inline(never)]
 pub unsafe fn reference_interrupt(state: &mut Slow, drive: &Drive, between: &Between, board: &mut impl Driver) {
-    // SAFETY: the only reader; the writer comes every 0.1 ms.
+    // SAFETY: this is the only reader; the writer comes every 0.1 ms.
     let seen = unsafe { between.seen.take() };
     let periods = between.periods.load(Ordering::Relaxed);
     let demand = Demand {
@@ -114,7 +115,7 @@ pub unsafe fn reference_interrupt(state: &mut Slow, drive: &Drive, between: &Bet
         voltage_share: seen.voltage_share,
     };
     let wanted = references(&mut state.references, drive, &demand);
-    // SAFETY: the only writer; its reader interrupts it and is never interrupted by it.
+    // SAFETY: this is the only writer; its reader interrupts it and is never interrupted by it.
     unsafe { between.reference.put(wanted) };
 
     let compare = raw_step(&mut state.throttle, &Scaling::BOARD, &board.counts());

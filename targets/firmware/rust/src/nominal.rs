@@ -1,4 +1,4 @@
-//! The motor of `rsm-sim/plants/pmac.toml` at 10 kHz, as in `../tables.c`. A test compares the bits of what is computed with it.
+//! The motor of `rsm-sim/plants/pmac.toml` at 10 kHz, as in `../tables.c`. A test compares the bits of the results.
 
 use motor_loop::{Drive, Motor, Tuning};
 

@@ -10,7 +10,7 @@ pub struct Own<T>(UnsafeCell<T>);
 unsafe impl<T> Sync for Own<T> {}
 
 impl<T> Own<T> {
-    /// With a first value.
+    /// A static with its first value.
     pub const fn new(value: T) -> Self {
         Own(UnsafeCell::new(value))
     }
@@ -18,7 +18,7 @@ impl<T> Own<T> {
     /// The value.
     ///
     /// # Safety
-    /// The context that owns it calls, and holds no other reference to it.
+    /// The caller is in the context that owns the value, and has no other reference to it.
     #[allow(clippy::mut_from_ref)]
     pub unsafe fn of(&self) -> &mut T {
         // SAFETY: see above.

@@ -3,20 +3,21 @@
 use core::arch::asm;
 use core::ptr::read_volatile;
 
-/// What the words below the stack pointer hold before the call.
+/// The content of the words below the stack pointer before the call.
 const PAINT: u32 = 0xA5A5_A5A5;
 
-/// Words that are painted. What is called takes a seventh of them.
+/// The number of painted words. The largest call uses a seventh of them.
 const WORDS: u32 = 1024;
 
-/// Paints the words below the stack pointer. Out: the stack pointer.
+/// Paints the words below the stack pointer. Returns the stack pointer.
 ///
-/// Inlined, as is all in this file: a function of its own would have a frame of its own, and below it would not be below the caller's.
+/// All functions of this file are inlined. A function that is not inlined has a frame of its own, and the words below its frame are not those below
+/// the caller's frame.
 #[inline(always)]
 #[must_use]
 pub fn paint() -> usize {
     let top: usize;
-    // SAFETY: nothing below the stack pointer is in use, and the stack has room for so many words.
+    // SAFETY: the memory below the stack pointer is unused, and the stack has space for this many words.
     unsafe {
         asm!("mov {top}, sp", "mov {at}, sp", "2:", "str {paint}, [{at}, #-4]!", "subs {left}, {left}, #1", "bne 2b",
             top = out(reg) top, at = out(reg) _, left = inout(reg) WORDS => _, paint = in(reg) PAINT);
@@ -24,7 +25,7 @@ pub fn paint() -> usize {
     top
 }
 
-/// Bytes from the stack pointer that `paint` gave down to the lowest word without paint.
+/// Bytes from the stack pointer that `paint` returned, down to the lowest word without paint.
 #[inline(always)]
 #[must_use]
 pub fn used(top: usize) -> u32 {

@@ -1,4 +1,4 @@
-//! Other systems: the loop runs without real time, and the report says so.
+//! Other systems: the loop runs without real time, and the report contains the reason.
 
 const NONE: &str = "asked for on Linux alone";
 

@@ -4,12 +4,11 @@ use nix::errno::Errno;
 use nix::libc;
 use nix::sys::mman::{MlockAllFlags, mlockall, munlockall};
 
-/// Above the kernel's threaded interrupt handlers, which run at 50, and below its own watchdogs at 99.
+/// Above the kernel's threaded interrupt handlers (50), and below its watchdogs (99).
 const PRIORITY: i32 = 80;
 
 pub(super) fn lock_memory() -> Result<(), String> {
-    // MCL_FUTURE is left out on purpose: under a limit on locked memory it makes later allocations of the whole process fail, and
-    // the loop makes none.
+    // MCL_FUTURE is not set: under a limit on locked memory it makes later allocations of the whole process fail, and the loop makes none.
     mlockall(MlockAllFlags::MCL_CURRENT)
         .map_err(|error| told(error, "raise the limit on locked memory (ulimit -l) or grant CAP_IPC_LOCK"))
 }
@@ -18,7 +17,7 @@ pub(super) fn unlock_memory() {
     let _ = munlockall();
 }
 
-/// The policy and priority of the calling thread before.
+/// Sets the real-time policy. Returns the policy and priority of the calling thread before.
 pub(super) fn raise_priority() -> Result<(i32, i32), String> {
     policy()
         .and_then(|before| set_policy(libc::SCHED_FIFO, PRIORITY).map(|()| before))
@@ -36,7 +35,7 @@ fn told(error: Errno, help: &str) -> String {
 /// The calling thread's scheduling policy and priority.
 fn policy() -> nix::Result<(i32, i32)> {
     let mut parameters = libc::sched_param { sched_priority: 0 };
-    // SAFETY: 0 means the calling thread; the pointer is to a live local that the call fills in and does not keep.
+    // SAFETY: 0 is the calling thread; the pointer is to a live local variable, which the call writes and does not keep.
     #[allow(unsafe_code)]
     let policy = unsafe {
         Errno::result(libc::sched_getparam(0, &raw mut parameters))?;
@@ -47,7 +46,7 @@ fn policy() -> nix::Result<(i32, i32)> {
 
 fn set_policy(policy: i32, priority: i32) -> nix::Result<()> {
     let parameters = libc::sched_param { sched_priority: priority };
-    // SAFETY: 0 means the calling thread; the pointer is to a live local that the call reads and does not keep.
+    // SAFETY: 0 is the calling thread; the pointer is to a live local variable, which the call reads and does not keep.
     #[allow(unsafe_code)]
     let answer = unsafe { libc::sched_setscheduler(0, policy, &raw const parameters) };
     Errno::result(answer).map(drop)
@@ -73,7 +72,7 @@ mod tests {
     fn a_refusal_says_why_and_what_to_do() {
         let grant = Grant::Refused(told(Errno::EPERM, "grant CAP_SYS_NICE"));
         assert_eq!(grant.to_string(), "no: Operation not permitted (grant CAP_SYS_NICE)");
-        // Priority 1000 is out of range whoever asks.
+        // Priority 1000 is out of range for every user.
         assert_eq!(set_policy(libc::SCHED_FIFO, 1000), Err(Errno::EINVAL));
     }
 }

@@ -1,6 +1,6 @@
-//! The faults of the campaign: which sensor, which reading, how long, at which operating point.
+//! The faults of the campaign: sensor, reading, duration and operating point.
 //!
-//! In: a case and the number of the period. Out: the false samples. Speed and bus voltage each have one sensor for both steps.
+//! In: a case and the number of the period. Out: the false samples. Speed and bus voltage have one sensor each, which both steps read.
 
 use motor_loop::{Demand, Measured};
 
@@ -9,20 +9,20 @@ use motor_loop::{Demand, Measured};
 pub enum Sensor {
     /// Current of a phase, 0 to 2.
     Current(usize),
-    /// All three currents: the converter.
+    /// All three currents: a fault of the converter.
     Currents,
     /// The angle.
     Angle,
-    /// The speed, of both steps.
+    /// The speed, which both steps read.
     Speed,
-    /// The bus voltage, of both steps.
+    /// The bus voltage, which both steps read.
     Bus,
     /// The torque demand.
     Demand,
 }
 
 impl Sensor {
-    /// All of them.
+    /// All sensors.
     pub const ALL: [Sensor; 8] = [
         Sensor::Current(0),
         Sensor::Current(1),
@@ -70,16 +70,16 @@ pub enum Kind {
     Infinity,
     /// Its last reading before the fault.
     Stuck,
-    /// Any value up to three times its full scale, a new one for each sample.
+    /// A random value up to three times its full scale, a new one for each sample.
     Wild,
-    /// The truth and 5 % of full scale.
+    /// The true value plus 5 % of full scale.
     Bias,
-    /// The truth and a normal noise of 5 % of full scale.
+    /// The true value plus normal noise of 5 % of full scale.
     Noise,
 }
 
 impl Kind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Kind; 6] = [Kind::Nan, Kind::Infinity, Kind::Stuck, Kind::Wild, Kind::Bias, Kind::Noise];
 
     /// Its name.
@@ -96,7 +96,7 @@ impl Kind {
     }
 }
 
-/// How many samples in a row are false.
+/// Numbers of consecutive false samples.
 pub const DURATIONS: [u32; 5] = [1, 5, 10, 100, 500];
 
 /// Bus voltages, in V.
@@ -109,9 +109,9 @@ pub struct Point {
     pub speed: f64,
     /// Torque demand, in N m.
     pub torque: f32,
-    /// The demand changes its sign every so many periods; 0: it stays.
+    /// The number of periods after which the demand changes its sign; 0: the demand is constant.
     pub reversal: u32,
-    /// Inertia of a free shaft, in kg m^2; none: a dynamometer holds the speed.
+    /// Inertia of a free shaft, in kg m^2. `None`: a dynamometer keeps the speed constant.
     pub inertia: Option<f64>,
 }
 
@@ -119,7 +119,7 @@ const fn held(speed: f64, torque: f32) -> Point {
     Point { speed, torque, reversal: 0, inertia: None }
 }
 
-/// From standstill to above top speed, driving, braking, coasting, backwards; torque that reverses during the fault; a free shaft.
+/// From standstill to above top speed: driving, braking, coasting, backwards; torque that reverses during the fault; a free shaft.
 pub const POINTS: [Point; 11] = [
     held(0.0, 18.0),
     held(50.0, 21.6),
@@ -157,7 +157,7 @@ pub struct Spoiler {
 pub struct Draw(u64);
 
 impl Draw {
-    /// From a seed. Neighbouring ones give distant states (Vigna's splitmix64).
+    /// A generator with this seed. Neighbouring seeds give distant states (Vigna's splitmix64).
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mixed = (seed + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
@@ -165,7 +165,7 @@ impl Draw {
         Draw((mixed ^ (mixed >> 27)) | 1)
     }
 
-    /// Marsaglia's xorshift, as a number from 0 to 1.
+    /// Marsaglia's xorshift, scaled to a number from 0 to 1.
     pub fn uniform(&mut self) -> f64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
@@ -173,14 +173,14 @@ impl Draw {
         (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Twelve uniform numbers, less 6: a standard deviation of 1.
+    /// The sum of twelve uniform numbers minus 6: a standard deviation of 1.
     fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
     }
 }
 
 impl Spoiler {
-    /// A fault before its first sample.
+    /// A fault, before its first sample.
     #[must_use]
     pub fn new(sensor: Sensor, kind: Kind, seed: u64) -> Self {
         Spoiler { sensor, kind, before: None, draw: Draw::new(seed) }

@@ -1,8 +1,9 @@
 //! The campaign of faults: every sensor of the motor's loop, with every kind of fault, for 1 to 500 samples, at every operating point and bus
 //! voltage.
 //!
-//! In: which share of the cases. Out: a row for each sensor and fault: the longest current, the time until the torque is back, how often the bridge
-//! opened. The motor and its bridge are simulated in the frame of the stator ([`plant`]). A run with a fault is compared with a run without it.
+//! In: the share of the cases to run. Out: a row for each sensor and fault: the longest current, the time until the torque has recovered, how often
+//! the bridge opened. The motor and its bridge are simulated in the frame of the stator ([`plant`]). A run with a fault is compared with a run
+//! without it.
 
 pub mod cases;
 pub mod plant;
@@ -17,19 +18,19 @@ use cases::{BUSES, DURATIONS, Kind, POINTS, Point, Sensor, Spoiler};
 use plant::Plant;
 use rig::{Exchanged, PERIOD_S, PERIODS_A_TICK, Rig};
 
-/// Periods before a fault: the bridge has closed and the currents have settled.
+/// Periods before a fault, in which the bridge closes and the currents settle.
 const LEAD: u32 = 300;
 
-/// Periods after a fault that are examined; the torque must be back within the first 500, 50 ms.
+/// Periods after a fault that are examined; the torque must recover within the first 500 (50 ms).
 const AFTER: u32 = 600;
 
-/// The longest current vector that a fault may make, in A: 1.2 of the limit of 60.
+/// The limit of the current vector during a fault, in A: 1.2 times the limit of 60.
 pub const MOST_A: f64 = 72.0;
 
-/// The torque must be back this soon after the last bad sample, in ms.
+/// The torque must recover within this time after the last bad sample, in ms.
 pub const MOST_MS: f64 = 50.0;
 
-/// The torque is back if it differs from the torque without the fault by at most this, in N m, plus a twentieth of it.
+/// The torque has recovered if it differs from the torque without the fault by at most this, in N m, plus a twentieth of it.
 const BACK_NM: f64 = 0.5;
 
 /// One run of the campaign.
@@ -37,11 +38,11 @@ const BACK_NM: f64 = 0.5;
 pub struct Run {
     /// The longest current vector from the fault on, in A.
     pub longest_a: f64,
-    /// From the last bad sample until the bridge is closed and the torque is back for good, in ms.
+    /// From the last bad sample until the bridge stays closed and the torque has recovered, in ms.
     pub back_ms: f64,
     /// Whether the bridge was opened.
     pub opened: bool,
-    /// Mean difference of the torque from that without the fault, during the fault, in N m.
+    /// Mean difference from the torque without the fault, during the fault, in N m.
     pub torque_error_nm: f64,
 }
 
@@ -52,28 +53,28 @@ pub struct Row {
     pub sensor: Sensor,
     /// The fault.
     pub kind: Kind,
-    /// How many runs.
+    /// Number of runs.
     pub runs: usize,
-    /// The worst of [`Run::longest_a`].
+    /// The largest [`Run::longest_a`].
     pub longest_a: f64,
-    /// The worst of [`Run::back_ms`].
+    /// The largest [`Run::back_ms`].
     pub back_ms: f64,
-    /// In how many runs the bridge was opened.
+    /// Number of runs in which the bridge was opened.
     pub opened: usize,
-    /// The worst of [`Run::torque_error_nm`] of faults of 500 samples in which the bridge stayed closed: the effect of a fault that cannot be
+    /// The largest [`Run::torque_error_nm`] for faults of 500 samples in which the bridge stayed closed: the effect of a fault that cannot be
     /// distinguished from the truth.
     pub torque_error_nm: f64,
 }
 
 impl Row {
-    /// Whether it keeps the limits.
+    /// Whether it stays within the limits.
     #[must_use]
     pub fn kept(&self) -> bool {
         self.longest_a <= MOST_A && self.back_ms <= MOST_MS
     }
 }
 
-/// A loop at a point, settled, and the torques that follow without a fault.
+/// A settled loop at a point, and the torques that follow without a fault.
 fn settled(point: &Point, bus: f64) -> (Rig, Vec<f64>) {
     let mut plant = Plant::new(point.speed, bus);
     plant.inertia = point.inertia;
@@ -93,14 +94,14 @@ fn settled(point: &Point, bus: f64) -> (Rig, Vec<f64>) {
     (rig, torques)
 }
 
-/// The fault of a period: takes the number of the period since the fault began, and changes the samples of the steps.
+/// Applies the fault in a period: gets the number of the period since the fault began, and changes the samples of the steps.
 type Fault<'a> = &'a mut dyn FnMut(u32, &mut Demand, &mut Measured);
 
 /// The change of the bus voltage in a period, in V: 60 A from a capacitor of 1 mF.
 const BUS_V: f64 = 6.0;
 
-/// One fault of `samples` samples, in which the bus falls to `sag` and rises again if there is one; `seen` gets what the steps were told and
-/// answered, period by period.
+/// Runs one fault of `samples` samples. If `sag` is given, the bus voltage falls to it and rises again. `seen` gets the inputs and outputs of the
+/// steps, period by period.
 fn one(
     settled: &(Rig, Vec<f64>),
     point: &Point,
@@ -134,31 +135,31 @@ fn one(
     run
 }
 
-/// A run of a fault that was drawn.
+/// A run of a randomly drawn fault.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Drawn {
-    /// The fault.
+    /// A description of the fault.
     pub words: String,
-    /// Whether a sensor moves away from the truth in plausible steps. The control steps cannot detect this, so there is no limit for the current.
+    /// Whether a sensor drifts from the truth in plausible steps. The control steps cannot detect this, so there is no limit for the current.
     pub runs_away: bool,
     /// The run.
     pub run: Run,
 }
 
-/// Faults that make references out of reach of the voltage: a wrong reading of bus voltage or speed, or a real fall of the bus voltage.
-/// Speed, torque, bus voltage, kind, size and length are drawn from the seed.
+/// Faults that make the references unreachable with the voltage: a wrong reading of bus voltage or speed, or a real fall of the bus voltage. Speed,
+/// torque, bus voltage, kind, size and length are drawn from the seed.
 #[must_use]
 pub fn beyond_the_voltage(seed: u64) -> Drawn {
     let mut draw = cases::Draw::new(seed);
     let mut between = |low: f64, high: f64| low + (high - low) * draw.uniform();
     let point = Point { speed: between(-900.0, 900.0), torque: between(-21.6, 21.6) as f32, reversal: 0, inertia: None };
     let bus = between(180.0, 330.0);
-    // From one sample to the longest of the campaign, uniform in the logarithm.
+    // From one sample to the longest fault of the campaign, uniform in the logarithm.
     let samples = 500f64.powf(between(0.0, 1.0)).round() as u32;
     let sensor = if between(0.0, 1.0) < 0.6 { Sensor::Bus } else { Sensor::Speed };
     let (kind, size) = (between(0.0, 4.0) as u32, between(-1.0, 1.0));
     let mut spoiler = Spoiler::new(sensor, Kind::Wild, seed);
-    // At most the largest plausible step; or far more.
+    // At most the largest plausible step; or a much larger one.
     let step = if sensor == Sensor::Bus { 48.0 * size } else { 95.0 * size };
     let far = if sensor == Sensor::Bus { 150.0 * size } else { 600.0 * size };
     let add = |value: f64, demand: &mut Demand, measured: &mut Measured| {
@@ -194,13 +195,14 @@ pub fn beyond_the_voltage(seed: u64) -> Drawn {
     Drawn { words, runs_away: kind == 2, run }
 }
 
-/// Every `every`-th case of the campaign, counted over all of them in a fixed order: 1 is all. A row for each sensor and fault.
+/// Runs every `every`-th case of the campaign, counted over all cases in a fixed order: 1 is all. Returns a row for each sensor and fault.
 #[must_use]
 pub fn run(every: usize) -> Vec<Row> {
     run_seen(every, &mut |_| ())
 }
 
-/// The same; `seen` gets what the steps were told and answered. Its memory starts anew with each case: what came before the fault is not among it.
+/// The same; `seen` gets the inputs and outputs of the steps. The state of the steps is new for each case, and `seen` gets no periods from before the
+/// fault.
 pub fn run_seen(every: usize, seen: &mut dyn FnMut(&Exchanged)) -> Vec<Row> {
     let mut rows: Vec<Row> = Sensor::ALL
         .into_iter()
@@ -237,7 +239,7 @@ pub fn run_seen(every: usize, seen: &mut dyn FnMut(&Exchanged)) -> Vec<Row> {
 }
 
 /// The longest current vector of the exact controller (the circle diagram in closed form, in double precision) without a fault, over all points and
-/// buses after it has settled, in A: what the campaign is to be measured by.
+/// bus voltages after it has settled, in A: the reference for the campaign.
 #[must_use]
 pub fn exact_longest_a() -> f64 {
     let mut longest = 0f64;

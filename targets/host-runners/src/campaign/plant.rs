@@ -1,17 +1,18 @@
-//! The motor and its bridge for the campaign of faults, in the frame of the stator: nothing is shared with the steps, which work in the rotor's.
+//! The motor and its bridge for the campaign of faults, in the frame of the stator. It shares nothing with the steps, which use the frame of the
+//! rotor.
 //!
 //! In: duties of three legs, or a bridge whose switches are all off. Out: phase currents, angle, speed. L di/dt = v - r i - e for the two axes of the
-//! stator, e = w_e lambda (-sin, cos). With the switches off the diodes carry what flows: a leg whose current flows into the motor lies on the lower
-//! rail, one whose current flows out on the upper. Voltages are means over a period.
+//! stator, e = w_e lambda (-sin, cos). With the switches off the diodes conduct the current: a leg whose current flows into the motor is at the lower
+//! rail, one whose current flows out is at the upper rail. Voltages are means over a period.
 
 use std::f64::consts::TAU;
 
-/// Steps of a period. 1 us: a thousandth of an electrical turn at 1000 rad/s, and two thirds of the time constant L/(V/width) of a blocked leg
-/// (below) at 330 V.
+/// Integration steps in a period. A step is 1 us: a thousandth of an electrical turn at 1000 rad/s, and two thirds of the time constant L/(V/width)
+/// of a blocked leg (below) at 330 V.
 const STEPS: u32 = 100;
 
-/// Within this current, in A, a leg of the open bridge goes from one rail to the other. An ideal diode has 0; this is what a period in 100 steps can
-/// hold, a hundredth of the current limit.
+/// Within this current, in A, a leg of the open bridge changes from one rail to the other. For an ideal diode it is 0; this is the smallest value for
+/// 100 steps in a period, and a hundredth of the current limit.
 const DIODE_WIDTH_A: f64 = 0.5;
 
 /// The trial motor of the project (`rsm-sim/plants/pmac.toml`), and its state.
@@ -31,16 +32,16 @@ pub struct Plant {
     pub angle: f64,
     /// Mechanical speed, in rad/s.
     pub speed: f64,
-    /// Voltage of the bus, in V: stiff.
+    /// Voltage of the bus, in V; it does not depend on the current.
     pub bus: f64,
-    /// Inertia of the shaft in kg m^2; none: a dynamometer holds the speed.
+    /// Inertia of the shaft in kg m^2. `None`: a dynamometer keeps the speed constant.
     pub inertia: Option<f64>,
-    /// The longest current vector since it was last set, in A.
+    /// The longest current vector since this field was last set, in A.
     pub longest: f64,
 }
 
 impl Plant {
-    /// Without current, its speed held.
+    /// A motor without current at a constant speed.
     #[must_use]
     pub fn new(speed: f64, bus: f64) -> Self {
         Plant {
@@ -57,13 +58,13 @@ impl Plant {
         }
     }
 
-    /// Sets the currents by their parts along the magnets and across, in A.
+    /// Sets the currents by their components along the magnets' flux and across it, in A.
     pub fn set_rotor_currents(&mut self, i_d: f64, i_q: f64) {
         let (sin, cos) = self.angle.sin_cos();
         self.current = [cos * i_d - sin * i_q, sin * i_d + cos * i_q];
     }
 
-    /// The currents' parts along the magnets and across, in A.
+    /// The currents' components along the magnets' flux and across it, in A.
     #[must_use]
     pub fn rotor_currents(&self) -> [f64; 2] {
         let (sin, cos) = self.angle.sin_cos();
@@ -90,7 +91,7 @@ impl Plant {
         (self.angle / TAU).rem_euclid(1.0)
     }
 
-    /// A period in s, under duties; `None`: all switches are off.
+    /// Simulates a period (in s) with these duties; `None`: all switches are off.
     pub fn run(&mut self, duties: Option<[f64; 3]>, period: f64) {
         let dt = period / f64::from(STEPS);
         for _ in 0..STEPS {
@@ -100,7 +101,7 @@ impl Plant {
             };
             let voltage = [(2.0 * a - b - c) / 3.0, (b - c) / 3f64.sqrt()];
             let w_e = self.pole_pairs * self.speed;
-            // The magnets' voltage in the middle of the step.
+            // The voltage of the magnets in the middle of the step.
             let (sin, cos) = (self.angle + 0.5 * w_e * dt).sin_cos();
             let emf = [-w_e * self.flux_linkage * sin, w_e * self.flux_linkage * cos];
             for k in [0, 1] {
@@ -112,7 +113,7 @@ impl Plant {
             }
             self.longest = self.longest.max(self.current[0].hypot(self.current[1]));
         }
-        // The angle is of one turn, so that its sine is as good after a minute as after a millisecond.
+        // The angle is reduced to one turn, so that its sine is equally accurate after any time.
         self.angle = self.angle.rem_euclid(TAU);
     }
 }

@@ -1,7 +1,7 @@
 //! Both steps in closed loop with the plant of the campaign; a fault can change their samples.
 //!
-//! In: a speed, a bus voltage, demands, a fault. Out: the plant's state after each PWM period. Of the state of the steps it reads only the
-//! command of the bridge.
+//! In: a speed, a bus voltage, demands, a fault. Out: the plant's state after each PWM period. Of the states of the steps it reads only the command
+//! of the bridge.
 
 use motor_loop::{Command, CurrentState, Demand, Drive, Measured, Motor, ReferenceState, Tuning, currents, references};
 
@@ -13,7 +13,8 @@ pub const PERIOD_S: f64 = 1e-4;
 /// PWM periods in a tick of the outer step.
 pub const PERIODS_A_TICK: u32 = 10;
 
-/// The trial motor as the steps know it: 10 kHz, a bandwidth of 1/(6 T) in round numbers, no dead time in a bridge of means.
+/// The constants of the trial motor for the steps: 10 kHz, a bandwidth of 1/(6 T) in round numbers, no dead time because the bridge has mean
+/// voltages.
 #[must_use]
 pub fn drive() -> Drive {
     let motor = Motor {
@@ -44,9 +45,9 @@ pub struct Exchanged {
 pub struct Rig {
     /// The motor.
     pub plant: Plant,
-    /// The outer step's memory.
+    /// The state of the outer step.
     pub outer: ReferenceState,
-    /// The inner step's memory.
+    /// The state of the inner step.
     pub inner: CurrentState,
     drive: Drive,
     command: Command,
@@ -55,7 +56,7 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// At rest in all its states, with a plant.
+    /// A loop with all steps at rest, and a plant.
     #[must_use]
     pub fn new(plant: Plant) -> Self {
         Rig::with_drive(plant, drive())
@@ -75,7 +76,7 @@ impl Rig {
         }
     }
 
-    /// Whether the bridge is closed in the period that comes.
+    /// Whether the bridge is closed in the next period.
     #[must_use]
     pub fn closed(&self) -> bool {
         self.command.closed > 0.5

@@ -1,6 +1,6 @@
 //! The driveline's part of a refit: damping and frequency of the shuffle from the track, and the compensator that they schedule.
 //!
-//! Tested by the damping ratio of the compensated response, whose target is 0.7, in the runs of the plan with noise of their own.
+//! The test is the damping ratio of the compensated response, whose target is 0.7, in the runs of the plan with other noise.
 
 use rsm_core::check::Checked;
 use rsm_core::model::Model;
@@ -17,14 +17,14 @@ use super::{Refitted, Request};
 use crate::outcome::Refusal;
 use crate::{evaluators, output};
 
-/// Of the noise and the run order, as in the demo.
+/// The seed of the noise and of the run order, as in the demo.
 const SEED: u64 = 1;
 
-/// The seed of the test's noise. No round has it, because there are fewer than 1000 rounds.
-const JUDGE: u64 = 3000;
+/// The seed of the test's noise. No round uses it, because there are fewer than 1000 rounds.
+const TEST_SEED: u64 = 3000;
 
-/// A surface cannot represent a drift.
-const NEVER: [&str; 1] = ["sensor-drift"];
+/// Effects that are removed before the experiment: a surface cannot represent a drift.
+const REMOVED_EFFECTS: [&str; 1] = ["sensor-drift"];
 
 fn json_of(driven: &Driven) -> Value {
     json!({
@@ -40,8 +40,8 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
 }
 
 fn with_plan(request: &Request<'_>, plan: &TrackPlan) -> Result<Refitted, Refusal> {
-    let (nominal, _) = usable(request.nominal, &NEVER);
-    let (extended, left_out) = usable(request.extended, &NEVER);
+    let (nominal, _) = usable(request.nominal, &REMOVED_EFFECTS);
+    let (extended, left_out) = usable(request.extended, &REMOVED_EFFECTS);
     let mut files = Vec::new();
     let mut models: Vec<Model> = Vec::new();
     for (name, plant) in [("nominal", &nominal), ("extended", &extended)] {
@@ -62,7 +62,7 @@ fn with_plan(request: &Request<'_>, plan: &TrackPlan) -> Result<Refitted, Refusa
     }
     (request.progress)("driving both compensators");
     let on = if request.truth.is_some() { "truth" } else { "extended plant" };
-    let judge = request.truth.map_or_else(|| extended.clone(), |truth| usable(truth, &NEVER).0);
+    let judge = request.truth.map_or_else(|| extended.clone(), |truth| usable(truth, &REMOVED_EFFECTS).0);
     let without = driven(&judge, plan, None)?;
     let before = driven(&judge, plan, Some(&models[0]))?;
     let after = driven(&judge, plan, Some(&models[1]))?;
@@ -112,7 +112,7 @@ fn driven(plant: &PlantFile, plan: &TrackPlan, model: Option<&Model>) -> Result<
         Some(model) => Some(Compensation::new(&Checked::from_model(model)?, COMPENSATOR)?),
         None => None,
     };
-    let runs = experiment(plant, plan, JUDGE, compensation.as_ref(), threads())?;
+    let runs = experiment(plant, plan, TEST_SEED, compensation.as_ref(), threads())?;
     Ok(Driven::of(&runs.into_iter().map(|(measured, _)| measured).collect::<Vec<_>>()))
 }
 
@@ -144,12 +144,12 @@ mod tests {
             folder: folder.path(),
             progress: &|_| {},
         };
-        // Three speeds in each gear: fifteen runs for the eight terms of each surface.
+        // Three speeds in each of five gears: fifteen runs for the eight terms of each surface.
         let plan = TrackPlan::full(&[1500.0, 3000.0, 4500.0], &[0.0], SEED);
         let found = with_plan(&request, &plan).unwrap();
         let of = |key: &str| found.value["damping_ratio"][key]["mean_residual"].as_f64().unwrap();
-        // Zeros at 1.2 times the true frequency cancel nothing. Fitted on the truth itself fifteen runs leave 0.02 to 0.04: rounds of the same plan
-        // do as well here.
+        // Zeros at 1.2 times the true frequency do not cancel the poles. A compensator that is fitted to fifteen runs of the true plant leaves 0.02
+        // to 0.04; rounds of the same plan are as good.
         assert!(of("after") < 0.5 * of("before") && of("after") < 0.08, "{}", found.value);
         let names: Vec<String> =
             found.files.iter().map(|(path, _)| path.strip_prefix(folder.path()).unwrap().display().to_string()).collect();

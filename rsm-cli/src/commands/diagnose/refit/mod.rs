@@ -26,29 +26,29 @@ use crate::outcome::Refusal;
 pub struct Request<'a> {
     /// The plant file of the diagnosis.
     pub nominal: &'a PlantFile,
-    /// The plant that it ended with.
+    /// The extended plant of the diagnosis.
     pub extended: &'a PlantFile,
     /// The true plant, if it is known.
     pub truth: Option<&'a PlantFile>,
     /// All records.
     pub records: &'a [Record],
-    /// Where the files will stand.
+    /// The folder in which the files will be written.
     pub folder: &'a Path,
-    /// Told what happens.
+    /// Called with a message at each step.
     pub progress: &'a dyn Fn(&str),
 }
 
 /// The results of a refit.
 pub struct Refitted {
-    /// Files, relative to nothing: their places.
+    /// Files: path and text.
     pub files: Vec<(PathBuf, String)>,
-    /// The key `refit`.
+    /// The value of the key `refit`.
     pub value: Value,
     /// Lines for standard error and for the report.
     pub words: Vec<String>,
 }
 
-/// Whether there is a designed experiment for the plant. Called before any work.
+/// Refuses a plant without a designed experiment, and a true plant of another kind. Called before any work.
 pub fn refuse(nominal: &PlantFile, truth: Option<&PlantFile>) -> Result<(), Refusal> {
     let found = nominal.kind.name();
     if !matches!(nominal.kind, PlantKind::Pmac | PlantKind::Driveline) {

@@ -1,7 +1,7 @@
 //! The motor's part of a refit: surfaces of the weakening current from the bench.
 //!
-//! Tested by the angle error: the current advance of a surface minus that of points at the voltage limit, which the bench finds on the tested plant
-//! with noise and settings of its own, and which steady windows of the records show by their flux linkages.
+//! The test is the angle error: the current advance of a surface minus that of a point at the voltage limit. The bench finds such points on the
+//! tested plant with other noise and other settings. Steady windows of the records give further points by their flux linkages.
 
 use rsm_core::check::Checked;
 use rsm_rigs::bench::limit_points::{self, AngleErrors, LimitPoint};
@@ -18,11 +18,12 @@ use crate::outcome::Refusal;
 use crate::weakening::{self, PLANS, UNSEEN};
 use crate::{evaluators, output, report};
 
-/// Delays are those of a record: in closed loop the drive has its own. A surface cannot represent a drift.
-const NEVER: [&str; 3] = ["input-delay", "sensor-delay", "sensor-drift"];
+/// Effects that are removed before the experiment. Delays belong to the record: the drive in closed loop has its own. A surface cannot represent a
+/// drift.
+const REMOVED_EFFECTS: [&str; 3] = ["input-delay", "sensor-delay", "sensor-drift"];
 
 /// The seed of the test's noise. It differs from the seeds of the fitted runs.
-const JUDGE: u64 = 3;
+const TEST_SEED: u64 = 3;
 
 /// The surfaces of a controller and its settings.
 struct Controller {
@@ -35,8 +36,8 @@ fn json_of(errors: AngleErrors) -> Value {
 }
 
 pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
-    let (nominal, _) = usable(request.nominal, &NEVER);
-    let (extended, left_out) = usable(request.extended, &NEVER);
+    let (nominal, _) = usable(request.nominal, &REMOVED_EFFECTS);
+    let (extended, left_out) = usable(request.extended, &REMOVED_EFFECTS);
     let (_, settings) = weakening::plan(PLANS[0].0, PLANS[0].1)?;
     let mut files = Vec::new();
     let mut controllers = Vec::new();
@@ -56,15 +57,15 @@ pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
 
     (request.progress)("judging the surfaces");
     let on = if request.truth.is_some() { "truth" } else { "extended plant" };
-    let judge = request.truth.map_or_else(|| extended.clone(), |truth| usable(truth, &NEVER).0);
+    let judge = request.truth.map_or_else(|| extended.clone(), |truth| usable(truth, &REMOVED_EFFECTS).0);
     let (low, high) = common_speeds(before, after)?;
     let within = |points: Vec<LimitPoint>| -> Vec<LimitPoint> {
         points.into_iter().filter(|point| (low..=high).contains(&point.speed)).collect()
     };
     let (bench, _) = weakening::for_motor(&judge);
-    // The depths of the whole map that no surface was fitted to.
+    // The half of the map to which no surface was fitted.
     let (_, unseen) = weakening::plan(UNSEEN.0, UNSEEN.1)?;
-    let at_bench = within(limit_points::of_bench(&bench.run(&judge, &unseen, JUDGE)?));
+    let at_bench = within(limit_points::of_bench(&bench.run(&judge, &unseen, TEST_SEED)?));
     let recorded = within(request.records.iter().flat_map(|it| limit_points::of_record(it, &after.known)).collect());
     let errors = |points: &[LimitPoint]| -> Result<Option<[AngleErrors; 2]>, Refusal> {
         if points.is_empty() {
@@ -137,7 +138,7 @@ fn run_ups(judge: &PlantFile, before: &Controller, after: &Controller) -> Result
         let surfaces = Surfaces::new(&it.checked)?;
         let mut controller = SurfaceController::with_surfaces(it.known, &surfaces);
         let trace = figures::run_up(judge, &Drive::default(), &mut controller)?;
-        // The last row is a millisecond before its end at most.
+        // The last row is at most a millisecond before the end.
         let arrived = trace.rows.last().is_some_and(|row| row.truth.speed > 0.99 * RUN_UP_SPEED);
         if !arrived {
             return Ok(None);
@@ -159,10 +160,10 @@ mod tests {
     }
 
     #[test]
-    fn magnets_that_are_weaker_than_said_cost_degrees_that_a_refit_brings_back() {
+    fn a_refit_removes_the_angle_error_of_magnets_that_are_weaker_than_nominal() {
         let nominal = plant(0.06, "");
         let truth = plant(0.055, "");
-        // As a diagnosis ends: the nominal file with the cause.
+        // The result of a diagnosis: the nominal file with the cause.
         let extended = plant(
             0.06,
             "\n[[effects]]\nkind = \"parameter-error\"\nparameters = { parameter = \"flux_linkage\", value = 0.0551 }\n",
@@ -179,8 +180,9 @@ mod tests {
         let found = refit(&request).unwrap();
         let angle = &found.value["angle_error_deg"];
         let of = |key: &str| angle[key]["mean"].as_f64().unwrap();
-        // The circle's centre lies at lambda/L: 66.7 A are said, 61.1 A are true, so the weakening current is too large by 3 to 5 A of 10 to 40. The
-        // surfaces' own error is 0.4 deg at random points, some more at the bench's, whose smallest currents of 6 A have the largest angles.
+        // The circle's centre is at lambda/L: 66.7 A in the plant file, 61.1 A in truth. So the weakening current is too large by 3 to 5 A of 10 to
+        // 40 A. The surface's own error is 0.4 deg at random points. It is larger at the bench's points, whose smallest currents of 6 A have the
+        // largest angles.
         assert!(of("before") > 4.0 && of("after") < 0.25 * of("before"), "{angle}");
         assert_eq!(found.value["judged_on"], "truth");
         assert!(found.value["records_angle_error_deg"].is_null());
@@ -189,7 +191,7 @@ mod tests {
         for name in ["dyno.csv", "fit.toml", "motor.toml", "emitted/motor.c", "emitted/motor.h", "emitted/motor.rs"] {
             assert!(names.iter().any(|it| it == name), "{names:?}");
         }
-        // With weaker magnets the wanted torque is beyond the limit later: less current is spent on the d axis, more is left for torque.
+        // With weaker magnets the required torque reaches the limit later: less current is used on the d axis, more remains for torque.
         let run_up = &found.value["run_up_s"];
         assert!(run_up["after"].as_f64().unwrap() < run_up["before"].as_f64().unwrap(), "{run_up}");
     }

@@ -1,7 +1,7 @@
-//! Curves before and after: whole records, the stretch that is worst, what is left over time, by frequency and by order. A click takes a cause out of
-//! the simulation, or puts it back.
+//! Curves before and after: whole records, the section with the largest error, the remaining error over time, by frequency and by order. A click
+//! removes a cause from the simulation or restores it.
 //!
-//! In: a diagnosis. Out: figures. Decides nothing: which record, which stretch and what each combination of causes simulates come from the diagnosis.
+//! In: a diagnosis. Out: figures. Decides nothing: records, sections and simulations of all combinations come from the diagnosis.
 
 use std::fmt::Write as _;
 use std::ops::Range;
@@ -17,7 +17,7 @@ use crate::outcome::Refusal;
 use crate::page::{escaped, multiple};
 use crate::plot::{self, BLACK, BLUE, GREY, Mark, ORANGE, PINK, Series, Words, decades, switched};
 
-/// The output that is worst before any cause: its worst stretch, with a switch. Nothing where there are no curves.
+/// The section with the largest error of the worst output before any cause, with a switch. Empty if there are no curves.
 pub fn summary(kind: PlantKind, found: &Diagnosis) -> Result<String, Refusal> {
     let Some(shown) = found.worst_output().and_then(|output| Shown::of(found, output)) else { return Ok(String::new()) };
     let y = title(kind, shown.trace.output);
@@ -90,15 +90,15 @@ fn title(kind: PlantKind, output: usize) -> String {
     format!("{} [{}]", signal.name, signal.unit)
 }
 
-/// The points of a curve, from its values at all rows.
+/// Computes the points of a curve from its values at all rows.
 type Points<'a> = dyn Fn(&[f64]) -> Vec<(f64, f64)> + 'a;
 
-/// The curves of one output in the record where it is worst.
+/// The curves of one output in the record with its largest error.
 struct Shown<'a> {
     trace: &'a Trace,
     /// The name of its record.
     record: &'a str,
-    /// Its place among the traces.
+    /// Its index among the traces.
     place: usize,
     combinations: &'a Combinations<Combined>,
 }
@@ -111,15 +111,15 @@ impl<'a> Shown<'a> {
         Some(Shown { trace, record, place, combinations: &breakdown.combinations })
     }
 
-    /// A button a cause. Nothing where no cause can be taken out.
+    /// A button for each cause. Empty if no cause can be removed.
     fn switch(&self, group: &str) -> String {
-        let told = |plant: &Option<Combined>| {
+        let state_text = |plant: &Option<Combined>| {
             let errors = plant.iter().flat_map(|it| &it.errors);
             let error = errors.filter(|it| it.output == self.trace.output).map(|it| multiple(it.noise_ratio)).next();
             error.map_or("cannot be simulated".to_string(), |times| format!("error {times} times the noise"))
         };
-        let told: Vec<String> = self.combinations.of.iter().map(told).collect();
-        plot::switch(group, "Causes in the simulation:", &self.combinations.causes, &told)
+        let state_texts: Vec<String> = self.combinations.of.iter().map(state_text).collect();
+        plot::switch(group, "Causes in the simulation:", &self.combinations.causes, &state_texts)
     }
 
     /// Measured and simulated values over time.
@@ -131,7 +131,7 @@ impl<'a> Shown<'a> {
         switched(Some(group), &Words { title, x: "time [s]", y }, &series)
     }
 
-    /// Errors over time; rows that do not count are left out.
+    /// Errors over time, without the rows that the diagnosis does not use.
     fn residuals(&self, group: &str, rows: &Range<usize>, title: &str, y: &str) -> Result<String, Refusal> {
         let trace = self.trace;
         let points = |values: &[f64]| {
@@ -141,7 +141,7 @@ impl<'a> Shown<'a> {
         switched(Some(group), &Words { title, x: "time [s]", y }, &self.simulated(&points))
     }
 
-    /// What each plant simulates, in the state of the switch that has it. The still picture has the plants before and after.
+    /// The simulation of each plant, shown in its state of the switch. The static picture has the plants before and after.
     fn simulated(&self, points: &Points<'_>) -> Vec<Series> {
         let trace = self.trace;
         let line = |name: &str, colour, values: &[f64]| Series::new(name, colour, Mark::Line, points(values));
@@ -156,7 +156,7 @@ impl<'a> Shown<'a> {
             none.into_iter().map(|it| it.in_state(0)).chain(all.into_iter().map(|it| it.in_state(last))).collect();
         for (set, plant) in self.combinations.of.iter().enumerate().take(last) {
             let values = plant.iter().filter_map(|it| it.simulated.get(self.place));
-            // Without any cause it is the calibrated plant, unless weaker causes stay in it.
+            // The combination without any cause equals the calibrated plant, which is drawn already, unless weaker causes stay in it.
             for values in values.filter(|it| **it != trace.before) {
                 let names = self.combinations.names(set);
                 let name =
@@ -168,16 +168,16 @@ impl<'a> Shown<'a> {
     }
 }
 
-fn of_order(kind: PlantKind, it: &Orders) -> Result<String, Refusal> {
-    let pairs = |values: &[f64]| it.order.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
+fn of_order(kind: PlantKind, orders: &Orders) -> Result<String, Refusal> {
+    let pairs = |values: &[f64]| orders.order.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
     let series = [
-        Series::new("calibrated", ORANGE, Mark::Line, pairs(&it.before)),
-        Series::new("extended", BLUE, Mark::Line, pairs(&it.after)),
-        Series::new("noise", BLACK, Mark::Line, it.order.iter().map(|order| (*order, 1.0)).collect()),
+        Series::new("calibrated", ORANGE, Mark::Line, pairs(&orders.before)),
+        Series::new("extended", BLUE, Mark::Line, pairs(&orders.after)),
+        Series::new("noise", BLACK, Mark::Line, orders.order.iter().map(|order| (*order, 1.0)).collect()),
     ];
-    let (title, x) = match it.of {
-        "position" => (format!("{} over the position", kind.outputs()[it.output].name), "waves per metre".to_string()),
-        of => (format!("{} over the angle: {of}", kind.outputs()[it.output].name), format!("order ({of})")),
+    let (title, x) = match orders.of {
+        "position" => (format!("{} over the position", kind.outputs()[orders.output].name), "waves per metre".to_string()),
+        of => (format!("{} over the angle: {of}", kind.outputs()[orders.output].name), format!("order ({of})")),
     };
     decades(&Words { title: &title, x: &x, y: "power divided by noise" }, &series)
 }

@@ -1,7 +1,7 @@
 //! The report of a diagnosis. It needs no other document to be understood.
 //!
-//! In: a diagnosis. Out: one self-contained HTML page: the verdict, what is wrong with the data, the causes with their evidence, the extended
-//! parameters, where the plant is wrong, curves before and after, what is left. Decides nothing: every figure comes from the diagnosis.
+//! In: a diagnosis. Out: one self-contained HTML page: the verdict, faults of the data, the causes with their evidence, the extended parameters, the
+//! regions with a large error, curves before and after, the remaining error. Decides nothing: every figure comes from the diagnosis.
 
 mod curves;
 mod where_wrong;
@@ -23,21 +23,21 @@ use crate::page::summary::{self, Number, Tone};
 use crate::page::{escaped, known, multiple, page, short};
 
 /// The number of causes with full evidence.
-const CLOSELY: usize = 3;
+const CAUSES_WITH_EVIDENCE: usize = 3;
 
 /// The number of lines of the ranking.
-const RANKED: usize = 12;
+const RANKING_LINES: usize = 12;
 
 /// The whole page. `refitted`: the sentences of a refit.
 pub fn html(kind: PlantKind, found: &Diagnosis, refitted: &[String]) -> Result<String, Refusal> {
     let title = format!("Diagnosis of a {}: {}", kind.name(), found.verdict.name());
     let mut body = format!("<h1>{title}</h1>\n");
-    body.push_str(&in_short(kind, found));
+    body.push_str(&verdict_and_numbers(kind, found));
     body.push_str(&curves::summary(kind, found)?);
     data(&mut body, found);
     causes(&mut body, kind, found);
     if found.verdict == Verdict::Unexplained {
-        left(&mut body, kind, found);
+        remaining_error(&mut body, kind, found);
     }
     next_record(&mut body, found);
     parameters(&mut body, found);
@@ -50,7 +50,7 @@ pub fn html(kind: PlantKind, found: &Diagnosis, refitted: &[String]) -> Result<S
 }
 
 /// The verdict and three numbers.
-fn in_short(kind: PlantKind, found: &Diagnosis) -> String {
+fn verdict_and_numbers(kind: PlantKind, found: &Diagnosis) -> String {
     let tone = match found.verdict {
         Verdict::NoDiscrepancy | Verdict::Explained => Tone::Good,
         Verdict::Unexplained => Tone::Bad,
@@ -165,15 +165,15 @@ fn causes(body: &mut String, kind: PlantKind, found: &Diagnosis) {
     list(body, "Effects of the plant file", &claims);
     let refused: Vec<String> = found.refused.iter().map(|it| format!("{}: {}.", it.cause, it.why)).collect();
     list(body, "Tried and rejected", &refused);
-    if let Some(said) = &found.equations {
-        let sentences = equations::sentences(said);
+    if let Some(screen) = &found.equations {
+        let sentences = equations::sentences(screen);
         if !sentences.is_empty() {
             let _ = writeln!(
                 body,
                 "<h3>Errors of the equations</h3>\n<p>The equations are evaluated with the recorded signals, without a simulation. Their errors ({}) are computed on holdout blocks of rows. \
                  Calibration leaves {:.2} %. The search also tries these terms in free-running simulations, beside all other causes. They are candidates, not results.</p>",
-                escaped(&said.equations.join(", ")),
-                100.0 * said.calibrated
+                escaped(&screen.equations.join(", ")),
+                100.0 * screen.calibrated
             );
             list(body, "Terms, in the order in which they were chosen", &sentences);
         }
@@ -204,7 +204,7 @@ fn listed(body: &mut String, kind: PlantKind, found: &Diagnosis, heading: &str, 
             );
         }
         body.push_str("</p>\n");
-        if number < CLOSELY {
+        if number < CAUSES_WITH_EVIDENCE {
             let evidence = evidence::of(kind, found, cause);
             body.push_str("<div class=\"columns\">\n<div>\n");
             list(body, "For it", &evidence.supports);
@@ -249,7 +249,7 @@ fn list(body: &mut String, title: &str, sentences: &[String]) {
 }
 
 /// The unexplained error, and its black-box correction.
-fn left(body: &mut String, kind: PlantKind, found: &Diagnosis) {
+fn remaining_error(body: &mut String, kind: PlantKind, found: &Diagnosis) {
     body.push_str("<h2>Error that the catalogue does not explain</h2>\n");
     if let Some(limit) = found.stopped {
         let _ = writeln!(body, "<p>The search stopped {limit}: its result may be incomplete or wrong.</p>");
@@ -322,7 +322,7 @@ fn parameters(body: &mut String, found: &Diagnosis) {
             is
         );
     };
-    // What acts in one record alone is none of the plant's.
+    // A cause that acts in one record only is not part of the extended plant.
     for cause in found.causes.iter().chain(&found.helpers).filter(|it| it.only_in.is_none()) {
         for it in &cause.parameters {
             let half = 0.5 * (it.high - it.low);
@@ -382,7 +382,7 @@ fn ranking(body: &mut String, found: &Diagnosis) {
          <table><tr><th>hypothesis</th><th>gain in the screening</th><th>gain with the causes included</th><th>reason</th></tr>\n",
         found.threshold
     );
-    for it in rejected.iter().take(RANKED) {
+    for it in rejected.iter().take(RANKING_LINES) {
         let _ = writeln!(
             body,
             "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td>{}</td></tr>",
@@ -393,12 +393,12 @@ fn ranking(body: &mut String, found: &Diagnosis) {
         );
     }
     body.push_str("</table>\n");
-    if rejected.len() > RANKED {
-        let _ = writeln!(body, "<p class=\"note\">{} more had a smaller first-order gain.</p>", rejected.len() - RANKED);
+    if rejected.len() > RANKING_LINES {
+        let _ = writeln!(body, "<p class=\"note\">{} more had a smaller first-order gain.</p>", rejected.len() - RANKING_LINES);
     }
 }
 
-/// Gains are in the thousands: decimals have no meaning.
+/// A gain without decimals, because gains are in the thousands.
 fn rounded(value: Option<f64>) -> String {
     value.map_or(String::new(), |value| format!("{value:.0}"))
 }

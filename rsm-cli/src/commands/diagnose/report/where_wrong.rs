@@ -64,7 +64,7 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) {
 pub fn table(body: &mut String, kind: PlantKind, regions: &[Region]) {
     body.push_str("<table><tr><th>output</th><th>where</th><th>of all error</th><th>of its output's</th><th>of the rows</th><th></th></tr>\n");
     for it in regions.iter().take(LINES) {
-        // Lines and octaves of a spectrum have no rows.
+        // Spectral lines and octaves have no rows.
         let rows = match it.quantity {
             "frequency" | "line" | "order" => String::new(),
             _ => format!("{:.0} %", 100.0 * it.share_of_rows),

@@ -1,6 +1,6 @@
-//! Residuals of a surface against its inputs, the run order and its own value. A click takes a cause out of the explanation, or puts it back.
+//! Residuals of a surface over its inputs, the run order and its own value. A click removes a cause from the computation or restores it.
 //!
-//! In: a model, the diagnosis of a response. Out: figures. Decides nothing: what the mean is with some of the causes comes from the diagnosis.
+//! In: a model, the diagnosis of a response. Out: figures. Decides nothing: the means for all combinations of causes come from the diagnosis.
 
 use rsm_core::model::{Model, Surface};
 use rsm_diagnose::surface::{Combinations, ResponseDiagnosis, Verdict};
@@ -24,20 +24,20 @@ impl Plots<'_> {
         format!("{of} of {}", self.surface().name)
     }
 
-    /// What can be switched: nothing where the file holds.
+    /// The combinations of causes that a switch shows; none if the surface agrees with the data.
     fn combinations(&self) -> Option<&Combinations<Vec<f64>>> {
         let combinations = &self.response.shown.combinations;
         Some(combinations).filter(|it| self.response.verdict != Verdict::NoDiscrepancy && !it.causes.is_empty())
     }
 
-    /// A button a cause. Nothing where the file holds.
+    /// A button for each cause. Empty if the surface agrees with the data.
     pub fn switch(&self, of: &str) -> String {
         let Some(combinations) = self.combinations() else { return String::new() };
-        let told = vec![String::new(); combinations.of.len()];
-        plot::switch(&self.group(of), "Causes in what is computed:", &combinations.causes, &told)
+        let state_texts = vec![String::new(); combinations.of.len()];
+        plot::switch(&self.group(of), "Causes in what is computed:", &combinations.causes, &state_texts)
     }
 
-    /// What shows the strongest cause: residuals against the input that it is of, else against the run order.
+    /// The plot that shows the strongest cause: residuals over the input to which the cause belongs, otherwise over the run order.
     pub fn summary(&self, of: &str) -> Result<String, Refusal> {
         let subject = self.response.causes.first().and_then(|cause| cause.subject.as_ref());
         let input = subject.and_then(|(_, name)| self.surface().inputs.iter().position(|input| input == name));
@@ -47,7 +47,7 @@ impl Plots<'_> {
         }
     }
 
-    /// All of them.
+    /// Adds all plots to the page.
     pub fn section(&self, body: &mut String) -> Result<(), Refusal> {
         let of = "residuals";
         body.push_str("<h3>Residuals</h3>\n");
@@ -107,7 +107,7 @@ impl Plots<'_> {
         switched(Some(&self.group(of)), &Words { title, x: x_title, y: &y }, &series)
     }
 
-    /// Computed against measured values of unseen rows.
+    /// Computed against measured values of holdout rows.
     fn unseen(&self) -> Result<String, Refusal> {
         let judged = &self.response.holdout;
         let unit = &self.surface().unit;

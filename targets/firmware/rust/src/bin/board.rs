@@ -1,7 +1,7 @@
-//! The processor in the loop: `../../../programs/board.c` in Rust. The image on the emulated board, by its timers and priorities, against the same
-//! plants as code.
+//! The processor in the loop: `../../../programs/board.c` in Rust. The image on the emulated board, with its timers and priorities, runs against the
+//! same plants as code.
 //!
-//! `RSM_RIG_PLANTS` names the folder of `rig_motor.rs` and `rig_car.rs`, as `rsm emit --lang rust --step` writes them. Out: the lines of `board.c`.
+//! `RSM_RIG_PLANTS` is the folder with `rig_motor.rs` and `rig_car.rs`, written by `rsm emit --lang rust --step`. Out: the same lines as `board.c`.
 #![no_std]
 #![no_main]
 
@@ -57,7 +57,7 @@ impl Bridge for MotorRig {
     }
 }
 
-/// The car, likewise.
+/// The car's plant, in the same way.
 struct CarRig {
     plant: rig_car::State,
     throttle: f64,
@@ -81,7 +81,7 @@ impl Driver for CarRig {
         self.throttle = self.next_throttle;
         let shown = rig_car::step(&mut self.plant, self.throttle);
         let counts = Counts {
-            // 12 bits for 60 m/s; the pedal from 20 % to 80 %; the plate where it was told to be; first gear.
+            // 12 bits for 60 m/s; the pedal from 20 % to 80 %; the plate at its commanded position; first gear.
             speed: (shown.road_speed * (4095.0 / 60.0) + 0.5) as u16,
             pedal: if self.counted < 20 { 1065 } else { 3030 },
             plate: ((u32::from(self.compare) - 180) * 3276 / 3240 + 410) as u16,
@@ -104,7 +104,7 @@ impl Driver for CarRig {
     }
 }
 
-/// What an interrupt owns: its state and its rig.
+/// The data that an interrupt owns: its state and its plant.
 struct Fast(CurrentState, MotorRig);
 struct Late(Slow, CarRig);
 
@@ -122,7 +122,7 @@ fn currents_interrupt() {
     if IN_REFERENCES.load(Ordering::Relaxed) {
         PREEMPTED.store(PREEMPTED.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
     }
-    // SAFETY: this interrupt owns it; nobody writes the drive after main.
+    // SAFETY: only this interrupt uses it; nothing writes the drive after main.
     let (fast, drive) = unsafe { (FAST.of(), DRIVE.of()) };
     if let (Some(Fast(state, rig)), Some(drive)) = (fast, drive)
         && rig.sampled < ROWS
@@ -138,7 +138,7 @@ fn currents_interrupt() {
 fn references_interrupt() {
     board::clear_timer(1);
     IN_REFERENCES.store(true, Ordering::Relaxed);
-    // SAFETY: this interrupt owns it; nobody writes the drive after main.
+    // SAFETY: only this interrupt uses it; nothing writes the drive after main.
     let (late, drive) = unsafe { (LATE.of(), DRIVE.of()) };
     if let (Some(Late(state, rig)), Some(drive), false) = (late, drive, DONE.load(Ordering::Relaxed)) {
         // SAFETY: this is the interrupt.
@@ -148,7 +148,7 @@ fn references_interrupt() {
     count_lost(1);
 }
 
-/// A request that is already pending: the interrupt took longer than its period.
+/// Counts a request that is already pending: the interrupt took longer than its period.
 fn count_lost(timer: usize) {
     if board::asks_again(timer) {
         LOST.store(LOST.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
@@ -213,7 +213,7 @@ fn main() -> ! {
     board::stop_timer(0);
     board::stop_timer(1);
     board::stop_watchdog();
-    // SAFETY: the timers stand still: the interrupts own nothing any more.
+    // SAFETY: the timers are stopped, so no interrupt uses these data any more.
     if let (Some(Fast(_, motor)), Some(Late(_, car))) = unsafe { (FAST.of(), LATE.of()) } {
         motor.rows.iter().for_each(|row| print("motor", row));
         car.rows.iter().for_each(|row| print("car", row));

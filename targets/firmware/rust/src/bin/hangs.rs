@@ -1,7 +1,7 @@
 //! The watchdog's reaction if a step does not return, or no longer runs: `../../../programs/hangs.c` in Rust, with the same output.
 //!
-//! In: the last word of the emulator's command line, which is C's `HANG`: 1, the interrupt of the currents does not return; 2, that of the references
-//! does not; 3, the timer of the currents stops; 0, nothing hangs.
+//! In: the last word of the emulator's command line, which is `HANG` in C. 1: the interrupt of the currents does not return. 2: that of the
+//! references does not return. 3: the timer of the currents stops. 0: nothing hangs.
 #![no_std]
 #![no_main]
 
@@ -31,7 +31,8 @@ static CLOSED: AtomicBool = AtomicBool::new(true);
 static CAP: AtomicBool = AtomicBool::new(true);
 static DONE: AtomicBool = AtomicBool::new(false);
 
-/// A board reads the cause of a reset from a register; this one has none. A reset leaves memory as it is, and the start does not clear this section.
+/// A board reads the cause of a reset from a register; the emulated one has no such register. A reset does not change memory, and the start-up code
+/// does not clear this section.
 #[unsafe(link_section = ".uninit.left_by_alarm")]
 static LEFT_BY_ALARM: AtomicU32 = AtomicU32::new(0);
 
@@ -86,7 +87,7 @@ fn outputs() -> [u8; 2] {
 
 fn currents_interrupt() {
     board::clear_timer(0);
-    // SAFETY: this interrupt owns it; nobody writes the drive after main.
+    // SAFETY: only this interrupt uses it; nothing writes the drive after main.
     if let (Some(state), Some(drive)) = unsafe { (FAST.of(), DRIVE.of()) } {
         // SAFETY: this is the interrupt.
         unsafe { current_interrupt(state, drive, &BETWEEN, &mut Still) };
@@ -100,7 +101,7 @@ fn currents_interrupt() {
 
 fn references_interrupt() {
     board::clear_timer(1);
-    // SAFETY: this interrupt owns it; nobody writes the drive after main.
+    // SAFETY: only this interrupt uses it; nothing writes the drive after main.
     if let (Some(state), Some(drive)) = unsafe { (SLOW.of(), DRIVE.of()) } {
         // SAFETY: this is the interrupt.
         unsafe { reference_interrupt(state, drive, &BETWEEN, &mut Still) };
@@ -116,7 +117,7 @@ unsafe fn DefaultHandler(number: i16) {
     }
 }
 
-/// The watchdog's first alarm. It continues to count, and then resets.
+/// The watchdog's first alarm. The watchdog continues to count, and then resets the board.
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
     let ([closed, cap], sampled) = (outputs(), SAMPLED.load(Relaxed));
@@ -132,7 +133,7 @@ unsafe fn NonMaskableInt() -> ! {
 fn asked() -> u32 {
     let mut line = [0u8; 80];
     let mut block = [line.as_mut_ptr() as usize, line.len()];
-    // SAFETY: the operation writes a text that ends in 0 to the first word's address, and its length without the 0 to the second word.
+    // SAFETY: the operation writes a text that ends in 0 to the address in the first word, and its length without the 0 to the second word.
     let failed = unsafe { syscall1(nr::GET_CMDLINE, block.as_mut_ptr() as usize) };
     let last = line.get(block[1].wrapping_sub(1)).filter(|_| failed == 0);
     last.map_or(u32::MAX, |digit| u32::from(digit.wrapping_sub(b'0')))

@@ -1,9 +1,9 @@
 //! The interrupt of the references, interrupted by that of the currents at every instruction: `../../../programs/interrupted.c` in Rust.
 //!
 //! In each trial the same state is restored, a timer is set one tick later than in the trial before, and the outer interrupt runs. At any time of the
-//! interruption, the inner interrupt must have the result of the references before the outer step, or of those after it; the outer one must have the
-//! result of the samples before or after the inner step. Under `-icount shift=6` an instruction takes 64 ns and a tick 40 ns, so every instruction is
-//! tested.
+//! interruption, the inner interrupt must have the result with the references before the outer step, or with those after it. The outer interrupt must
+//! have the result with the samples before or after the inner step. Under `-icount shift=6` an instruction takes 64 ns and a tick 40 ns, so every
+//! instruction is tested.
 //!
 //! Out: a line "at ADDRESS" for every address at which the outer interrupt was interrupted, then the counts, the floating-point context, and bytes of
 //! stack.
@@ -23,7 +23,7 @@ use firmware::{board, nominal, stack};
 use motor_loop::{Command, CurrentState, Direction, Drive, Measured};
 use throttle_loop::raw::Counts;
 
-/// After this many trials without an interruption the test ends; and the largest address of the code.
+/// The test ends after this many trials without an interruption; and the largest address of the code.
 const QUIET: u32 = 64;
 const CODE: usize = 0x4_0000;
 /// Periods before the trials.
@@ -36,7 +36,7 @@ struct Image {
     between: Between,
 }
 
-/// Samples and demand of a board; everything else is constant.
+/// Constant samples and a constant demand of a board.
 #[derive(Clone, Copy)]
 struct Held {
     measured: Measured,
@@ -69,7 +69,7 @@ impl Driver for Held {
     }
 }
 
-/// What the inner interrupt owns: its state, and those that may follow in a trial.
+/// The data that the inner interrupt uses: its state, and the two states that are right after a trial.
 struct Inner {
     state: CurrentState,
     after: [CurrentState; 2],
@@ -89,9 +89,9 @@ fn add(count: &AtomicU32, one: bool) {
     count.store(count.load(Relaxed) + u32::from(one), Relaxed);
 }
 
-/// The words of a state: numbers of four bytes, without padding.
+/// The words of a state, which consists of numbers of four bytes without padding.
 fn words<T>(state: &T) -> &[u32] {
-    // SAFETY: it lives as long as the state, is aligned as its numbers are, and every word of it is written.
+    // SAFETY: the words are valid as long as the state, aligned like its numbers, and all initialised.
     unsafe { core::slice::from_raw_parts((&raw const *state).cast(), size_of::<T>() / 4) }
 }
 
@@ -102,13 +102,13 @@ fn is_same<T>(left: &T, right: &T) -> bool {
 /// The inner interrupt, with the registers that the core stacked.
 ///
 /// # Safety
-/// The entry below calls it.
+/// Only the entry below may call it.
 unsafe extern "C" fn interrupted_at(frame: *const u32, exc_return: u32) {
     board::stop_timer(0);
     board::clear_timer(0);
-    // SAFETY: the core stacked eight words; the seventh is the address that it returns to.
+    // SAFETY: the core has stacked eight words; the seventh is the return address.
     let address = unsafe { *frame.add(6) } as usize;
-    // SAFETY: while the timer counts, nobody else uses it.
+    // SAFETY: while the timer counts, nothing else uses it.
     if let Some(Inner { state, after, drive, held }) = unsafe { INNER.of() } {
         // SAFETY: this is the interrupt.
         unsafe { current_interrupt(state, drive, &BETWEEN, held) };
@@ -119,21 +119,21 @@ unsafe extern "C" fn interrupted_at(frame: *const u32, exc_return: u32) {
         add(&WRONG, which.is_none());
     }
     add(&HITS, true);
-    // Armv7-M, B1.5.8: bit 4 is 0 where room for the floating-point registers was left.
+    // Armv7-M, B1.5.8: bit 4 is 0 if the frame has space for the floating-point registers.
     add(&EXTENDED, exc_return & 0x10 == 0);
     if let Some(mark) = MARKED.get(address / 2) {
         mark.store(1, Relaxed);
     }
 }
 
-/// Every interrupt; only the timer's is enabled.
+/// The handler of every interrupt; only the timer's interrupt is enabled.
 #[unsafe(naked)]
 #[unsafe(no_mangle)]
 unsafe extern "C" fn DefaultHandler() {
     naked_asm!("mov r0, sp", "mov r1, lr", "b {}", sym interrupted_at)
 }
 
-/// Angle and currents where the inner step expects them.
+/// Angle and currents as the inner step expects them.
 fn as_expected(state: &CurrentState, speed_rad_s: f32, bus_voltage_v: f32) -> Measured {
     let (d, q) = (state.expected_d_a, state.expected_q_a);
     let currents_a = [0.0, 1.0, 2.0].map(|k| {
@@ -146,9 +146,9 @@ fn as_expected(state: &CurrentState, speed_rad_s: f32, bus_voltage_v: f32) -> Me
 /// Restores the whole state of the interrupts.
 ///
 /// # Safety
-/// The timer stands still.
+/// The timer is stopped.
 unsafe fn put_back(start: &Image) {
-    // SAFETY: what is between owns nothing outside of itself, and everything in it may be written by way of a shared reference.
+    // SAFETY: the shared data have no references to other data, and all of them may be written through a shared reference.
     unsafe { core::ptr::copy_nonoverlapping(&raw const start.between, (&raw const BETWEEN).cast_mut(), 1) };
     // SAFETY: see above.
     if let Some(inner) = unsafe { INNER.of() } {
@@ -162,7 +162,7 @@ fn inner(state: &mut CurrentState, drive: &Drive, held: &mut Held) {
 }
 
 fn outer(state: &mut Slow, drive: &Drive, held: &mut Held) {
-    // SAFETY: the one caller; what interrupts it takes what is between by its handovers.
+    // SAFETY: this is the only caller; an interrupt that interrupts it reads the shared data only through their handovers.
     unsafe { reference_interrupt(state, drive, &BETWEEN, held) };
 }
 
@@ -178,11 +178,11 @@ fn main() -> ! {
             outer(&mut slow, &drive, &mut held);
         }
     }
-    // Samples and a demand that move all that is handed over.
+    // Samples and a demand that change all values that are handed over.
     held = Held { measured: as_expected(&fast, 620.0, 281.0), torque_nm: -4.0 };
-    // SAFETY: it owns nothing outside of itself, and no interrupt is enabled.
+    // SAFETY: the data have no references to other data, and no interrupt is enabled.
     let mut start = Image { fast, slow, between: unsafe { core::ptr::read(&BETWEEN) } };
-    // Undisturbed: the outer one first, then the inner one first.
+    // Without interruption: the outer interrupt first, then the inner one first.
     let (mut fast, mut slow) = (start.fast.clone(), start.slow.clone());
     outer(&mut slow, &drive, &mut held);
     inner(&mut fast, &drive, &mut held);
@@ -200,14 +200,14 @@ fn main() -> ! {
     unsafe { *INNER.of() = Some(Inner { state: start.fast.clone(), after, drive, held }) };
     let mut trials = 0u32;
     let top = stack::paint();
-    // Without and with a watchdog to be fed.
+    // Without and with a watchdog that must be fed.
     for periods_before in [BEFORE, BEFORE - PERIODS] {
         start.slow.periods_before = periods_before;
         let (mut ticks, mut quiet) = (1, 0);
         while quiet < QUIET {
             let hits = HITS.load(Relaxed);
             let mut slow = start.slow.clone();
-            // SAFETY: the timer stands still.
+            // SAFETY: the timer is stopped.
             unsafe { put_back(&start) };
             board::start_timer(0, 0x40, ticks, u32::MAX);
             outer(&mut slow, &drive, &mut held);
