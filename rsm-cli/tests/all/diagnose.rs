@@ -149,9 +149,90 @@ fn a_diagnosis_writes_its_json_the_extended_plant_and_a_report() {
     assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));
 }
 
-/// The shipped motor's record as simulated from a plant file, with noise from a linear congruential generator.
+/// A tank that an unknown outflow empties: the level where it is largest is in no file. The diagnosis does not name a cause, and gives the law.
+#[test]
+fn a_law_that_is_in_no_textbook_has_a_curve_a_model_and_an_extended_plant_that_runs() {
+    let here = folder();
+    let examples = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/plants/coupled-tanks");
+    std::fs::copy(examples.join("coupled-tanks.mo"), here.path().join("coupled-tanks.mo")).unwrap();
+    let plant = std::fs::read_to_string(examples.join("plant.toml")).unwrap();
+    let write = |name: &str, text: String| std::fs::write(here.path().join(name), text).unwrap();
+    write("plant.toml", plant.clone());
+    // The outflow is Q u/(1 + u^4) at u = level/0.3 m.
+    write(
+        "siphon.toml",
+        "format = 1\nkind = \"siphon\"\nsites = [\"storage\"]\nsource = \"none\"\n[numbers]\nflow = { unit = \"m3/s\", guess = [\"0.1*effort_scale\"] }\n\
+         [helpers]\nknee = { value = 0.3, unit = \"m\" }\n[changes]\nflow = \"-flow*(level/knee)/(1 + (level/knee)^4)\"\n\
+         [words]\nsentence = \"A siphon.\"\ncheck = \"Look.\"\n"
+            .replace("flow = \"-flow*", "flow = \"-rate*")
+            .replace("flow = { unit", "rate = { unit"),
+    );
+    let own = "model = \"coupled-tanks.mo\"\neffect_files = [\"siphon.toml\"]";
+    let hidden = "\n[[effects]]\nkind = \"siphon\"\nat = \"first_tank\"\nparameters = { rate = 4e-5 }\n";
+    write("truth.toml", plant.replace("model = \"coupled-tanks.mo\"", own) + hidden);
+    for (name, seed) in [("record", 1), ("validation", 2)] {
+        let inputs = examples.join(format!("{name}.csv")).display().to_string();
+        let record = noisy_record(here.path(), "truth.toml", &inputs, &[0.0, 0.0, 0.001, 0.001], seed);
+        write(&format!("{name}.csv"), record);
+    }
+    let arguments =
+        ["diagnose", "plant.toml", "--record", "record.csv", "--validate", "validation.csv", "--json", "--out", "found"];
+    let output = rsm(&arguments, here.path());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let found = json(&output);
+    let law = &found["law"];
+    assert_eq!(
+        (&found["verdict"], &law["at"], &law["model"]),
+        (&"unexplained".into(), &"first_tank".into(), &"law.toml".into()),
+        "{found:#}"
+    );
+    assert!(law["gain"].as_f64().unwrap() > 0.95, "{law:#}");
+    assert!(text(&output.stderr).contains("an unknown flow acts"), "{}", text(&output.stderr));
+    // 95 % bands, and points that are not independent: most of them hold the truth.
+    let points = law["curves"][0]["points"].as_array().unwrap();
+    let is_inside = |it: &&serde_json::Value| {
+        let [level, low, high] = [0, 2, 3].map(|k| it[k].as_f64().unwrap());
+        let u = level / 0.3;
+        (low..=high).contains(&(-4e-5 * u / (1.0 + u.powi(4))))
+    };
+    assert!(points.iter().filter(is_inside).count() * 10 >= points.len() * 8, "{points:?}");
+    let page = std::fs::read_to_string(here.path().join("found/report.html")).unwrap();
+    assert!(page.contains("A law that is in no textbook") && page.contains("the law over level"));
+    for arguments in [
+        &["check", "found/law.toml"][..],
+        &["emit", "found/law.toml", "--lang", "c", "--out", "c"],
+        &["simulate", "found/extended.toml", "--record", "validation.csv", "--out", "simulated.csv"],
+    ] {
+        let output = rsm(arguments, here.path());
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
+    }
+    // The plant with the law follows the record: 0.001 m is the noise.
+    let column = |name: &str| -> Vec<f64> {
+        let text = std::fs::read_to_string(here.path().join(name)).unwrap();
+        text.lines().skip(1).map(|line| line.split(',').nth(2).unwrap().parse().unwrap()).collect()
+    };
+    let (simulated, measured) = (column("simulated.csv"), column("validation.csv"));
+    let square: f64 = simulated.iter().zip(&measured).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / measured.len() as f64;
+    assert!(square.sqrt() < 0.0015, "{}", square.sqrt());
+    // A file of effects that is not there, and one that is no list.
+    for (line, message) in
+        [("effect_files = [\"nowhere.toml\"]", "nowhere.toml"), ("effect_files = 3", "expected a list of file names")]
+    {
+        write("wrong.toml", plant.replace("model = \"coupled-tanks.mo\"", &format!("model = \"coupled-tanks.mo\"\n{line}")));
+        let refused = rsm(&["simulate", "wrong.toml", "--record", "record.csv", "--out", "no.csv"], here.path());
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(text(&refused.stderr).contains(message), "{}", text(&refused.stderr));
+    }
+}
+
+/// The shipped motor's record as simulated from a plant file, with noise.
 fn noisy(here: &std::path::Path, plant: &str, seed: u64) -> String {
-    let simulated = rsm(&["simulate", plant, "--record", &shipped("pmac.csv"), "--out", "clean.csv"], here);
+    noisy_record(here, plant, &shipped("pmac.csv"), &[0.0, 0.0, 0.0, 0.0, 0.2, 0.2, 0.3], seed)
+}
+
+/// A record as simulated from a plant file, with noise of these standard deviations, one for each column, from a linear congruential generator.
+fn noisy_record(here: &std::path::Path, plant: &str, record: &str, sds: &[f64], seed: u64) -> String {
+    let simulated = rsm(&["simulate", plant, "--record", record, "--out", "clean.csv"], here);
     assert_eq!(simulated.status.code(), Some(0), "{}", text(&simulated.stderr));
     let clean = std::fs::read_to_string(here.join("clean.csv")).unwrap();
     let mut state = seed;
@@ -167,13 +248,14 @@ fn noisy(here: &std::path::Path, plant: &str, seed: u64) -> String {
     };
     let mut noisy = String::new();
     for (k, line) in clean.lines().enumerate() {
-        let cells: Vec<&str> = line.split(',').collect();
         if k == 0 {
             noisy += line;
         } else {
-            let [i_d, i_q, speed] = [4, 5, 6].map(|k| cells[k].parse::<f64>().unwrap());
-            noisy +=
-                &format!("{},{},{},{}", cells[..4].join(","), i_d + 0.2 * noise(), i_q + 0.2 * noise(), speed + 0.3 * noise());
+            let read = |(cell, sd): (&str, &f64)| match *sd {
+                0.0 => cell.to_string(),
+                sd => (cell.parse::<f64>().unwrap() + sd * noise()).to_string(),
+            };
+            noisy += &line.split(',').zip(sds).map(read).collect::<Vec<String>>().join(",");
         }
         noisy.push('\n');
     }

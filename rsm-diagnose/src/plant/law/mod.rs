@@ -12,7 +12,7 @@ pub mod curve;
 pub mod selection;
 pub mod terms;
 
-use rsm_core::model::Model as SurfaceModel;
+use rsm_core::model::{Evidence, Model as SurfaceModel};
 use rsm_sim::effect::Unit;
 use rsm_sim::equation_plant::{self, added};
 use rsm_sim::plant_file::{Entry, PlantFile};
@@ -207,7 +207,14 @@ impl Candidate {
             joined(&inputs),
             100.0 * gain,
         );
-        let model = form.model(&terms, &coefficients, &unit);
+        let mut model = form.model(&terms, &coefficients, &unit);
+        model.surfaces[0].evidence = vec![
+            (
+                "what".to_string(),
+                Evidence::Text(format!("an unknown {} at {at}, fitted to records: no textbook law", form.balance.term)),
+            ),
+            ("gain_on_unseen_rows".to_string(), Evidence::Number(gain)),
+        ];
         let surface = form.surface();
         Some(Law { at, inputs, surface, unit, model, gain, gain_interval: interval, curves, textbook, words, fit })
     }

@@ -241,8 +241,14 @@ mod tests {
         let form = Form::new(&carriage(), &[vec![-1.0, 1.0], vec![0.0, 2.0]]).unwrap();
         let terms = vec![vec![0, 0, 0], vec![2, 1, 0], vec![0, 0, 1]];
         let text = form.text(&terms, "A law.");
-        let source = rsm_core::source::Source::new("law.toml", text.clone());
-        rsm_model::effects::Effect::read(&source).unwrap_or_else(|faults| panic!("{faults}\n{text}"));
+        let plain = "model Cart\n  parameter Real mass(unit = \"kg\") = 2;\n  input Real force(unit = \"N\");\n  Real speed(unit = \"m/s\");\n  \
+                     output Real position(unit = \"m\");\nequation\n  mass*der(speed) = force;\n  der(position) = speed;\nend Cart;\n";
+        let open = |name: &str| Ok::<_, rsm_core::source::Faults>(rsm_core::source::Source::new(name, plain));
+        let file = "format = 2\nmodel = \"cart.mo\"\n[sites.carriage]\nkind = \"translation\"\nspeed = \"speed\"\nposition = \"position\"\ninertia = \"mass\"\n";
+        let plant = rsm_sim::equation_plant::read(&rsm_core::source::Source::new("cart.toml", file), &open).unwrap();
+        let extended = rsm_sim::equation_plant::added::with_effect(&plant, "law-effect.toml", &text);
+        let extended = extended.unwrap_or_else(|faults| panic!("{faults}\n{text}"));
+        assert!(extended.write().contains("effect_files = [\"law-effect.toml\"]"), "{}", extended.write());
         let coefficients = [3.0, -2.0, 0.5];
         let model = form.model(&terms, &coefficients, "N");
         let checked = rsm_core::check::Checked::from_model(&model).unwrap();

@@ -4,6 +4,7 @@
 //! regions with a large error, curves before and after, the remaining error. Decides nothing: every figure comes from the diagnosis.
 
 mod curves;
+mod law;
 mod where_wrong;
 
 use std::fmt::Write as _;
@@ -35,6 +36,7 @@ pub fn html(kind: PlantKind, found: &Diagnosis, refitted: &[String]) -> Result<S
     body.push_str(&verdict_and_numbers(kind, found));
     body.push_str(&curves::summary(kind, found)?);
     data(&mut body, found);
+    law::section(&mut body, found)?;
     causes(&mut body, kind, found);
     if found.verdict == Verdict::Unexplained {
         remaining_error(&mut body, kind, found);
@@ -85,6 +87,7 @@ fn verdict_and_numbers(kind: PlantKind, found: &Diagnosis) -> String {
         let moved = format!("{} → {} × noise", multiple(worst(&found.nominal)), multiple(worst(&found.extended)));
         numbers.push(Number::new("Worst output", moved, format!("plant file, then with what was found, on {judging}")));
         match found.entries().next() {
+            _ if found.law.is_some() => numbers.extend(law::number(found)),
             Some(cause) => {
                 let probability = [cause.confidence, cause.confidence_of_any];
                 let (equals, more) = (cause.indistinguishable_from.len(), found.entries().count() - 1);
