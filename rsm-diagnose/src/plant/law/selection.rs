@@ -36,6 +36,9 @@ const STEPS: usize = 8;
 /// A coefficient below this many standard deviations is not determined by the records, and its term is left out.
 const LEAST_DEVIATIONS: f64 = 2.0;
 
+/// Makes the model with a law of these terms and coefficients.
+type Build<'a> = dyn Fn(&[(usize, f64)]) -> Option<Model> + 'a;
+
 /// A plant with a law.
 pub struct WithLaw {
     /// The fit; the law is the last effect of its plant.
@@ -150,7 +153,7 @@ fn reselected(
     fit: &Fit,
     form: &Form,
     chosen: &[(usize, f64)],
-    with: &dyn Fn(&[(usize, f64)]) -> Option<Model>,
+    with: &Build<'_>,
 ) -> Option<Vec<(usize, f64)>> {
     let mut all = chosen.to_vec();
     all.extend((0..form.terms.len()).filter(|k| !chosen.iter().any(|it| it.0 == *k)).map(|k| (k, 0.0)));
