@@ -37,6 +37,9 @@ const MOST_STEPS: u64 = 400_000_000;
 /// The number of rounds. In the first one the estimated noise may contain structure, in the second one it does not.
 const ROUNDS: usize = 2;
 
+/// A cause with a smaller confidence may be a law of the catalogue that was bent towards an unknown one: a law is looked for without it.
+const SURE_BESIDE_A_LAW: f64 = 0.9;
+
 /// What all rounds of a search share.
 struct SearchInput<'a> {
     hypotheses: Vec<hypotheses::Hypothesis>,
@@ -162,10 +165,13 @@ pub(super) fn diagnose_records(
     if found.verdict == Verdict::Unexplained
         && let Some((law, with_law)) = with_law(&selection, &found, &whitened, &unseen, &nominal, options)
     {
-        let (next, helpers) = (found.next.take(), std::mem::take(&mut found.helpers));
+        let next = found.next.take();
+        // What helped without the law is listed as before, and so is a cause that is not sure beside it.
+        let doubtful = found.causes.into_iter().filter(|it| it.confidence < SURE_BESIDE_A_LAW);
+        let helpers = doubtful.chain(found.helpers).collect();
         fit = with_law.fit.clone();
         found = concluded(with_law);
-        // A law names no cause. What helped without it is listed as before.
+        // A law names no cause.
         found.verdict = Verdict::Unexplained;
         (found.next, found.helpers, found.law) = (next, helpers, Some(law));
     }
@@ -186,7 +192,8 @@ fn with_law(
 ) -> Option<(Law, Selection)> {
     let is_named = |it: &Entry| {
         let subject = it.arguments.subject.as_deref();
-        found.causes.iter().any(|cause| cause.kind == it.description.kind && cause.subject.as_deref() == subject)
+        let is_it = |cause: &&Cause| cause.kind == it.description.kind && cause.subject.as_deref() == subject;
+        found.causes.iter().filter(is_it).any(|cause| cause.confidence >= SURE_BESIDE_A_LAW)
     };
     let effects = selection.fit.model.file.effects.iter().zip(&selection.causes).filter(|(entry, _)| is_named(entry));
     let (entries, causes): (Vec<Entry>, Vec<_>) = effects.map(|(entry, cause)| (entry.clone(), cause.clone())).unzip();

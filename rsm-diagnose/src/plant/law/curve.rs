@@ -77,10 +77,10 @@ impl Fitted<'_> {
         variance.max(0.0).sqrt()
     }
 
-    /// Whether a variable is in the law. The sign of the speed belongs to the speed.
+    /// Whether a variable is in the law. The sign and the steps belong to the speed.
     fn depends_on(&self, variable: usize) -> bool {
         let sign = self.form.variables.len();
-        let has = |term: &Vec<u32>| term[variable] > 0 || variable == 0 && term.get(sign).is_some_and(|power| *power > 0);
+        let has = |term: &Vec<u32>| term[variable] > 0 || variable == 0 && term.iter().skip(sign).any(|power| *power > 0);
         self.terms.iter().any(has)
     }
 
@@ -225,7 +225,7 @@ mod tests {
         let visited: Vec<f64> = (0..201).map(|k| f64::from(k - 100) / 50.0).collect();
         let form = form(&visited);
         // The range is -2.2 to 2.2 m/s: a coded variable is the speed over 2.2.
-        let (terms, coefficients) = (vec![vec![1, 0], vec![0, 1]], [2.2 * 3.0, 5.0]);
+        let (terms, coefficients) = (vec![vec![1, 0, 0, 0], vec![0, 1, 0, 0]], [2.2 * 3.0, 5.0]);
         let covariance = vec![vec![0.04, 0.0], vec![0.0, 0.09]];
         let visited = vec![visited];
         let law =

@@ -128,7 +128,7 @@ fn coefficients(fit: &Fit, chosen: &[(usize, f64)]) -> Vec<(usize, f64)> {
 fn always(form: &Form, chosen: &[(usize, f64)]) -> Vec<usize> {
     let is_used = |variable: usize| chosen.iter().any(|it| form.terms[it.0][variable] > 0);
     let is_low = |term: &Vec<u32>| {
-        let has_sign = term.get(form.variables.len()).is_some_and(|power| *power > 0);
+        let has_sign = term.iter().skip(form.variables.len()).any(|power| *power > 0);
         let first = term.iter().position(|power| *power > 0);
         !has_sign && term.iter().sum::<u32>() <= 1 && first.is_none_or(is_used)
     };

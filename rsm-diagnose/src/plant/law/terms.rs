@@ -3,11 +3,12 @@
 //! In: a site with its variables, and their ranges along the records. Out: candidate terms; the file of the effect; the surface. Fits nothing.
 //!
 //! A law is a polynomial in coded variables, each from -1 to 1 over its range. Where the first variable is a speed that changes its sign, its smooth
-//! sign is one more variable: dry friction is no polynomial.
+//! sign is one more variable: dry friction is no polynomial. Two smooth steps that are wider, the sigmoids of surfaces over the speed, represent what rises and
+//! falls near rest.
 
 use std::fmt::Write as _;
 
-use rsm_core::model::{Input, Model, Outside, Surface, Term as SurfaceTerm};
+use rsm_core::model::{Input, Model, Outside, Sigmoid, Surface, Term as SurfaceTerm};
 use rsm_core::number::decimal;
 use rsm_sim::equation_plant::added::Balance;
 
@@ -26,6 +27,12 @@ const WIDENED: f64 = 0.05;
 /// An angle is a variable of a law up to this range, in rad: two turns. Over more turns a law of the angle repeats itself, and a polynomial cannot
 /// represent it; the effects of the catalogue contain waves over the angle.
 const MOST_ANGLE: f64 = 4.0 * std::f64::consts::PI;
+
+/// The highest order of a term with a smooth step.
+const ORDER_WITH_STEP: u32 = 1;
+
+/// The widths of the smooth steps, as shares of half of the range. Narrower ones look like the sign, wider ones like a polynomial of third order.
+const STEP_WIDTHS: [f64; 2] = [0.1, 0.3];
 
 /// The name of the variable with the sign of the speed.
 pub const DIRECTION: &str = "direction";
@@ -50,7 +57,9 @@ pub struct Form {
     pub variables: Vec<Variable>,
     /// The width of the smooth sign of the first variable, if the law has one, in the unit of this variable.
     pub width: Option<f64>,
-    /// The candidate terms: powers of the variables, and of the sign if the law has one.
+    /// The widths of the smooth steps of the first variable; none without a sign.
+    pub steps: Vec<f64>,
+    /// The candidate terms: powers of the variables, and, if the law has a sign, of the sign and the smooth steps.
     pub terms: Vec<Vec<u32>>,
 }
 
@@ -87,14 +96,20 @@ impl Form {
             alone[0] = power;
             alone
         }));
+        let half = 0.5 * (first.range[1] - first.range[0]);
+        let steps = if width.is_some() { STEP_WIDTHS.map(|share| share * half).to_vec() } else { Vec::new() };
         if width.is_some() {
-            terms.iter_mut().for_each(|it| it.push(0));
-            terms.extend(powers_up_to(variables.len(), ORDER_WITH_SIGN).into_iter().map(|mut it| {
-                it.push(1);
-                it
-            }));
+            let orders = [ORDER_WITH_SIGN].into_iter().chain(steps.iter().map(|_| ORDER_WITH_STEP));
+            let mut with: Vec<Vec<u32>> = Vec::new();
+            for (place, order) in orders.enumerate() {
+                let mut factor = vec![0; 1 + steps.len()];
+                factor[place] = 1;
+                with.extend(powers_up_to(variables.len(), order).into_iter().map(|it| [it, factor.clone()].concat()));
+            }
+            terms.iter_mut().for_each(|it| it.extend(vec![0; 1 + steps.len()]));
+            terms.extend(with);
         }
-        Some(Form { balance: balance.clone(), variables, width, terms })
+        Some(Form { balance: balance.clone(), variables, width, steps, terms })
     }
 
     /// The name of the effect.
@@ -106,7 +121,8 @@ impl Form {
     /// The name of the number with the coefficient of a term.
     #[must_use]
     pub fn number(&self, term: &[u32]) -> String {
-        let names = self.variables.iter().map(|it| it.name.as_str()).chain([DIRECTION]);
+        let steps = (1..=self.steps.len()).map(|k| format!("step{k}"));
+        let names = self.variables.iter().map(|it| it.name.clone()).chain([DIRECTION.to_string()]).chain(steps);
         let factors = names.zip(term).filter(|it| *it.1 > 0).map(|(name, power)| format!("{name}_{power}"));
         let all: Vec<String> = factors.collect();
         if all.is_empty() { "offset".to_string() } else { all.join("_") }
@@ -120,7 +136,13 @@ impl Form {
             (value.max(low).min(high) - 0.5 * (low + high)) / (0.5 * (high - low))
         });
         let sign = self.width.map(|width| (at[0] / width).tanh());
-        coded.chain(sign).zip(term).map(|(value, power)| value.powi(*power as i32)).product()
+        let first = &self.variables[0];
+        let inside = at[0].max(first.range[0]).min(first.range[1]);
+        let steps = self.steps.iter().map(|width| {
+            let ratio = inside / width;
+            ratio * (1.0 + ratio.abs()) / (1.0 + ratio.abs() + ratio * ratio)
+        });
+        coded.chain(sign).chain(steps).zip(term).map(|(value, power)| value.powi(*power as i32)).product()
     }
 
     /// The file of the effect with these terms, and numbers in the text as defaults: 0.
@@ -153,9 +175,17 @@ impl Form {
             let name = &self.variables[0].name;
             let _ = writeln!(text, "{name}_width = {{ value = {}, unit = \"{{{name}}}\" }}", decimal(width));
             let _ = writeln!(text, "{DIRECTION} = \"tanh({name}/{name}_width)\"");
+            for (k, width) in self.steps.iter().enumerate() {
+                let inside = format!("noEvent(min(max({name}, {name}_low), {name}_high))");
+                let _ = writeln!(text, "{name}_width{} = {{ value = {}, unit = \"{{{name}}}\" }}", k + 1, decimal(*width));
+                let _ = writeln!(text, "ratio{0} = \"{inside}/{name}_width{0}\"", k + 1);
+                let law = "ratio*(1 + noEvent(abs(ratio)))/(1 + noEvent(abs(ratio)) + ratio^2)";
+                let _ = writeln!(text, "step{} = \"{}\"", k + 1, law.replace("ratio", &format!("ratio{}", k + 1)));
+            }
         }
+        let steps = (1..=self.steps.len()).map(|k| format!("step{k}"));
         let names: Vec<String> =
-            self.variables.iter().map(|it| format!("{}_coded", it.name)).chain([DIRECTION.to_string()]).collect();
+            self.variables.iter().map(|it| format!("{}_coded", it.name)).chain([DIRECTION.to_string()]).chain(steps).collect();
         let product = |term: &Vec<u32>| {
             let factors = names.iter().zip(term).filter(|it| *it.1 > 0);
             let factors = factors.map(|(name, power)| if *power == 1 { name.clone() } else { format!("{name}^{power}") });
@@ -183,14 +213,20 @@ impl Form {
             let range = [-1.0, 1.0];
             inputs.push(Input { name: DIRECTION.to_string(), unit: "1".to_string(), range, outside: Outside::Clamp });
         }
-        // An input that no term contains is left out.
-        let kept: Vec<usize> = (0..inputs.len()).filter(|k| terms.iter().any(|it| it[*k] > 0)).collect();
+        // An input that no term contains is left out; a step needs the first one.
+        let has = |k: usize| terms.iter().any(|it| it[k] > 0);
+        let steps: Vec<usize> = (0..self.steps.len()).filter(|k| has(inputs.len() + k)).collect();
+        let kept: Vec<usize> = (0..inputs.len()).filter(|k| has(*k) || *k == 0 && !steps.is_empty()).collect();
+        let sigmoids =
+            steps.iter().map(|k| Sigmoid { input: self.variables[0].name.clone(), at: 0.0, width: self.steps[*k] }).collect();
+        let places: Vec<usize> = kept.iter().copied().chain(steps.iter().map(|k| inputs.len() + k)).collect();
         let inputs: Vec<Input> = kept.iter().map(|k| inputs[*k].clone()).collect();
-        let cut = |term: &[u32]| kept.iter().map(|k| term[*k]).collect::<Vec<u32>>();
+        let cut = |term: &[u32]| places.iter().map(|k| term[*k]).collect::<Vec<u32>>();
         let surface = Surface {
             name: self.surface(),
             unit: unit.to_string(),
             inputs: inputs.iter().map(|it| it.name.clone()).collect(),
+            sigmoids,
             terms: terms.iter().zip(coefficients).map(|(term, c)| SurfaceTerm { powers: cut(term), coefficient: *c }).collect(),
             ..Surface::default()
         };
@@ -228,8 +264,9 @@ mod tests {
     #[test]
     fn a_speed_that_changes_its_sign_gives_terms_with_the_sign() {
         let both = Form::new(&carriage(), &[vec![-1.0, 1.0], vec![0.0, 2.0]]).unwrap();
-        // 21 polynomial terms of two variables to order 5, two higher powers of the speed, and 6 terms with the sign to order 2.
-        assert_eq!((both.terms.len(), both.width), (29, Some(1e-3)));
+        // 21 polynomial terms of two variables to order 5, two higher powers of the speed, 6 terms with the sign to order 2, and 3 with each of the
+        // two steps to order 1.
+        assert_eq!((both.terms.len(), both.width), (35, Some(1e-3)));
         assert_eq!(both.variables[1].range, [-0.1, 2.1]);
         let one = Form::new(&carriage(), &[vec![0.5, 1.0], vec![3.0, 3.0]]).unwrap();
         assert_eq!((one.terms.len(), one.width, one.variables.len()), (8, None, 1));
@@ -239,7 +276,7 @@ mod tests {
     #[test]
     fn the_text_is_an_effect_and_the_model_is_a_surface_with_the_same_values() {
         let form = Form::new(&carriage(), &[vec![-1.0, 1.0], vec![0.0, 2.0]]).unwrap();
-        let terms = vec![vec![0, 0, 0], vec![2, 1, 0], vec![0, 0, 1]];
+        let terms = vec![vec![0, 0, 0, 0, 0], vec![2, 1, 0, 0, 0], vec![0, 0, 1, 0, 0], vec![1, 0, 0, 0, 1]];
         let text = form.text(&terms, "A law.");
         let plain = "model Cart\n  parameter Real mass(unit = \"kg\") = 2;\n  input Real force(unit = \"N\");\n  Real speed(unit = \"m/s\");\n  \
                      output Real position(unit = \"m\");\nequation\n  mass*der(speed) = force;\n  der(position) = speed;\nend Cart;\n";
@@ -249,7 +286,7 @@ mod tests {
         let extended = rsm_sim::equation_plant::added::with_effect(&plant, "law-effect.toml", &text);
         let extended = extended.unwrap_or_else(|faults| panic!("{faults}\n{text}"));
         assert!(extended.write().contains("effect_files = [\"law-effect.toml\"]"), "{}", extended.write());
-        let coefficients = [3.0, -2.0, 0.5];
+        let coefficients = [3.0, -2.0, 0.5, 4.0];
         let model = form.model(&terms, &coefficients, "N");
         let checked = rsm_core::check::Checked::from_model(&model).unwrap();
         let tape = rsm_core::lower::surface(&checked, 0, rsm_core::number::Precision::F64);
