@@ -228,10 +228,11 @@ fn functions(checked: &Checked, precisions: &[Precision], parts: &Parts) -> Resu
 fn recursive(checked: &Checked, index: usize, precision: Precision, settings: &Recursive) -> [Function; 2] {
     let surface = &checked.model().surfaces[index];
     let follower = lower::recursive(checked, index, precision, settings);
-    let terms = surface.terms.iter().map(|term| format!("{}, in {}", surface.term_name(&term.powers), surface.unit));
+    let terms =
+        surface.terms.iter().map(|term| format!("coefficient of {}, in {}", surface.term_name(&term.powers), surface.unit));
     let about = |name: &str| match name.as_bytes()[0] {
-        b'd' => format!("variance {}, in units of the noise's", &name[1..]),
-        b'u' => format!("factor of the covariance, row and column {}", name[1..].replace('_', ", ")),
+        b'd' => format!("entry {} of the diagonal D of the covariance U D U'", &name[1..]),
+        b'u' => format!("entry {} of the factor U", name[1..].replace('_', ", ")),
         _ => "the coefficient that the next step measures".to_string(),
     };
     let names = follower.update.states.iter().skip(surface.terms.len()).map(|state| about(&state.name));

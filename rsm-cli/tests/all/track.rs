@@ -161,7 +161,7 @@ fn the_update_is_emitted_in_both_languages() {
     }
     let header = std::fs::read_to_string(here.path().join("src/car.h")).unwrap();
     for line in [
-        "    double b1; /* speed, in N */",
+        "    double b1; /* coefficient of speed, in N */",
         "void car_drag_init(car_drag_state *state);",
         "void car_drag_update(car_drag_state *state, double speed, double measured, double update[3]);",
         "double car_drag_adapted(const car_drag_state *state, double speed);",

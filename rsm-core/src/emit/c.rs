@@ -184,12 +184,12 @@ fn declare_state(unit: &Unit, function: &Function) -> String {
     let each = function.states().into_iter().enumerate();
     let fields: String = each.map(|(k, field)| format!("    {float} {field};{}\n", about(k))).collect();
     format!(
-        "\n/* What the {} keeps from step to step, in {}; {} puts it {}. */\n\
+        "\n/* What the {} keeps from step to step, in {}; {} {}. */\n\
          typedef struct {{\n{fields}}} {};\n{};\n",
         function.state_of(),
         function.tape.precision.name(),
         names::c_init(&unit.model, &function.surface, function.tape.precision),
-        function.start_in_words(),
+        function.put_at_start(),
         state_type(unit, function),
         init_signature(unit, function)
     )

@@ -111,9 +111,9 @@ impl Function {
         format!("{what} `{}`", self.surface)
     }
 
-    /// The start of the state, in words.
-    fn start_in_words(&self) -> &'static str {
-        if self.kind == Kind::Step { "at rest at 0" } else { "with the coefficients of the model" }
+    /// What the function for the start does with a state, in words.
+    fn put_at_start(&self) -> &'static str {
+        if self.kind == Kind::Step { "puts it at rest at 0" } else { "gives it the coefficients of the model" }
     }
 
     /// Information for the caller, one line each: description, arguments, result, cost.

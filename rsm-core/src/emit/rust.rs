@@ -190,7 +190,7 @@ fn state(function: &Function) -> String {
          /// The state of the {whose} {start}, in {float}.\n\
          {ALLOW}#[inline]\n#[must_use]\n\
          pub fn {init}() -> {name} {{\n{made}}}\n\n",
-        start = function.start_in_words(),
+        start = if function.kind == Kind::Step { "at rest at 0" } else { "with the coefficients of the model" },
     )
 }
 

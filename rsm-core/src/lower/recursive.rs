@@ -63,7 +63,7 @@ const WIDEST_RATIO: f64 = 1e6;
 /// The allowed magnitudes of `gate` times `noise` and its inverse: well inside the exponent range of f32.
 const WIDEST_GATE: f64 = 1e30;
 
-/// The most terms. The step has about 15 operations for each pair of terms: 31,000 here.
+/// The most terms. The step has about 7 operations for each square of their number: 29,000 here.
 const MOST_TERMS: usize = 64;
 
 impl Recursive {
