@@ -101,9 +101,18 @@ pub struct Moved {
     pub before: f64,
     /// After the last row.
     pub after: f64,
-    /// The standard deviation of `after` in the filter, which expects that the surface changes. If it does not change, `after` has 1/sqrt(1 + lambda) of
-    /// it: weights lambda^age give the variance P (sum lambda^(2 age) phi phi') P, which is P/(1 + lambda) for even excitation.
+    /// The standard deviation of `after` in the filter, which expects that the surface changes. If it does not change, that of `after` is smaller, by
+    /// sqrt(1 + lambda): weights lambda^age give the variance P (sum lambda^(2 age) phi phi') P, which is P/(1 + lambda) for even excitation.
     pub standard_error: f64,
+}
+
+/// The rows of all tables.
+#[derive(Debug, Default)]
+struct Rows {
+    /// Inputs, then the response, in the units of the model.
+    values: Vec<Vec<f64>>,
+    /// The file and the line of each row.
+    places: Vec<(String, usize)>,
 }
 
 /// Sums of squares of a part.
@@ -154,28 +163,26 @@ impl Track {
         if let Some(faults) = checked.refusal(self.precision) {
             return Err(faults);
         }
-        let (rows, places) = self.rows(checked, data)?;
+        let rows = self.rows(checked, data)?;
         let follower = lower::recursive(checked, self.surface, self.precision, &self.settings);
         let (tracked, states) = match self.precision {
-            Precision::F64 => self.run_in(checked, &follower, &rows, &places, |value| value),
-            Precision::F32 => self.run_in(checked, &follower, &rows, &places, |value| value as f32),
+            Precision::F64 => self.run_in(checked, &follower, &rows, |value| value),
+            Precision::F32 => self.run_in(checked, &follower, &rows, |value| value as f32),
         };
         let mut model = checked.model().clone();
         let surface = &mut model.surfaces[self.surface];
         surface.terms.iter_mut().zip(&states).for_each(|(term, state)| term.coefficient = *state);
-        surface.evidence = self.evidence(&tracked, data, &rows);
+        surface.evidence = self.evidence(&tracked, data);
         // Coefficients that no file may have, such as those of a compensator that is then outside its range, are told here.
         Checked::from_model(&model)?;
         Ok((tracked, model))
     }
 
-    /// The rows of each table with inputs and response in the units of the model, and for each row its table and its line.
-    #[allow(clippy::type_complexity)]
-    fn rows(&self, checked: &Checked, data: &[Source]) -> Result<(Vec<Vec<f64>>, Vec<(String, usize)>), Faults> {
+    fn rows(&self, checked: &Checked, data: &[Source]) -> Result<Rows, Faults> {
         let surface = &checked.model().surfaces[self.surface];
         let inputs = checked.inputs_of(surface);
         let mut faults = Collector::new();
-        let (mut rows, mut places) = (vec![], vec![]);
+        let mut rows = Rows::default();
         let units: Vec<(&str, &str)> = inputs
             .iter()
             .map(|input| (input.name.as_str(), input.unit.as_str()))
@@ -199,19 +206,18 @@ impl Track {
                 }
             }
             if columns.len() == units.len() {
-                rows.extend((0..table.rows()).map(|row| columns.iter().map(|column| column[row]).collect::<Vec<f64>>()));
-                places.extend(table.lines.iter().map(|line| (table.file.clone(), *line)));
+                rows.values.extend((0..table.rows()).map(|row| columns.iter().map(|column| column[row]).collect::<Vec<f64>>()));
+                rows.places.extend(table.lines.iter().map(|line| (table.file.clone(), *line)));
             }
         }
-        faults.finish(Some((rows, places)))
+        faults.finish(Some(rows))
     }
 
     fn run_in<T: Scalar + Into<f64>>(
         &self,
         checked: &Checked,
         follower: &Follower,
-        rows: &[Vec<f64>],
-        places: &[(String, usize)],
+        rows: &Rows,
         number: impl Fn(f64) -> T,
     ) -> (Tracked, Vec<f64>) {
         let surface = &checked.model().surfaces[self.surface];
@@ -225,7 +231,7 @@ impl Track {
         let mut sums = [Sums::default(); PARTS];
         let mut ratio = 0.0;
         let (mut run, mut longest): (Option<Run>, Option<Run>) = (None, None);
-        for (k, row) in rows.iter().enumerate() {
+        for (k, row) in rows.values.iter().enumerate() {
             let at: Vec<T> = row.iter().map(|value| number(*value)).collect();
             of_file.set_states(&start);
             let error_of_file: f64 = of_file.step(&at).into();
@@ -233,7 +239,7 @@ impl Track {
             let results: Vec<f64> = update.results().map(Into::into).collect();
             let [error, variance, reason] = results[..] else { panic!("an update has three results") };
             // In 128 bits, because k PARTS may exceed a small usize.
-            let part = &mut sums[(k as u128 * PARTS as u128 / rows.len() as u128) as usize];
+            let part = &mut sums[(k as u128 * PARTS as u128 / rows.values.len() as u128) as usize];
             part.rows += 1;
             match Frozen::of_number(reason) {
                 None => {
@@ -248,7 +254,7 @@ impl Track {
                 Some(Frozen::State) => frozen.state += 1,
                 Some(Frozen::Error) => {
                     frozen.beyond_gate += 1;
-                    let (file, line) = &places[k];
+                    let (file, line) = &rows.places[k];
                     let run = run.get_or_insert_with(|| Run { rows: 0, file: file.clone(), line: *line });
                     run.rows += 1;
                     if longest.as_ref().is_none_or(|longest| longest.rows < run.rows) {
@@ -277,7 +283,7 @@ impl Track {
         let tracked = Tracked {
             surface: surface.name.clone(),
             unit: surface.unit.clone(),
-            rows: rows.len(),
+            rows: rows.values.len(),
             used,
             frozen,
             longest_beyond_gate: longest,
@@ -289,7 +295,7 @@ impl Track {
     }
 
     /// The evidence of the adapted surface. That of the fit was about other coefficients.
-    fn evidence(&self, tracked: &Tracked, data: &[Source], rows: &[Vec<f64>]) -> Vec<(String, Evidence)> {
+    fn evidence(&self, tracked: &Tracked, data: &[Source]) -> Vec<(String, Evidence)> {
         let whole = |count: usize| Evidence::Whole(i64::try_from(count).unwrap_or(i64::MAX));
         let file = |source: &Source| {
             // The file name without folders, because the folder is specific to one machine.
@@ -303,7 +309,7 @@ impl Track {
         let mut evidence = vec![
             ("method", Evidence::Text("recursive least squares from the coefficients of another file".to_string())),
             ("rows", whole(tracked.used)),
-            ("rows_frozen", whole(rows.len() - tracked.used)),
+            ("rows_frozen", whole(tracked.rows - tracked.used)),
             ("data", Evidence::List(data.iter().map(file).collect())),
             ("forgetting", Evidence::Number(forgetting)),
             ("gate", Evidence::Number(gate)),

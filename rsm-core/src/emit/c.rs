@@ -159,7 +159,7 @@ fn signature(unit: &Unit, function: &Function) -> String {
     let mut arguments: Vec<String> = function.tape.inputs.iter().map(|name| format!("{float} {name}")).collect();
     if function.has_state() {
         let constant = if function.kind == Kind::Adapted { "const " } else { "" };
-        arguments.insert(0, format!("{constant}{} *{}", state_type(unit, function), names::STATE));
+        arguments.insert(0, format!("{constant}{} *{}", function.c_state(&unit.model), names::STATE));
     }
     if function.has_results() {
         arguments.push(c_gradient::array(function));
@@ -167,14 +167,10 @@ fn signature(unit: &Unit, function: &Function) -> String {
     format!("{result} {}({})", function.c_name(&unit.model), arguments.join(", "))
 }
 
-pub(super) fn state_type(unit: &Unit, function: &Function) -> String {
-    names::c_state(&unit.model, &function.surface, function.tape.precision)
-}
-
 /// The prototype of the function that sets a state to rest.
 fn init_signature(unit: &Unit, function: &Function) -> String {
     let init = names::c_init(&unit.model, &function.surface, function.tape.precision);
-    format!("void {init}({} *{})", state_type(unit, function), names::STATE)
+    format!("void {init}({} *{})", function.c_state(&unit.model), names::STATE)
 }
 
 /// The type of a compensator's state, and the prototype of the function that sets it to rest, for the header.
@@ -190,7 +186,7 @@ fn declare_state(unit: &Unit, function: &Function) -> String {
         function.tape.precision.name(),
         names::c_init(&unit.model, &function.surface, function.tape.precision),
         function.put_at_start(),
-        state_type(unit, function),
+        function.c_state(&unit.model),
         init_signature(unit, function)
     )
 }
@@ -384,7 +380,7 @@ fn test_block(unit: &Unit, function: &Function) -> String {
     let (mut state, mut rest) = (String::new(), String::new());
     if function.has_state() {
         // The points are a sequence with one state.
-        let name = state_type(unit, function);
+        let name = function.c_state(&unit.model);
         types.insert(0, format!("{}{name} *", if function.kind == Kind::Adapted { "const " } else { "" }));
         by_pointer.insert(0, "&state".to_string());
         by_name.insert(0, "&state".to_string());

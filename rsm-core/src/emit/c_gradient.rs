@@ -1,6 +1,5 @@
 //! The differences in C for a function with several results: an array as the last argument, and its block of the self-test.
 
-use super::c::state_type;
 use super::c_idioms::{c_type, suffix};
 use super::{Function, Kind, Unit, points};
 use crate::names;
@@ -48,7 +47,7 @@ pub(super) fn test_block(unit: &Unit, function: &Function) -> String {
     let (mut types, mut pass, mut state, mut rest) = (String::new(), "", String::new(), String::new());
     if function.has_state() {
         // The points are a sequence with one state.
-        let name = state_type(unit, function);
+        let name = function.c_state(&unit.model);
         types = format!("{name} *, ");
         pass = "&state, ";
         state = format!("        {name} state;\n");

@@ -77,6 +77,11 @@ impl Function {
         names::c_function(model, &self.surface, self.kind, self.tape.precision)
     }
 
+    /// The type of its state in C.
+    fn c_state(&self, model: &str) -> String {
+        names::c_state(model, &self.surface, self.tape.precision)
+    }
+
     /// The names of the state's fields.
     fn states(&self) -> Vec<String> {
         self.tape.states.iter().map(|state| state.name.clone()).collect()

@@ -20,6 +20,9 @@ const CANDIDATES: usize = 3000;
 /// The number of random steps of an update, so that each of its states changes.
 const STEPS: usize = 16;
 
+/// A measured response of so many standard deviations of its noise is far from every prediction.
+const FAR: f64 = 1e9;
+
 /// One point: the bits of the arguments, then of the results.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Point {
@@ -109,6 +112,10 @@ fn chosen<T: Fused>(function: &Function) -> Vec<Point> {
             let natural: Vec<f64> = inputs.iter().map(|input| between(input, random.next_share())).collect();
             points.extend(point(&natural, &|_, _| true));
         }
+        // A response that every gate freezes.
+        let mut far: Vec<f64> = inputs.iter().map(|input| between(input, 0.5)).collect();
+        far.iter_mut().zip(inputs).last().into_iter().for_each(|(measured, input)| *measured = FAR * input.range[1]);
+        points.extend(point(&far, &|_, _| true));
     }
     let mut random = SplitMix(0x5eed);
     let mut found = 0;

@@ -18,9 +18,9 @@
 //!
 //! **Bounded.** Let p be the largest variance, and s = p lambda^{n-1}/(1 - lambda^n). The information of the second part alone, in the direction of
 //! coefficient k, is at least 1/(p lambda^{n-1}) after its measurement if it was so n steps before: lambda^n/(p lambda^{n-1}) + 1/s. Until the next
-//! one it fades by lambda^{n-1}, to 1/p. Other measurements only add information. So P <= p I after every step, whatever the inputs. The start fulfils
-//! it with variances of at most p lambda^n. The second part moves no coefficient. The sum over one memory is about 1/p, so it is the weight of one row
-//! of variance p in each coefficient.
+//! one it fades by lambda^{n-1}, to 1/p. Other measurements only add information. So P <= p I after every step, whatever the inputs. The start
+//! fulfils it with variances of at most p lambda^n. The second part moves no coefficient, and its information is about that of one row of variance p
+//! for each coefficient.
 //!
 //! **Frozen.** If a number is not finite, an input is outside its range, the point is outside the support, the error of the prediction is above
 //! `gate` of its standard deviations, or a next state would not be finite, every state keeps its bits.
@@ -67,7 +67,7 @@ const WIDEST_GATE: f64 = 1e30;
 const MOST_TERMS: usize = 64;
 
 impl Recursive {
-    /// Settings with a known noise: a memory of about 1000 rows, a gate of 5 standard deviations, coefficients that are known to the noise of one row.
+    /// Settings with a known noise: a memory of about 1000 rows, a gate of 5 standard deviations, coefficients known to the noise of one row.
     #[must_use]
     pub fn new(noise: f64) -> Self {
         Recursive { forgetting: 0.999, noise, gate: 5.0, limit: noise, start: noise }
@@ -112,8 +112,7 @@ impl Recursive {
         surface.inputs.iter().find_map(|name| names::refuse_tracked(name).map(|why| format!("its input `{name}` {why}")))
     }
 
-    /// The information that bounds the covariance and the largest variance, in units of the noise: the variance s of the measurement of one coefficient,
-    /// `None` without forgetting, and the variance of each coefficient at the start.
+    /// Variances in units of the noise's: s of the measurement of one coefficient, `None` without forgetting; that of each coefficient at the start.
     fn variances(&self, terms: usize) -> (Option<Rational>, Rational) {
         let square = |sd: f64| power(&(exact(sd) / exact(self.noise)), 2);
         let (forgetting, terms) = (exact(self.forgetting), terms as u32);

@@ -143,8 +143,9 @@ fn coefficients_and_covariance_are_those_of_exact_weighted_least_squares() {
             assert_eq!(update.results().nth(2), Some(0.0), "step {step} at {a} {b}");
         }
         let (solution, inverse) = rows.solved();
-        // Each step rounds about 8 n times in the way to one number, relative to numbers up to the largest coefficient on the way (2). The condition of
-        // P bounds how a rounding of one entry changes the others: the largest entry of P times that of its inverse, times n.
+        // A step rounds about 8 n times on the way to one number, relative to numbers up to the largest coefficient on the way (2). The condition
+        // of P bounds how the rounding of one entry changes the others: n times the largest entry of P times the sum of the weights, which is the
+        // largest entry of its inverse at most.
         let information: f64 = rows.0.iter().map(|(_, _, weight)| number(weight)).sum();
         let largest = inverse.iter().flatten().map(|it| number(it).abs()).fold(0.0, f64::max);
         let bound = 60.0 * 8.0 * n as f64 * f64::EPSILON / 2.0 * (n as f64 * information * largest);
@@ -185,8 +186,8 @@ fn a_high_limit_leaves_exponential_weights_alone() {
     let sum_of_inverse = |k: usize| inverse[k].iter().map(|it| number(it).abs()).sum::<f64>();
     let farthest = |k: usize| way.iter().map(|b| (b[k] - number(&solution[k])).abs()).fold(0.0, f64::max);
     let all = (0..POWERS.len()).map(farthest).fold(0.0, f64::max);
-    for k in 0..POWERS.len() {
-        let off = (update.states()[k] - number(&solution[k])).abs();
+    for (k, (found, truth)) in update.states().iter().zip(&solution).enumerate() {
+        let off = (found - number(truth)).abs();
         // 10^-9 for rounding, see the test above.
         let bound = pull * sum_of_inverse(k) * all + 1e-9;
         assert!(off <= bound, "coefficient {k}: {off:e}, bound {bound:e}");
@@ -211,6 +212,9 @@ fn covariance(states: &[f64], n: usize) -> Vec<Vec<f64>> {
     (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect()
 }
 
+/// A step in one precision: from a sample to the reason and the states.
+type Step<'f> = Box<dyn FnMut(&[f64; 3]) -> (f64, Vec<f64>) + 'f>;
+
 /// 10^5 steps at one point, then moved by tiny amounts, with bad rows between: the largest variance over the limit's, and the states.
 fn without_excitation(precision: Precision) -> f64 {
     let settings = Recursive { forgetting: 0.99, noise: 0.25, gate: 5.0, limit: 0.5, start: 0.25 };
@@ -219,7 +223,7 @@ fn without_excitation(precision: Precision) -> f64 {
     let mut random = Random(3);
     let mut worst: f64 = 0.0;
     let mut frozen = 0;
-    let mut step: Box<dyn FnMut(&[f64; 3]) -> (f64, Vec<f64>)> = match precision {
+    let mut step: Step<'_> = match precision {
         Precision::F64 => {
             let mut update = Interpreter::<f64>::new(&follower.update);
             update.set_states(&follower.start);
