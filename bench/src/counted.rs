@@ -61,9 +61,9 @@ pub enum Code {
 pub fn subjects(unit: &Unit, variant: &str, name: impl Fn(&str) -> String, header: &str, source: &str) -> Vec<Subject> {
     let subject = |function: &rsm_core::emit::Function| {
         let (suffix, result) = match function.kind {
-            // No benchmark emits gradients: a subject has one result.
-            Kind::Surface | Kind::Step | Kind::Gradient | Kind::Inside | Kind::Once => ("", c_type(function.tape.precision)),
             Kind::Support => ("_support", "int"),
+            // No benchmark emits gradients: a subject has one result.
+            _ => ("", c_type(function.tape.precision)),
         };
         Subject {
             key: Key {
@@ -77,7 +77,7 @@ pub fn subjects(unit: &Unit, variant: &str, name: impl Fn(&str) -> String, heade
             code: Code::File(unit.model.clone(), header.to_string(), source.to_string()),
         }
     };
-    unit.functions.iter().filter(|function| function.kind != Kind::Step).map(subject).collect()
+    unit.functions.iter().filter(|function| !function.has_state()).map(subject).collect()
 }
 
 /// The points at which the counts must agree, with their names. All inputs have the same kind of value: a branch on any of them would change the

@@ -33,7 +33,7 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 use commands::equations::{effects, inspect, linearise};
 use commands::{
     check, completions, cosim, demo, design, diagnose, emit, eval, experiment, federate, fit, import, man, optimise, simulate,
-    stream, sweep,
+    stream, sweep, track,
 };
 
 /// Fits response surfaces to measured data, emits them as Rust or C, and diagnoses simulations.
@@ -63,6 +63,8 @@ enum Command {
     Check(check::Arguments),
     /// Emit evaluators as Rust or C
     Emit(emit::Arguments),
+    /// Let a surface follow measured rows in order, by recursive least squares
+    Track(track::Arguments),
     /// Convert files of other tools into one record: MAT files, other encodings, sampling jitter, two clocks
     Import(import::Arguments),
     /// Simulate a plant, with its effects, with the inputs of a record
@@ -102,6 +104,7 @@ fn main() -> ExitCode {
         Command::Optimise(arguments) => optimise::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Emit(arguments) => emit::run(&arguments),
+        Command::Track(arguments) => track::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),

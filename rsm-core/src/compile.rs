@@ -4,9 +4,9 @@
 
 use crate::certificate;
 use crate::check::Checked;
-use crate::emit::{self, Function, Kind, Unit};
+use crate::emit::{self, Function, Kept, Kind, Unit};
 use crate::interval::Interval;
-use crate::lower;
+use crate::lower::{self, Recursive, Saturation};
 use crate::model::{Input, Outside, Surface};
 use crate::names;
 use crate::number::{self, Precision};
@@ -64,7 +64,7 @@ pub fn unit_with_gradients(checked: &Checked, precisions: &[Precision]) -> Resul
 }
 
 /// Functions of a surface in addition to the surface itself and its support test.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Parts {
     /// The gradient.
     pub gradient: bool,
@@ -72,13 +72,15 @@ pub struct Parts {
     pub inside: bool,
     /// The rarely changed inputs, whose part `inside` computes once.
     pub once: Vec<String>,
+    /// The surfaces that follow measured responses, by name, with their settings.
+    pub recursive: Vec<(String, Recursive)>,
 }
 
 /// The evaluators of a checked model as [`unit()`] gives them, and after each surface the requested parts.
 ///
 /// # Errors
 /// As [`unit()`]; a part with the name of another function; an input of `once` that no surface has, or whose part in a surface is not a single
-/// number.
+/// number; a surface that cannot be updated with its settings.
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[inputs.load]\nunit = \"t\"\nrange = [0.0, 2.0]\n\
@@ -123,6 +125,17 @@ pub fn unit_with_parts(checked: &Checked, precisions: &[Precision], parts: &Part
             return Err(refuse(what, "rename the input"));
         }
     }
+    let states = parts.recursive.iter().map(|(name, _)| name.as_str());
+    let states: Vec<&str> = model.compensators.iter().map(|it| it.name.as_str()).chain(states).collect();
+    for (name, settings) in &parts.recursive {
+        let Some(surface) = model.surface(name) else {
+            return Err(refuse(format!("there is no surface `{name}`"), &format!("surfaces are {}", surfaces.join(", "))));
+        };
+        let why = settings.refusal(surface).or_else(|| names::clash_of_updates(name, &functions_of, &states));
+        if let Some(why) = why {
+            return Err(Faults::one(Fault::whole_file(checked.file(), format!("surface `{name}` cannot be updated: {why}"))));
+        }
+    }
     functions(checked, precisions, parts)
 }
 
@@ -149,6 +162,8 @@ fn inside(checked: &Checked, index: usize, precision: Precision, once: &[String]
         inputs,
         saturation: None,
         derivatives: vec![],
+        kept: vec![],
+        rules: vec![],
         tape,
     };
     let mut rest = of_names(&parts.rest.inputs);
@@ -188,6 +203,8 @@ fn functions(checked: &Checked, precisions: &[Precision], parts: &Parts) -> Resu
                 } else {
                     vec![]
                 },
+                kept: vec![],
+                rules: vec![],
                 tape,
             };
             functions.push(function(Kind::Surface, lower::surface(checked, index, precision)));
@@ -197,11 +214,69 @@ fn functions(checked: &Checked, precisions: &[Precision], parts: &Parts) -> Resu
             if parts.inside {
                 functions.extend(inside(checked, index, precision, &parts.once)?);
             }
+            if let Some((_, settings)) = parts.recursive.iter().find(|(name, _)| *name == surface.name) {
+                functions.extend(recursive(checked, index, precision, settings));
+            }
             functions.extend(lower::support(checked, index, precision).map(|tape| function(Kind::Support, tape)));
         }
         functions.extend((0..model.compensators.len()).map(|index| step(checked, index, precision)));
     }
     Ok(Unit { model: model.name.clone(), functions })
+}
+
+/// The update of a surface that follows measured responses, and the evaluator of the adapted surface, for a printer.
+fn recursive(checked: &Checked, index: usize, precision: Precision, settings: &Recursive) -> [Function; 2] {
+    let surface = &checked.model().surfaces[index];
+    let follower = lower::recursive(checked, index, precision, settings);
+    let terms =
+        surface.terms.iter().map(|term| format!("coefficient of {}, in {}", surface.term_name(&term.powers), surface.unit));
+    let about = |name: &str| match name.as_bytes()[0] {
+        b'd' => format!("entry {} of the diagonal D of the covariance U D U'", &name[1..]),
+        b'u' => format!("entry {} of the factor U", name[1..].replace('_', ", ")),
+        _ => "the coefficient that the next step measures".to_string(),
+    };
+    let names = follower.update.states.iter().skip(surface.terms.len()).map(|state| about(&state.name));
+    let kept: Vec<Kept> =
+        follower.start.iter().zip(terms.chain(names)).map(|(start, about)| Kept { start: *start, about }).collect();
+    // A self-test draws the measured response within one standard deviation of its noise from the prediction.
+    let measured = Input {
+        name: names::MEASURED.to_string(),
+        unit: surface.unit.clone(),
+        range: [-settings.noise, settings.noise],
+        outside: Outside::Extrapolate,
+    };
+    let [forgetting, noise, gate, limit] =
+        [settings.forgetting, settings.noise, settings.gate, settings.limit].map(number::decimal);
+    let unit = emit::unit(&surface.unit);
+    let rules = vec![
+        "Results: the measured response minus its prediction; the variance of that difference, in units of the noise's; 0 for a".to_string(),
+        "step that was used, or why the state was left as it was, bit for bit: 1 a number is not finite, 2 outside the range of an".to_string(),
+        format!("input or the support, 3 the difference is above {gate} of its standard deviations, 4 a next state would not be finite."),
+        format!("Forgetting factor {forgetting}, noise {noise} in {unit}. No coefficient has a standard deviation above {limit}, whatever the"),
+        format!("inputs, and one step moves it by at most {gate} times that."),
+    ];
+    let inputs = checked.inputs_of(surface);
+    let function = |kind, inputs: Vec<Input>, kept: Vec<Kept>, rules, tape| Function {
+        surface: surface.name.clone(),
+        kind,
+        unit: surface.unit.clone(),
+        inputs,
+        saturation: surface.output_range.filter(|_| kind == Kind::Adapted).map(|bounds| Saturation {
+            bounds,
+            below: true,
+            above: true,
+            values: None,
+        }),
+        derivatives: vec![],
+        kept,
+        rules,
+        tape,
+    };
+    let coefficients = kept[..surface.terms.len()].to_vec();
+    [
+        function(Kind::Update, inputs.iter().cloned().chain([measured]).collect(), kept, rules, follower.update),
+        function(Kind::Adapted, inputs, coefficients, vec![], follower.adapted),
+    ]
 }
 
 /// The step of a compensator, for a printer.
@@ -217,6 +292,8 @@ fn step(checked: &Checked, index: usize, precision: Precision) -> Function {
         inputs: std::iter::once(signal).chain(checked.schedule_of(compensator)).collect(),
         saturation: None,
         derivatives: vec![],
+        kept: vec![],
+        rules: vec![],
         tape: lower::compensator(checked, index, precision),
     }
 }

@@ -51,7 +51,7 @@ impl Parse for Arguments {
             }
         }
         let (gradient, once) = (gradient.unwrap_or_default(), once.unwrap_or_default());
-        let parts = Parts { gradient, inside: inside.unwrap_or(!once.is_empty()), once };
+        let parts = Parts { gradient, inside: inside.unwrap_or(!once.is_empty()), once, ..Parts::default() };
         Ok(Arguments { path, precisions: precisions.unwrap_or_default(), parts })
     }
 }

@@ -47,6 +47,8 @@ fn function(
         inputs: names.iter().map(input).collect(),
         saturation: None,
         derivatives: vec![],
+        kept: vec![],
+        rules: vec![],
         tape: tape.finish(name, names, result),
     }
 }

@@ -20,6 +20,7 @@ mod names;
 mod object_code;
 mod plants_as_code;
 mod plants_as_texts;
+mod recursive;
 mod reference_step;
 mod refuses;
 mod stale;

@@ -44,8 +44,10 @@ fn main() {
             let module = taken.module(&name, function.tape.precision);
             let call = |state: &str| format!("{module}::{}({state}{})", function.rust_name(), arguments.join(", "));
             let (before, value) = match function.kind {
-                // The unit comes without gradients and parts; `gradients.rs` and `firmware/` compare them.
-                Kind::Surface | Kind::Gradient | Kind::Inside | Kind::Once => (String::new(), call("")),
+                // The unit comes without gradients, parts and updates; `gradients.rs`, `firmware/` and `recursive.rs` compare them.
+                Kind::Surface | Kind::Gradient | Kind::Inside | Kind::Once | Kind::Update | Kind::Adapted => {
+                    (String::new(), call(""))
+                }
                 // A support test gives a whole number.
                 Kind::Support => (String::new(), format!("{float}::from({} as i8)", call(""))),
                 // One state goes through all rows.

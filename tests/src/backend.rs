@@ -1,7 +1,7 @@
 //! Evaluators under comparison, in batches.
 //!
 //! In: a shared object with one symbol `batch_MODEL_FUNCTION` an evaluator, or functions in this process. Out: results for rows of points. The
-//! rows of a step are a sequence: one state goes through them, from rest at 0.
+//! rows of a step are a sequence: one state goes through them, from its start.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use crate::points::Number;
 pub trait Backend<T>: Send + Sync {
     /// What a report calls it.
     fn name(&self) -> &str;
-    /// The results of a function at rows of points; of a gradient a row of derivatives each.
+    /// The results of a function at rows of points; of a gradient and of an update a row each.
     fn evaluate(&self, unit: &Unit, function: &Function, points: &[T]) -> Vec<T>;
 }
 
@@ -29,6 +29,8 @@ impl<T: Number> Backend<T> for Reference {
 
     fn evaluate(&self, _: &Unit, function: &Function, points: &[T]) -> Vec<T> {
         let mut interpreter = Interpreter::<T>::new(&function.tape);
+        let start: Vec<T> = function.start().into_iter().map(T::from_constant).collect();
+        interpreter.set_states(&start);
         let mut results = vec![];
         for point in points.chunks_exact(function.inputs.len()) {
             interpreter.step(point);

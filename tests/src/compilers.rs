@@ -106,7 +106,7 @@ pub fn write_c<'u>(units: impl IntoIterator<Item = &'u Unit>, folder: &Path) {
             let arguments: Vec<String> = (0..arity).map(|k| format!("x[i * {arity} + {k}]")).collect();
             let (model, name) = (&unit.model, function.rust_name());
             let (mut state, mut pass) = (String::new(), "");
-            if function.kind == Kind::Step {
+            if function.has_state() {
                 let (compensator, precision) = (&function.surface, function.tape.precision);
                 let state_type = names::c_state(model, compensator, precision);
                 state = format!("{state_type} state; {}(&state); ", names::c_init(model, compensator, precision));
@@ -114,9 +114,10 @@ pub fn write_c<'u>(units: impl IntoIterator<Item = &'u Unit>, folder: &Path) {
             }
             let results = function.tape.outputs.len();
             let call = format!("{}({pass}{}", function.c_name(model), arguments.join(", "));
-            let call = match function.kind {
-                Kind::Gradient => format!("{call}, y + i * {results});"),
-                _ => format!("y[i] = ({float}){call});"),
+            let call = if function.has_results() {
+                format!("{call}, y + i * {results});")
+            } else {
+                format!("y[i] = ({float}){call});")
             };
             writeln!(
                 batches,
@@ -223,14 +224,16 @@ fn rust_batch(model: &str, function: &Function) -> String {
     let name = function.rust_name();
     let conversion = if function.kind == Kind::Support { format!(" as {float}") } else { String::new() };
     let (mut state, mut pass) = (String::new(), "");
-    if function.kind == Kind::Step {
+    if function.has_state() {
         let init = names::rust_init(&function.surface, function.tape.precision);
-        state = format!("    let mut state = {model}::{init}();\n");
-        pass = "&mut state, ";
+        let is_read = function.kind == Kind::Adapted;
+        state = format!("    let {}state = {model}::{init}();\n", if is_read { "" } else { "mut " });
+        pass = if is_read { "&state, " } else { "&mut state, " };
     }
-    let place = match function.kind {
-        Kind::Gradient => format!("*y.cast::<[{float}; {}]>().add(i)", function.tape.outputs.len()),
-        _ => "*y.add(i)".to_string(),
+    let place = if function.has_results() {
+        format!("*y.cast::<[{float}; {}]>().add(i)", function.tape.outputs.len())
+    } else {
+        "*y.add(i)".to_string()
     };
     format!(
         "/// # Safety\n/// `x` has `n` rows, `y` room for `n` rows of results.\n#[unsafe(no_mangle)]\n\

@@ -8,6 +8,7 @@ use rsm_core::compile::{self, Parts};
 use rsm_core::emit;
 use serde_json::json;
 
+use super::following::Following;
 use super::{PrecisionName, equations, model_source, precisions, print_left_out};
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
@@ -31,8 +32,13 @@ pub struct Arguments {
     /// With --inside: inputs that change rarely. Their contribution to the surface becomes a separate function
     #[arg(long, value_delimiter = ',', requires = "inside", value_name = "INPUT")]
     once: Vec<String>,
+    /// Also emit the update step of recursive least squares for a surface, and its evaluator with the adapted coefficients
+    #[arg(long)]
+    recursive: bool,
+    #[command(flatten)]
+    following: Following,
     /// For a plant: the length of a step in s. The emitted step gives the same bits as `rsm simulate --fixed-step`
-    #[arg(long, conflicts_with_all = ["precision", "gradient", "inside"])]
+    #[arg(long, conflicts_with_all = ["precision", "gradient", "inside", "recursive"])]
     step: Option<f64>,
     /// For a plant: the starting point, `speed=3,command=2`. Inputs that are not named are 0, states have their start values
     #[arg(long, requires = "step", allow_hyphen_values = true)]
@@ -64,6 +70,9 @@ enum Language {
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
+    if let (false, Some(option)) = (arguments.recursive, arguments.following.given()) {
+        return Err(Refusal::new(format!("{option}: found without --recursive, whose settings it gives")));
+    }
     let requested = precisions(&arguments.precision);
     let source = model_source(&arguments.model)?;
     let is_text = arguments.model.extension().is_some_and(|it| it.eq_ignore_ascii_case("mo"));
@@ -95,7 +104,12 @@ pub fn run(arguments: &Arguments) -> Outcome {
         }
     }
     let checked = Checked::read(&source)?;
-    let parts = Parts { gradient: arguments.gradient, inside: arguments.inside, once: arguments.once.clone() };
+    let mut recursive = vec![];
+    if arguments.recursive {
+        let (surface, settings) = arguments.following.settings(&checked)?;
+        recursive.push((checked.model().surfaces[surface].name.clone(), settings));
+    }
+    let parts = Parts { gradient: arguments.gradient, inside: arguments.inside, once: arguments.once.clone(), recursive };
     let unit = compile::unit_with_parts(&checked, &requested, &parts)?;
     let model = &unit.model;
     let files: Vec<(PathBuf, String)> = match arguments.lang {

@@ -16,7 +16,7 @@ use rsm_core::tape::Tape;
 use rsm_fit::table::{Table, Wanted};
 use serde_json::json;
 
-use super::{PrecisionName, model_source};
+use super::{PrecisionName, model_source, surface_index};
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::output;
 
@@ -154,18 +154,6 @@ fn print(
         output::line(&lines.join("\n"))?;
     }
     Ok(Answer::Positive)
-}
-
-fn surface_index(checked: &Checked, name: Option<&str>) -> Result<usize, Refusal> {
-    let surfaces = &checked.model().surfaces;
-    let known = || surfaces.iter().map(|surface| surface.name.as_str()).collect::<Vec<_>>().join(", ");
-    match name {
-        None if surfaces.len() == 1 => Ok(0),
-        None => Err(Refusal::new(format!("--surface is missing: the surfaces of {} are {}", checked.file(), known()))),
-        Some(name) => surfaces.iter().position(|surface| surface.name == name).ok_or_else(|| {
-            Refusal::new(format!("--surface: found {name}, the surfaces of {} are {}", checked.file(), known()))
-        }),
-    }
 }
 
 /// a=1,b=2: every input once. An f32 number is read directly as f32, not through f64.

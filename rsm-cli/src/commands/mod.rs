@@ -12,6 +12,7 @@ pub mod eval;
 pub mod experiment;
 pub mod federate;
 pub mod fit;
+pub mod following;
 pub mod import;
 pub mod limits;
 pub mod man;
@@ -19,6 +20,7 @@ pub mod optimise;
 pub mod simulate;
 pub mod stream;
 pub mod sweep;
+pub mod track;
 
 use std::io::Read as _;
 use std::path::Path;
@@ -27,6 +29,8 @@ use clap::ValueEnum;
 use rsm_core::check::Checked;
 use rsm_core::number::Precision;
 use rsm_core::source::{Fault, Faults, Source};
+
+use crate::outcome::Refusal;
 
 /// The text of a model file; `-` is standard input.
 ///
@@ -59,6 +63,19 @@ impl PrecisionName {
             PrecisionName::F64 => Precision::F64,
             PrecisionName::F32 => Precision::F32,
         }
+    }
+}
+
+/// The index of a surface by its name, which may be missing if there is only one.
+pub fn surface_index(checked: &Checked, name: Option<&str>) -> Result<usize, Refusal> {
+    let surfaces = &checked.model().surfaces;
+    let known = || surfaces.iter().map(|surface| surface.name.as_str()).collect::<Vec<_>>().join(", ");
+    match name {
+        None if surfaces.len() == 1 => Ok(0),
+        None => Err(Refusal::new(format!("--surface is missing: the surfaces of {} are {}", checked.file(), known()))),
+        Some(name) => surfaces.iter().position(|surface| surface.name == name).ok_or_else(|| {
+            Refusal::new(format!("--surface: found {name}, the surfaces of {} are {}", checked.file(), known()))
+        }),
     }
 }
 

@@ -8,7 +8,7 @@ const DATA: &str = "torque[N*m],speed[rpm],angle[deg]\n0,6500,14.1\n0,7500,34.8\
                     5,7000,25.8\n0,7000,24.7\n10,7000,32.2\n";
 
 /// The languages of the blocks of each page, in order. A new block needs a test, here or where the comment says.
-const PAGES: [(&str, &[&str]); 14] = [
+const PAGES: [(&str, &[&str]); 15] = [
     // Its commands test the project itself: `the_commands_for_a_new_effect_exist`.
     ("add-effect.md", &["sh"]),
     ("constrain.md", &["toml"]),
@@ -29,6 +29,7 @@ const PAGES: [(&str, &[&str]); 14] = [
     // The test is `the_guide_to_sweeps_does_what_it_says`, except for the last block, which installs packages and starts hosts. The command of its
     // last line is tested in `sweep.rs`.
     ("sweep.md", &["toml", "sh", "toml", "toml", "sh", "toml", "sh", "sh", "sh", "sh"]),
+    ("track.md", &["sh", "sh", "c"]),
 ];
 
 fn page(name: &str) -> Vec<Block> {
@@ -97,6 +98,45 @@ fn the_guide_to_best_settings_does_what_it_says() {
     run(&block("optimise.md", 2), folder.path());
     let front = std::fs::read_to_string(folder.path().join("front.csv")).unwrap();
     assert!(front.starts_with("silica[1],silane[1],sulphur[1],abrasion[1],"), "{front}");
+}
+
+#[test]
+fn the_guide_to_surfaces_that_follow_does_what_it_says() {
+    let (folder, _) = fitted();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    // A month in which the angle grows by 3 degrees at every point: rows beside the model file's prediction.
+    let points = [(1.0, 6600.0), (9.0, 7400.0), (5.0, 7000.0), (2.0, 7300.0), (8.0, 6700.0), (4.0, 6900.0), (7.0, 7200.0)];
+    let table = |rows: &[(f64, f64, f64)]| {
+        let rows = rows.iter().map(|(torque, speed, angle)| format!("{torque},{speed},{angle}\n")).collect::<String>();
+        format!("torque[N*m],speed[rpm],angle[deg]\n{rows}")
+    };
+    let at: Vec<(f64, f64, f64)> = (0..700).map(|k| (points[k % 7].0, points[k % 7].1, 0.0)).collect();
+    write("month.csv", &table(&at));
+    let evaluated = run("rsm eval motor.toml --data month.csv", folder.path());
+    let predicted = evaluated.lines().skip(1).map(|line| line.rsplit(',').next().unwrap().parse::<f64>().unwrap());
+    let rows: Vec<(f64, f64, f64)> =
+        at.iter().zip(predicted).enumerate().map(|(k, (at, angle))| (at.0, at.1, angle + 3.0 * k as f64 / 700.0)).collect();
+    write("month.csv", &table(&rows));
+    let text = run(&block("track.md", 0), folder.path());
+    assert!(text.contains("angle: 700 of 700 rows used") && text.contains("written: motor-now.toml"), "{text}");
+    run(&block("track.md", 1), folder.path());
+    let before = "double torque = 5.0, speed = 733.0, measured = 27.5;";
+    let after = "printf(\"%.17g %.17g %g %d\\n\", angle, update[0], update[2], motor_self_test());";
+    // Statements between declarations, as in the guide.
+    write("main.c", &program(&block("track.md", 2), before, after));
+    let printed = run(&format!("{STRICT} -DRSM_SELF_TEST -Isrc main.c src/motor.c -o main\n./main"), folder.path());
+    let numbers: Vec<f64> = printed.split_whitespace().map(|word| word.parse().unwrap()).collect();
+    let [angle, error, frozen, failures] = numbers[..] else { panic!("{printed}") };
+    assert_eq!((frozen, failures), (0.0, 0.0));
+    // The sample moved the angle by part of the error.
+    let predicted = 27.5 - error;
+    assert!(error != 0.0 && (angle - predicted) / error > 0.1 && (angle - predicted) / error < 1.0, "{printed}");
+    // `rsm track` has the bits of the step: one row from the start.
+    write("month.csv", "torque[N*m],speed[rad/s],angle[deg]\n5,733,27.5\n");
+    run(&block("track.md", 0), folder.path());
+    let now = run("rsm eval motor-now.toml --at torque=5,speed=733", folder.path());
+    // Two orders of summation of the same coefficients: a few roundings of numbers below 64.
+    assert!((now.trim().parse::<f64>().unwrap() - angle).abs() < 1e-12, "{now} {angle}");
 }
 
 /// A C program whose `main` runs some statements of a guide, between statements of the test.

@@ -26,4 +26,5 @@ mod shells;
 mod skipped;
 mod streams;
 mod sweep;
+mod track;
 mod tutorial;

@@ -75,7 +75,7 @@ fn header(unit: &Unit) -> String {
         no_branch = NO_BRANCH.map(|line| format!(" * {line}\n")).concat()
     );
     in_precisions(unit, &mut text, |function| {
-        let mut text = if function.kind == Kind::Step { declare_state(unit, function) } else { String::new() };
+        let mut text = if function.declares_state() { declare_state(unit, function) } else { String::new() };
         text.push('\n');
         for (k, line) in function.about().iter().enumerate() {
             let begin = if k == 0 { "/* " } else { " * " };
@@ -152,49 +152,50 @@ fn in_precisions(unit: &Unit, text: &mut String, print: impl Fn(&Function) -> St
 fn signature(unit: &Unit, function: &Function) -> String {
     let float = c_type(function.tape.precision);
     let result = match function.kind {
-        Kind::Surface | Kind::Step | Kind::Inside | Kind::Once => float,
+        Kind::Surface | Kind::Step | Kind::Inside | Kind::Once | Kind::Adapted => float,
         Kind::Support => "int",
-        Kind::Gradient => "void",
+        Kind::Gradient | Kind::Update => "void",
     };
     let mut arguments: Vec<String> = function.tape.inputs.iter().map(|name| format!("{float} {name}")).collect();
-    if function.kind == Kind::Step {
-        arguments.insert(0, format!("{} *{}", state_type(unit, function), names::STATE));
+    if function.has_state() {
+        let constant = if function.kind == Kind::Adapted { "const " } else { "" };
+        arguments.insert(0, format!("{constant}{} *{}", function.c_state(&unit.model), names::STATE));
     }
-    if function.kind == Kind::Gradient {
+    if function.has_results() {
         arguments.push(c_gradient::array(function));
     }
     format!("{result} {}({})", function.c_name(&unit.model), arguments.join(", "))
 }
 
-fn state_type(unit: &Unit, function: &Function) -> String {
-    names::c_state(&unit.model, &function.surface, function.tape.precision)
-}
-
 /// The prototype of the function that sets a state to rest.
 fn init_signature(unit: &Unit, function: &Function) -> String {
     let init = names::c_init(&unit.model, &function.surface, function.tape.precision);
-    format!("void {init}({} *{})", state_type(unit, function), names::STATE)
+    format!("void {init}({} *{})", function.c_state(&unit.model), names::STATE)
 }
 
 /// The type of a compensator's state, and the prototype of the function that sets it to rest, for the header.
 fn declare_state(unit: &Unit, function: &Function) -> String {
     let float = c_type(function.tape.precision);
-    let fields: String = function.states().iter().map(|field| format!("    {float} {field};\n")).collect();
+    let about = |k: usize| function.kept.get(k).map_or(String::new(), |kept| format!(" /* {} */", super::plain(&kept.about)));
+    let each = function.states().into_iter().enumerate();
+    let fields: String = each.map(|(k, field)| format!("    {float} {field};{}\n", about(k))).collect();
     format!(
-        "\n/* What the compensator `{}` keeps from step to step, in {}; {} puts it at rest at 0. */\n\
+        "\n/* What the {} keeps from step to step, in {}; {} {}. */\n\
          typedef struct {{\n{fields}}} {};\n{};\n",
-        function.surface,
+        function.state_of(),
         function.tape.precision.name(),
         names::c_init(&unit.model, &function.surface, function.tape.precision),
-        state_type(unit, function),
+        function.put_at_start(),
+        function.c_state(&unit.model),
         init_signature(unit, function)
     )
 }
 
 /// The function that sets a compensator's state to rest.
 fn define_init(unit: &Unit, function: &Function) -> String {
-    let zero = c_literal(0.0, function.tape.precision);
-    let fields = function.states().into_iter().map(|field| format!("    {}->{field} = {zero};\n", names::STATE));
+    let start = function.start().into_iter().map(|start| c_literal(start, function.tape.precision));
+    let each = function.states().into_iter().zip(start);
+    let fields = each.map(|(field, start)| format!("    {}->{field} = {start};\n", names::STATE));
     format!("\n{}\n{{\n{}}}\n", init_signature(unit, function), fields.collect::<String>())
 }
 
@@ -229,15 +230,15 @@ pub(super) fn needs<'u>(tapes: impl Iterator<Item = &'u Tape>) -> Needs {
 
 fn define(unit: &Unit, function: &Function) -> String {
     let tape = &function.tape;
-    let mut text = if function.kind == Kind::Step { define_init(unit, function) } else { String::new() };
+    let mut text = if function.declares_state() { define_init(unit, function) } else { String::new() };
     text.push_str(&format!("\n{}\n{{\n{}", signature(unit, function), c_idioms::IN_ORDER));
     text.push_str(&body(&unit.model, tape, &function.states()));
-    for (field, next) in function.states().iter().zip(&tape.states) {
+    for (field, next) in function.states().iter().zip(&tape.states).filter(|_| function.declares_state()) {
         text.push_str(&format!("    {}->{field} = {};\n", names::STATE, next.reg));
     }
     match function.kind {
-        Kind::Gradient => text.push_str(&c_gradient::end(function)),
-        Kind::Surface | Kind::Step | Kind::Inside | Kind::Once => {
+        Kind::Gradient | Kind::Update => text.push_str(&c_gradient::end(function)),
+        Kind::Surface | Kind::Step | Kind::Inside | Kind::Once | Kind::Adapted => {
             text.push_str(&format!("    return {};\n}}\n", tape.output()));
         }
         Kind::Support => text.push_str(&format!("    return (int){};\n}}\n", tape.output())),
@@ -351,11 +352,11 @@ fn self_test(unit: &Unit) -> String {
 }
 
 fn test_block(unit: &Unit, function: &Function) -> String {
-    if function.kind == Kind::Gradient {
+    if function.has_results() {
         return c_gradient::test_block(unit, function);
     }
     let tape = &function.tape;
-    let points = points::points(tape, &function.inputs);
+    let points = points::points(function);
     let float = c_type(tape.precision);
     let (bits, end, digits) = match tape.precision {
         Precision::F64 => ("uint64_t", "ULL", 16),
@@ -377,10 +378,10 @@ fn test_block(unit: &Unit, function: &Function) -> String {
     let mut by_pointer: Vec<String> = (0..arity).map(|k| format!("x[{k}]")).collect();
     let mut by_name: Vec<String> = (0..arity).map(|k| format!("x{k}[k]")).collect();
     let (mut state, mut rest) = (String::new(), String::new());
-    if function.kind == Kind::Step {
+    if function.has_state() {
         // The points are a sequence with one state.
-        let name = state_type(unit, function);
-        types.insert(0, format!("{name} *"));
+        let name = function.c_state(&unit.model);
+        types.insert(0, format!("{}{name} *", if function.kind == Kind::Adapted { "const " } else { "" }));
         by_pointer.insert(0, "&state".to_string());
         by_name.insert(0, "&state".to_string());
         let init = names::c_init(&unit.model, &function.surface, tape.precision);
@@ -388,7 +389,7 @@ fn test_block(unit: &Unit, function: &Function) -> String {
         rest = format!("        {init}(&state);\n");
     }
     let judged = |value: &str| match function.kind {
-        Kind::Surface | Kind::Step | Kind::Gradient | Kind::Inside | Kind::Once => {
+        Kind::Surface | Kind::Step | Kind::Gradient | Kind::Inside | Kind::Once | Kind::Update | Kind::Adapted => {
             format!("{}_rsm_differs{}({value}, points[k][{arity}])", unit.model, suffix(tape.precision))
         }
         // Compares the tape's 1 or 0 with the int of the function.

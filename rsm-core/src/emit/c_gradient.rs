@@ -1,19 +1,25 @@
 //! The differences in C for a function with several results: an array as the last argument, and its block of the self-test.
 
 use super::c_idioms::{c_type, suffix};
-use super::{Function, Unit, points};
+use super::{Function, Kind, Unit, points};
 use crate::names;
 use crate::number::Precision;
 
+/// The name of the last argument.
+fn argument(function: &Function) -> &'static str {
+    let inputs = &function.tape.inputs;
+    if function.kind == Kind::Update { names::update_argument(inputs) } else { names::gradient_argument(inputs) }
+}
+
 /// The last argument.
 pub(super) fn array(function: &Function) -> String {
-    let (float, name) = (c_type(function.tape.precision), names::gradient_argument(&function.tape.inputs));
+    let (float, name) = (c_type(function.tape.precision), argument(function));
     format!("{float} {name}[{}]", function.tape.outputs.len())
 }
 
 /// The last lines of the function.
 pub(super) fn end(function: &Function) -> String {
-    let name = names::gradient_argument(&function.tape.inputs);
+    let name = argument(function);
     let each = function.tape.outputs.iter().enumerate().map(|(k, output)| format!("    {name}[{k}] = {};\n", output.reg));
     format!("{}}}\n", each.collect::<String>())
 }
@@ -22,7 +28,7 @@ pub(super) fn end(function: &Function) -> String {
 /// compiler may inline it.
 pub(super) fn test_block(unit: &Unit, function: &Function) -> String {
     let tape = &function.tape;
-    let points = points::points(tape, &function.inputs);
+    let points = points::points(function);
     let float = c_type(tape.precision);
     let (bits, end, digits) = match tape.precision {
         Precision::F64 => ("uint64_t", "ULL", 16),
@@ -38,9 +44,19 @@ pub(super) fn test_block(unit: &Unit, function: &Function) -> String {
         })
         .collect();
     let of = |template: &dyn Fn(usize) -> String, count: usize| (0..count).map(template).collect::<Vec<_>>();
-    let types = of(&|_| format!("{float}, "), arity).concat();
-    let by_pointer = of(&|k| format!("x[{k}], "), arity).concat();
-    let by_name = of(&|k| format!("x{k}[k], "), arity).concat();
+    let (mut types, mut pass, mut state, mut rest) = (String::new(), "", String::new(), String::new());
+    if function.has_state() {
+        // The points are a sequence with one state.
+        let name = function.c_state(&unit.model);
+        types = format!("{name} *, ");
+        pass = "&state, ";
+        state = format!("        {name} state;\n");
+        rest = format!("        {}(&state);\n", names::c_init(&unit.model, &function.surface, tape.precision));
+    }
+    types.push_str(&of(&|_| format!("{float}, "), arity).concat());
+    let by_pointer = format!("{pass}{}", of(&|k| format!("x[{k}], "), arity).concat());
+    let by_name = format!("{pass}{}", of(&|k| format!("x{k}[k], "), arity).concat());
+    let what = if function.kind == Kind::Gradient { "derivatives" } else { "results" };
     let arrays = of(&|k| format!("        {float} x{k}[{count}];\n"), arity).concat();
     let fill = of(&|k| format!("            (void)memcpy(&x{k}[k], &rows[k][{k}], sizeof x{k}[k]);\n"), arity).concat();
     let judged = |value: &str| {
@@ -50,21 +66,23 @@ pub(super) fn test_block(unit: &Unit, function: &Function) -> String {
     };
     format!(
         "    {{\n        \
-         /* Bits of the arguments, then of the derivatives. */\n        \
+         /* Bits of the arguments, then of the {what}. */\n        \
          static const {bits} points[][{width}] = {{\n{rows}        }};\n        \
          void (*volatile function)({types}{float} *) = {name};\n        \
          const {bits} (*volatile rows)[{width}] = points;\n        \
          volatile unsigned int count = {count};\n        \
          unsigned int k, n;\n\
          {arrays}        \
-         {float} y[{count}][{results}];\n        \
+         {float} y[{count}][{results}];\n\
+         {state}{rest}        \
          for (k = 0; k < {count}; k++) {{\n            \
              {float} x[{arity}], found[{results}];\n            \
              (void)memcpy(x, points[k], sizeof x);\n            \
              function({by_pointer}found);\n\
              {by_pointer_judged}        \
          }}\n        \
-         for (k = 0; k < {count}; k++) {{\n{fill}        }}\n        \
+         for (k = 0; k < {count}; k++) {{\n{fill}        }}\n\
+         {rest}        \
          n = count;\n        \
          for (k = 0; k < n; k++) {{\n            \
              {name}({by_name}y[k]);\n        \

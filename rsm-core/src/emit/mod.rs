@@ -47,8 +47,21 @@ pub struct Function {
     pub saturation: Option<Saturation>,
     /// The certificates of the derivatives, one for each input; empty if it is not a gradient.
     pub derivatives: Vec<Derivative>,
+    /// The states of the tape at the start, in order; empty if they are 0 and have no description.
+    pub kept: Vec<Kept>,
+    /// Further rules for the caller, one per line.
+    pub rules: Vec<String>,
     /// The tape. A support test ends with exactly 1 or 0.
     pub tape: Tape,
+}
+
+/// A state at the start, and its description.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Kept {
+    /// Its value, a number of the tape's precision.
+    pub start: f64,
+    /// Its description.
+    pub about: String,
 }
 
 impl Function {
@@ -64,9 +77,48 @@ impl Function {
         names::c_function(model, &self.surface, self.kind, self.tape.precision)
     }
 
+    /// The type of its state in C.
+    fn c_state(&self, model: &str) -> String {
+        names::c_state(model, &self.surface, self.tape.precision)
+    }
+
     /// The names of the state's fields.
     fn states(&self) -> Vec<String> {
-        (0..self.tape.states.len()).map(|k| format!("s{k}")).collect()
+        self.tape.states.iter().map(|state| state.name.clone()).collect()
+    }
+
+    /// The states before the first step.
+    #[must_use]
+    pub fn start(&self) -> Vec<f64> {
+        (0..self.tape.states.len()).map(|k| self.kept.get(k).map_or(0.0, |kept| kept.start)).collect()
+    }
+
+    /// Whether it has a state among its arguments.
+    #[must_use]
+    pub fn has_state(&self) -> bool {
+        matches!(self.kind, Kind::Step | Kind::Update | Kind::Adapted)
+    }
+
+    /// Whether the type of its state is declared with it. The evaluator of an adapted surface reads the state of its update.
+    fn declares_state(&self) -> bool {
+        matches!(self.kind, Kind::Step | Kind::Update)
+    }
+
+    /// Whether it has several results.
+    #[must_use]
+    pub fn has_results(&self) -> bool {
+        matches!(self.kind, Kind::Gradient | Kind::Update)
+    }
+
+    /// The owner of the state, in words.
+    fn state_of(&self) -> String {
+        let what = if self.kind == Kind::Step { "compensator" } else { "adapted surface" };
+        format!("{what} `{}`", self.surface)
+    }
+
+    /// What the function for the start does with a state, in words.
+    fn put_at_start(&self) -> &'static str {
+        if self.kind == Kind::Step { "puts it at rest at 0" } else { "gives it the coefficients of the model" }
     }
 
     /// Information for the caller, one line each: description, arguments, result, cost.
@@ -97,6 +149,17 @@ impl Function {
                 )
             }
             Kind::Step => format!("One step of the compensator `{}`, {}, in {}.", self.surface, self.unit, precision.name()),
+            Kind::Update => format!(
+                "One step of recursive least squares: the coefficients of `{}` follow a measured response, in {}.",
+                self.surface,
+                precision.name()
+            ),
+            Kind::Adapted => format!(
+                "`{}` in {} with the coefficients of the state, evaluated in {}.",
+                self.surface,
+                unit(&self.unit),
+                precision.name()
+            ),
         }];
         lines.push(String::new());
         if self.kind == Kind::Step {
@@ -107,6 +170,11 @@ impl Function {
             let [low, high] = input.range.map(number::decimal);
             let outside = match (self.kind, input.outside) {
                 (Kind::Support | Kind::Inside, _) => "",
+                (Kind::Update, _) if input.name == names::MEASURED => {
+                    lines.push(format!("- `{}` in {}: the measured response", input.name, unit(&input.unit)));
+                    continue;
+                }
+                (Kind::Update, _) => ", outside the step is frozen",
                 (Kind::Gradient, Outside::Clamp) => "; outside the derivative by it is 0",
                 (_, Outside::Clamp) => ", clamped outside",
                 (_, Outside::Extrapolate) => ", extrapolated outside",
@@ -118,8 +186,9 @@ impl Function {
             lines.extend(self.saturation.map(|saturation| saturation.words()));
         }
         match self.kind {
-            Kind::Surface | Kind::Inside | Kind::Once => lines.push("NaN in gives NaN out.".to_string()),
+            Kind::Surface | Kind::Inside | Kind::Once | Kind::Adapted => lines.push("NaN in gives NaN out.".to_string()),
             Kind::Support => {}
+            Kind::Update => lines.extend(self.rules.iter().cloned()),
             Kind::Gradient => {
                 lines.extend(self.derivatives.iter().map(certified));
                 if let Some(saturation) = self.saturation.filter(|saturation| saturation.below || saturation.above) {
@@ -167,7 +236,7 @@ fn certified(derivative: &Derivative) -> String {
 }
 
 /// A unit in a comment of C and in the documentation of Rust, in backticks.
-fn unit(text: &str) -> String {
+pub(crate) fn unit(text: &str) -> String {
     if text.is_empty() { "no unit".to_string() } else { format!("`{}`", plain(text)) }
 }
 

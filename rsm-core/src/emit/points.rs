@@ -5,6 +5,7 @@
 //! of steps, each from the state of the step before. The points are the same for the same function, because the random ones have a fixed seed. The
 //! emitted text is not used.
 
+use super::{Function, Kind};
 use crate::model::Input;
 use crate::run::{Interpreter, Scalar};
 use crate::tape::{Op, Reg, Tape};
@@ -15,6 +16,12 @@ const SENSITIVE: usize = 3;
 /// The number of random candidates for these points, and for comparisons with a new outcome. For a second-order polynomial, fusing changes the last
 /// bit of one point in three; if the constant term is a thousand times larger than the others, of one in a thousand.
 const CANDIDATES: usize = 3000;
+
+/// The number of random steps of an update, so that each of its states changes.
+const STEPS: usize = 16;
+
+/// A measured response of so many standard deviations of its noise is far from every prediction.
+const FAR: f64 = 1e9;
 
 /// One point: the bits of the arguments, then of the results.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -51,21 +58,33 @@ impl Fused for f32 {
 
 /// The points of a function: the middle, two corners, points outside on either side, infinities, -0, a NaN in each argument; then random points that
 /// fusing changes, or at which a comparison has a new outcome.
-pub(super) fn points(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
-    match tape.precision {
-        crate::number::Precision::F64 => chosen::<f64>(tape, inputs),
-        crate::number::Precision::F32 => chosen::<f32>(tape, inputs),
+pub(super) fn points(function: &Function) -> Vec<Point> {
+    match function.tape.precision {
+        crate::number::Precision::F64 => chosen::<f64>(function),
+        crate::number::Precision::F32 => chosen::<f32>(function),
     }
 }
 
-fn chosen<T: Fused>(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
+fn chosen<T: Fused>(function: &Function) -> Vec<Point> {
+    let (tape, inputs) = (&function.tape, &function.inputs);
     let mut interpreter = Interpreter::<T>::new(tape);
+    let start: Vec<T> = function.start().into_iter().map(T::from_constant).collect();
+    interpreter.set_states(&start);
     // For each comparison: whether it was false at some point, and whether it was true.
     let mut seen = vec![[false; 2]; tape.ops.len()];
     // `is_wanted` takes whether a comparison has a new outcome, and whether fusing changes the result.
     let mut point = |natural: &[f64], is_wanted: &dyn Fn(bool, bool) -> bool| {
-        let arguments: Vec<T> = natural.iter().map(|xi| T::of_f64(*xi)).collect();
+        let mut arguments: Vec<T> = natural.iter().map(|xi| T::of_f64(*xi)).collect();
         let states = interpreter.states().to_vec();
+        if function.kind == Kind::Update {
+            // The measured response is drawn beside its prediction: elsewhere the step would be frozen, and its state would not be tested.
+            let zero = T::of_f64(0.0);
+            let measured = arguments.len() - 1;
+            let drawn = std::mem::replace(&mut arguments[measured], zero);
+            let predicted = -interpreter.step(&arguments);
+            interpreter.set_states(&states);
+            arguments[measured] = predicted + drawn;
+        }
         interpreter.step(&arguments);
         let results: Vec<T> = interpreter.results().collect();
         // A compiler may fuse either of two products in a sum, so both results must differ.
@@ -87,6 +106,17 @@ fn chosen<T: Fused>(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
         Some(Point { arguments, results, changes_under_fusing: changes })
     };
     let mut points: Vec<Point> = special(inputs).iter().filter_map(|natural| point(natural, &|_, _| true)).collect();
+    if function.kind == Kind::Update {
+        let mut random = SplitMix(0x57e9);
+        for _ in 0..STEPS {
+            let natural: Vec<f64> = inputs.iter().map(|input| between(input, random.next_share())).collect();
+            points.extend(point(&natural, &|_, _| true));
+        }
+        // A response that every gate freezes.
+        let mut far: Vec<f64> = inputs.iter().map(|input| between(input, 0.5)).collect();
+        far.iter_mut().zip(inputs).last().into_iter().for_each(|(measured, input)| *measured = FAR * input.range[1]);
+        points.extend(point(&far, &|_, _| true));
+    }
     let mut random = SplitMix(0x5eed);
     let mut found = 0;
     for _ in 0..CANDIDATES {

@@ -9,7 +9,7 @@
 //! `unsafe` functions, although every x86-64 with floating point has them. A crate that forbids (rather than denies) `unsafe_code` must use the model
 //! through another crate.
 
-use super::{Function, Kind, Unit, compared, literal, live, terms_behind, unused_inputs};
+use super::{Function, Kind, Unit, compared, literal, live, plain, terms_behind, unused_inputs};
 use crate::names;
 use crate::number::Precision;
 use crate::tape::{Extremum, Op, Tape};
@@ -74,25 +74,26 @@ pub(super) fn helpers(functions: &str, precisions: &[Precision]) -> String {
 fn print(function: &Function) -> String {
     let tape = &function.tape;
     let float = tape.precision.name();
-    let mut text = if function.kind == Kind::Step { state(function) } else { String::new() };
+    let mut text = if function.declares_state() { state(function) } else { String::new() };
     for line in function.about() {
         text.push_str(format!("/// {line}").trim_end());
         text.push('\n');
     }
     text.push_str(ALLOW);
     text.push_str("#[inline]\n");
-    if function.kind != Kind::Step {
+    if !function.declares_state() {
         text.push_str("#[must_use]\n");
     }
     let result = match function.kind {
-        Kind::Surface | Kind::Step | Kind::Inside | Kind::Once => float,
+        Kind::Surface | Kind::Step | Kind::Inside | Kind::Once | Kind::Adapted => float,
         Kind::Support => "i32",
-        Kind::Gradient => &format!("[{float}; {}]", tape.outputs.len()),
+        Kind::Gradient | Kind::Update => &format!("[{float}; {}]", tape.outputs.len()),
     };
     let mut arguments: Vec<String> = tape.inputs.iter().map(|name| format!("{name}: {float}")).collect();
-    if function.kind == Kind::Step {
+    if function.has_state() {
         let state = names::rust_state(&function.surface, tape.precision);
-        arguments.insert(0, format!("{}: &mut {state}", names::STATE));
+        let mutable = if function.declares_state() { "mut " } else { "" };
+        arguments.insert(0, format!("{}: &{mutable}{state}", names::STATE));
     }
     let name = function.rust_name();
     let one_line = format!("pub fn {name}({}) -> {result} {{\n", arguments.join(", "));
@@ -106,16 +107,16 @@ fn print(function: &Function) -> String {
         text.push_str(&format!(") -> {result} {{\n"));
     }
     text.push_str(&body(tape, &function.states()));
-    for (field, next) in function.states().iter().zip(&tape.states) {
+    for (field, next) in function.states().iter().zip(&tape.states).filter(|_| function.declares_state()) {
         text.push_str(&format!("    {}.{field} = {};\n", names::STATE, next.reg));
     }
     let output = tape.output();
     match function.kind {
-        Kind::Gradient => {
+        Kind::Gradient | Kind::Update => {
             let all: Vec<String> = tape.outputs.iter().map(|output| output.reg.to_string()).collect();
             text.push_str(&format!("    [{}]\n", all.join(", ")));
         }
-        Kind::Surface | Kind::Step | Kind::Inside | Kind::Once => text.push_str(&format!("    {output}\n")),
+        Kind::Surface | Kind::Step | Kind::Inside | Kind::Once | Kind::Adapted => text.push_str(&format!("    {output}\n")),
         // The tape ends in 1 or 0; a comparison converts it without the saturation of `as`.
         Kind::Support => text.push_str(&format!("    i32::from({output} > 0.5)\n")),
     }
@@ -160,22 +161,36 @@ pub(super) fn body(tape: &Tape, fields: &[String]) -> String {
     text
 }
 
-/// The type of a compensator's state, and the function that makes it.
+/// The type of a state, and the function that makes it. The states of an adapted surface are public, so that they can be kept over a restart.
 fn state(function: &Function) -> String {
-    let (compensator, precision) = (&function.surface, function.tape.precision);
-    let (name, init) = (names::rust_state(compensator, precision), names::rust_init(compensator, precision));
+    let (owner, precision) = (&function.surface, function.tape.precision);
+    let (name, init) = (names::rust_state(owner, precision), names::rust_init(owner, precision));
     let float = precision.name();
-    let fields: String = function.states().iter().map(|field| format!("    {field}: {float},\n")).collect();
-    let zeros: Vec<String> = function.states().iter().map(|field| format!("{field}: 0.0")).collect();
+    let field = |(k, field): (usize, String)| match function.kept.get(k) {
+        Some(kept) => format!("    /// {}\n    pub {field}: {float},\n", plain(&kept.about)),
+        None => format!("    {field}: {float},\n"),
+    };
+    let fields: String = function.states().into_iter().enumerate().map(field).collect();
+    let starts: Vec<String> = function
+        .states()
+        .into_iter()
+        .zip(function.start())
+        .map(|(field, start)| format!("{field}: {}", literal(start, precision)))
+        .collect();
+    let mut made = format!("    {name} {{ {} }}\n", starts.join(", "));
+    if made.trim_end().len() > WIDTH {
+        made = format!("    {name} {{\n{}    }}\n", starts.iter().map(|it| format!("        {it},\n")).collect::<String>());
+    }
+    let whose = function.state_of();
     format!(
-        "/// What the compensator `{compensator}` keeps from step to step, in {float}.\n\
+        "/// What the {whose} keeps from step to step, in {float}.\n\
          #[allow(dead_code, non_camel_case_types, clippy::all, clippy::pedantic)]\n\
          #[derive(Debug, Clone, Copy, PartialEq)]\n\
          pub struct {name} {{\n{fields}}}\n\n\
-         /// The state of the compensator `{compensator}` at rest at 0, in {float}.\n\
+         /// The state of the {whose} {start}, in {float}.\n\
          {ALLOW}#[inline]\n#[must_use]\n\
-         pub fn {init}() -> {name} {{\n    {name} {{ {} }}\n}}\n\n",
-        zeros.join(", ")
+         pub fn {init}() -> {name} {{\n{made}}}\n\n",
+        start = if function.kind == Kind::Step { "at rest at 0" } else { "with the coefficients of the model" },
     )
 }
 

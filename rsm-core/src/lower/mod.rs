@@ -10,7 +10,8 @@
 //!          -> sign of odd inputs -> those bounds of output_range that a value can reach
 //! ```
 //!
-//! A compensator's surfaces are lowered into its tape by the same code, its filter by `compensator.rs`.
+//! A compensator's surfaces are lowered into its tape by the same code, its filter by `compensator.rs`. A surface that follows measured responses has
+//! its coefficients in a state: `recursive.rs`.
 
 mod compensator;
 mod gradient;
@@ -18,6 +19,7 @@ mod inside;
 mod levels;
 mod nest;
 mod polynomial;
+mod recursive;
 mod saturation;
 mod scheme;
 mod variables;
@@ -34,6 +36,7 @@ pub use compensator::compensator;
 pub use gradient::gradient;
 pub(crate) use gradient::gradient_before_saturation;
 pub use inside::{Inside, inside};
+pub use recursive::{Follower, Frozen, Recursive, recursive, variances_of};
 pub use saturation::Saturation;
 
 /// The tape of a surface, by its index in the model.
@@ -126,14 +129,20 @@ pub fn support(checked: &Checked, index: usize, precision: Precision) -> Option<
     let arguments = arguments(&mut tape, inputs.len());
     let mut variables = Variables::unclamped(surface, &inputs, arguments);
     let (zero, one) = (tape.constant(integer(0)), tape.constant(integer(1)));
-    let mut inside = one;
+    let inside = half_spaces(&mut tape, surface, &mut variables, one, zero);
+    Some(tape.finish(format!("{}_support", surface.name), surface.inputs.clone(), inside))
+}
+
+/// `inside` if every half-space of the support holds, else `zero`.
+fn half_spaces(tape: &mut TapeBuilder, surface: &Surface, variables: &mut Variables<'_>, inside: Reg, zero: Reg) -> Reg {
+    let mut inside = inside;
     for space in &surface.support {
         // sum of normal_k x_k with x_k = v_k scale_k
         let mut sum: Option<Reg> = None;
         for (k, entry) in space.normal.iter().enumerate().filter(|(_, entry)| **entry != 0.0) {
-            let variable = variables.of(&mut tape, k);
+            let variable = variables.of(tape, k);
             let weight = exact(*entry) * &variable.scale;
-            let product = if polynomial::is_ordinary(precision, &weight) {
+            let product = if polynomial::is_ordinary(tape.precision(), &weight) {
                 tape.times(variable.value, weight)
             } else {
                 let divisor = tape.constant(integer(1) / variable.scale);
@@ -145,12 +154,13 @@ pub fn support(checked: &Checked, index: usize, precision: Precision) -> Option<
         let sum = sum.expect("a checked normal is not zero");
         // not (sum <= bound): with NaN the comparison below is false, and 0 is selected. `sum <= bound` is `sum < next number above bound`.
         let bound = exact(space.bound);
+        let precision = tape.precision();
         let above = precision.next_up(precision.round_down(&bound));
         let limit = tape.rounded_constant(above, exact(above));
         let condition = tape.push(Op::Less(sum, limit));
         inside = tape.push(Op::Select { condition, then: inside, otherwise: zero });
     }
-    Some(tape.finish(format!("{}_support", surface.name), surface.inputs.clone(), inside))
+    inside
 }
 
 /// A lower bound, rounded into the range, so that the result is never outside. NaN passes.

@@ -44,6 +44,10 @@ pub enum Kind {
     Inside,
     /// The part of the surface without clamps that depends only on the rarely changed inputs.
     Once,
+    /// One step of recursive least squares: the surface follows a measured response.
+    Update,
+    /// The surface with the coefficients that the updates found.
+    Adapted,
 }
 
 /// The name of a function in Rust, within the module of the model.
@@ -56,6 +60,8 @@ pub(crate) fn rust_function(surface: &str, kind: Kind, precision: Precision) -> 
         Kind::Gradient => "_gradient",
         Kind::Inside => "_inside",
         Kind::Once => "_once",
+        Kind::Update => "_update",
+        Kind::Adapted => "_adapted",
     };
     format!("{surface}{kind}{}", suffix(precision))
 }
@@ -194,6 +200,30 @@ pub(crate) fn gradient_argument(inputs: &[String]) -> &'static str {
     if inputs.iter().any(|input| input == "gradient") { "gradient_out" } else { "gradient" }
 }
 
+/// The name of the array of results among the arguments of an update in C: `update`, unless an input has that name.
+#[must_use]
+pub(crate) fn update_argument(inputs: &[String]) -> &'static str {
+    if inputs.iter().any(|input| input == "update") { "update_out" } else { "update" }
+}
+
+/// The reason why an input of a surface that follows measured responses cannot have this name. `None` if it can.
+#[must_use]
+pub(crate) fn refuse_tracked(name: &str) -> Option<String> {
+    [MEASURED, STATE].contains(&name).then(|| "has the name of another argument of the update; rename the input".to_string())
+}
+
+/// The reason why an update of a surface cannot be emitted: two functions, or two types of a state, would have the same name. `functions` are the
+/// surfaces and compensators of the model, `states` those of them that have a state. `None` if they can.
+#[must_use]
+pub(crate) fn clash_of_updates(surface: &str, functions: &[&str], states: &[&str]) -> Option<String> {
+    let of_functions = || {
+        let find = |kind| clash_of_kind(&[surface], functions, kind, "update").map(|(_, why)| why);
+        [Kind::Update, Kind::Adapted].into_iter().find_map(find)
+    };
+    let of_states = || states.iter().filter(|other| **other != surface).find_map(|other| clash_of_states(other, surface));
+    of_functions().or_else(of_states)
+}
+
 /// The reason why the gradients of a model's surfaces cannot be emitted: two functions would have the same name. `None` if they can.
 #[must_use]
 pub(crate) fn clash_of_gradients<'n>(surfaces: &[&'n str], functions: &[&'n str]) -> Option<(&'n str, String)> {
@@ -220,6 +250,9 @@ fn clash_of_kind<'n>(surfaces: &[&'n str], functions: &[&'n str], kind: Kind, wh
 
 /// The name of the signal among the arguments; the checker keeps it free.
 pub const SIGNAL: &str = "input";
+
+/// The name of the measured response among the arguments of an update.
+pub const MEASURED: &str = "measured";
 
 /// The name of the state among the arguments of a step.
 pub(crate) const STATE: &str = "state";

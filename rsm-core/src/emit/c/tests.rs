@@ -20,6 +20,8 @@ fn unit(kind: Kind, precision: Precision, write: impl FnOnce(&mut TapeBuilder, [
         inputs: names.iter().map(input).collect(),
         saturation: None,
         derivatives: vec![],
+        kept: vec![],
+        rules: vec![],
         tape: tape.finish("s", names.to_vec(), output),
     };
     Unit { model: "m".to_owned(), functions: vec![function] }

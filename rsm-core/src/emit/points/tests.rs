@@ -22,6 +22,21 @@ fn arguments(point: &Point) -> Vec<f64> {
     point.arguments.iter().copied().map(f64::from_bits).collect()
 }
 
+/// The points of a function with this tape.
+fn points(tape: &Tape, inputs: &[Input]) -> Vec<Point> {
+    super::points(&Function {
+        surface: "s".to_string(),
+        kind: Kind::Surface,
+        unit: String::new(),
+        inputs: inputs.to_vec(),
+        saturation: None,
+        derivatives: vec![],
+        kept: vec![],
+        rules: vec![],
+        tape: tape.clone(),
+    })
+}
+
 #[test]
 fn points_that_fusing_changes_are_found_in_both_precisions() {
     for precision in Precision::ALL {
