@@ -15,6 +15,7 @@ pub mod fit;
 pub mod import;
 pub mod limits;
 pub mod man;
+pub mod merge;
 pub mod optimise;
 pub mod simulate;
 pub mod stream;

@@ -127,8 +127,8 @@ fn kinds(design: &Design) -> Option<(usize, Vec<(String, Vec<usize>)>)> {
     Some((constant, kinds))
 }
 
-/// The part of the report that needs no rows, from the triangle of all candidates. `chosen`: the candidates that are the terms of `design`; `logs`: the
-/// sum of the logarithms of the weights, whose mean is 1.
+/// The part of the report that needs no rows, from the triangle of all candidates. `chosen`: the candidates that are the terms of `design`; `logs`:
+/// the sum of the logarithms of the weights, whose mean is 1.
 pub(crate) fn of_triangle(design: &Design, triangle: &Triangle, chosen: &[usize], logs: f64) -> Option<Report> {
     let (constant, kinds) = kinds(design)?;
     let (rows, width) = (triangle.rows(), design.width());

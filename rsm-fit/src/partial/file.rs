@@ -11,7 +11,7 @@ use rsm_core::number::decimal;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use rsm_core::toml_reader::{self, TableReader, Value};
 
-use super::{Part, Sums, design_of};
+use super::{Part, Sums, design_of, rules};
 use crate::dd::Dd;
 use crate::left_out::MissingCells;
 use crate::qr::Triangle;
@@ -23,6 +23,9 @@ const FIRST: &str = "# A part of a fit, made by `rsm fit --partial` for `rsm mer
 
 /// What precedes the hash at the end.
 const END: &str = "\n[end]\nsha256 = \"";
+
+/// The largest count in a file: f64 holds every whole number up to it, and sums of counts do not overflow.
+const MOST: i64 = 1 << 53;
 
 /// What to do with a file that is not whole.
 const AGAIN: &str = "make it again with `rsm fit --partial`";
@@ -164,7 +167,8 @@ fn read(source: &Source, faults: &mut Collector) -> Option<Part> {
 fn read_specification(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<Specification> {
     let mut reader = table("specification", top, faults)?;
     let (file, _, text) = (reader.text("file", faults)?, reader.text("sha256", faults)?, reader.text("text", faults)?);
-    match Specification::from_source(Source::new(file, text), PathBuf::new()) {
+    let read = Specification::from_source(Source::new(file, text), PathBuf::new());
+    match read.and_then(|specification| rules::check(&specification).map(|()| specification)) {
         Ok(specification) => Some(specification),
         Err(found) => {
             found.list().iter().for_each(|fault| faults.push(fault.clone()));
@@ -205,7 +209,7 @@ fn entry<'a>(section: &mut TableReader<'a>, name: &str, faults: &mut Collector) 
 
 fn count(key: &'static str, reader: &mut TableReader<'_>, faults: &mut Collector) -> Option<usize> {
     let value = reader.required(key, faults)?;
-    let found = reader.whole(&format!("`{key}`"), value, 0, i64::MAX, faults)?;
+    let found = reader.whole(&format!("`{key}`"), value, 0, MOST, faults)?;
     usize::try_from(found).ok()
 }
 

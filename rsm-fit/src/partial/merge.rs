@@ -1,7 +1,7 @@
 //! The fit of all parts from their sums.
 //!
-//! In: parts of one specification. Out: [`Merged`]: the model and the figures that need no rows, or every reason why the parts do not belong together.
-//! Parts are sorted by the names of their data files and by their hash before anything is summed, so their order does not count.
+//! In: parts of one specification. Out: [`Merged`]: the model and the figures that need no rows, or every reason why the parts do not belong
+//! together. Parts are sorted by the names of their data files and by their hash before anything is summed, so their order does not count.
 
 use rsm_core::model::{Evidence, Input, Model, Surface};
 use rsm_core::source::{Collector, Fault, Faults};

@@ -6,9 +6,9 @@
 //! ```
 //!
 //! In: a specification and some of the rows. Out: a [`Part`]: for each response the triangle of all candidates (`qr.rs`), counts, sums of weights,
-//! ranges, and the text of the specification. [`merge`] stacks the triangles and solves once. A part holds no rows, so that figures of single rows do
-//! not exist after a merge. What needs rows to choose terms is refused when the first part is made (`rules.rs`). The order of the parts does not change
-//! a bit of the result. Other shards of the same rows change coefficients by less than a bound that is computed (`bound.rs`).
+//! ranges, and the text of the specification. [`merge`] stacks the triangles and solves once. A part holds no rows, so that figures of single rows
+//! do not exist after a merge. What needs rows to choose terms is refused when the first part is made (`rules.rs`). The order of the parts does not
+//! change a bit of the result. Other shards of the same rows change coefficients by less than a bound that is computed (`bound.rs`).
 //!
 //! ```
 //! use rsm_core::source::Source;

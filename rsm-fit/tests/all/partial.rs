@@ -102,7 +102,7 @@ fn nist_sets_in_parts_keep_the_digits_that_the_data_hold() {
             if found.iter().zip(floor).any(|(found, floor)| found < floor) || ratio > 1.0 {
                 failures.push(format!("{set} in {count} parts: {found:?} digits, expected {floor:?}; {ratio} of the bound"));
             }
-            // The bound says something: two roundings to f64, and for Filip, whose condition is 10^10 in coded columns, little more.
+            // The bound is small: two roundings to f64, and for Filip, whose condition is 10^10 in coded columns, little more.
             if !(relative < 1e-13) {
                 failures.push(format!("{set} in {count} parts: a bound of {relative} of a coefficient"));
             }
