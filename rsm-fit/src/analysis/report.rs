@@ -105,10 +105,13 @@ pub(crate) fn of(design: &Design, fit: Observations<'_>, sequence: &Sequence) ->
     })
 }
 
+/// Terms that enter together, with the name of their line.
+type Kind = (String, Vec<usize>);
+
 /// The constant, and the other terms by kind.
-fn kinds(design: &Design) -> Option<(usize, Vec<(String, Vec<usize>)>)> {
+fn kinds(design: &Design) -> Option<(usize, Vec<Kind>)> {
     let constant = design.terms().iter().position(|powers| order(powers) == 0)?;
-    let mut kinds: Vec<(String, Vec<usize>)> = Vec::new();
+    let mut kinds: Vec<Kind> = Vec::new();
     let highest = design.terms().iter().map(|powers| order(powers)).max()?;
     for at in 1..=highest {
         let of_order = |k: &usize| order(&design.terms()[*k]) == at;
