@@ -10,6 +10,7 @@ use rsm_fit::partial::{self, Merged, Part};
 
 use super::fit;
 use crate::outcome::{Outcome, Refusal};
+use crate::page::number::with_unit;
 
 #[derive(Args)]
 pub struct Arguments {
@@ -48,7 +49,10 @@ fn in_words(merged: &Merged) -> String {
     for (response, bounds) in &merged.merge.largest_difference.0 {
         if let Some(largest) = bounds.as_ref().and_then(|bounds| bounds.iter().copied().reduce(f64::max)) {
             let unit = merged.outcome.model.surface(response).map_or("", |surface| surface.unit.as_str());
-            text += &format!("{response}: coefficients of one fit of all rows differ by at most {largest:.1e} {unit}\n");
+            text += &format!(
+                "{response}: coefficients of one fit of all rows differ by at most {}\n",
+                with_unit(&format!("{largest:.1e}"), unit)
+            );
         }
     }
     text + &format!(
