@@ -32,8 +32,8 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 
 use commands::equations::{effects, inspect, linearise};
 use commands::{
-    check, completions, cosim, demo, design, diagnose, emit, eval, experiment, federate, fit, import, man, optimise, simulate,
-    stream, sweep, track,
+    check, completions, cosim, demo, design, diagnose, emit, eval, experiment, federate, fit, import, man, merge, optimise,
+    simulate, stream, sweep, track,
 };
 
 /// Fits response surfaces to measured data, emits them as Rust or C, and diagnoses simulations.
@@ -55,6 +55,8 @@ enum Command {
     Experiment(experiment::Arguments),
     /// Fit response surfaces to measured data and write the model file
     Fit(fit::Arguments),
+    /// Fit the parts that `rsm fit --partial` has written for the shards of the data
+    Merge(merge::Arguments),
     /// Evaluate a surface with the interpreter
     Eval(eval::Arguments),
     /// Find the best settings for several responses of a model, or a front of them
@@ -100,6 +102,7 @@ fn main() -> ExitCode {
         Command::Design(arguments) => design::run(&arguments),
         Command::Experiment(arguments) => experiment::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
+        Command::Merge(arguments) => merge::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Optimise(arguments) => optimise::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),

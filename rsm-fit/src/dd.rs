@@ -77,6 +77,11 @@ impl Dd {
         self.high
     }
 
+    /// Both parts, for a file. [`Dd::sum_of`] gives the same number again.
+    pub(crate) fn parts(self) -> [f64; 2] {
+        [self.high, self.low]
+    }
+
     /// The square root; NaN below zero. One Newton step from the f64 root (Karp and Markstein, 1997).
     #[must_use]
     pub fn sqrt(self) -> Self {

@@ -207,7 +207,8 @@ pub(crate) fn fit_rows(
     let rows = [Some(&data.fit), data.validate.as_ref(), data.test.as_ref()];
     let of_one = |(k, left_out): (usize, &Vec<LeftOut>)| left_out::of_response(specification, rows, k, left_out);
     let own: Vec<OfResponse<'_>> = left_out.iter().enumerate().map(of_one).collect::<Result<_, Faults>>()?;
-    let inputs = inputs(specification, &data)?;
+    let spans = (0..specification.inputs.len()).map(|k| span(&left_out::used_values(specification, &data.fit, k)));
+    let inputs = inputs(specification, &data.units, &spans.collect::<Vec<_>>())?;
     let mut model = Model { name: specification.model.clone(), inputs: inputs.clone(), ..Model::default() };
     let mut responses = Vec::new();
     for (k, response) in specification.responses.iter().enumerate() {
@@ -329,16 +330,20 @@ fn set_aside(specification: &Specification, data: Data) -> Result<Data, Refused>
     Ok(Data { fit, validate, test, units })
 }
 
-/// The inputs of the model. If the specification gives no range, it is the range of the fitted data, made symmetric about 0 if a symmetry requires
-/// it.
-fn inputs(specification: &Specification, data: &Data) -> Result<Vec<Input>, Faults> {
+/// The smallest and the largest value.
+pub(crate) fn span(values: &[f64]) -> [f64; 2] {
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    [low, values.iter().copied().fold(f64::NEG_INFINITY, f64::max)]
+}
+
+/// The inputs of the model. `spans`: the smallest and the largest value of each input in the fitted data. If the specification gives no range, it is
+/// this one, made symmetric about 0 if a symmetry requires it.
+pub(crate) fn inputs(specification: &Specification, units: &Units, spans: &[[f64; 2]]) -> Result<Vec<Input>, Faults> {
     let mut faults = Collector::new();
     let mut inputs = Vec::new();
     let mut from_data = Vec::new();
     for (k, input) in specification.inputs.iter().enumerate() {
-        let values = left_out::used_values(specification, &data.fit, k);
-        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let [low, high] = spans[k];
         let symmetric = |response: &ResponseSpec| response.surface.symmetry.iter().any(|(name, _)| *name == input.name);
         let most = low.abs().max(high.abs());
         let found = if specification.responses.iter().any(symmetric) { [-most, most] } else { [low, high] };
@@ -351,7 +356,7 @@ fn inputs(specification: &Specification, data: &Data) -> Result<Vec<Input>, Faul
         // + 0.0: the range starts at 0, not at -0.
         let whole_period = input.period.map(|period| [0.0, period]);
         let range = input.range.or(whole_period).unwrap_or(found).map(|bound| bound + 0.0);
-        inputs.push(Input { name: input.name.clone(), unit: data.units.get(k).to_string(), range, outside: input.outside });
+        inputs.push(Input { name: input.name.clone(), unit: units.get(k).to_string(), range, outside: input.outside });
     }
     check_basis_against_ranges(specification, &from_data, &mut faults);
     faults.finish(Some(inputs))

@@ -13,8 +13,8 @@
 //!                    Outcome { model: rsm_core::model::Model, figures of each response }
 //! ```
 //!
-//! Not in the picture: `recursive` fits rows one at a time; `track` lets a surface follow measured rows; `plan` designs experiments; `optimise`
-//! searches the best settings of a fitted model.
+//! Not in the picture: `partial` fits shards of the data and merges them; `recursive` fits rows one at a time; `track` lets a surface follow measured
+//! rows; `plan` designs experiments; `optimise` searches the best settings of a fitted model.
 //!
 //! Every stage reports all faults of its input together; numerical outcomes are data. Nothing here writes a file, prints, or depends on an emitter.
 //! The same input bytes give the same model, bit for bit, on every machine with IEEE 754.
@@ -122,6 +122,8 @@ mod response;
 pub mod fit;
 
 pub mod in_memory;
+
+pub mod partial;
 
 pub mod recursive;
 

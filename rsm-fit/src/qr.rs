@@ -15,7 +15,7 @@ use crate::dd::Dd;
 pub(crate) const DEPENDENT: f64 = 1.0 / (1u64 << 46) as f64;
 
 /// The number of rows that are reduced together. Larger blocks need more memory; smaller ones repeat the work on the triangle.
-const BLOCK: usize = 512;
+pub(crate) const BLOCK: usize = 512;
 
 /// A matrix by columns.
 type Columns = Vec<Vec<Dd>>;
@@ -103,6 +103,22 @@ impl Triangle {
             }
         }
         Compressed { columns, rows: parts.iter().map(|part| part.rows).sum() }.finish()
+    }
+
+    /// A triangle from its columns, the response last.
+    pub(crate) fn of_columns(columns: Vec<Vec<Dd>>, rows: usize) -> Self {
+        Triangle { columns, rows }
+    }
+
+    /// The columns, the response last, all of one length.
+    pub(crate) fn columns(&self) -> &[Vec<Dd>] {
+        &self.columns
+    }
+
+    /// The triangle of all rows times a factor.
+    pub(crate) fn times(mut self, factor: Dd) -> Self {
+        self.columns.iter_mut().flatten().for_each(|entry| *entry = *entry * factor);
+        self
     }
 
     /// The number of rows.
@@ -300,6 +316,11 @@ impl Growing {
                 }
             }
         }
+    }
+
+    /// The sum of squares of the component of a candidate that is orthogonal to the chosen ones.
+    pub(crate) fn own_square(&self, candidate: usize) -> Dd {
+        self.columns[candidate].iter().skip(self.chosen.len()).map(|x| *x * *x).sum()
     }
 
     /// The norm of the component of a candidate that is orthogonal to the chosen ones. There are never more chosen ones than rows.

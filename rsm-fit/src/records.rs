@@ -62,6 +62,11 @@ impl Units {
         Units(inputs.chain(specification.responses.iter().map(|response| response.unit.clone())).collect())
     }
 
+    /// Units that are known: of the inputs, then of the responses.
+    pub(crate) fn known(units: Vec<String>) -> Self {
+        Units(units.into_iter().map(Some).collect())
+    }
+
     /// The unit of a variable: inputs first, then responses.
     #[must_use]
     pub fn get(&self, variable: usize) -> &str {

@@ -50,9 +50,9 @@ fn is_open(method: &Method, outcome: &Result<ResponseOutcome, Faults>) -> bool {
 }
 
 /// The smallest number of rows for a search: it evaluates models of a constant and one term by cross-validation.
-const LEAST_FOR_SEARCH: usize = 6;
+pub(crate) const LEAST_FOR_SEARCH: usize = 6;
 
-fn terms_of(statistics: &ResponseStatistics) -> Vec<Term> {
+pub(crate) fn terms_of(statistics: &ResponseStatistics) -> Vec<Term> {
     statistics.terms.iter().map(|term| Term { powers: term.powers.clone(), coefficient: term.coefficient }).collect()
 }
 

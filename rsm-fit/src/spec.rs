@@ -57,7 +57,7 @@ pub(crate) use shape::{FACES, MOST_FACES};
 pub const MOST_TERMS: usize = 1000;
 
 /// A fit specification.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Specification {
     /// The name of the model.
     pub model: String,

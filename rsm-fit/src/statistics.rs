@@ -14,7 +14,7 @@ use crate::constrain::ConstraintStatistics;
 use crate::dd::Dd;
 use crate::design::{Design, order};
 use crate::distributions::{two_sided_t, upper_f};
-use crate::qr::Growing;
+use crate::qr::{Growing, Triangle};
 use crate::robust::LossReport;
 use crate::spec::Form;
 use crate::support::SupportStatistics;
@@ -226,20 +226,50 @@ pub(crate) fn value(row: &[Dd], coefficients: &[Dd]) -> Dd {
     row.iter().zip(coefficients).map(|(x, b)| *x * *b).sum()
 }
 
+/// Coefficients and residual sum of squares, with rounding errors replaced by 0.
+struct Solved {
+    coefficients: Vec<Dd>,
+    residual_square: Dd,
+    /// Whether there is no residual.
+    is_exact: bool,
+}
+
+impl Solved {
+    /// `square`: that of the response.
+    fn of(growing: &Growing, square: Dd) -> Self {
+        let negligible = NO_RESIDUAL * square.sqrt().to_f64();
+        let mut coefficients = growing.coefficients();
+        for (place, coefficient) in coefficients.iter_mut().enumerate() {
+            if coefficient.to_f64().abs() * growing.norm(place) <= negligible {
+                *coefficient = Dd::ZERO;
+            }
+        }
+        let residual_square = growing.residual_square();
+        let is_exact = residual_square.sqrt().to_f64() <= negligible;
+        Solved { coefficients, residual_square: if is_exact { Dd::ZERO } else { residual_square }, is_exact }
+    }
+
+    /// The figures of the terms with standard errors, t and p.
+    fn tested(&self, terms: Vec<TermStatistics>, growing: &Growing, rows: usize) -> Vec<TermStatistics> {
+        let freedom = rows - self.coefficients.len();
+        let mean_square = mean_square(self.residual_square, freedom);
+        let columns = terms.into_iter().zip(&self.coefficients).zip(growing.variances());
+        let tested = |((term, coefficient), variance): ((TermStatistics, &Dd), Dd)| {
+            let error = mean_square.map(|square| (square * variance).sqrt());
+            let t = error.filter(|error| *error > Dd::ZERO).map(|error| (*coefficient / error).to_f64());
+            let p = t.and_then(|t| two_sided_t(t, freedom as f64));
+            TermStatistics { standard_error: error.map(Dd::to_f64), t, p, ..term }
+        };
+        columns.map(tested).collect()
+    }
+}
+
 /// All figures except validation and canonical analysis. `growing` contains the terms of `design` in its order.
 #[must_use]
 pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>) -> ResponseStatistics {
-    let negligible = NO_RESIDUAL * observations.square_about(Dd::ZERO).sqrt().to_f64();
-    let mut coefficients = growing.coefficients();
-    for (place, coefficient) in coefficients.iter_mut().enumerate() {
-        if coefficient.to_f64().abs() * growing.norm(place) <= negligible {
-            *coefficient = Dd::ZERO;
-        }
-    }
-    let residual_square = growing.residual_square();
-    let is_exact = residual_square.sqrt().to_f64() <= negligible;
-    let residual_square = if is_exact { Dd::ZERO } else { residual_square };
-    let predictions = predictions(design, &coefficients, observations);
+    let solved = Solved::of(growing, observations.square_about(Dd::ZERO));
+    let (coefficients, residual_square) = (&solved.coefficients, solved.residual_square);
+    let predictions = predictions(design, coefficients, observations);
     let mut press = Some(Dd::ZERO);
     for (row, prediction) in predictions.iter().enumerate() {
         let weight = observations.weight(row);
@@ -247,22 +277,44 @@ pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>
         let error = Dd::from(observations.response[row]) - *prediction;
         press = press.filter(|_| own.to_f64() > NO_REST).map(|sum| sum + weight * (error / own) * (error / own));
     }
-    let press = if is_exact { press.map(|_| Dd::ZERO) } else { press };
-    let figures = figures(design, &coefficients, residual_square, &predictions, observations);
-    let freedom = observations.response.len() - coefficients.len();
-    let mean_square = mean_square(residual_square, freedom);
-    let columns = figures.terms.into_iter().zip(&coefficients).zip(growing.variances());
-    let tested = |((term, coefficient), variance): ((TermStatistics, &Dd), Dd)| {
-        let error = mean_square.map(|square| (square * variance).sqrt());
-        let t = error.filter(|error| *error > Dd::ZERO).map(|error| (*coefficient / error).to_f64());
-        let p = t.and_then(|t| two_sided_t(t, freedom as f64));
-        TermStatistics { standard_error: error.map(Dd::to_f64), t, p, ..term }
-    };
-    ResponseStatistics {
-        terms: columns.map(tested).collect(),
-        r2_predicted: share(press, Some(total_square(design, observations))),
+    let press = if solved.is_exact { press.map(|_| Dd::ZERO) } else { press };
+    let total = total_square(design, observations);
+    let figures = ResponseStatistics {
+        confidence_c: confidence(observations, &predictions),
+        lack_of_fit: lack_of_fit(observations, &predictions, coefficients.len()),
+        r2_predicted: share(press, Some(total)),
         press: press.map(Dd::to_f64),
-        ..figures
+        ..figures(design, coefficients, residual_square, total, observations.response.len())
+    };
+    ResponseStatistics { terms: solved.tested(figures.terms, growing, observations.response.len()), ..figures }
+}
+
+/// The figures that need no rows, from the triangle of all candidates; `growing` contains the terms of `design` in its order. `given`: coefficients
+/// that are not those of least squares, which have no standard errors. Figures of single rows and of repeated points are `None`.
+#[must_use]
+pub(crate) fn of_triangle(
+    design: &Design,
+    growing: &Growing,
+    triangle: &Triangle,
+    given: Option<&[f64]>,
+) -> ResponseStatistics {
+    let (rows, square) = (triangle.rows(), triangle.response_square());
+    // The sum of squares about the mean is what a fit of the constant alone leaves.
+    let constant = design.terms().iter().position(|powers| order(powers) == 0);
+    let total = constant.map_or(square, |place| {
+        let alone = Growing::of(triangle, &[growing.chosen()[place]]);
+        alone.map_or(square, |alone| alone.residual_square())
+    });
+    match given {
+        None => {
+            let solved = Solved::of(growing, square);
+            let figures = figures(design, &solved.coefficients, solved.residual_square, total, rows);
+            ResponseStatistics { terms: solved.tested(figures.terms, growing, rows), ..figures }
+        }
+        Some(given) => {
+            let exact: Vec<Dd> = given.iter().copied().map(Dd::from).collect();
+            figures(design, &exact, triangle.sum_of_squares(growing.chosen(), &exact), total, rows)
+        }
     }
 }
 
@@ -279,20 +331,17 @@ pub(crate) fn of_constrained(design: &Design, coefficients: &[f64], observations
         observations.weight(row) * error * error
     };
     let residual_square: Dd = predictions.iter().enumerate().map(error).sum();
-    let figures = figures(design, &exact, residual_square, &predictions, observations);
-    let lack_of_fit = figures.lack_of_fit.map(|lack| LackOfFit { p: None, ..lack });
-    ResponseStatistics { lack_of_fit, ..figures }
+    let lack_of_fit = lack_of_fit(observations, &predictions, coefficients.len());
+    let rows = observations.response.len();
+    ResponseStatistics {
+        confidence_c: confidence(observations, &predictions),
+        lack_of_fit: lack_of_fit.map(|lack| LackOfFit { p: None, ..lack }),
+        ..figures(design, &exact, residual_square, total_square(design, observations), rows)
+    }
 }
 
-/// The figures that do not depend on the method of the coefficients.
-fn figures(
-    design: &Design,
-    coefficients: &[Dd],
-    residual_square: Dd,
-    predictions: &[Dd],
-    observations: Observations<'_>,
-) -> ResponseStatistics {
-    let rows = observations.response.len();
+/// The figures of sums of squares, which do not depend on the method of the coefficients. `total`: [`total_square`].
+fn figures(design: &Design, coefficients: &[Dd], residual_square: Dd, total: Dd, rows: usize) -> ResponseStatistics {
     let term = |(powers, coefficient): (&Vec<u32>, &Dd)| TermStatistics {
         powers: powers.clone(),
         coefficient: coefficient.to_f64(),
@@ -300,7 +349,6 @@ fn figures(
         t: None,
         p: None,
     };
-    let total = total_square(design, observations);
     let unexplained = mean_square(residual_square, rows - coefficients.len());
     let spread = mean_square(total, rows - usize::from(has_constant(design)));
     ResponseStatistics {
@@ -311,8 +359,8 @@ fn figures(
         r2_adjusted: share(unexplained, spread),
         r2_predicted: None,
         press: None,
-        confidence_c: confidence(observations, predictions),
-        lack_of_fit: lack_of_fit(observations, predictions, coefficients.len()),
+        confidence_c: None,
+        lack_of_fit: None,
         validation: None,
         test: None,
         cross_validation: None,

@@ -143,13 +143,7 @@ impl Notes<'_> {
             Some(share) => (share, "holdout rows"),
             None => (if is_held { self.statistics.r2? } else { fitted? }, "the fitted rows"),
         };
-        (share < LEAST_EXPLAINED).then(|| {
-            if share <= 0.0 {
-                format!("on {rows} the surface does no better than the mean (R2 {share:.3})")
-            } else {
-                format!("on {rows} the surface explains {:.1} % of the spread about the mean", 100.0 * share)
-            }
-        })
+        explains_little(share, rows)
     }
 
     fn against_replicates(&self) -> Option<String> {
@@ -303,6 +297,17 @@ impl Notes<'_> {
             })
         })
     }
+}
+
+/// The message if a surface explains too little of the spread about the mean.
+pub(crate) fn explains_little(share: f64, rows: &str) -> Option<String> {
+    (share < LEAST_EXPLAINED).then(|| {
+        if share <= 0.0 {
+            format!("on {rows} the surface does no better than the mean (R2 {share:.3})")
+        } else {
+            format!("on {rows} the surface explains {:.1} % of the spread about the mean", 100.0 * share)
+        }
+    })
 }
 
 /// The warning if there are no rows that were not used for any choice.

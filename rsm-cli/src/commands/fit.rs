@@ -1,6 +1,6 @@
-//! `rsm fit`: from data to a model file.
+//! `rsm fit`: from data to a model file, or to the sums of a part of the data, which `rsm merge` fits together with others.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -9,9 +9,12 @@ use rsm_core::model_file;
 use rsm_core::source::Source;
 use rsm_fit::constrain::{ConstraintReport, ConstraintStatistics};
 use rsm_fit::fit::{self, ChosenBy, Outcome as Fitted, Progress, ResponseOutcome, Verdict};
-use rsm_fit::records::Refused;
+use rsm_fit::partial;
+use rsm_fit::records::{DataFile, Refused};
 use rsm_fit::spec::Specification;
 use rsm_fit::statistics::{Named, ValidationStatistics};
+use serde::Serialize;
+use serde_json::json;
 
 use crate::outcome::{Answer, Outcome, Refusal};
 use crate::{output, report};
@@ -26,6 +29,12 @@ pub struct Arguments {
     /// A folder for the report, one HTML file with tables and plots
     #[arg(long)]
     report: Option<PathBuf>,
+    /// Write the sums of the data to this file instead of a fit; `rsm merge` fits the files of all shards
+    #[arg(long, value_name = "PART", conflicts_with_all = ["out", "report"])]
+    partial: Option<PathBuf>,
+    /// With --partial: a data file of this shard, in place of those of the specification; may be repeated
+    #[arg(long, value_name = "FILE", requires = "partial")]
+    data: Vec<PathBuf>,
     /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
@@ -33,35 +42,72 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Outcome {
     let specification = Specification::read(&arguments.specification)?;
-    let fitted = with_progress(&specification)?;
-    let mut files: Vec<(PathBuf, String)> = Vec::new();
-    // If no response could be fitted, there is no model file.
-    if let (Some(path), false) = (&arguments.out, fitted.model.surfaces.is_empty()) {
-        // Check that the written file can be read again.
-        Checked::from_model(&fitted.model)?;
-        files.push((path.clone(), model_file::write(&fitted.model)));
+    if let Some(path) = &arguments.partial {
+        return partial(&specification, path, arguments);
     }
+    let fitted = with_progress(&specification)?;
+    let mut files = Vec::new();
     if let Some(folder) = &arguments.report {
         files.push((folder.join("report.html"), report::fit(&fitted)?));
     }
+    let json = arguments.json.then(|| fitted.report());
+    give(&fitted, json, &in_words(&fitted), arguments.out.as_deref(), files)
+}
+
+/// Writes the model file beside other files, and prints the outcome: as JSON if there is some; otherwise in words, with the model if it has no file.
+pub fn give(
+    fitted: &Fitted,
+    json: Option<impl Serialize>,
+    words: &str,
+    out: Option<&Path>,
+    others: Vec<(PathBuf, String)>,
+) -> Outcome {
+    let mut files: Vec<(PathBuf, String)> = Vec::new();
+    // If no response could be fitted, there is no model file.
+    if let (Some(path), false) = (out, fitted.model.surfaces.is_empty()) {
+        // Check that the written file can be read again.
+        Checked::from_model(&fitted.model)?;
+        files.push((path.to_path_buf(), model_file::write(&fitted.model)));
+    }
+    files.extend(others);
     output::write_all(&files)?;
-    if arguments.json {
-        output::json(&fitted.report())?;
-        stderr_text!("{}", in_words(&fitted));
-    } else if arguments.out.is_some() {
-        output::line(in_words(&fitted).trim_end())?;
+    if let Some(json) = json {
+        output::json(&json)?;
+        stderr_text!("{words}");
+    } else if out.is_some() {
+        output::line(words.trim_end())?;
         // Standard output may be a file, so warnings also go to standard error.
-        stderr_text!("{}", warnings(&fitted));
+        stderr_text!("{}", warnings(fitted));
         for (path, _) in &files {
             output::line(&format!("written: {}", path.display()))?;
         }
     } else {
-        stderr_text!("{}", in_words(&fitted));
+        stderr_text!("{words}");
         if !fitted.model.surfaces.is_empty() {
             output::line(model_file::write(&fitted.model).trim_end())?;
         }
     }
     Ok(if fitted.reached() { Answer::Positive } else { Answer::Negative })
+}
+
+/// Writes the sums of a shard.
+fn partial(specification: &Specification, path: &Path, arguments: &Arguments) -> Outcome {
+    let part = spinning(|progress| partial::of_files(specification, &arguments.data, progress))?;
+    output::write_all(&[(path.to_path_buf(), part.write())])?;
+    if arguments.json {
+        let file = |file: &DataFile| json!({ "file": file.name, "sha256": file.sha256, "rows": file.rows });
+        let files: Vec<_> = part.files().iter().map(file).collect();
+        output::json(&json!({
+            "part": path.display().to_string(), "sha256": part.sha256(), "rows": part.rows(), "data": files
+        }))?;
+    } else {
+        let files = match part.files().len() {
+            1 => "1 file".to_string(),
+            count => format!("{count} files"),
+        };
+        output::line(&format!("written: {}, the sums of {} rows of {files}", path.display(), part.rows()))?;
+    }
+    Ok(Answer::Positive)
 }
 
 /// Fits. On a terminal a spinner shows the current step.
@@ -74,7 +120,7 @@ pub fn sources_with_progress(specification: &Specification, sources: &[Source]) 
     spinning(|progress| fit::fit_sources(specification, sources, progress))
 }
 
-fn spinning(fit: impl FnOnce(&mut dyn FnMut(Progress<'_>)) -> Result<Fitted, Refused>) -> Result<Fitted, Refusal> {
+fn spinning<T>(fit: impl FnOnce(&mut dyn FnMut(Progress<'_>)) -> Result<T, Refused>) -> Result<T, Refusal> {
     // Draws on standard error, and only on a terminal.
     let bar = ProgressBar::new_spinner();
     bar.set_style(ProgressStyle::with_template("{spinner} {elapsed_precise} {msg}").expect("the template is ours"));

@@ -16,6 +16,7 @@ pub mod following;
 pub mod import;
 pub mod limits;
 pub mod man;
+pub mod merge;
 pub mod optimise;
 pub mod simulate;
 pub mod stream;

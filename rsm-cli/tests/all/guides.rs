@@ -22,7 +22,8 @@ const PAGES: [(&str, &[&str]); 15] = [
     ("embed-rust.md", &["rust,ignore", "rust,ignore", "rust,ignore", "rust"]),
     // `the_guide_to_federations_does_what_it_says`, without the installation; `the_guide_to_streams_does_what_it_says`.
     ("federation.md", &["sh", "sh", "sh", "sh", "sh"]),
-    ("fit.md", &["toml", "sh", "rust", "rust"]),
+    // Its last block is run in `fit_partial.rs`.
+    ("fit.md", &["toml", "sh", "rust", "rust", "toml", "sh", "sh"]),
     ("import.md", &["sh"]),
     ("optimise.md", &["toml", "sh", "sh", "rust"]),
     ("own-plant.md", &["modelica", "toml", "sh", "sh", "toml", "toml", "sh", "sh", "c", "sh"]),
@@ -70,6 +71,15 @@ fn the_guides_to_fits_constraints_and_designs_do_what_they_say() {
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     assert!(text.contains("reached (99 % wanted)") && text.contains("error estimate"), "{text}");
     assert!(folder.path().join("report/report.html").is_file());
+    // Shards: four rows and five.
+    let (header, rows) = DATA.split_once('\n').unwrap();
+    let rows: Vec<&str> = rows.lines().collect();
+    for (name, rows) in [("monday.csv", &rows[..4]), ("tuesday.csv", &rows[4..])] {
+        write(name, &format!("{header}\n{}\n", rows.join("\n")));
+    }
+    write("shards.toml", &block("fit.md", 4));
+    let text = run(&block("fit.md", 5), folder.path());
+    assert!(text.contains("3 terms from 9 rows") && text.contains("2 parts"), "{text}");
     // The response of the guide to constraints, within a specification.
     let inputs = "format = 1\nmodel = \"constrained\"\ndata = [\"dyno.csv\"]\n[inputs.torque]\n[inputs.speed]\n\n";
     write("constrained.toml", &format!("{inputs}{}", block("constrain.md", 0)));

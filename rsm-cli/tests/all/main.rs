@@ -9,6 +9,7 @@ mod driveline;
 mod federation;
 mod fit_loss;
 mod fit_missing;
+mod fit_partial;
 mod guides;
 mod import;
 mod libhelics;

@@ -276,7 +276,7 @@ fn many_diagnoses_are_tasks_and_their_json_is_that_of_diagnose() {
 }
 
 /// Python with Dask, from the place where `cargo xtask test` puts it; otherwise the test is skipped with a message.
-fn dask(test: &str) -> Option<String> {
+pub fn dask(test: &str) -> Option<String> {
     let fetched = of_the_project("target/xtask/dask");
     let paths = [fetched, of_the_project("rsm-sweep/python")].map(|it| it.canonicalize().unwrap_or(it));
     let path = std::env::join_paths(paths).unwrap().into_string().unwrap();
@@ -289,13 +289,13 @@ fn dask(test: &str) -> Option<String> {
 }
 
 /// A scheduler with its workers, on the loopback interface.
-struct Cluster {
-    address: String,
+pub struct Cluster {
+    pub address: String,
     workers: Vec<Guarded>,
     _scheduler: Guarded,
 }
 
-fn cluster(path: &str, here: &Path, workers: usize) -> Cluster {
+pub fn cluster(path: &str, here: &Path, workers: usize) -> Cluster {
     let start = |module: &str, words: &[&str]| {
         let mut command = Command::new("python3");
         command.args(["-m", module]).args(words).env("PYTHONPATH", path).current_dir(here);

@@ -4,7 +4,7 @@ mod read;
 mod write;
 
 pub use read::{Basis, HIGHEST_ORDER, HIGHEST_POWER, Located, read, read_basis, read_format};
-pub use write::write;
+pub use write::{quoted, write};
 
 /// The format number that this version reads and writes.
 pub const FORMAT: i64 = 1;

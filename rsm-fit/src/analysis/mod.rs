@@ -32,8 +32,8 @@ use crate::qr::{Compressed, Growing};
 
 pub use box_cox::{BoxCox, box_cox};
 pub use quadratic::{PathPoint, Quadratic};
-pub(crate) use report::of as report;
 pub use report::{Report, RowReport, TermReport};
+pub(crate) use report::{of as report, of_triangle as report_of_triangle};
 
 /// With a leverage this near to 1, the model passes through the row whatever its response is.
 const NO_REST: f64 = 1e-12;
@@ -236,27 +236,9 @@ impl Analysis {
             let mean = (0..count).map(|row| weight(row) * column[row]).sum::<Dd>() / weight_sum;
             (0..count).map(|row| weight(row) * (column[row] - mean) * (column[row] - mean)).sum::<Dd>()
         };
-        let quantile = quantile_t(0.95, freedom);
-        let of_one = |(place, (value, variance)): (usize, (&Dd, Dd))| {
-            let error = (mean_square * variance).sqrt().to_f64();
-            let t = value.to_f64() / error;
-            Coefficient {
-                value: value.to_f64(),
-                standard_error: error,
-                t,
-                p: two_sided_t(t, freedom as f64).unwrap_or(f64::NAN),
-                interval: [value.to_f64() - quantile * error, value.to_f64() + quantile * error],
-                vif: place.checked_sub(1).map(|k| (variance * spread(columns[k])).to_f64()),
-                partial_ss: (*value * *value / variance).to_f64(),
-            }
-        };
-        let coefficients = exact.iter().zip(growing.variances()).enumerate().map(of_one).collect();
-        let n = count as f64;
-        let logs: f64 = weights.iter().map(|weight| weight.ln()).sum();
-        let log_likelihood = 0.5 * (logs - n * ((2.0 * std::f64::consts::PI).ln() + (residual.to_f64() / n).ln() + 1.0));
-        let parameters = width as f64 + 1.0;
-        let aic = 2.0 * parameters - 2.0 * log_likelihood;
-        let correction = 2.0 * parameters * (parameters + 1.0) / (n - parameters - 1.0);
+        let spread_of = |place: usize| place.checked_sub(1).map(|k| spread(columns[k]));
+        let coefficients = coefficients(&exact, &growing, mean_square, freedom, spread_of);
+        let criteria = Criteria::of(weights.iter().map(|weight| weight.ln()).sum(), count, residual, width);
         let errors: Vec<f64> = (0..count).map(|row| rows[row].residual * weight(row).sqrt().to_f64()).collect();
         let neighbours: f64 = errors.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
         let press = (0..count).map(|row| {
@@ -271,10 +253,10 @@ impl Analysis {
             r2: share((residual / total).to_f64()),
             r2_adjusted: share((mean_square / (total / Dd::from((count - 1) as f64))).to_f64()),
             press: press.sum(),
-            log_likelihood,
-            aic,
-            aicc: (n > parameters + 1.0).then_some(aic + correction),
-            bic: parameters * n.ln() - 2.0 * log_likelihood,
+            log_likelihood: criteria.log_likelihood,
+            aic: criteria.aic,
+            aicc: criteria.aicc,
+            bic: criteria.bic,
             durbin_watson: neighbours / errors.iter().map(|error| error * error).sum::<f64>(),
             rows,
             growing,
@@ -310,6 +292,57 @@ impl Analysis {
         let around = |half: f64| [value - half, value + half];
         Prediction { value, confidence: around(half * leverage.sqrt()), prediction: around(half * (1.0 + leverage).sqrt()) }
     }
+}
+
+/// The information criteria of a fit with normal noise.
+struct Criteria {
+    log_likelihood: f64,
+    aic: f64,
+    aicc: Option<f64>,
+    bic: f64,
+}
+
+impl Criteria {
+    /// `logs`: the sum of the logarithms of the weights; `residual`: the sum of squares.
+    fn of(logs: f64, rows: usize, residual: Dd, terms: usize) -> Self {
+        let n = rows as f64;
+        let log_likelihood = 0.5 * (logs - n * ((2.0 * std::f64::consts::PI).ln() + (residual.to_f64() / n).ln() + 1.0));
+        let parameters = terms as f64 + 1.0;
+        let aic = 2.0 * parameters - 2.0 * log_likelihood;
+        let correction = 2.0 * parameters * (parameters + 1.0) / (n - parameters - 1.0);
+        Criteria {
+            log_likelihood,
+            aic,
+            aicc: (n > parameters + 1.0).then_some(aic + correction),
+            bic: parameters * n.ln() - 2.0 * log_likelihood,
+        }
+    }
+}
+
+/// The figures of the coefficients, in the order in which the columns were added. `spread`: the sum of squares of a column about its mean; `None` for
+/// the constant.
+fn coefficients(
+    exact: &[Dd],
+    growing: &Growing,
+    mean_square: Dd,
+    freedom: usize,
+    spread: impl Fn(usize) -> Option<Dd>,
+) -> Vec<Coefficient> {
+    let quantile = quantile_t(0.95, freedom);
+    let of_one = |(place, (value, variance)): (usize, (&Dd, Dd))| {
+        let error = (mean_square * variance).sqrt().to_f64();
+        let t = value.to_f64() / error;
+        Coefficient {
+            value: value.to_f64(),
+            standard_error: error,
+            t,
+            p: two_sided_t(t, freedom as f64).unwrap_or(f64::NAN),
+            interval: [value.to_f64() - quantile * error, value.to_f64() + quantile * error],
+            vif: spread(place).map(|spread| (variance * spread).to_f64()),
+            partial_ss: (*value * *value / variance).to_f64(),
+        }
+    };
+    exact.iter().zip(growing.variances()).enumerate().map(of_one).collect()
 }
 
 fn line(source: &str, df: usize, ss: Dd, against: Option<(Dd, usize)>) -> Line {

@@ -5,10 +5,11 @@
 
 use serde::Serialize;
 
-use super::{Analysis, BoxCox, Group, Influence, Line, box_cox};
+use super::{Analysis, BoxCox, Criteria, Group, Influence, Line, box_cox, coefficients, line};
 use crate::dd::Dd;
 use crate::design::{Design, order};
 use crate::observations::Observations;
+use crate::qr::{Growing, Triangle};
 use crate::sequence::Sequence;
 
 /// The limit of double-double multiplications: 10^8 take a second.
@@ -65,27 +66,11 @@ pub(crate) fn of(design: &Design, fit: Observations<'_>, sequence: &Sequence) ->
     if fit.response.len() as f64 * (width as f64 + 1.0).powi(2) > WORK {
         return None;
     }
-    let constant = design.terms().iter().position(|powers| order(powers) == 0)?;
+    let (constant, kinds) = kinds(design)?;
     let rows = &sequence.rows;
     let values: Vec<Vec<Dd>> = rows.iter().map(|row| design.row_as_measured(&fit.point(*row))).collect();
     let response: Vec<f64> = rows.iter().map(|row| fit.response[*row]).collect();
     let weights: Vec<f64> = rows.iter().filter_map(|row| fit.weights.get(*row).copied()).collect();
-    let mut kinds: Vec<(String, Vec<usize>)> = Vec::new();
-    let highest = design.terms().iter().map(|powers| order(powers)).max()?;
-    for at in 1..=highest {
-        let of_order = |k: &usize| order(&design.terms()[*k]) == at;
-        let terms: Vec<usize> = (0..width).filter(of_order).collect();
-        let is_square = |k: &usize| design.terms()[*k].contains(&2);
-        match at {
-            1 => kinds.push(("first order".to_string(), terms)),
-            2 => {
-                let (squares, products): (Vec<usize>, Vec<usize>) = terms.into_iter().partition(is_square);
-                kinds.push(("interactions".to_string(), products));
-                kinds.push(("squares".to_string(), squares));
-            }
-            _ => kinds.push((format!("order {at}"), terms)),
-        }
-    }
     let column = |k: &usize| values.iter().map(|row| row[*k]).collect::<Vec<Dd>>();
     let groups: Vec<Group> =
         kinds.iter().map(|(name, terms)| Group::exact(name.clone(), terms.iter().map(column).collect())).collect();
@@ -117,6 +102,82 @@ pub(crate) fn of(design: &Design, fit: Observations<'_>, sequence: &Sequence) ->
         influential,
         box_cox: power,
         sequential: analysis.sequential,
+    })
+}
+
+/// Terms that enter together, with the name of their line.
+type Kind = (String, Vec<usize>);
+
+/// The constant, and the other terms by kind.
+fn kinds(design: &Design) -> Option<(usize, Vec<Kind>)> {
+    let constant = design.terms().iter().position(|powers| order(powers) == 0)?;
+    let mut kinds: Vec<Kind> = Vec::new();
+    let highest = design.terms().iter().map(|powers| order(powers)).max()?;
+    for at in 1..=highest {
+        let of_order = |k: &usize| order(&design.terms()[*k]) == at;
+        let terms: Vec<usize> = (0..design.width()).filter(of_order).collect();
+        let is_square = |k: &usize| design.terms()[*k].contains(&2);
+        match at {
+            1 => kinds.push(("first order".to_string(), terms)),
+            2 => {
+                let (squares, products): (Vec<usize>, Vec<usize>) = terms.into_iter().partition(is_square);
+                kinds.push(("interactions".to_string(), products));
+                kinds.push(("squares".to_string(), squares));
+            }
+            _ => kinds.push((format!("order {at}"), terms)),
+        }
+    }
+    Some((constant, kinds))
+}
+
+/// The part of the report that needs no rows, from the triangle of all candidates. `chosen`: the candidates that are the terms of `design`; `logs`:
+/// the sum of the logarithms of the weights, whose mean is 1.
+pub(crate) fn of_triangle(design: &Design, triangle: &Triangle, chosen: &[usize], logs: f64) -> Option<Report> {
+    let (constant, kinds) = kinds(design)?;
+    let (rows, width) = (triangle.rows(), design.width());
+    let freedom = rows.checked_sub(width).filter(|freedom| *freedom > 0)?;
+    let mut growing = Growing::new(triangle);
+    growing.add(chosen[constant]).ok()?;
+    let mut left = vec![growing.residual_square()];
+    let mut entered = vec![constant];
+    let mut spreads = vec![None];
+    for (_, terms) in &kinds {
+        entered.extend(terms);
+    }
+    // Before other columns are added: about the mean.
+    spreads.extend(entered[1..].iter().map(|term| Some(growing.own_square(chosen[*term]))));
+    for (_, terms) in &kinds {
+        for term in terms {
+            growing.add(chosen[*term]).ok()?;
+        }
+        left.push(growing.residual_square());
+    }
+    let residual = growing.residual_square();
+    let mean_square = residual / Dd::from(freedom as f64);
+    let criteria = Criteria::of(logs, rows, residual, width);
+    // With a zero residual, the criteria are not defined.
+    if !(criteria.aic.is_finite() && residual > Dd::ZERO) {
+        return None;
+    }
+    let mut sequential: Vec<Line> = Vec::new();
+    for (k, (name, terms)) in kinds.iter().enumerate().filter(|(_, (_, terms))| !terms.is_empty()) {
+        sequential.push(line(name, terms.len(), left[k] - left[k + 1], Some((mean_square, freedom))));
+    }
+    sequential.push(line("residual", freedom, residual, None));
+    let found = coefficients(&growing.coefficients(), &growing, mean_square, freedom, |place| spreads[place]);
+    let term = |k: usize| {
+        let place = entered.iter().position(|other| *other == k).expect("every term entered");
+        TermReport { interval: found[place].interval, vif: found[place].vif, partial_ss: found[place].partial_ss }
+    };
+    Some(Report {
+        terms: (0..width).map(term).collect(),
+        aic: criteria.aic,
+        aicc: criteria.aicc,
+        bic: criteria.bic,
+        durbin_watson: None,
+        influential: Vec::new(),
+        box_cox: None,
+        sequential,
     })
 }
 

@@ -7,7 +7,9 @@
 //!
 //! Source: Goodnight 1979, A tutorial on the SWEEP operator.
 
+use crate::dd::Dd;
 use crate::design::Design;
+use crate::qr::Triangle;
 use crate::selection::Sample;
 use crate::statistics::Observations;
 
@@ -56,6 +58,21 @@ impl Scales {
         Scales { middles, scales, constant }
     }
 
+    /// The scales from the triangle of all rows: an orthogonal transformation keeps the products of columns.
+    pub(super) fn of_triangle(triangle: &Triangle, constant: Option<usize>) -> Self {
+        let columns = triangle.columns();
+        let ones = constant.map(|constant| &columns[constant]);
+        let weight = ones.map_or(Dd::from(triangle.rows() as f64), |ones| product(ones, ones));
+        let (mut middles, mut scales) = (vec![0.0; columns.len()], vec![1.0; columns.len()]);
+        for (k, column) in columns.iter().enumerate().filter(|(k, _)| Some(*k) != constant) {
+            middles[k] = ones.map_or(0.0, |ones| (product(ones, column) / weight).to_f64());
+            let own = about(column, middles[k], ones);
+            let square = (product(&own, &own) / weight).to_f64();
+            scales[k] = if square > 0.0 { square.sqrt() } else { 1.0 };
+        }
+        Scales { middles, scales, constant }
+    }
+
     /// Coefficients of unscaled columns from those of scaled ones. Zeros are left out of `terms` and `coefficients`.
     pub(super) fn natural(&self, terms: &[usize], coefficients: &[f64]) -> Vec<f64> {
         let response = self.middles.len() - 1;
@@ -72,6 +89,18 @@ impl Scales {
             natural[place] = self.middles[response] + natural[place] - moved;
         }
         natural
+    }
+}
+
+fn product(one: &[Dd], other: &[Dd]) -> Dd {
+    one.iter().zip(other).map(|(x, y)| *x * *y).sum()
+}
+
+/// A column less a multiple of the constant.
+fn about(column: &[Dd], middle: f64, ones: Option<&Vec<Dd>>) -> Vec<Dd> {
+    match ones {
+        Some(ones) => column.iter().zip(ones).map(|(x, one)| *x - Dd::from(middle) * *one).collect(),
+        None => column.to_vec(),
     }
 }
 
@@ -139,6 +168,26 @@ impl Gram {
                 gram.sums[k * width + other] = gram.sums[other * width + k];
             }
         }
+        gram
+    }
+
+    /// The same from the triangle of all rows.
+    pub(super) fn of_triangle(triangle: &Triangle, scales: &Scales) -> Self {
+        let columns = triangle.columns();
+        let ones = scales.constant.map(|constant| &columns[constant]);
+        let own = |(k, column): (usize, &Vec<Dd>)| -> Vec<Dd> {
+            let scale = Dd::from(scales.scales[k]);
+            about(column, scales.middles[k], ones).into_iter().map(|x| x / scale).collect()
+        };
+        let own: Vec<Vec<Dd>> = columns.iter().enumerate().map(own).collect();
+        let mut gram = Gram::nothing(own.len());
+        for (row, one) in own.iter().enumerate() {
+            for (column, other) in own.iter().enumerate() {
+                gram.sums[row * gram.width + column] = product(one, other).to_f64();
+            }
+        }
+        gram.rows = triangle.rows();
+        gram.weight = ones.map_or(gram.rows as f64, |ones| product(ones, ones).to_f64());
         gram
     }
 

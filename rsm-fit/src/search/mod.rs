@@ -15,7 +15,7 @@ use rsm_core::model::Coding;
 use crate::dd::Dd;
 use crate::design::{Design, order};
 use crate::ladder::most_terms;
-use crate::qr::Growing;
+use crate::qr::{Growing, Triangle};
 use crate::selection::{ChosenBy, Sample, held_out};
 use crate::spec::{Criterion, Method, PARTS, Search, SearchBy};
 use crate::split;
@@ -114,6 +114,14 @@ impl Searcher<'_> {
         };
         let held: Option<Vec<&Part>> = held.as_ref().map(|parts| parts.iter().collect());
         self.found(&scales, &parts, held.as_deref())
+    }
+
+    /// The same choice by AICc from the triangle of all candidates, without rows; `None` if there are too few rows for a choice. `fit` is not used.
+    pub(crate) fn choose_by_triangle(&self, triangle: &Triangle) -> Option<Found> {
+        let scales = Scales::of_triangle(triangle, self.constant());
+        let gram = Gram::of_triangle(triangle, &scales);
+        let whole = Part { rows: Sample::default(), gram, judge: None, scaled: Vec::new() };
+        self.found(&scales, &[&whole], None)
     }
 
     fn scales(&self) -> Scales {

@@ -14,6 +14,7 @@ mod missing;
 mod nist;
 mod optimal;
 mod optimise;
+mod partial;
 mod plans;
 mod real;
 mod recursive;

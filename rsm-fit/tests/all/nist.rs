@@ -4,13 +4,14 @@
 //! the value. The lower limits are just below the accuracy that remains in the exact answer after the decimals are read into f64 (coefficients, from
 //! the data's README: Norris 14.1, Pontius 13.5, NoInt1 14.7, Filip 14.0, Longley 14.6, Wampler2 13.2, others exact): no solver can be more accurate.
 
+use rsm_fit::statistics::ResponseStatistics;
 use serde_json::Value;
 
 use crate::data::fitted_in;
 use crate::folders::nist;
 
 /// Coefficients, standard errors, residual standard deviation, R^2.
-const FLOORS: &[(&str, [f64; 4])] = &[
+pub const FLOORS: &[(&str, [f64; 4])] = &[
     ("Norris", [14.0, 13.9, 14.0, 14.9]),
     ("Pontius", [13.5, 13.7, 13.7, 14.9]),
     ("NoInt1", [14.7, 14.9, 14.9, 14.9]),
@@ -32,8 +33,8 @@ fn digits(found: f64, certified: &str) -> f64 {
     if relative == 0.0 { 15.0 } else { (-relative.log10()).min(15.0) }
 }
 
-/// The digits of the worst coefficient, of the worst standard error, of the residual standard deviation and of R^2.
-fn agreement(set: &str, certified: &Value, folder: &std::path::Path) -> [f64; 4] {
+/// The specification of a set: raw columns, given terms.
+pub fn text_of(set: &str, certified: &Value) -> String {
     let inputs: Vec<&str> = certified["columns"].as_array().unwrap()[1..].iter().map(|name| name.as_str().unwrap()).collect();
     let width = inputs.len();
     let unit = |k: usize| -> Vec<u32> { (0..width).map(|j| u32::from(j == k)).collect() };
@@ -45,13 +46,14 @@ fn agreement(set: &str, certified: &Value, folder: &std::path::Path) -> [f64; 4]
         terms.insert(0, vec![0; width]);
     }
     let tables: String = inputs.iter().map(|name| format!("[inputs.{name}]\nunit = \"1\"\n")).collect();
-    let text = format!(
+    format!(
         "format = 1\nmodel = \"nist\"\ndata = [\"{set}.csv\"]\n{tables}[responses.y]\nunit = \"1\"\ninputs = {inputs:?}\n\
          coding = \"none\"\nselect = {{ method = \"fixed\" }}\nterms = {terms:?}\n"
-    );
-    let outcome = fitted_in(&text, folder);
-    let statistics =
-        outcome.responses[0].statistics.as_ref().unwrap_or_else(|| panic!("{set}: {}", outcome.responses[0].verdict));
+    )
+}
+
+/// The digits of the worst coefficient, of the worst standard error, of the residual standard deviation and of R^2.
+pub fn agreement_of(statistics: &ResponseStatistics, certified: &Value) -> [f64; 4] {
     let worst = |found: Vec<f64>, key: &str| {
         let certified = certified[key].as_array().unwrap();
         assert_eq!(found.len(), certified.len());
@@ -73,7 +75,10 @@ fn all_eleven_sets_keep_the_digits_that_the_data_hold() {
     println!("{:10} {:>12} {:>12} {:>12} {:>12}", "set", "coefficient", "error", "residual", "R^2");
     let mut failures = Vec::new();
     for (set, floor) in FLOORS {
-        let found = agreement(set, &certified[*set], &folder);
+        let outcome = fitted_in(&text_of(set, &certified[*set]), &folder);
+        let statistics = outcome.responses[0].statistics.as_ref();
+        let statistics = statistics.unwrap_or_else(|| panic!("{set}: {}", outcome.responses[0].verdict));
+        let found = agreement_of(statistics, &certified[*set]);
         let [b, se, sd, r2] = found;
         println!("{set:10} {b:12.2} {se:12.2} {sd:12.2} {r2:12.2}");
         for (found, floor) in found.iter().zip(floor) {

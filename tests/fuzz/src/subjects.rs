@@ -15,7 +15,9 @@ use rsm_diagnose::surface::data::NewData;
 use rsm_diagnose::surface::diagnose;
 use rsm_fit::fit::fit;
 use rsm_fit::optimise::Study;
+use rsm_fit::partial;
 use rsm_fit::plan::{DesignSpecification, Plan, Runs};
+use rsm_fit::records::hash;
 use rsm_fit::spec::Specification;
 use rsm_fit::table::{Table, Wanted};
 use rsm_import::{File, Wishes};
@@ -162,6 +164,7 @@ pub fn all(root: &Path) -> Vec<Subject> {
             ),
             feed: specification,
         },
+        Subject { name: "part", texts: vec![part_text()], feed: part },
         Subject { name: "table", texts: with(files(root, &["rsm-fit/tests/cases"], "csv", ""), &[DATA]), feed: table },
         Subject {
             name: "design",
@@ -225,6 +228,32 @@ fn specification(ground: &Ground, text: &str, random: &mut Random) {
     let Ok(specification) = Specification::from_source(Source::new("fit.toml", text), ground.folder.clone()) else { return };
     if random.below(50) == 0 {
         let _ = fit(&specification, &mut |_| {});
+    }
+}
+
+/// The text of a part before its hash, from sums of DATA.
+fn part_text() -> String {
+    let text = "format = 1\nmodel = \"m\"\ndata = [\"d.csv\"]\nmissing = \"drop-row\"\n[inputs.x]\nunit = \"bar\"\nrange = [0.0, 4.0]\n[responses.y]\n\
+        unit = \"W\"\ninputs = [\"x\"]\nselect = { method = \"fixed\", order = 2 }\n";
+    let specification = Specification::from_source(Source::new("fit.toml", text), PathBuf::new());
+    let specification = specification.unwrap_or_else(|faults| panic!("{faults}"));
+    let part = partial::of_sources(&specification, &[Source::new("d.csv", format!("{DATA}5,\n"))]);
+    let written = part.unwrap_or_else(|refused| panic!("{refused}")).write();
+    written.split_once("\n[end]").expect("a part has an end").0.to_string()
+}
+
+/// `rsm merge`: a changed part with the hash of what it contains, which would otherwise be all that is read.
+fn part(_: &Ground, text: &str, random: &mut Random) {
+    let ended = |text: &str| format!("{text}\n[end]\nsha256 = \"{}\"\n", hash(text));
+    let read = |text: &str| partial::Part::read(&Source::new("a.rsm", ended(text)));
+    let _ = partial::Part::read(&Source::new("b.rsm", text));
+    let Ok(changed) = read(text) else { return };
+    let mut parts = vec![changed];
+    if random.below(2) == 0 {
+        parts.extend(read(&part_text()));
+    }
+    if let Ok(merged) = partial::merge(parts) {
+        let _ = merged.report();
     }
 }
 
