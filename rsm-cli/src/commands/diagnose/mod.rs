@@ -2,8 +2,8 @@
 //!
 //! In: a plant file, training, validation and test records. Out: one JSON object, and with `--out` the files diagnosis.json, extended.toml,
 //! report.html; correction.toml if a black-box correction gains; law.toml and law-effect.toml if a law that is in no textbook acts;
-//! next_experiment.csv if causes cannot be distinguished; with `--refit` the folder refit. The files are complete or not written at all. Every verdict
-//! is an answer: exit status 0. A model file with new data goes to [`surface`].
+//! next_experiment.csv if causes cannot be distinguished; with `--refit` the folder refit. The files are complete or not written at all. Every
+//! verdict is an answer: exit status 0. A model file with new data goes to [`surface`].
 
 mod cause_json;
 mod equations;

@@ -46,7 +46,8 @@ pub struct Curve {
 pub struct Textbook {
     /// The form, in words.
     pub words: &'static str,
-    /// The root mean square difference of the best such form from the law, as a share of the root mean square of the law, over the rows of the records.
+    /// The root mean square difference of the best such form from the law, as a share of the root mean square of the law, over the rows of the
+    /// records.
     pub misfit: f64,
 }
 

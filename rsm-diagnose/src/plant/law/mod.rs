@@ -39,8 +39,8 @@ const STEPS: usize = 8;
 /// The smallest useful gain: the share of the error above the noise that a law must remove on holdout rows.
 const LEAST_GAIN: f64 = 0.1;
 
-/// A law may leave this many times the error above the noise that all helpers together leave: it is one statement about one site, and they are several
-/// about different places.
+/// A law may leave this many times the error above the noise that all helpers together leave: it is one statement about one site, and they are
+/// several about different places.
 const TIMES_THE_HELPERS: f64 = 2.0;
 
 /// A law of a site.

@@ -124,7 +124,8 @@ fn coefficients(fit: &Fit, chosen: &[(usize, f64)]) -> Vec<(usize, f64)> {
 }
 
 /// The terms that every law has: the constant, and those of first order of its variables. Parameters of the plant often have the same traces (a
-/// viscous friction, a rolling resistance). Without these terms such a parameter would take their part, and the band of the curve would be too narrow.
+/// viscous friction, a rolling resistance). Without these terms such a parameter would take their part, and the band of the curve would be too
+/// narrow.
 fn always(form: &Form, chosen: &[(usize, f64)]) -> Vec<usize> {
     let is_used = |variable: usize| chosen.iter().any(|it| form.terms[it.0][variable] > 0);
     let is_low = |term: &Vec<u32>| {
@@ -147,7 +148,8 @@ fn undetermined(fit: &Fit, chosen: &[(usize, f64)], always: &[usize]) -> Option<
     each.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|it| it.1 < LEAST_DEVIATIONS).map(|it| it.0)
 }
 
-/// All terms chosen again, from their traces at a fit: a step of Gauss and Newton in which the set of terms is free too. Each with a first coefficient.
+/// All terms chosen again, from their traces at a fit: a step of Gauss and Newton in which the set of terms is free too. Each with a first
+/// coefficient.
 fn reselected(
     whitened: &WhitenedResiduals,
     fit: &Fit,
