@@ -3,8 +3,8 @@
 //! In: a site with its variables, and their ranges along the records. Out: candidate terms; the file of the effect; the surface. Fits nothing.
 //!
 //! A law is a polynomial in coded variables, each from -1 to 1 over its range. Where the first variable is a speed that changes its sign, its smooth
-//! sign is one more variable: dry friction is no polynomial. Two smooth steps that are wider, the sigmoids of surfaces over the speed, represent what rises and
-//! falls near rest.
+//! sign is one more variable: dry friction is no polynomial. Two smooth steps that are wider, the sigmoids of surfaces over the speed, represent what
+//! rises and falls near rest.
 
 use std::fmt::Write as _;
 
