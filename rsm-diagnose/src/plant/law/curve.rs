@@ -59,7 +59,7 @@ pub struct Fitted<'a> {
     pub terms: &'a [Vec<u32>],
     /// The coefficient of each term.
     pub coefficients: &'a [f64],
-    /// Their covariance, row by row.
+    /// The covariance of the coefficients of all terms of the form, row by row.
     pub covariance: &'a [Vec<f64>],
     /// The values of the variables of the form along the records, one list for each.
     pub visited: &'a [Vec<f64>],
@@ -73,7 +73,7 @@ impl Fitted<'_> {
     }
 
     fn deviation(&self, at: &[f64]) -> f64 {
-        let terms: Vec<f64> = self.terms.iter().map(|term| self.form.value(term, at)).collect();
+        let terms: Vec<f64> = self.form.terms.iter().map(|term| self.form.value(term, at)).collect();
         let variance: f64 = self.covariance.iter().zip(&terms).map(|(row, term)| term * dot(row, &terms)).sum();
         variance.max(0.0).sqrt()
     }
@@ -227,7 +227,11 @@ mod tests {
         let form = form(&visited);
         // The range is -2.2 to 2.2 m/s: a coded variable is the speed over 2.2.
         let (terms, coefficients) = (vec![vec![1, 0, 0, 0], vec![0, 1, 0, 0]], [2.2 * 3.0, 5.0]);
-        let covariance = vec![vec![0.04, 0.0], vec![0.0, 0.09]];
+        let place = |term: &Vec<u32>| form.terms.iter().position(|it| it == term).unwrap();
+        let mut covariance = vec![vec![0.0; form.terms.len()]; form.terms.len()];
+        for (term, variance) in terms.iter().zip([0.04, 0.09]) {
+            covariance[place(term)][place(term)] = variance;
+        }
         let visited = vec![visited];
         let law =
             Fitted { form: &form, terms: &terms, coefficients: &coefficients, covariance: &covariance, visited: &visited };

@@ -157,7 +157,7 @@ impl Candidate {
 
     /// The law, fitted to all training records, in a plant whose effect has the chosen terms only.
     fn law(self, whitened: &WhitenedResiduals, named: &Model, gain: f64, interval: (f64, f64)) -> Option<Law> {
-        let Candidate { form, law: WithLaw { fit, terms } } = self;
+        let Candidate { form, law: WithLaw { fit, terms, covariance } } = self;
         let at = form.balance.at.clone();
         let sentence = format!("An unknown {} acts at {at}. It is a surface fitted to records.", form.balance.term);
         let mut before = fit.model.file.clone();
@@ -189,7 +189,6 @@ impl Candidate {
         }
         let fit = levenberg::fit(whitened, model, STEPS)?;
         let coefficients: Vec<f64> = selection::own(&fit.model).into_iter().map(|k| fit.model.value(k)).collect();
-        let covariance = selection::covariance(&fit);
         let all = visited(whitened, &fit.model, &form.balance);
         // Only the variables of the form, which vary.
         let is_kept = |name: &str| form.variables.iter().any(|it| it.name == name);

@@ -45,6 +45,8 @@ pub struct WithLaw {
     pub fit: Fit,
     /// The terms, in the order of the numbers of the effect.
     pub terms: Vec<Vec<u32>>,
+    /// The covariance of the coefficients of all terms of the form, also of those that were not chosen: the choice is a part of the uncertainty.
+    pub covariance: Vec<Vec<f64>>,
 }
 
 /// Chooses and fits the terms. `plant` is the plant of the base with the effect of all terms in its catalogue. `None` if no term helps, or if the
@@ -107,7 +109,11 @@ pub fn select(
         fit = levenberg::fit(whitened, with(&fit.model, &chosen)?, STEPS)?;
         chosen = coefficients(&fit, &chosen);
     }
-    (!chosen.is_empty()).then(|| WithLaw { terms: chosen.iter().map(|it| form.terms[it.0].clone()).collect(), fit })
+    if chosen.is_empty() {
+        return None;
+    }
+    let covariance = Traces::of(whitened, &fit, form, &chosen, &|numbers| with(&fit.model, numbers))?.covariance(&fit);
+    Some(WithLaw { terms: chosen.iter().map(|it| form.terms[it.0].clone()).collect(), covariance, fit })
 }
 
 /// The indices of the unknowns of a model's last effect, the law, in the order of its numbers.
@@ -148,6 +154,54 @@ fn undetermined(fit: &Fit, chosen: &[(usize, f64)], always: &[usize]) -> Option<
     each.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|it| it.1 < LEAST_DEVIATIONS).map(|it| it.0)
 }
 
+/// The traces of all terms at a fit, with the other unknowns projected out: the changes of the whitened simulation by their coefficients.
+struct Traces {
+    /// The terms in the order of the traces: first those of the law, then the others, each with its coefficient.
+    all: Vec<(usize, f64)>,
+    /// Inner products of the traces, row by row.
+    gram: Vec<f64>,
+    /// Inner products with the residual of the plant without the law.
+    right: Vec<f64>,
+    /// The squared residual of the plant without the law.
+    whole: f64,
+}
+
+impl Traces {
+    fn of(whitened: &WhitenedResiduals, fit: &Fit, form: &Form, chosen: &[(usize, f64)], with: &Build<'_>) -> Option<Traces> {
+        let mut all = chosen.to_vec();
+        all.extend((0..form.terms.len()).filter(|k| !chosen.iter().any(|it| it.0 == *k)).map(|k| (k, 0.0)));
+        let model = with(&all)?;
+        let columns = whitened.derivatives(&model, &fit.simulated, &own(&model))?;
+        let others = without_law(fit, chosen.len());
+        let nuisance = Nuisance::new(&others);
+        let products: Vec<Vec<f64>> = columns.iter().map(|it| nuisance.products(&it.values)).collect();
+        let n = columns.len();
+        let gram = symmetric(n, |i, j| nuisance.between(columns[i].dot(&columns[j]), &products[i], &products[j], 0));
+        // The residual without the law: to first order, what its terms explain now is added.
+        let explained = |i: usize| chosen.iter().enumerate().map(|(j, it)| gram[i * n + j] * it.1).sum::<f64>();
+        let right: Vec<f64> =
+            (0..n).map(|i| nuisance.with_residual(&columns[i].values, &products[i], 0) + explained(i)).collect();
+        let now: f64 = (0..chosen.len()).map(|i| chosen[i].1 * (2.0 * right[i] - explained(i))).sum();
+        let whole = dot(&fit.residual, &fit.residual) + now;
+        Some(Traces { all, gram, right, whole })
+    }
+
+    /// The covariance of the coefficients of all terms, in the order of the form, if all of them were free. If more than noise is left, it is larger
+    /// accordingly.
+    fn covariance(&self, fit: &Fit) -> Vec<Vec<f64>> {
+        let spread = (fit.cost / fit.residual.len().max(1) as f64).max(1.0);
+        let n = self.all.len();
+        let normal = Normal::new(&self.gram, n, 0.0);
+        let mut covariance = vec![vec![0.0; n]; n];
+        for (i, (term, _)) in self.all.iter().enumerate() {
+            for ((other, _), value) in self.all.iter().zip(normal.covariances(i)) {
+                covariance[*term][*other] = spread * value;
+            }
+        }
+        covariance
+    }
+}
+
 /// All terms chosen again, from their traces at a fit: a step of Gauss and Newton in which the set of terms is free too. Each with a first
 /// coefficient.
 fn reselected(
@@ -157,20 +211,8 @@ fn reselected(
     chosen: &[(usize, f64)],
     with: &Build<'_>,
 ) -> Option<Vec<(usize, f64)>> {
-    let mut all = chosen.to_vec();
-    all.extend((0..form.terms.len()).filter(|k| !chosen.iter().any(|it| it.0 == *k)).map(|k| (k, 0.0)));
-    let model = with(&all)?;
-    let columns = whitened.derivatives(&model, &fit.simulated, &own(&model))?;
-    let others = without_law(fit, chosen.len());
-    let nuisance = Nuisance::new(&others);
-    let products: Vec<Vec<f64>> = columns.iter().map(|it| nuisance.products(&it.values)).collect();
-    let n = columns.len();
-    let gram = symmetric(n, |i, j| nuisance.between(columns[i].dot(&columns[j]), &products[i], &products[j], 0));
-    // The residual without the law: to first order, what its terms explain now is added.
-    let explained = |i: usize| chosen.iter().enumerate().map(|(j, it)| gram[i * n + j] * it.1).sum::<f64>();
-    let right: Vec<f64> = (0..n).map(|i| nuisance.with_residual(&columns[i].values, &products[i], 0) + explained(i)).collect();
-    let now: f64 = (0..chosen.len()).map(|i| chosen[i].1 * (2.0 * right[i] - explained(i))).sum();
-    let whole = dot(&fit.residual, &fit.residual) + now;
+    let Traces { all, gram, right, whole } = Traces::of(whitened, fit, form, chosen, with)?;
+    let n = all.len();
     let rows = fit.residual.len() as f64;
     let gain_of = |set: &[usize]| solved(&gram, &right, n, set);
     let best_of = |sets: &mut dyn Iterator<Item = Vec<usize>>| {
@@ -238,17 +280,4 @@ fn solved(gram: &[f64], right: &[f64], n: usize, set: &[usize]) -> Option<(Vec<f
     let values = normal.solve(&set.iter().map(|k| right[*k] / size(*k)).collect::<Vec<f64>>());
     let gain = values.iter().zip(set).map(|(value, k)| value * right[*k] / size(*k)).sum();
     Some((values.iter().zip(set).map(|(value, k)| value / size(*k)).collect(), gain))
-}
-
-/// The covariance of the law's coefficients, row by row. If more than noise is left, it is larger accordingly.
-#[must_use]
-pub fn covariance(fit: &Fit) -> Vec<Vec<f64>> {
-    let spread = (fit.cost / fit.residual.len().max(1) as f64).max(1.0);
-    let normal = Normal::fine(&fit.matrix(), fit.free.len());
-    let places: Vec<Option<usize>> = own(&fit.model).into_iter().map(|k| fit.free.iter().position(|it| *it == k)).collect();
-    let row = |place: &Option<usize>| -> Vec<f64> {
-        let all = place.map(|place| normal.covariances(place));
-        places.iter().map(|other| all.as_ref().zip(*other).map_or(0.0, |(all, other)| spread * all[other])).collect()
-    };
-    places.iter().map(row).collect()
 }
