@@ -194,6 +194,9 @@ impl Candidate {
         let is_kept = |name: &str| form.variables.iter().any(|it| it.name == name);
         let kept: Vec<Vec<f64>> =
             form.balance.variables.iter().zip(all).filter(|(it, _)| is_kept(&it.0)).map(|(_, values)| values).collect();
+        if kept.iter().any(|values| !values.iter().any(|it| it.is_finite())) {
+            return None;
+        }
         let fitted =
             Fitted { form: &form, terms: &terms, coefficients: &coefficients, covariance: &covariance, visited: &kept };
         let (inputs, textbook, curves) = (fitted.inputs(), fitted.textbook(), fitted.curves());
