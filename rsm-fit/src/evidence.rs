@@ -3,7 +3,7 @@
 //! In: the specification, the outcome and the records of one response. Out: named pieces of evidence: data files with hashes, the specification with
 //! its hash, the method, the figures of quality. It contains no path, date or user name, so the same inputs give the same text.
 
-use rsm_core::model::Evidence;
+use rsm_core::model::{Evidence, Surface};
 use rsm_core::source::Source;
 
 use crate::constrain::{ConstraintReport, ConstraintStatistics};
@@ -33,7 +33,7 @@ pub(crate) fn of(
         tell("rows_left_out", Some(whole(one.rows)));
     }
     tell("data", fit.map(|fit| files(&fit.files)));
-    tell("specification", specification.source().map(specification_of));
+    tell("specification", specification.source().map(file_of));
     tell("method", Some(Evidence::Text(method(&response.method, response.loss))));
     tell(
         "weights",
@@ -107,7 +107,7 @@ fn errors(judged: &ValidationStatistics) -> impl Iterator<Item = (String, Eviden
     figures.into_iter().filter_map(|(name, value)| Some((name.to_string(), value?)))
 }
 
-fn whole(count: usize) -> Evidence {
+pub(crate) fn whole(count: usize) -> Evidence {
     Evidence::Whole(i64::try_from(count).unwrap_or(i64::MAX))
 }
 
@@ -144,8 +144,17 @@ fn constrained(told: &ConstraintStatistics) -> Evidence {
     Evidence::Table(table)
 }
 
-/// The file name without folders, because the folder is specific to one machine.
-fn specification_of(source: &Source) -> Evidence {
+/// The residual standard deviation in the evidence of a surface.
+#[must_use]
+pub fn residual_sd_of(surface: &Surface) -> Option<f64> {
+    surface.evidence.iter().find_map(|(name, value)| match value {
+        Evidence::Number(sd) if name == "residual_sd" => Some(*sd),
+        _ => None,
+    })
+}
+
+/// A file with its hash. The file name has no folders, because the folder is specific to one machine.
+pub(crate) fn file_of(source: &Source) -> Evidence {
     let name = source.name().rsplit(['/', '\\']).next().unwrap_or_default();
     Evidence::Table(vec![text("file", name), text("sha256", &hash(source.text()))])
 }

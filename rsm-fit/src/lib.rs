@@ -133,6 +133,7 @@ pub mod plan;
 
 pub mod optimise;
 
+pub use evidence::residual_sd_of;
 pub use fit::{Outcome, Progress, ResponseOutcome};
 pub use in_memory::{Fit, Input, Response, Select};
 pub use missing::Missing;

@@ -12,8 +12,8 @@ use rsm_core::run::{Interpreter, Scalar};
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use serde::Serialize;
 
+use crate::evidence::{file_of, residual_sd_of, whole};
 use crate::missing::MissingAs;
-use crate::records::hash;
 use crate::table::{Table, Wanted};
 
 /// The data are reported in this number of parts.
@@ -128,10 +128,7 @@ impl Track {
     /// The noise that a model file gives for a surface: `residual_sd` in its evidence.
     #[must_use]
     pub fn noise_of_file(checked: &Checked, surface: usize) -> Option<f64> {
-        checked.model().surfaces[surface].evidence.iter().find_map(|(name, value)| match value {
-            Evidence::Number(sd) if name == "residual_sd" => Some(*sd),
-            _ => None,
-        })
+        residual_sd_of(&checked.model().surfaces[surface])
     }
 
     /// Runs the update over all rows, the tables in their order.
@@ -296,21 +293,12 @@ impl Track {
 
     /// The evidence of the adapted surface. That of the fit was about other coefficients.
     fn evidence(&self, tracked: &Tracked, data: &[Source]) -> Vec<(String, Evidence)> {
-        let whole = |count: usize| Evidence::Whole(i64::try_from(count).unwrap_or(i64::MAX));
-        let file = |source: &Source| {
-            // The file name without folders, because the folder is specific to one machine.
-            let name = source.name().rsplit(['/', '\\']).next().unwrap_or_default().to_string();
-            Evidence::Table(vec![
-                ("file".to_string(), Evidence::Text(name)),
-                ("sha256".to_string(), Evidence::Text(hash(source.text()))),
-            ])
-        };
         let Recursive { forgetting, noise, gate, limit, start } = self.settings;
         let mut evidence = vec![
             ("method", Evidence::Text("recursive least squares from the coefficients of another file".to_string())),
             ("rows", whole(tracked.used)),
             ("rows_frozen", whole(tracked.rows - tracked.used)),
-            ("data", Evidence::List(data.iter().map(file).collect())),
+            ("data", Evidence::List(data.iter().map(file_of).collect())),
             ("forgetting", Evidence::Number(forgetting)),
             ("gate", Evidence::Number(gate)),
             ("limit", Evidence::Number(limit)),

@@ -14,7 +14,7 @@ use rsm_core::tape::{Op, Reg, TapeBuilder};
 use rsm_tests::backend::{Backend, Loaded, Reference};
 use rsm_tests::compilers::{self, Compiler};
 use rsm_tests::object;
-use rsm_tests::points::Number;
+use rsm_tests::points::{Number, Random};
 
 /// Compiler options that keep IEEE 754 and allow fused operations.
 const C_COMPILERS: [&str; 6] = [
@@ -87,13 +87,8 @@ fn unit() -> Unit {
 
 /// Special numbers and random bits.
 fn points<T: Number>(arity: usize) -> Vec<T> {
-    let mut state = 14u64;
-    let mut bits = || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    };
+    let mut random = Random(14);
+    let mut bits = || random.bits();
     let special = [
         0.0,
         -0.0,

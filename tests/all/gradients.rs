@@ -11,7 +11,7 @@ use rsm_tests::backend::{Backend, Loaded, Reference};
 use rsm_tests::cases::{self, Case};
 use rsm_tests::compilers::{self, Compiler};
 use rsm_tests::object;
-use rsm_tests::points::Number;
+use rsm_tests::points::{Number, Random};
 
 const C_COMPILERS: [&str; 7] = [
     "gcc -std=c99 -O0",
@@ -45,13 +45,8 @@ fn folder(name: &str) -> PathBuf {
 /// Points in the box, at its corners, outside it, and values that are not finite.
 fn points<T: Number>(unit: &Unit, function: usize) -> Vec<T> {
     let inputs = &unit.functions[function].inputs;
-    let mut state = 41u64;
-    let mut share = || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 * 2f64.powi(-53)
-    };
+    let mut random = Random(41);
+    let mut share = || random.share();
     let mut points = vec![];
     for row in 0..300 {
         for input in inputs {

@@ -16,6 +16,7 @@ use rsm_tests::backend::{Backend, Loaded};
 use rsm_tests::cases::{self, Case};
 use rsm_tests::compilers::{self, Compiler};
 use rsm_tests::object;
+use rsm_tests::points::Random;
 
 use crate::bit_for_bit::compare_function;
 
@@ -42,18 +43,9 @@ fn scratch(name: &str) -> PathBuf {
     compilers::fresh(Path::new(env!("CARGO_TARGET_TMPDIR")), name)
 }
 
-/// Splitmix64 (Steele, Lea, Flood 2014).
-struct Random(u64);
-
-impl Random {
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^= z >> 31;
-        low + (high - low) * ((z >> 11) as f64 * 2f64.powi(-53))
-    }
+/// A random number from `low` to `high`.
+fn between(random: &mut Random, low: f64, high: f64) -> f64 {
+    low + (high - low) * random.share()
 }
 
 /// Surfaces of one to three inputs that all extrapolate, of order 1 to 4, centred or in natural powers, a second surface of the first input alone.
@@ -65,8 +57,8 @@ fn extrapolating() -> Vec<Case> {
             let inputs: Vec<Input> = ["x", "y", "z"][..count]
                 .iter()
                 .map(|name| {
-                    let low = random.between(-3.0, 1.0);
-                    let range = [low, low + random.between(0.5, 4.0)];
+                    let low = between(&mut random, -3.0, 1.0);
+                    let range = [low, low + between(&mut random, 0.5, 4.0)];
                     Input { name: (*name).to_string(), unit: "1".to_string(), range, outside: Outside::Extrapolate }
                 })
                 .collect();
@@ -75,7 +67,7 @@ fn extrapolating() -> Vec<Case> {
                     .map(|k| (0..count as u32).map(|axis| k / (order + 1).pow(axis) % (order + 1)).collect::<Vec<u32>>());
                 let terms = powers
                     .filter(|powers| powers.iter().sum::<u32>() <= order)
-                    .map(|powers| Term { powers, coefficient: random.between(-2.0, 2.0) })
+                    .map(|powers| Term { powers, coefficient: between(&mut random, -2.0, 2.0) })
                     .collect();
                 Surface {
                     name: name.to_string(),

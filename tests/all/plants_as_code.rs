@@ -15,25 +15,13 @@ use rsm_sim::equations::{EquationFile, Inputs, Machine, Method, Setting, code, l
 use rsm_tests::cases;
 use rsm_tests::compilers::{self, Compiler};
 use rsm_tests::object;
+use rsm_tests::points::Random;
 
 /// The length of the steps in s: shorter than the time constants of all the texts.
 const STEP: f64 = 1e-5;
 
 /// Steps of a sequence.
 const STEPS: usize = 300;
-
-/// Splitmix64 (Steele, Lea, Flood 2014).
-struct Random(u64);
-
-impl Random {
-    fn share(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 * 2f64.powi(-53)
-    }
-}
 
 /// A plant, ready to be printed, with what is needed to run it.
 struct Case {

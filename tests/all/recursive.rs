@@ -12,7 +12,7 @@ use rsm_tests::backend::{Backend, Loaded, Reference};
 use rsm_tests::cases::{self, Case};
 use rsm_tests::compilers::{self, Compiler};
 use rsm_tests::object;
-use rsm_tests::points::Number;
+use rsm_tests::points::{Number, Random};
 
 const C_COMPILERS: [&str; 8] = [
     "gcc -std=c99 -O0",
@@ -62,18 +62,6 @@ fn units() -> Vec<Unit> {
 
 fn folder(name: &str) -> PathBuf {
     compilers::fresh(Path::new(env!("CARGO_TARGET_TMPDIR")), name)
-}
-
-struct Random(u64);
-
-impl Random {
-    /// Splitmix64, in [0, 1).
-    fn share(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 * 2f64.powi(-53)
-    }
 }
 
 /// Rows of a function: for an update, measured responses beside the prediction, far from it, and samples that are not finite.

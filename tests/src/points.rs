@@ -200,12 +200,13 @@ fn hurtful_values<T: Number>(input: &Input, knots: &[Knot]) -> Vec<T> {
     values
 }
 
-/// Splitmix64 (Steele, Lea, Flood 2014).
+/// Splitmix64 (Steele, Lea, Flood 2014), from a seed.
 #[derive(Debug)]
-struct Random(u64);
+pub struct Random(pub u64);
 
 impl Random {
-    fn next(&mut self) -> u64 {
+    /// The next 64 bits.
+    pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -214,11 +215,11 @@ impl Random {
     }
 
     fn below(&mut self, limit: usize) -> usize {
-        (self.next() % limit as u64) as usize
+        (self.bits() % limit as u64) as usize
     }
 
     /// In [0, 1).
-    fn share(&mut self) -> f64 {
-        (self.next() >> 11) as f64 * 2f64.powi(-53)
+    pub fn share(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 * 2f64.powi(-53)
     }
 }

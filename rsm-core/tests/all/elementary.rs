@@ -3,6 +3,7 @@
 //! Points are drawn from a seed: over the whole range, over all magnitudes, and where an implementation fails first (near multiples of pi/2, near 1,
 //! at the borders of pieces, subnormal and huge). The error is in units in the last place of the true value.
 
+use crate::random::Random;
 use astro_float::{BigFloat, Consts, RoundingMode, WORD_BIT_SIZE};
 use rsm_core::elementary::{self, Function};
 use rsm_core::number::Precision;
@@ -19,41 +20,6 @@ fn tape(function: Function) -> Tape {
     let arguments: Vec<_> = (0..function.arity() as u32).map(|k| tape.input(k)).collect();
     let result = elementary::write(&mut tape, function, &arguments);
     tape.finish(function.name(), ["x", "y"][..function.arity()].iter().map(|name| name.to_string()).collect(), result)
-}
-
-/// The generator splitmix64 (Steele, Lea, Flood, 2014).
-struct Random(u64);
-
-impl Random {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        let share = (self.bits() >> 11) as f64 * 2f64.powi(-53);
-        // Computed with halves, because the width of the range of all numbers exceeds the largest number.
-        2.0 * (low / 2.0 * (1.0 - share) + high / 2.0 * share)
-    }
-
-    /// Any number, from random bits.
-    fn any(&mut self) -> f64 {
-        loop {
-            let value = f64::from_bits(self.bits());
-            if value.is_finite() {
-                return value;
-            }
-        }
-    }
-
-    /// A number some units in the last place away.
-    fn beside(&mut self, value: f64) -> f64 {
-        let steps = self.bits() % 9;
-        (0..steps).fold(value, |value, _| if self.0 & 1 == 0 { value.next_up() } else { value.next_down() })
-    }
 }
 
 /// Points where the code of a function changes from one piece to another, or loses digits.

@@ -8,6 +8,7 @@ mod family;
 mod gradient;
 mod lowering;
 mod operations;
+mod random;
 mod recursive;
 #[path = "../../../tests/src/refused.rs"]
 mod refused;

@@ -1,5 +1,6 @@
 //! A surface that follows measured responses: against exact weighted least squares, bounded and positive without excitation, frozen on bad samples.
 
+use crate::random::Random;
 use num_rational::BigRational as Rational;
 use num_traits::{ToPrimitive as _, Zero as _};
 use rsm_core::check::Checked;
@@ -36,21 +37,9 @@ fn started<'f>(follower: &'f Follower) -> Interpreter<'f, f64> {
     interpreter
 }
 
-/// Splitmix64, in [0, 1): Steele, Lea, Flood 2014.
-struct Random(u64);
-
-impl Random {
-    fn share(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 * 2f64.powi(-53)
-    }
-
-    /// In [-1, 1], a multiple of 1/8: exact references stay short.
-    fn eighths(&mut self) -> f64 {
-        (self.share() * 17.0).floor() / 8.0 - 1.0
-    }
+/// In [-1, 1], a multiple of 1/8: exact references stay short.
+fn eighths(random: &mut Random) -> f64 {
+    (random.share() * 17.0).floor() / 8.0 - 1.0
 }
 
 fn row(a: f64, b: f64) -> Vec<Rational> {
@@ -131,8 +120,8 @@ fn coefficients_and_covariance_are_those_of_exact_weighted_least_squares() {
         }
         let mut random = Random(17);
         for step in 0..60 {
-            let (a, b) = (random.eighths(), random.eighths().min(0.5));
-            let measured = random.eighths() * 2.0;
+            let (a, b) = (eighths(&mut random), eighths(&mut random).min(0.5));
+            let measured = eighths(&mut random) * 2.0;
             if forgetting < 1.0 {
                 rows.fade(forgetting);
                 let k = step % n;
@@ -171,8 +160,8 @@ fn a_high_limit_leaves_exponential_weights_alone() {
     let (mut rows, mut random) = (Rows::default(), Random(5));
     let mut way: Vec<Vec<f64>> = vec![follower.start[..POWERS.len()].to_vec()];
     for _ in 0..80 {
-        let (a, b) = (random.eighths(), random.eighths().min(0.5));
-        let measured = random.eighths() * 2.0;
+        let (a, b) = (eighths(&mut random), eighths(&mut random).min(0.5));
+        let measured = eighths(&mut random) * 2.0;
         rows.fade(0.9375);
         rows.push(row(a, b), measured, integer(1));
         update.step(&[a, b, measured]);
@@ -288,7 +277,7 @@ fn a_frozen_sample_changes_no_bit_of_the_state() {
     let mut random = Random(11);
     let bits = |update: &Interpreter<'_, f64>| update.states().iter().map(|it| it.to_bits()).collect::<Vec<u64>>();
     for _ in 0..50 {
-        update.step(&[random.eighths(), random.eighths().min(0.5), random.eighths()]);
+        update.step(&[eighths(&mut random), eighths(&mut random).min(0.5), eighths(&mut random)]);
         let before = bits(&update);
         for (at, why) in [
             ([f64::NAN, 0.0, 0.0], Frozen::NotFinite),
@@ -328,7 +317,7 @@ fn the_gate_is_a_number_of_standard_deviations_of_the_error() {
     let mut random = Random(29);
     for _ in 0..200 {
         let states = update.states().to_vec();
-        let (a, b) = (random.eighths(), random.eighths().min(0.5));
+        let (a, b) = (eighths(&mut random), eighths(&mut random).min(0.5));
         update.step(&[a, b, 0.0]);
         let results: Vec<f64> = update.results().collect();
         let (predicted, limit) = (-results[0], 3.0 * 0.25 * results[1].sqrt());

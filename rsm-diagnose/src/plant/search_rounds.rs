@@ -19,6 +19,7 @@ use super::{
     initial_motion, known_loop, tested, waves,
 };
 use rsm_sim::effect::{Role, Survey};
+use rsm_sim::equation_plant::added;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
@@ -158,12 +159,15 @@ pub(super) fn diagnose_records(
         selection.all_rows = Some(all_rows::check(&all, file, &whitened, &selection.fit));
     }
     let mut fit = selection.fit.clone();
+    // A law can be found for a plant with sites only.
+    let for_a_law = (!added::balances(file.kind).is_empty()).then(|| selection.clone());
     let concluded =
         |selection: Selection| verdict::conclude(file, &whitened, &unseen, &nominal, selection, findings.clone(), &rounded);
-    let mut found = concluded(selection.clone());
+    let mut found = concluded(selection);
     found.next = experiment::next(&whitened, &fit, &found.aliases, found.verdict, options.progress);
     if found.verdict == Verdict::Unexplained
-        && let Some((law, with_law)) = with_law(&selection, &found, &whitened, &unseen, &nominal, options)
+        && let Some(selection) = &for_a_law
+        && let Some((law, with_law)) = with_law(selection, &found, &whitened, &unseen, &nominal, options)
     {
         let next = found.next.take();
         // What helped without the law is listed as before, and so is a cause that is not sure beside it.

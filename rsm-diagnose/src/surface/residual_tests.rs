@@ -4,13 +4,12 @@
 //! give a lack-of-fit test. Without replicates, neighbours are compared: if a smooth part is missing, the residuals of near points are similar. The
 //! null distribution is that of noise after the same projections, through its first three moments. Names no cause.
 
-use rsm_core::model::Evidence;
-
 use super::explained::Explained;
 use super::sample::Sample;
 use crate::engine::columns::{Basis, dot};
 use crate::engine::significance::{ln_p_of_squares, ln_upper_of_moments, lower_gamma, most_significant};
 use rsm_fit::random::Random;
+use rsm_fit::residual_sd_of;
 
 /// A test for remaining structure.
 #[derive(Debug, Clone, PartialEq)]
@@ -303,10 +302,7 @@ pub(super) fn floor(sample: &Sample, found: &Explained) -> NoiseFloor {
         let square = pairs.iter().map(|(i, j)| (residual[*i] - residual[*j]).powi(2)).sum::<f64>() / (2 * pairs.len()) as f64;
         return NoiseFloor { sd: mean_scale * square.sqrt(), from: "differences of nearest neighbours".to_string() };
     }
-    let of_file = sample.surface.evidence.iter().find_map(|(name, value)| match value {
-        Evidence::Number(sd) if name == "residual_sd" && *sd > 0.0 => Some(*sd),
-        _ => None,
-    });
+    let of_file = residual_sd_of(&sample.surface).filter(|sd| *sd > 0.0);
     if let Some(sd) = of_file {
         return NoiseFloor { sd, from: "the model file's evidence".to_string() };
     }

@@ -9,6 +9,7 @@ use rsm_core::model::{Evidence, Input, Model, Surface};
 use crate::engine::columns::{dot, solve};
 use rsm_fit::design::{Design, Physical};
 use rsm_fit::random::Random;
+use rsm_fit::residual_sd_of;
 use rsm_fit::support::Region;
 
 /// A column of the data that the model does not have.
@@ -128,10 +129,7 @@ impl Sample {
             Evidence::Whole(rows) if name == "rows" && *rows > 0 => Some(*rows as f64),
             _ => None,
         });
-        let sd_of_file = surface.evidence.iter().find_map(|(name, value)| match value {
-            Evidence::Number(sd) if name == "residual_sd" && *sd > 0.0 => Some(*sd),
-            _ => None,
-        });
+        let sd_of_file = residual_sd_of(&surface).filter(|sd| *sd > 0.0);
         let mut sample = Sample {
             points: columns.iter().map(|column| places.iter().map(|row| column[*row]).collect()).collect(),
             response: places.iter().map(|row| response[*row]).collect(),

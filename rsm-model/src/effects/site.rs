@@ -130,8 +130,10 @@ impl SiteKind {
         }
     }
 
-    /// The role whose derivative is in the balance, the role that multiplies it, and the name of an added term in effect files.
-    pub(crate) fn balance(self) -> Option<(&'static str, Option<&'static str>, &'static str)> {
+    /// The role whose derivative is in the balance, the role that multiplies it, and the name of an added term in effect files. `None` if the kind
+    /// has no balance.
+    #[must_use]
+    pub fn balance(self) -> Option<(&'static str, Option<&'static str>, &'static str)> {
         match self {
             SiteKind::Rotation | SiteKind::Translation => Some(("speed", Some("inertia"), "effort")),
             SiteKind::Storage => Some(("level", Some("capacity"), "flow")),

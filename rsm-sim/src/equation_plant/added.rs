@@ -37,37 +37,43 @@ pub struct Balance {
 pub fn balances(kind: PlantKind) -> Vec<Balance> {
     let PlantKind::Equations(kind) = kind else { return Vec::new() };
     let one = |place: &rsm_model::effects::Place| {
-        let (term, unit, names): (_, _, &[&str]) = match place.kind {
-            SiteKind::Rotation => ("effort", "N.m", &["speed", "position"]),
-            SiteKind::Translation => ("effort", "N", &["speed", "position"]),
-            SiteKind::Vehicle => ("effort", "N.m", &["wheel_speed"]),
-            SiteKind::Storage => ("flow", "{capacity}.{level}/s", &["level"]),
-            SiteKind::Heat => ("flow", "{capacity}.{temperature}/s", &["temperature"]),
+        let (state, _, term) = place.kind.balance()?;
+        let (unit, further) = match place.kind {
+            SiteKind::Rotation => ("N.m", Some("position")),
+            SiteKind::Translation => ("N", Some("position")),
+            SiteKind::Vehicle => ("N.m", None),
+            SiteKind::Storage => ("{capacity}.{level}/s", None),
+            SiteKind::Heat => ("{capacity}.{temperature}/s", None),
             _ => return None,
         };
+        let names = [Some(state), further];
         let role = |name: &&str| place.roles.iter().find(|it| it.role == *name && it.parts.len() == 1);
         let variables: Vec<(String, String)> =
-            names.iter().filter_map(role).map(|it| (it.role.clone(), it.unit.clone())).collect();
-        let is_whole = variables.first().is_some_and(|it| it.0 == names[0]);
+            names.iter().flatten().filter_map(role).map(|it| (it.role.clone(), it.unit.clone())).collect();
+        let is_whole = variables.first().is_some_and(|it| it.0 == state);
         is_whole.then(|| Balance { at: place.at.clone(), kind: place.kind.name(), term, unit, variables })
     };
     plant_of(kind).places.iter().filter_map(one).collect()
 }
 
-/// The values of the variables of a site along a record, at a few hundred rows, evenly spread; `None` if the plant cannot follow the record. Effects
-/// of the file act; the variables are those of the equations without them.
+/// The values of the variables of some sites along a record, at a few hundred rows, evenly spread: for each site, for each variable. `None` if the
+/// plant cannot follow the record. Effects of the file act; the variables are those of the equations without them.
 #[must_use]
-pub fn along(file: &PlantFile, record: &Record, balance: &Balance) -> Option<Vec<Vec<f64>>> {
+pub fn along(file: &PlantFile, record: &Record, sites: &[&Balance]) -> Option<Vec<Vec<Vec<f64>>>> {
     let PlantKind::Equations(kind) = file.kind else { return None };
     let (whole, machine, points) = run::with_effects(kind, file, record).ok()?;
     let places = whole.places_of_effects().ok()?;
-    let place = places.list.iter().find(|it| it.at == balance.at)?;
-    let part = |name: &str| place.roles.iter().find(|it| it.role == name).map(|it| it.parts[0]);
-    let roles: Vec<Id> = balance.variables.iter().map(|it| part(&it.0)).collect::<Option<_>>()?;
+    let part = |at: &str, name: &str| {
+        let place = places.list.iter().find(|it| it.at == at)?;
+        place.roles.iter().find(|it| it.role == name).map(|it| it.parts[0])
+    };
+    let all = sites.iter().flat_map(|site| site.variables.iter().map(|it| part(&site.at, &it.0)));
+    let roles: Vec<Id> = all.collect::<Option<_>>()?;
     let mut system = System::new(&places.flat).ok()?;
     let roles: Vec<Id> = roles.into_iter().map(|id| system.expressed(id)).collect();
     let rows = machine.evaluated_at(&whole, &system, &roles, &points).ok()?;
-    Some((0..roles.len()).map(|k| rows.iter().map(|row| row[k]).collect()).collect())
+    let mut columns = (0..roles.len()).map(|k| rows.iter().map(|row| row[k]).collect());
+    Some(sites.iter().map(|site| columns.by_ref().take(site.variables.len()).collect()).collect())
 }
 
 /// The plant with one more file of an effect. Its parameters, its other effects and all other data stay.

@@ -114,12 +114,23 @@ pub(super) fn without_effects(
     record: &Record,
 ) -> Result<(EquationFile, Machine, Vec<Point>), Faults> {
     let without = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
-    let whole = file_of(kind, &without, record)?;
+    let (whole, machine, start) = at_start(kind, &without, record)?;
+    let points = points(&machine, start, record);
+    Ok((whole, machine, points))
+}
+
+/// The equations of a plant file, and the start along a record.
+fn at_start(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<(EquationFile, Machine, Point), Faults> {
+    let whole = file_of(kind, file, record)?;
     let mut machine = Machine::new(&whole)?;
     let start = started(&whole, &mut machine, &file.initial, record)?;
+    Ok((whole, machine, start))
+}
+
+/// The points of a run at some rows of a record, evenly spread.
+fn points(machine: &Machine, start: Point, record: &Record) -> Vec<Point> {
     let inputs = Inputs { time: &record.time, values: &record.inputs };
-    let points = lanes::points(&machine, start, inputs, Setting::default(), (record.rows() / ROWS).max(1));
-    Ok((whole, machine, points))
+    lanes::points(machine, start, inputs, Setting::default(), (record.rows() / ROWS).max(1))
 }
 
 /// The equations of a plant file without its effects, and the points of a run with its effects at some rows of a record, evenly spread: time, states
@@ -130,14 +141,9 @@ pub(super) fn with_effects(
     record: &Record,
 ) -> Result<(EquationFile, Machine, Vec<Point>), Faults> {
     let without = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
-    let plain = file_of(kind, &without, record)?;
-    let mut plain_machine = Machine::new(&plain)?;
-    let start = started(&plain, &mut plain_machine, &file.initial, record)?;
-    let whole = file_of(kind, file, record)?;
-    let mut machine = Machine::new(&whole)?;
-    let begin = started(&whole, &mut machine, &file.initial, record)?;
-    let inputs = Inputs { time: &record.time, values: &record.inputs };
-    let points = lanes::points(&machine, begin, inputs, Setting::default(), (record.rows() / ROWS).max(1));
+    let (plain, plain_machine, start) = at_start(kind, &without, record)?;
+    let (_, machine, begin) = at_start(kind, file, record)?;
+    let points = points(&machine, begin, record);
     let states = machine.states();
     let places: Vec<Option<usize>> =
         plain_machine.states().iter().map(|it| states.iter().position(|other| other.0 == it.0)).collect();

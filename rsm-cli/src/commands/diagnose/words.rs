@@ -7,6 +7,7 @@ use rsm_diagnose::plant::claims::Claim;
 use rsm_diagnose::plant::correction::CorrectionResult;
 use rsm_diagnose::plant::error_breakdown::ErrorBreakdown;
 use rsm_diagnose::plant::gaps::FilledGaps;
+use rsm_diagnose::plant::law::curve::joined;
 use rsm_diagnose::plant::nested_models::Step;
 use rsm_diagnose::plant::regions::{Region, most_informative};
 use rsm_diagnose::plant::tested::FIRST_PART;
@@ -178,11 +179,7 @@ pub fn before(found: &Diagnosis, cause: &Cause) -> String {
 
 /// a, b and c.
 fn and(names: &[String]) -> String {
-    match names {
-        [] => "Nothing".to_string(),
-        [one] => one.clone(),
-        [rest @ .., last] => format!("{} and {last}", rest.join(", ")),
-    }
+    if names.is_empty() { "Nothing".to_string() } else { joined(names) }
 }
 
 /// How gaps of a few rows were filled.

@@ -119,10 +119,17 @@ pub fn find(
     let before = validation::fit_initial_states(&split.judged, &base.model)?;
     let errors_before = validation::errors(&split.judged, &before);
     let helped = validation::fit_initial_states(&split.judged, &fit.model);
+    let records: Vec<&Record> = split.training.records.iter().map(|it| &it.record).collect();
+    let scales = equation_plant::scales(&base.model.file, &records).ok()?;
+    let values = visited(&split.training, &base.model, &sites.iter().collect::<Vec<_>>());
     let mut best: Option<(f64, Candidate, Fit)> = None;
-    for site in &sites {
+    for (site, values) in sites.iter().zip(&values) {
         progress(&format!("looking for an unknown law at {}", site.at));
-        let Some(candidate) = Candidate::at(&split.training, nominal, &base, site) else { continue };
+        let sizes = scales.iter().filter(|it| it.at == site.at).flat_map(|it| &it.sizes);
+        let effort = sizes.filter(|it| it.0 == "effort_scale").map(|it| it.1).find(|it| *it > 0.0);
+        let form = Form::new(site, values);
+        let Some((form, effort)) = form.zip(effort) else { continue };
+        let Some(candidate) = Candidate::of(form, effort, &split.training, nominal, &base) else { continue };
         let Some(after) = validation::fit_initial_states(&split.judged, &candidate.law.fit.model) else { continue };
         let gain = gain(&errors_before, &validation::errors(&split.judged, &after));
         if best.as_ref().is_none_or(|it| gain > it.0) {
@@ -143,15 +150,12 @@ struct Candidate {
 }
 
 impl Candidate {
-    fn at(training: &WhitenedResiduals, nominal: &Model, base: &Fit, site: &added::Balance) -> Option<Candidate> {
-        let form = Form::new(site, &visited(training, &base.model, site))?;
+    /// `effort`: the largest term of the balance.
+    fn of(form: Form, effort: f64, training: &WhitenedResiduals, nominal: &Model, base: &Fit) -> Option<Candidate> {
         let text = form.text(&form.terms, "");
         let plant = added::with_effect(&base.model.file, EFFECT_FILE, &text).ok()?;
-        let records: Vec<&Record> = training.records.iter().map(|it| &it.record).collect();
-        let scales = equation_plant::scales(&base.model.file, &records).ok()?;
-        let sizes = &scales.iter().find(|it| it.at == site.at)?.sizes;
-        let effort = sizes.iter().find(|it| it.0 == "effort_scale").map(|it| it.1).filter(|it| *it > 0.0)?;
-        let law = selection::select(training, nominal, base, &plant, &form, effort)?;
+        let base = Model { file: plant, ..base.model.clone() };
+        let law = selection::select(training, nominal, base, &form, effort)?;
         Some(Candidate { form, law })
     }
 
@@ -162,16 +166,8 @@ impl Candidate {
         let sentence = format!("An unknown {} acts at {at}. It is a surface fitted to records.", form.balance.term);
         let mut before = fit.model.file.clone();
         let entry = before.effects.pop()?;
-        let plain = PlantFile { kind: named.file.kind, effects: named.file.effects.clone(), ..before.clone() };
-        let mut plain = added::with_effect(&plain, EFFECT_FILE, &form.text(&terms, &sentence)).ok()?;
-        for (own, fitted) in plain.effects.iter_mut().zip(&before.effects) {
-            own.arguments.numbers.clone_from(&fitted.arguments.numbers);
-        }
-        for unknown in &named.unknowns {
-            if let Place::Nominal(name) = unknown.place {
-                plain.parameters.set(name, before.parameters.number(name));
-            }
-        }
+        let before = PlantFile { kind: named.file.kind, ..before };
+        let plain = added::with_effect(&before, EFFECT_FILE, &form.text(&terms, &sentence)).ok()?;
         let numbers: Vec<(String, f64)> =
             entry.arguments.numbers.iter().map(|(name, value)| ((*name).to_string(), *value)).collect();
         let own = added::entry(plain.kind, &form.effect(), &at, &numbers)?;
@@ -181,15 +177,13 @@ impl Candidate {
         });
         let effects: Vec<Entry> = plain.effects.iter().cloned().chain([own]).collect();
         let scales: Vec<f64> = selection::own(&fit.model).into_iter().map(|k| fit.model.unknowns[k].scale).collect();
-        let mut model = Model { file: plain, ..named.clone() };
-        let nominal = named.clone();
-        model = model.with_effects(&nominal, effects);
+        let mut model = Model { file: plain, ..named.clone() }.with_effects(named, effects);
         for (k, scale) in selection::own(&model).into_iter().zip(scales) {
             model.unknowns[k].scale = scale;
         }
         let fit = levenberg::fit(whitened, model, STEPS)?;
         let coefficients: Vec<f64> = selection::own(&fit.model).into_iter().map(|k| fit.model.value(k)).collect();
-        let all = visited(whitened, &fit.model, &form.balance);
+        let all = visited(whitened, &fit.model, &[&form.balance]).remove(0);
         // Only the variables of the form, which vary.
         let is_kept = |name: &str| form.variables.iter().any(|it| it.name == name);
         let kept: Vec<Vec<f64>> =
@@ -222,12 +216,13 @@ impl Candidate {
     }
 }
 
-/// The values of the variables of a site along all records, one after another. Records that the plant cannot follow are left out.
-fn visited(whitened: &WhitenedResiduals, model: &Model, site: &added::Balance) -> Vec<Vec<f64>> {
-    let mut all: Vec<Vec<f64>> = vec![Vec::new(); site.variables.len()];
+/// The values of the variables of some sites along all records, one after another. Records that the plant cannot follow are left out.
+fn visited(whitened: &WhitenedResiduals, model: &Model, sites: &[&added::Balance]) -> Vec<Vec<Vec<f64>>> {
+    let mut all: Vec<Vec<Vec<f64>>> = sites.iter().map(|site| vec![Vec::new(); site.variables.len()]).collect();
     for (k, prepared) in whitened.records.iter().enumerate() {
         let file = model.for_record(k, &prepared.record);
-        for (all, own) in all.iter_mut().zip(added::along(&file, &prepared.record, site).unwrap_or_default()) {
+        let own = added::along(&file, &prepared.record, sites).unwrap_or_default();
+        for (all, own) in all.iter_mut().flatten().zip(own.into_iter().flatten()) {
             all.extend(own);
         }
     }

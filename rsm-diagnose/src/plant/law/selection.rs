@@ -6,7 +6,6 @@
 //! Source: S. A. Billings, Nonlinear System Identification, 2013, chapter 3 (forward selection), with the other unknowns projected out of all traces.
 
 use rsm_sim::equation_plant::added;
-use rsm_sim::plant_file::PlantFile;
 
 use super::terms::Form;
 use crate::engine::columns::dot;
@@ -49,33 +48,17 @@ pub struct WithLaw {
     pub covariance: Vec<Vec<f64>>,
 }
 
-/// Chooses and fits the terms. `plant` is the plant of the base with the effect of all terms in its catalogue. `None` if no term helps, or if the
-/// plant cannot be simulated.
+/// Chooses and fits the terms. `base` has the effect of all terms in its catalogue. `None` if no term helps, or if the plant cannot be simulated.
 #[must_use]
-pub fn select(
-    whitened: &WhitenedResiduals,
-    nominal: &Model,
-    base: &Fit,
-    plant: &PlantFile,
-    form: &Form,
-    effort: f64,
-) -> Option<WithLaw> {
+pub fn select(whitened: &WhitenedResiduals, nominal: &Model, base: Model, form: &Form, effort: f64) -> Option<WithLaw> {
+    let (kind, others) = (base.file.kind, base.file.effects.len());
     let with = |of: &Model, chosen: &[(usize, f64)]| -> Option<Model> {
-        let mut effects = plant.effects.clone();
-        for (entry, own) in effects.iter_mut().zip(&of.file.effects) {
-            entry.arguments.numbers.clone_from(&own.arguments.numbers);
-        }
+        let mut effects = of.file.effects[..others].to_vec();
         if !chosen.is_empty() {
             let numbers: Vec<(String, f64)> = chosen.iter().map(|(k, value)| (form.number(&form.terms[*k]), *value)).collect();
-            effects.push(added::entry(plant.kind, &form.effect(), &form.balance.at, &numbers)?);
+            effects.push(added::entry(kind, &form.effect(), &form.balance.at, &numbers)?);
         }
-        let mut file = plant.clone();
-        for unknown in &nominal.unknowns {
-            if let Place::Nominal(name) = unknown.place {
-                file.parameters.set(name, of.file.parameters.number(name));
-            }
-        }
-        let mut model = Model { file, ..of.clone() }.with_effects(nominal, effects);
+        let mut model = of.with_effects(nominal, effects);
         if !chosen.is_empty() {
             for k in own(&model) {
                 model.unknowns[k].scale = 0.1 * effort;
@@ -84,7 +67,7 @@ pub fn select(
         Some(model)
     };
     let mut chosen: Vec<(usize, f64)> = Vec::new();
-    let mut fit = levenberg::linearised(whitened, with(&base.model, &[])?)?;
+    let mut fit = levenberg::linearised(whitened, base)?;
     for _ in 0..ROUNDS {
         let wanted = reselected(whitened, &fit, form, &chosen, &|numbers| with(&fit.model, numbers))?;
         let is_new = wanted.iter().any(|it| !chosen.iter().any(|old| old.0 == it.0));
