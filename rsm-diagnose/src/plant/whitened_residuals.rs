@@ -140,7 +140,7 @@ impl SimulationWork {
 }
 
 /// The indices of jobs that can run side by side: plants with the same effects in the same order, on one record.
-fn joint_jobs(jobs: &[(usize, &Model)]) -> Vec<Vec<usize>> {
+pub(super) fn joint_jobs(jobs: &[(usize, &Model)]) -> Vec<Vec<usize>> {
     let is_like = |one: &(usize, &Model), other: &(usize, &Model)| {
         let (mut a, mut b) = (one.1.file.acting(), other.1.file.acting());
         let is_one = |a: &Entry, b: &Entry| {

@@ -35,7 +35,7 @@ use crate::quantity::{Bound, Nominal, Signal};
 use crate::record::Record;
 
 pub use built_in::offset_scales;
-pub use run::{Run, Values, shown, together};
+pub use run::{Observer, Run, Values, shown, together};
 pub use scales::scales;
 
 /// The number of plants that run side by side at no additional cost: the number of lanes in a vector register.

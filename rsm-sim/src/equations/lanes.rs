@@ -16,8 +16,8 @@ use crate::code::{WIDE, Way};
 pub struct Lanes<'m> {
     pub(super) machine: &'m Machine,
     pub(super) way: Way,
-    alone: Option<Walk<'m, 1>>,
-    group: Option<Walk<'m, WIDE>>,
+    pub(super) alone: Option<Walk<'m, 1>>,
+    pub(super) group: Option<Walk<'m, WIDE>>,
     pub(super) sensitive: Option<Along<'m>>,
     /// The number of steps of each lane in the last run.
     taken: Vec<u64>,
@@ -60,10 +60,9 @@ impl<'m> Lanes<'m> {
         }
         let mut all = Vec::with_capacity(lanes.len());
         self.taken.clear();
-        // A nonlinear block is iterated for each lane separately, and a delayed signal arrives in each lane separately.
-        let width = if self.machine.has_blocks() || lanes.iter().any(has_late) { 1 } else { WIDE };
+        let width = self.width(lanes);
         // Lanes in one group share the instants of samples.
-        for group in lanes.chunk_by(|a, b| a.numbers.samples == b.numbers.samples).flat_map(|it| it.chunks(width)) {
+        for group in lanes.chunk_by(|a, b| a.has_samples_of(b)).flat_map(|it| it.chunks(width)) {
             let together = (group.len() > 1).then(|| self.together(group, inputs, setting)).flatten();
             match together {
                 Some(outputs) => {
@@ -80,6 +79,12 @@ impl<'m> Lanes<'m> {
             }
         }
         all
+    }
+
+    /// The number of lanes that run side by side. A nonlinear block is iterated for each lane separately, and a delayed signal arrives in each lane
+    /// separately.
+    pub(super) fn width(&self, lanes: &[Lane]) -> usize {
+        if self.machine.has_blocks() || lanes.iter().any(has_late) { 1 } else { WIDE }
     }
 
     /// The number of steps of each lane in the last run, also for a run that was stopped early. It is the same alone and in a group.
@@ -186,32 +191,45 @@ impl<'m> Lanes<'m> {
         setting: Setting,
         outputs: &mut [Outputs; WIDE],
     ) -> Result<(), Stopped> {
-        let can_be_plain = walk.can_be_plain();
-        let count = lanes.len();
         for (row, end) in inputs.time.iter().enumerate() {
-            walk.row = row;
-            let now = inputs.time[row.max(1) - 1];
-            let is_free = walk.is_free(now, *end);
-            if row > 0 && !(can_be_plain && is_free && walk.plain(now, *end)) {
-                let right = if is_free { walk.together(now, *end) } else { [false; WIDE] };
-                for lane in (0..count).filter(|lane| !right[*lane]) {
-                    let alone = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));
-                    alone.apply_setting(setting);
-                    alone.copy_from(walk, lane);
-                    alone.reach(*end, &mut DelayedSignals::new(&lanes[lane].numbers, inputs.time, 0.0))?;
-                    alone.copy_to(walk, lane);
-                }
-                if let (false, Some(alone)) = (is_free, &self.alone) {
-                    // Every lane has passed the same instants of samples.
-                    walk.events.past.clone_from(&alone.events.past);
-                }
-                for lane in count..WIDE {
-                    walk.follow(lane, count - 1);
-                }
-            }
+            self.reach_row(walk, lanes, row, inputs, setting)?;
             walk.set_inputs(inputs.values, row);
             walk.execute_events(*end)?;
             read(walk, row, outputs)?;
+        }
+        Ok(())
+    }
+
+    /// Advances a group of lanes from one row to the next.
+    pub(super) fn reach_row(
+        &mut self,
+        walk: &mut Walk<'m, WIDE>,
+        lanes: &[Lane],
+        row: usize,
+        inputs: Inputs<'_>,
+        setting: Setting,
+    ) -> Result<(), Stopped> {
+        let count = lanes.len();
+        let (now, end) = (inputs.time[row.max(1) - 1], inputs.time[row]);
+        walk.row = row;
+        let is_free = walk.is_free(now, end);
+        if row == 0 || walk.can_be_plain() && is_free && walk.plain(now, end) {
+            return Ok(());
+        }
+        let right = if is_free { walk.together(now, end) } else { [false; WIDE] };
+        for lane in (0..count).filter(|lane| !right[*lane]) {
+            let alone = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));
+            alone.apply_setting(setting);
+            alone.copy_from(walk, lane);
+            alone.reach(end, &mut DelayedSignals::new(&lanes[lane].numbers, inputs.time, 0.0))?;
+            alone.copy_to(walk, lane);
+        }
+        if let (false, Some(alone)) = (is_free, &self.alone) {
+            // Every lane has passed the same instants of samples.
+            walk.events.past.clone_from(&alone.events.past);
+        }
+        for lane in count..WIDE {
+            walk.follow(lane, count - 1);
         }
         Ok(())
     }

@@ -85,6 +85,15 @@ impl<'m> DelayedSignals<'m> {
         }
     }
 
+    /// Replaces the outputs at a row by their delayed readings. A reading that is taken only now is the present output.
+    pub(super) fn replace(&self, row: usize, time: f64, outputs: &mut [f64]) {
+        for ((_, taken), (output, delay)) in self.readings.iter().zip(&self.numbers.late_readings) {
+            if let Some(value) = taken.get(row).filter(|_| time - delay < time - self.near) {
+                outputs[*output] = *value;
+            }
+        }
+    }
+
     /// Whether a reading is due at this time.
     pub(super) fn is_read(&self, time: f64) -> bool {
         let due = |((row, _), (_, delay)): (&(usize, Vec<f64>), &(usize, f64))| {

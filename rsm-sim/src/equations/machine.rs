@@ -5,7 +5,7 @@
 use rsm_core::number::Precision;
 use rsm_core::source::{Fault, Faults};
 use rsm_core::tape::{Tape, TapeBuilder};
-use rsm_model::expression::{Id, Symbol};
+use rsm_model::expression::{Id, Node, Symbol};
 use rsm_model::system::{Start, System};
 
 use super::computed::{Computed, Functions};
@@ -348,6 +348,15 @@ impl Machine {
     /// Whether two names refer to the same state.
     pub(super) fn is_same(&self, a: &str, b: &str) -> bool {
         a == b || self.state_of(a).is_some_and(|state| self.state_of(b) == Some(state))
+    }
+
+    /// For each state, whether its derivative is another state, as that of a position is its speed.
+    pub(crate) fn kinematic_states(&self) -> Vec<bool> {
+        let is_state = |id: &Id| {
+            let node = self.system.flat().pool.node(*id);
+            matches!(node, Node::Symbol(symbol) if self.system.states().contains(&symbol))
+        };
+        self.system.rates().iter().map(is_state).collect()
     }
 
     /// The typical magnitude of a state, if the text gives a nominal value.

@@ -27,6 +27,7 @@ pub mod linear;
 pub mod machine;
 mod methods;
 mod numbers;
+pub mod observed;
 mod part;
 mod phi;
 mod plain;

@@ -66,6 +66,21 @@ impl Lane {
     pub fn new(machine: &Machine, start: Point) -> Lane {
         Lane { numbers: machine.numbers().clone(), start }
     }
+
+    /// The start.
+    pub(crate) fn start(&self) -> &Point {
+        &self.start
+    }
+
+    /// The parameters, with the values that depend on them.
+    pub(super) fn numbers(&self) -> &Numbers {
+        &self.numbers
+    }
+
+    /// Whether another lane has the same instants of samples.
+    pub(super) fn has_samples_of(&self, other: &Lane) -> bool {
+        self.numbers.samples == other.numbers.samples
+    }
 }
 
 impl<'m, const L: usize> Walk<'m, L> {

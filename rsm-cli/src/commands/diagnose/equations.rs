@@ -1,4 +1,4 @@
-//! Errors of the plant's equations, evaluated with the recorded signals, for the report and as JSON.
+//! Prediction errors of a filter along the records, for the report and as JSON.
 //!
 //! In: the results of the screen by equation error. Out: sentences and a value. Decides nothing.
 
@@ -26,7 +26,7 @@ pub fn sentences(screen: &EquationScreen) -> Vec<String> {
         let numbers: Vec<String> = numbers.map(|(name, value)| format!("{name} {}", figure(Some(*value)))).collect();
         let remaining = 100.0 * term.left;
         format!(
-            "{} ({}): with this term, {remaining:.2} % of the equation error of the plant file remains.",
+            "{} ({}): with this term, {remaining:.2} % of the prediction error of the plant file remains.",
             term.label,
             numbers.join(", ")
         )

@@ -1,23 +1,21 @@
-//! The screen by equation errors: every cause of the catalogue is tested along the recorded signals, without the free run that may have diverged from
-//! them.
+//! The screen by prediction errors: every cause of the catalogue is tested along the recorded signals, without the free run that may have diverged
+//! from them.
 //!
 //! ```text
-//!   readings --innovations--> errors of the equations --cross_validation--> ordered terms --> plants from which the search goes on
+//!   readings --filter--> prediction errors --cross_validation--> ordered terms --> plants from which the search goes on
 //! ```
 //!
 //! In: prepared records, the nominal plant, hypotheses. Out: an ordered list of terms with their parameters, chosen by forward selection and
-//! evaluated on blocks of time that were not used to fit them. There is no free run and no initial state, so it does not matter how far a simulation
-//! has diverged, or what its rotor angle is. Signals that no column holds (a twist, a slipping vehicle) have no equation here, and small effects are
-//! harder to see than over a whole free run. Nothing is therefore decided here: the plant with these terms is a starting point for the free run, and
-//! one candidate among others. The guesses of the catalogue stay unchanged, so an equal hypothesis is found as for any other cause. Only integer
-//! parameters, which no fit changes, are added.
+//! evaluated on blocks of time that were not used to fit them. The readings correct the states at every row, so it does not matter how far a free run
+//! has diverged, or what its rotor angle is. Small effects are harder to see than over a whole free run. Nothing is therefore decided here: the plant
+//! with these terms is a starting point for the free run, and one candidate among others. The guesses of the catalogue stay unchanged, so an equal
+//! hypothesis is found as for any other cause. Only integer parameters, which no fit changes, are added.
 //!
 //! Source: L. Ljung, System Identification, 1999, section 7.3 (equation errors and prediction errors); S. A. Billings, Nonlinear System
 //! Identification, 2013, chapter 3 (forward selection).
 
 pub mod cross_validation;
-pub mod innovations;
-pub mod readings;
+pub mod filter;
 #[cfg(test)]
 mod tests;
 pub mod turning;
@@ -28,18 +26,14 @@ use super::hypotheses::{Hypothesis, generalises};
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
 use super::screen::scaled;
-use super::waves::is_wave;
-use super::whitened_residuals::{Prepared, WhitenedResiduals};
+use super::whitened_residuals::{WhitenedResiduals, joint_jobs};
 use crate::engine::significance::best_gain_by_chance;
 use cross_validation::{Base, Blocks, Prior, blocks};
-use innovations::{innovations, names};
-use readings::{Readings, Version};
+use filter::Filter;
 use rsm_sim::effect::{Guess, Role};
-use rsm_sim::hooks::Hooks;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::{Entry, PlantFile};
-use rsm_sim::plants::Plant;
-use rsm_sim::plants::pmac::Pmac;
+use rsm_sim::schema::Bound;
 use rsm_sim::threads::in_threads;
 use turning::Turning;
 
@@ -67,11 +61,18 @@ const STEP: f64 = 0.1;
 /// Gauss-Newton steps after each term.
 const STEPS: usize = 4;
 
+/// The highest order of a wave. 36 slots with 42 poles have 252 cycles per turn, but at a hundred turns per second even order four is above a third of
+/// a kilohertz. Orders above 120 are beyond what the sampling resolves.
+const MOST_ORDER: usize = 120;
+
 /// The number of rotor orders that are passed to the search. A free run over a whole record distinguishes waves that blocks of rows do not.
 const ORDERS: usize = 10;
 
 /// Steps of the first fit to a free run: the same as in a competition.
 const FIT_STEPS: usize = 8;
+
+/// Plants whose prediction errors are computed together.
+const CHUNK: usize = 64;
 
 /// A term of the equations.
 #[derive(Debug, Clone)]
@@ -116,7 +117,7 @@ pub fn screen(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypot
     let equations = Equations::of(whitened, nominal)?;
     let mut candidates = equations.catalogue(nominal, hypotheses);
     let without_orders = candidates.len();
-    candidates.extend(equations.orders(nominal, hypotheses));
+    candidates.extend(equations.orders(nominal, nominal, hypotheses));
     let looks = candidates.len();
     let mut model = nominal.clone();
     let mut base = equations.base(&model)?;
@@ -146,11 +147,6 @@ pub fn screen(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypot
         };
         (model, base) = (with, its);
         left = base.left().0;
-        if model.file.effects.last().is_some_and(|it| it.arguments.subject.as_deref() == Some("speed")) {
-            // The rotor angle follows from the speed, so it changes with a speed sensor's error.
-            candidates.truncate(without_orders);
-            candidates.extend(equations.orders(&model, hypotheses));
-        }
     }
     model = equations.backward_elimination(model, nominal, left);
     orders.extend(model.file.effects.iter().filter_map(|entry| order_of(entry, hypotheses)));
@@ -192,14 +188,57 @@ fn best_orders(judged: &[CandidateGain], candidates: &[Candidate], first: usize)
     waves.into_iter().take(ORDERS).map(guess).collect()
 }
 
-/// The guess of a term, if the term is a rotor order; otherwise `None`.
+/// The guess of a term, if the term is a wave with a whole number of periods; otherwise `None`.
 fn order_of(entry: &Entry, hypotheses: &[Hypothesis]) -> Option<(usize, Guess)> {
-    if entry.description.declared.role != Role::Waves || is_wave(entry.description, entry.arguments.plant) {
-        return None;
-    }
     let place = hypotheses.iter().position(|it| it.describes(entry))?;
-    let values = ["amplitude", "cycles", "phase"].map(|name| entry.arguments.number(name)).to_vec();
-    Some((place, Guess { values, neutral: Some((0, 0.0)), phase: Some(2) }))
+    let wave = Wave::of(&hypotheses[place], entry.arguments.plant)?;
+    let values: Vec<f64> = entry
+        .description
+        .arguments_on(entry.arguments.plant)
+        .map(|it| entry.arguments.optional(it.name).unwrap_or(f64::NAN))
+        .collect();
+    wave.is_whole.then(|| (place, wave.guess(values)))
+}
+
+/// The numbers of a wave of effort over a position, by their place among the numbers of an effect.
+#[derive(Debug, Clone, Copy)]
+struct Wave {
+    amplitude: usize,
+    /// The number of periods per turn, or the length of a period.
+    period: usize,
+    is_whole: bool,
+    phase: usize,
+}
+
+impl Wave {
+    /// The numbers of a hypothesis, if it is a wave.
+    fn of(hypothesis: &Hypothesis, kind: PlantKind) -> Option<Wave> {
+        if hypothesis.description.declared.role != Role::Waves {
+            return None;
+        }
+        let arguments: Vec<_> = hypothesis.description.arguments_on(kind).collect();
+        let place = |name: &str| arguments.iter().position(|it| it.name == name);
+        let period = arguments.iter().position(|it| it.bound == Bound::Count).or_else(|| place("pitch"))?;
+        Some(Wave {
+            amplitude: place("amplitude")?,
+            period,
+            is_whole: arguments[period].bound == Bound::Count,
+            phase: place("phase")?,
+        })
+    }
+
+    fn guess(self, values: Vec<f64>) -> Guess {
+        Guess { values, neutral: Some((self.amplitude, 0.0)), phase: Some(self.phase) }
+    }
+
+    /// Numbers with an amplitude, a number of periods in `base`, and a phase.
+    fn values(self, count: usize, amplitude: f64, number: f64, base: f64, phase: f64) -> Vec<f64> {
+        let mut values = vec![f64::NAN; count];
+        values[self.amplitude] = amplitude;
+        values[self.period] = if self.is_whole { number } else { base / number };
+        values[self.phase] = phase;
+        values
+    }
 }
 
 impl EquationScreen {
@@ -221,68 +260,73 @@ impl EquationScreen {
     }
 }
 
-/// The equations of all records.
-struct Equations {
-    records: Vec<(Prepared, Readings)>,
+/// The prediction errors of all records.
+struct Equations<'w> {
+    whitened: &'w WhitenedResiduals,
+    /// The filters, each with the index of its record.
+    filters: Vec<(usize, Filter)>,
     names: Vec<&'static str>,
-    /// The noise of each equation of each record, in its unit.
-    scales: Vec<Vec<f64>>,
-    threads: usize,
     work: AtomicU64,
 }
 
-impl Equations {
-    /// The equations of some records and the nominal plant.
-    fn of(whitened: &WhitenedResiduals, nominal: &Model) -> Option<Self> {
+/// The errors of a plant: for each record, for each of its outputs, one value per row.
+type Errors = Vec<Vec<Vec<f64>>>;
+
+impl<'w> Equations<'w> {
+    /// The filters of some records for the nominal plant.
+    fn of(whitened: &'w WhitenedResiduals, nominal: &Model) -> Option<Self> {
         let kind = nominal.file.kind;
-        let known: Vec<&Prepared> = whitened.records.iter().filter(|it| !names(it, kind).is_empty()).collect();
-        let each = MOST_ROWS / known.len().max(1);
-        let records: Vec<(Prepared, Readings)> = known
-            .into_iter()
-            .map(|it| if it.record.rows() > each { it.shortened(each) } else { it.clone() })
-            .map(|it| (it.clone(), Readings::new(&it, kind)))
-            .collect();
-        let mut equations = Equations {
-            names: names(&records.first()?.0, kind),
-            records,
-            scales: Vec::new(),
-            threads: whitened.threads,
-            work: AtomicU64::new(0),
-        };
-        let all = equations.innovations(&nominal.file, Version::Raw)?;
-        equations.scales = all.iter().map(|record| record.iter().map(|values| noise(values)).collect()).collect();
-        Some(equations)
-    }
-
-    /// The errors of all equations of all records, each in its own unit.
-    fn innovations(&self, file: &PlantFile, version: Version) -> Option<Vec<Vec<Vec<f64>>>> {
-        let each = self.records.iter().map(|(prepared, readings)| {
-            let found = innovations(prepared, readings, version, file)?;
-            self.work.fetch_add(found.work, Ordering::Relaxed);
-            Some(found.equations)
+        let records: Vec<usize> = (0..whitened.records.len()).filter(|k| !whitened.records[*k].outputs.is_empty()).collect();
+        let each = MOST_ROWS / records.len().max(1);
+        let filters = in_threads(&records, whitened.threads, |&record| {
+            let prepared = &whitened.records[record];
+            let prepared = if prepared.record.rows() > each { prepared.shortened(each) } else { prepared.clone() };
+            let noise: Vec<f64> = prepared.outputs.iter().map(|output| whitened.floors[*output].sd).collect();
+            let filter = Filter::new(&prepared, &nominal.for_record(record, &prepared.record), &noise)?;
+            Some((record, filter))
         });
-        each.collect()
+        let filters: Vec<(usize, Filter)> = filters.into_iter().flatten().collect();
+        let mut present: Vec<usize> = filters.iter().flat_map(|it| it.1.prepared.outputs.clone()).collect();
+        present.sort_unstable();
+        present.dedup();
+        let names = present.into_iter().map(|output| kind.outputs()[output].name).collect();
+        (!filters.is_empty()).then_some(Equations { whitened, filters, names, work: AtomicU64::new(0) })
     }
 
-    /// The same divided by the noise; rows that do not count are 0.
-    fn whitened(&self, mut all: Vec<Vec<Vec<f64>>>) -> Vec<Vec<f64>> {
-        for ((record, scales), (_, readings)) in all.iter_mut().zip(&self.scales).zip(&self.records) {
-            for (values, scale) in record.iter_mut().zip(scales) {
-                for (value, counts) in values.iter_mut().zip(&readings.counts) {
-                    *value = if *counts { *value / scale } else { 0.0 };
+    /// The prediction errors of plants, in units of their standard deviation; `None` for a plant that cannot follow a record.
+    fn errors(&self, models: &[Model]) -> Vec<Option<Vec<Vec<f64>>>> {
+        let jobs: Vec<(usize, &Model)> =
+            models.iter().flat_map(|model| (0..self.filters.len()).map(move |place| (place, model))).collect();
+        let groups = joint_jobs(&jobs);
+        let done = in_threads(&groups, self.whitened.threads, |group| {
+            let (record, filter) = &self.filters[jobs[group[0]].0];
+            let its = &filter.prepared.record;
+            self.work.fetch_add((group.len() * its.rows()) as u64, Ordering::Relaxed);
+            let files: Vec<PlantFile> = group.iter().map(|place| jobs[*place].1.for_record(*record, its)).collect();
+            let mut found = filter.errors(&files);
+            for values in found.iter_mut().flatten() {
+                for (values, sd) in values.iter_mut().zip(&filter.sd) {
+                    values.iter_mut().for_each(|value| *value /= sd);
                 }
             }
+            found
+        });
+        let mut all: Vec<Option<Vec<Vec<f64>>>> = vec![None; jobs.len()];
+        for (place, found) in groups.into_iter().flatten().zip(done.into_iter().flatten()) {
+            all[place] = found;
         }
-        all.into_iter().flatten().collect()
+        let mut all = all.into_iter();
+        let records = self.filters.len();
+        let whole = |_| -> Option<Vec<Vec<f64>>> {
+            let of_records: Vec<Option<Vec<Vec<f64>>>> = all.by_ref().take(records).collect();
+            Some(of_records.into_iter().collect::<Option<Errors>>()?.into_iter().flatten().collect())
+        };
+        models.iter().map(whole).collect()
     }
 
-    /// The change of the errors between two plant files, for smoothed readings; `without` holds the errors of the first.
-    fn change(&self, without: &[Vec<f64>], file: &PlantFile, step: f64) -> Option<Blocks> {
-        let mut with = self.whitened(self.innovations(file, Version::Smooth)?);
-        for (with, without) in with.iter_mut().zip(without) {
-            with.iter_mut().zip(without).for_each(|(with, without)| *with = (without - *with) / step);
-        }
-        blocks(with)
+    /// The prediction errors of one plant.
+    fn errors_of(&self, model: &Model) -> Option<Vec<Vec<f64>>> {
+        self.errors(std::slice::from_ref(model)).remove(0)
     }
 
     /// The errors of a model, with a column for each of its parameters.
@@ -292,24 +336,22 @@ impl Equations {
 
     /// The same, with the unknowns of the columns.
     fn linear(&self, model: &Model) -> Option<(Base, Vec<usize>)> {
-        let asked = self.whitened(self.innovations(&model.file, Version::Raw)?).into_iter().map(Some).collect();
-        let smooth = self.whitened(self.innovations(&model.file, Version::Smooth)?);
         let places: Vec<usize> =
             (0..model.unknowns.len()).filter(|k| !matches!(model.unknowns[*k].place, Place::Start { .. })).collect();
-        let columns = in_threads(&places, self.threads, |&k| {
-            let step = STEP * model.unknowns[k].scale;
-            self.change(&smooth, &model.moved(&[k], &[step]).file, STEP)
-        });
+        let mut models = vec![model.clone()];
+        models.extend(places.iter().map(|k| model.moved(&[*k], &[STEP * model.unknowns[*k].scale])));
+        let mut found = self.errors(&models).into_iter();
+        let own = found.next().flatten()?;
         let mut base: (Vec<Blocks>, Vec<Prior>, Vec<usize>) = Default::default();
-        for (k, column) in places.into_iter().zip(columns) {
-            let Some(column) = column else { continue };
+        for (k, moved) in places.into_iter().zip(found) {
+            let Some(column) = moved.and_then(|moved| change(&own, moved, STEP)) else { continue };
             let unknown = &model.unknowns[k];
             base.0.push(column);
             // A factor is in units of the scale, and the scale is the standard deviation of the tolerance.
             base.1.push(unknown.prior.map(|(centre, _)| (model.value(k) - centre) / unknown.scale));
             base.2.push(k);
         }
-        Some((Base::new(base.0, base.1, asked), base.2))
+        Some((Base::new(base.0, base.1, own.into_iter().map(Some).collect()), base.2))
     }
 
     /// A model with its parameters fitted to the equations: the last step that reduces the error.
@@ -358,15 +400,14 @@ impl Equations {
 
     /// Every guess of every hypothesis, and more delays than the catalogue has, with their columns for the nominal plant.
     fn catalogue(&self, nominal: &Model, hypotheses: &[Hypothesis]) -> Vec<Candidate> {
-        let Some(missed) = self.innovations(&nominal.file, Version::Smooth) else { return Vec::new() };
-        let smooth = self.whitened(missed);
+        let Some(without) = self.errors_of(nominal) else { return Vec::new() };
         let kind = nominal.file.kind;
-        let period = self.records[0].0.record.period;
+        let period = self.filters[0].1.prepared.record.period;
         let mut asked: Vec<(usize, Guess)> = Vec::new();
         for (k, hypothesis) in hypotheses.iter().enumerate() {
             let role = hypothesis.description.declared.role;
-            // Rounding has no derivative, and rotor orders are tested separately.
-            if role == Role::Rounding || role == Role::Waves && !is_wave(hypothesis.description, kind) {
+            // Rounding has no derivative, and orders are tested separately.
+            if role == Role::Rounding || Wave::of(hypothesis, kind).is_some_and(|it| it.is_whole) {
                 continue;
             }
             asked.extend(hypothesis.guesses.iter().map(|guess| (k, guess.clone())));
@@ -374,71 +415,72 @@ impl Equations {
                 asked.extend(DELAYS.map(|rows| (k, Guess { values: vec![rows * period], ..like.clone() })));
             }
         }
-        let columns = in_threads(&asked, self.threads, |(k, guess)| {
-            let with = |values: &[f64]| {
-                let model = nominal.joined(nominal, hypotheses[*k].entry(kind, values));
-                model.is_possible().then(|| self.change(&smooth, &model.file, 1.0)).flatten()
-            };
-            let mut columns = vec![with(&guess.values)?];
+        let with = |k: usize, values: &[f64]| nominal.joined(nominal, hypotheses[k].entry(kind, values));
+        let mut models: Vec<Model> = Vec::new();
+        for (k, guess) in &asked {
+            models.push(with(*k, &guess.values));
             if let Some(phase) = guess.phase {
                 let mut shifted = guess.values.clone();
                 shifted[phase] += std::f64::consts::FRAC_PI_2;
-                columns.push(with(&shifted)?);
+                models.push(with(*k, &shifted));
             }
-            Some(columns)
-        });
-        let found = asked.into_iter().zip(columns);
-        found.filter_map(|((hypothesis, guess), columns)| Some(Candidate { hypothesis, guess, columns: columns? })).collect()
+        }
+        let mut found = Vec::with_capacity(models.len());
+        // A few at a time, because their errors need much memory.
+        for some in models.chunks(CHUNK) {
+            found.extend(self.errors(some).into_iter().map(|it| it.and_then(|with| change(&without, with, 1.0))));
+        }
+        let mut found = found.into_iter();
+        let one = |(hypothesis, guess): (usize, Guess)| {
+            let count = if guess.phase.is_some() { 2 } else { 1 };
+            let columns: Option<Vec<Blocks>> = found.by_ref().take(count).collect::<Vec<_>>().into_iter().collect();
+            Some(Candidate { hypothesis, guess, columns: columns? })
+        };
+        asked.into_iter().filter_map(one).collect()
     }
 
-    /// Waves of torque over the rotor angle, at every order that the records resolve.
-    fn orders(&self, model: &Model, hypotheses: &[Hypothesis]) -> Vec<Candidate> {
-        let Some(hypothesis) = hypotheses.iter().position(|it| it.description.declared.role == Role::Waves) else {
-            return Vec::new();
-        };
-        if model.file.kind != PlantKind::Pmac {
-            return Vec::new();
+    /// Waves of effort over an angle, at every whole order that the records resolve.
+    fn orders(&self, model: &Model, nominal: &Model, hypotheses: &[Hypothesis]) -> Vec<Candidate> {
+        let kind = model.file.kind;
+        let mut list = Vec::new();
+        for (place, hypothesis) in hypotheses.iter().enumerate() {
+            let Some(wave) = Wave::of(hypothesis, kind).filter(|it| it.is_whole) else { continue };
+            let Some(first) = hypothesis.guesses.first() else { continue };
+            let (count, amplitude) = (first.values.len(), first.values[wave.amplitude]);
+            let with = |number: f64, phase: f64| {
+                nominal.joined(nominal, hypothesis.entry(kind, &wave.values(count, amplitude, number, 1.0, phase)))
+            };
+            let slow = [with(1.0, 0.0), with(1.0, std::f64::consts::FRAC_PI_2), with(2.0, 0.0)];
+            let places: Vec<usize> = (0..self.filters.len()).collect();
+            let turning = in_threads(&places, self.whitened.threads, |place| {
+                let (record, filter) = &self.filters[*place];
+                let files = slow.each_ref().map(|it| it.for_record(*record, &filter.prepared.record));
+                Turning::new(filter, &files, amplitude)
+            });
+            let Some(turning) = turning.into_iter().collect::<Option<Vec<Turning<'_>>>>() else { continue };
+            // Over less than a turn, an order looks like a smooth torque.
+            if turning.iter().map(Turning::turns).fold(0.0, f64::max) < 1.0 {
+                continue;
+            }
+            let orders: Vec<usize> = (1..=MOST_ORDER).collect();
+            let columns = in_threads(&orders, self.whitened.threads, |order| {
+                let waves: Vec<[Vec<Vec<f64>>; 2]> = turning.iter().map(|it| it.wave(*order as f64)).collect();
+                [0, 1].map(|quarter| blocks(waves.iter().flat_map(|it| it[quarter].clone()).collect()))
+            });
+            let at = |(order, [sin, cos]): (usize, [Option<Blocks>; 2])| {
+                let guess = wave.guess(wave.values(count, 1.0, order as f64, 1.0, 0.0));
+                Some(Candidate { hypothesis: place, guess, columns: vec![sin?, cos?] })
+            };
+            list.extend(orders.into_iter().zip(columns).filter_map(at));
         }
-        let hooks = Hooks::new(&model.file, Pmac::STATES);
-        let inertia = model.file.parameters.number("inertia");
-        let rotors: Vec<Turning> = self
-            .records
-            .iter()
-            .map(|(prepared, readings)| {
-                let record = &prepared.record;
-                let speed = readings.truth(2, Version::Smooth, &model.file, &hooks, record);
-                Turning::new(&speed.unwrap_or_default(), record.angle.unwrap_or(0.0), record.period)
-            })
-            .collect();
-        // Over less than a turn, an order looks like a smooth torque.
-        if rotors.iter().map(Turning::turns).fold(0.0, f64::max) < 1.0 {
-            return Vec::new();
-        }
-        let orders: Vec<usize> = (1..=turning::MOST).collect();
-        let columns = in_threads(&orders, self.threads, |order| {
-            let waves: Vec<[Vec<f64>; 2]> = rotors.iter().map(|rotor| rotor.wave(*order, inertia)).collect();
-            [0, 1].map(|quarter| {
-                let speeds = self.records.iter().zip(&waves).map(|((prepared, _), wave)| {
-                    let mut equations = vec![vec![0.0; prepared.record.rows()]; self.names.len()];
-                    equations.pop();
-                    equations.push(wave[quarter].clone());
-                    equations
-                });
-                blocks(self.whitened(speeds.collect()))
-            })
-        });
-        let at = |(order, [sin, cos]): (usize, [Option<Blocks>; 2])| {
-            let guess = Guess { values: vec![1.0, order as f64, 0.0], neutral: Some((0, 0.0)), phase: Some(2) };
-            Some(Candidate { hypothesis, guess, columns: vec![sin?, cos?] })
-        };
-        orders.into_iter().zip(columns).filter_map(at).collect()
+        list
     }
 
     /// The effect of each candidate together with a base, without candidates that are already in the model.
     fn judged(&self, base: &Base, candidates: &[Candidate], model: &Model, hypotheses: &[Hypothesis]) -> Vec<CandidateGain> {
         let kind = model.file.kind;
         let places: Vec<usize> = (0..candidates.len()).collect();
-        let judged = in_threads(&places, self.threads, |&place| {
+        let judged = in_threads(&places, self.whitened.threads, |&place| {
             let candidate = &candidates[place];
             let hypothesis = &hypotheses[candidate.hypothesis];
             // Friction has one law. The free run decides which.
@@ -458,9 +500,10 @@ impl Equations {
     }
 }
 
-/// The noise of an equation error, from the differences of neighbouring rows.
-fn noise(values: &[f64]) -> f64 {
-    let steps = values.windows(2).map(|w| (w[1] - w[0]) * (w[1] - w[0]));
-    let size = values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
-    (0.5 * steps.sum::<f64>() / values.len().max(1) as f64).sqrt().max(1e-9 * size).max(f64::MIN_POSITIVE)
+/// The change of the errors by a change of the plant, divided by a step.
+fn change(without: &[Vec<f64>], mut with: Vec<Vec<f64>>, step: f64) -> Option<Blocks> {
+    for (with, without) in with.iter_mut().zip(without) {
+        with.iter_mut().zip(without).for_each(|(with, without)| *with = (without - *with) / step);
+    }
+    blocks(with)
 }

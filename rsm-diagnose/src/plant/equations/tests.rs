@@ -8,7 +8,7 @@ use super::super::hypotheses;
 use super::super::model::InitialMotion;
 use super::super::noise::NoiseFloor;
 use super::super::survey;
-use super::super::whitened_residuals::WhitenedResiduals;
+use super::super::whitened_residuals::{Prepared, WhitenedResiduals};
 use super::*;
 use rsm_fit::random::Random;
 use rsm_sim::record::Record;

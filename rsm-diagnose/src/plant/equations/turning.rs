@@ -1,69 +1,111 @@
-//! Waves of torque over the angle of a rotor: for every order, the column that it adds to the equation of the speed.
+//! Waves of effort over a position: for every wave number, the columns that it adds to the prediction errors.
 //!
-//! In: the recorded speed of a motor. Out: two columns for each order, a quarter of a wave apart. The angle is the integral of the recorded speed, so
-//! even a wave of 90 cycles per turn stays in phase. The simulated angle would be several cycles off. Fits nothing.
+//! In: a filter along a record; a plant with one slow wave. Out: two columns for each wave number, a quarter of a wave apart. The position is that of
+//! the filter, so even a wave of 90 cycles per turn stays in phase; the position of a free run would be several cycles off. The effort of the wave
+//! moves the states of the next row, and the linear model of the rows gives all that follows. Fits nothing.
 
-use super::readings::MEMORY;
+use std::f64::consts::TAU;
 
-/// The highest order. 36 slots with 42 poles have 252 cycles per turn, but at a hundred turns per second even order four is above a third of a
-/// kilohertz. Orders above 120 are beyond what the sampling resolves.
-pub const MOST: usize = 120;
+use super::filter::Filter;
+use rsm_sim::plant_file::PlantFile;
 
-/// A rotor along a record.
-pub struct Turning {
-    /// The angle at every row, in rad.
-    angle: Vec<f64>,
-    period: f64,
+/// Motion along a position, and what an effort along it does.
+pub struct Turning<'f> {
+    filter: &'f Filter,
+    /// The phase of the slow wave at every row, in rad, continued over its periods.
+    phase: Vec<f64>,
+    /// The change of the predicted states of each row by a unit effort over the row before.
+    response: Vec<Vec<f64>>,
+    /// For each row: the change of the predicted states of the next row by a change of those of this row, with the correction between; by rows.
+    passed: Vec<Vec<f64>>,
 }
 
-impl Turning {
-    /// From speeds in rad/s; `start` is the first angle.
+impl<'f> Turning<'f> {
+    /// The motion along a position. `waves` are plants with a wave of the amplitude `amplitude`: the slow wave with the phases 0 and a quarter, and a
+    /// wave with twice its number of periods and the phase 0. `None` if they have no effect.
     #[must_use]
-    pub fn new(speed: &[f64], start: f64, period: f64) -> Self {
-        let mut angle = Vec::with_capacity(speed.len());
-        let mut at = start;
-        for row in 0..speed.len() {
-            at += if row > 0 { 0.5 * period * (speed[row - 1] + speed[row]) } else { 0.0 };
-            angle.push(at);
+    pub fn new(filter: &'f Filter, waves: &[PlantFile; 3], amplitude: f64) -> Option<Self> {
+        let mut found = filter.row_responses(waves).into_iter();
+        let (sin, cos, double) = (found.next()??, found.next()??, found.next()??);
+        let count = filter.observer.states.len();
+        let rows = sin.len();
+        // Both responses are one vector, times the sine and the cosine of the phase.
+        let mut direction = vec![0.0; count];
+        for it in sin.iter().chain(&cos) {
+            let sign = if it.iter().zip(&direction).map(|(a, b)| a * b).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
+            direction.iter_mut().zip(it).for_each(|(sum, value)| *sum += sign * value);
         }
-        Turning { angle, period }
+        let largest = direction.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
+        let state = direction.iter().position(|it| it.abs() == largest).filter(|_| largest > 0.0)?;
+        // The response to a forward effort may have either sign. The sine of the double angle is twice the product of sine and cosine.
+        let both: f64 = sin.iter().zip(&cos).zip(&double).map(|((s, c), d)| s[state] * c[state] * d[state]).sum();
+        let sign = if both < 0.0 { -1.0 } else { 1.0 };
+        let (mut phase, mut response, mut last) = (Vec::with_capacity(rows), Vec::with_capacity(rows), 0.0);
+        for row in 0..rows {
+            // What the wave does in a row shows at its end.
+            let (sin, cos) = (&sin[(row + 1).min(rows - 1)], &cos[(row + 1).min(rows - 1)]);
+            let size = sin[state].hypot(cos[state]);
+            let now: f64 = if size > 0.0 { (sign * sin[state]).atan2(sign * cos[state]) } else { last };
+            last += (now - last + 0.5 * TAU).rem_euclid(TAU) - 0.5 * TAU;
+            phase.push(last);
+            let (s, c) = (last.sin(), last.cos());
+            response.push(sin.iter().zip(cos).map(|(a, b)| (a * s + b * c) / amplitude).collect());
+        }
+        let mut passed = Vec::with_capacity(rows);
+        for row in 0..rows {
+            let it = &filter.linear[row];
+            let next = &filter.linear[(row + 1).min(rows - 1)].transition;
+            let kept = nalgebra::DMatrix::identity(count, count) - &filter.gains[row] * &it.slopes;
+            passed.push((next * kept).transpose().as_slice().to_vec());
+        }
+        Some(Turning { filter, phase, response, passed })
     }
 
-    /// The number of turns, with both directions added.
+    /// The number of periods of the slow wave, with both directions added.
     #[must_use]
     pub fn turns(&self) -> f64 {
-        self.angle.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>() / std::f64::consts::TAU
+        self.phase.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>() / TAU
     }
 
-    /// The columns that sin(order angle) and cos(order angle), each divided by an inertia, add to the error of the speed.
+    /// The columns that a unit wave and the same a quarter further add to the prediction errors, for each output of the record. `number` is the number
+    /// of periods in a period of the slow wave.
     #[must_use]
-    pub fn wave(&self, order: usize, inertia: f64) -> [Vec<f64>; 2] {
-        let order = order as f64;
-        let mut columns = [0, 1].map(|_| Vec::with_capacity(self.angle.len()));
-        let mut said = [0.0; 2];
-        let mut before: Option<(f64, [f64; 2])> = None;
-        for angle in &self.angle {
-            let phase = order * angle;
-            let (sin, cos) = phase.sin_cos();
-            if let Some((last, [last_sin, last_cos])) = before {
-                let moved = phase - last;
-                // The mean over the row, with the angle linear in time: a wave of high order turns by radians between the ends. For changes below
-                // 1e-4, the mean of both ends is accurate to 1e-9.
-                let mean = if moved.abs() < 1e-4 {
-                    [0.5 * (sin + last_sin), 0.5 * (cos + last_cos)]
-                } else {
-                    [(last_cos - cos) / moved, (sin - last_sin) / moved]
-                };
-                for (said, mean) in said.iter_mut().zip(mean) {
-                    *said += self.period / inertia * mean;
+    pub fn wave(&self, number: f64) -> [Vec<Vec<f64>>; 2] {
+        let count = self.filter.observer.states.len();
+        let outputs = self.filter.sd.len();
+        let rows = self.phase.len();
+        let mut columns = [0, 1].map(|_| vec![Vec::with_capacity(rows); outputs]);
+        let mut moved = [0, 1].map(|_| vec![0.0; count]);
+        let mut next = vec![0.0; count];
+        for row in 0..rows {
+            let slopes = &self.filter.linear[row].slopes;
+            let mean = if row + 1 < rows { mean(number * self.phase[row], number * self.phase[row + 1]) } else { [0.0; 2] };
+            for quarter in 0..2 {
+                let moved = &mut moved[quarter];
+                for (output, column) in columns[quarter].iter_mut().enumerate() {
+                    let used = self.filter.prepared.used[output][row];
+                    let seen: f64 = moved.iter().enumerate().map(|(k, value)| slopes[(output, k)] * value).sum();
+                    column.push(if used { seen / self.filter.sd[output] } else { 0.0 });
                 }
+                for (k, next) in next.iter_mut().enumerate() {
+                    let along = self.passed[row][k * count..(k + 1) * count].iter().zip(&*moved);
+                    *next = along.map(|(a, b)| a * b).sum::<f64>() + mean[quarter] * self.response[row][k];
+                }
+                moved.copy_from_slice(&next);
             }
-            for (column, said) in columns.iter_mut().zip(&mut said) {
-                column.push(*said);
-                *said -= *said / MEMORY;
-            }
-            before = Some((phase, [sin, cos]));
         }
         columns
+    }
+}
+
+/// The means of the sine and the cosine between two phases, if the phase is linear in time: a wave of high order turns by radians within a row.
+fn mean(from: f64, to: f64) -> [f64; 2] {
+    let moved = to - from;
+    let ([sin, cos], [last_sin, last_cos]) = ([to.sin(), to.cos()], [from.sin(), from.cos()]);
+    // For changes below 1e-4, the mean of both ends is accurate to 1e-9.
+    if moved.abs() < 1e-4 {
+        [0.5 * (sin + last_sin), 0.5 * (cos + last_cos)]
+    } else {
+        [(last_cos - cos) / moved, (sin - last_sin) / moved]
     }
 }

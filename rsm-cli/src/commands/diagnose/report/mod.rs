@@ -173,7 +173,7 @@ fn causes(body: &mut String, kind: PlantKind, found: &Diagnosis) {
         if !sentences.is_empty() {
             let _ = writeln!(
                 body,
-                "<h3>Errors of the equations</h3>\n<p>The equations are evaluated with the recorded signals, without a simulation. Their errors ({}) are computed on holdout blocks of rows. \
+                "<h3>Prediction errors</h3>\n<p>A Kalman filter of the plant follows the records: the readings correct its states at every row. Its prediction errors ({}) are computed on holdout blocks of rows. \
                  Calibration leaves {:.2} %. The search also tries these terms in free-running simulations, beside all other causes. They are candidates, not results.</p>",
                 escaped(&screen.equations.join(", ")),
                 100.0 * screen.calibrated
