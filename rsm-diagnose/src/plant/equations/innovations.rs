@@ -39,14 +39,14 @@ pub fn names(prepared: &Prepared, kind: PlantKind) -> Vec<&'static str> {
     let has = |output: usize| prepared.outputs.contains(&output);
     let closed = prepared.record.drive == Drive::Closed;
     match kind {
-        PlantKind::Pmac if prepared.record.drive == Drive::HoldsDirectCurrent => {
+        _ if kind.is("pmac") && !prepared.record.absent(kind).is_empty() => {
             if has(1) && has(2) {
                 vec!["i_q", "speed"]
             } else {
                 Vec::new()
             }
         }
-        PlantKind::Pmac => {
+        _ if kind.is("pmac") => {
             if has(0) && has(1) && has(2) {
                 vec!["i_d", "i_q", "speed"]
             } else {
@@ -93,9 +93,9 @@ pub fn innovations(prepared: &Prepared, readings: &Readings, version: Version, f
     let parameters = file.effective_parameters();
     let record = &prepared.record;
     let found = match file.kind {
-        PlantKind::Pmac => {
+        kind if kind.is("pmac") => {
             let hooks = Hooks::new(file, Pmac::STATES);
-            let holds = record.drive == Drive::HoldsDirectCurrent;
+            let holds = !record.absent(kind).is_empty();
             let truths = truths(readings, version, file, &hooks, record);
             motor(&Pmac::new(&parameters, &hooks, holds), &hooks, record, &truths, holds)
         }
@@ -251,7 +251,7 @@ fn motor(plant: &Pmac, hooks: &Hooks, record: &Record, truths: &[Option<Vec<f64>
     let (i_q, speed) = (truths[1].as_ref()?, truths[2].as_ref()?);
     let rows = speed.len();
     let mut angle = Vec::with_capacity(rows);
-    let mut theta = record.angle.unwrap_or(0.0);
+    let mut theta = record.start("angle").unwrap_or(0.0);
     for row in 0..rows {
         theta += if row > 0 { 0.5 * record.period * (speed[row - 1] + speed[row]) } else { 0.0 };
         angle.push(theta);

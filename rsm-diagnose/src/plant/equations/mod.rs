@@ -36,7 +36,6 @@ use innovations::{innovations, names};
 use readings::{Readings, Version};
 use rsm_sim::effect::{Guess, Role};
 use rsm_sim::hooks::Hooks;
-use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::plants::Plant;
 use rsm_sim::plants::pmac::Pmac;
@@ -396,7 +395,7 @@ impl Equations {
         let Some(hypothesis) = hypotheses.iter().position(|it| it.description.declared.role == Role::Waves) else {
             return Vec::new();
         };
-        if model.file.kind != PlantKind::Pmac {
+        if !model.file.kind.is("pmac") {
             return Vec::new();
         }
         let hooks = Hooks::new(&model.file, Pmac::STATES);
@@ -407,7 +406,7 @@ impl Equations {
             .map(|(prepared, readings)| {
                 let record = &prepared.record;
                 let speed = readings.truth(2, Version::Smooth, &model.file, &hooks, record);
-                Turning::new(&speed.unwrap_or_default(), record.angle.unwrap_or(0.0), record.period)
+                Turning::new(&speed.unwrap_or_default(), record.start("angle").unwrap_or(0.0), record.period)
             })
             .collect();
         // Over less than a turn, an order looks like a smooth torque.
