@@ -1,13 +1,14 @@
 // Equations of docs/book/src/reference/plants.md, section 2.1, numbers (17), (18), (21) of the paper there.
+// A minimum of 1e-60, the constant `small` of Modelica, excludes 0.
 model Pmac "surface permanent-magnet AC motor in the rotor frame"
   parameter Real phase_resistance(unit = "Ohm", min = 0.0) = 0.08;
-  parameter Real phase_inductance(unit = "H", min = 0.0) = 9e-4;
-  parameter Real flux_linkage(unit = "V.s", min = 0.0) = 0.06;
-  parameter Real pole_pairs(unit = "1", min = 1.0) = 4;
-  parameter Real inertia(unit = "kg.m2", min = 0.0) = 0.0015;
+  parameter Real phase_inductance(unit = "H", min = 1e-60) = 9e-4;
+  parameter Real flux_linkage(unit = "Wb", min = 1e-60) = 0.06;
+  parameter Integer pole_pairs(unit = "1", min = 1) = 4;
+  parameter Real inertia(unit = "kg.m2", min = 1e-60) = 0.0015;
   parameter Real viscous_friction(unit = "N.m.s/rad", min = 0.0) = 0.0008;
-  parameter Real bus_voltage(unit = "V", min = 0.0) = 270.0 "binds whoever makes a record, not the equations";
-  parameter Real current_limit(unit = "A", min = 0.0) = 60.0 "binds whoever makes a record, not the equations";
+  parameter Real bus_voltage(unit = "V", min = 1e-60) = 270.0 "binds whoever makes a record, not the equations";
+  parameter Real current_limit(unit = "A", min = 1e-60) = 60.0 "binds whoever makes a record, not the equations";
   parameter Boolean holds_i_d = false "the record has no direct quantities: a drive that holds i_d = 0";
   input Real v_d(unit = "V") "voltage, direct axis";
   input Real v_q(unit = "V") "voltage, quadrature axis";

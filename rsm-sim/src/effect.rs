@@ -120,8 +120,8 @@ pub struct Scales {
 pub struct Description {
     /// The name of the kind in a plant file: the name of the source file with `-` in place of `_`.
     pub kind: &'static str,
-    /// The plants to which the effect can be added.
-    pub plants: &'static [PlantKind],
+    /// The plants of format 1 to which the effect can be added.
+    pub plants: &'static [&'static str],
     /// Whether the effect refers to a parameter, an output or a site.
     pub subject: Subject,
     /// For an effect of a plant of equations, the only place where it acts; `None` if any name of the right kind is permitted.
@@ -218,7 +218,7 @@ impl Guess {
 impl Description {
     /// The numbers of the effect on a plant.
     pub fn arguments_on(&self, plant: PlantKind) -> impl Iterator<Item = &'static Argument> {
-        self.arguments.iter().filter(move |argument| argument.on.is_none_or(|on| on == plant))
+        self.arguments.iter().filter(move |argument| argument.on.is_none_or(|on| plant.is(on)))
     }
 
     /// The number with this name on a plant.

@@ -10,8 +10,6 @@ pub use crate::quantity::Signal;
 /// A plant of section 2 of docs/book/src/reference/plants.md, or a plant of equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PlantKind {
-    /// Surface permanent-magnet motor in the rotor frame.
-    Pmac,
     /// Engine, clutch, transmission, driveshaft, wheel and vehicle.
     Driveline,
     /// A driven linear axis.
@@ -23,8 +21,10 @@ pub enum PlantKind {
 /// The data of a plant of equations for files, records and reports. It has the lifetime of the program: a program reads few plants, and all its parts
 /// refer to them.
 pub struct Described {
-    /// The name of its model.
+    /// The name of its model; for a plant file of format 1, the name in the file.
     pub name: &'static str,
+    /// Whether its plant files have format 1.
+    pub is_first_format: bool,
     /// The inputs, in the order of the text.
     pub inputs: Vec<Signal>,
     /// The outputs, in the order of the text.
@@ -34,6 +34,8 @@ pub struct Described {
     pub starts: Vec<Signal>,
     /// Their start values from the text alone.
     pub start_values: Vec<f64>,
+    /// Start variables that are no outputs. A record may have a column for each; its first value is the start.
+    pub start_columns: Vec<Signal>,
     /// The parameters that may be set.
     pub parameters: Vec<Nominal>,
     /// Parameters that a record determines.
@@ -94,15 +96,34 @@ const fn signal(name: &'static str, unit: &'static str) -> Signal {
 }
 
 impl PlantKind {
-    /// The kinds with their names in a file.
-    pub const NAMES: [(&'static str, PlantKind); 3] =
-        [("pmac", PlantKind::Pmac), ("driveline", PlantKind::Driveline), ("servo-axis", PlantKind::ServoAxis)];
+    /// The kinds of plant files of format 1, with their names in a file.
+    #[must_use]
+    pub fn first_format() -> [(&'static str, PlantKind); 3] {
+        [("pmac", crate::equation_plant::pmac()), ("driveline", PlantKind::Driveline), ("servo-axis", PlantKind::ServoAxis)]
+    }
+
+    /// Whether it is the kind of format 1 with this name.
+    #[must_use]
+    pub fn is(self, name: &str) -> bool {
+        match self {
+            PlantKind::Equations(it) => it.is_first_format && it.name == name,
+            _ => self.name() == name,
+        }
+    }
+
+    /// Whether its plant files have format 1.
+    #[must_use]
+    pub fn is_first_format(self) -> bool {
+        match self {
+            PlantKind::Equations(it) => it.is_first_format,
+            _ => true,
+        }
+    }
 
     /// The name in a file.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            PlantKind::Pmac => "pmac",
             PlantKind::Driveline => "driveline",
             PlantKind::ServoAxis => "servo-axis",
             PlantKind::Equations(it) => it.name,
@@ -112,11 +133,9 @@ impl PlantKind {
     /// All inputs that a record can contain, in the order of the simulation. A record of the axis needs one of its two inputs.
     #[must_use]
     pub fn inputs(self) -> &'static [Signal] {
-        const PMAC: &[Signal] = &[signal("v_d", "V"), signal("v_q", "V"), signal("load_torque", "N*m")];
         const DRIVELINE: &[Signal] = &[signal("throttle", "1"), signal("gear", "1")];
         const AXIS: &[Signal] = &[signal("command", "V"), signal("reference", "m")];
         match self {
-            PlantKind::Pmac => PMAC,
             PlantKind::Driveline => DRIVELINE,
             PlantKind::ServoAxis => AXIS,
             PlantKind::Equations(it) => &it.inputs,
@@ -126,12 +145,10 @@ impl PlantKind {
     /// The outputs, in the order of the simulation. The command of the axis is an output only in closed loop.
     #[must_use]
     pub fn outputs(self) -> &'static [Signal] {
-        const PMAC: &[Signal] = &[signal("i_d", "A"), signal("i_q", "A"), signal("speed", "rad/s")];
         const DRIVELINE: &[Signal] =
             &[signal("engine_speed", "rad/s"), signal("road_speed", "m/s"), signal("acceleration", "m/s^2")];
         const AXIS: &[Signal] = &[signal("position", "m"), signal("command", "V")];
         match self {
-            PlantKind::Pmac => PMAC,
             PlantKind::Driveline => DRIVELINE,
             PlantKind::ServoAxis => AXIS,
             PlantKind::Equations(it) => &it.outputs,
@@ -155,7 +172,6 @@ impl PlantKind {
         match self {
             PlantKind::ServoAxis => AXIS,
             PlantKind::Driveline => DRIVELINE,
-            PlantKind::Pmac => self.outputs(),
             PlantKind::Equations(it) => &it.starts,
         }
     }
@@ -175,10 +191,8 @@ impl PlantKind {
                 columns.push(*signal);
             }
         }
-        if self == PlantKind::Pmac {
-            columns.push(signal("angle", "rad"));
-        }
         if let PlantKind::Equations(it) = self {
+            columns.extend(&it.start_columns);
             // A column that determines a parameter is a number without a unit.
             let decides = it.decisions.iter().filter_map(|it| it.column).map(|name| Signal { name, unit: "" });
             columns.extend(decides.filter(|it| !it.name.is_empty()));

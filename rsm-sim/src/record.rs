@@ -7,7 +7,7 @@ use rsm_core::number::decimal;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use rsm_fit::table::{Table, Wanted};
 
-use crate::kind::{Described, PlantKind, Signal};
+use crate::kind::{Decision, Described, PlantKind, Signal};
 use crate::plant_file::PlantFile;
 
 /// Jitter above this share of the period is a fault (docs/book/src/reference/plants.md 1.2).
@@ -18,8 +18,6 @@ const JITTER: f64 = 0.01;
 pub enum Drive {
     /// Only the inputs.
     Open,
-    /// The drive of a motor keeps i_d = 0: the record contains neither v_d nor i_d.
-    HoldsDirectCurrent,
     /// The controller of the axis, which follows the reference.
     Closed,
     /// The inputs of a plant of equations. The record contains all of them, except those that it may leave out.
@@ -37,12 +35,12 @@ pub struct Record {
     pub time: Vec<f64>,
     /// The sample period, in s.
     pub period: f64,
-    /// The inputs in the order of the simulation: v_d, v_q, load_torque; throttle; command or reference.
+    /// The inputs in the order of the simulation: throttle; command or reference; those of a plant of equations in the order of its text.
     pub inputs: Vec<Vec<f64>>,
     /// The gear, 1 to 5; 1 for other plants.
     pub gear: usize,
-    /// The first angle of the rotor, if the record has one.
-    pub angle: Option<f64>,
+    /// The first values of columns with start variables that are no outputs.
+    pub starts: Vec<(&'static str, f64)>,
     /// The outputs in the order of the plant, if the record has them.
     pub measured: Vec<Option<Vec<f64>>>,
     /// Parameters of a plant of equations that the record determines.
@@ -147,7 +145,7 @@ impl Record {
                 .map(|signal| take(signal.name).unwrap_or_else(|| left_out.clone()))
                 .collect(),
             gear,
-            angle: take("angle").and_then(|angles| angles.first().copied()),
+            starts: columns.starts(&take),
             measured: plant.kind.outputs().iter().map(|signal| take(signal.name)).collect(),
             time,
             breaks,
@@ -167,7 +165,21 @@ impl Record {
         self.time.len()
     }
 
-    /// Some of its rows as a separate record. The angle is kept only if the first row is.
+    /// The start of a variable that is no output, if a column gives it.
+    #[must_use]
+    pub fn start(&self, name: &str) -> Option<f64> {
+        self.starts.iter().find(|it| it.0 == name).map(|it| it.1)
+    }
+
+    /// The columns of a plant of equations that are absent, where this absence determines a parameter.
+    #[must_use]
+    pub fn absent(&self, kind: PlantKind) -> Vec<&'static str> {
+        let PlantKind::Equations(plant) = kind else { return Vec::new() };
+        let is_absent = |it: &&Decision| self.settings.iter().any(|(name, value)| *name == it.parameter && *value == 1.0);
+        plant.decisions.iter().filter(is_absent).flat_map(|it| it.without.iter().copied()).collect()
+    }
+
+    /// Some of its rows as a separate record. Start values of variables that are no outputs are kept only if the first row is.
     #[must_use]
     pub fn piece(&self, rows: std::ops::Range<usize>) -> Record {
         let cut = |values: &Vec<f64>| values[rows.start.min(values.len())..rows.end.min(values.len())].to_vec();
@@ -179,7 +191,7 @@ impl Record {
             inputs: self.inputs.iter().map(cut).collect(),
             gear: self.gear,
             settings: self.settings.clone(),
-            angle: self.angle.filter(|_| rows.start == 0),
+            starts: if rows.start == 0 { self.starts.clone() } else { Vec::new() },
             measured: self.measured.iter().map(|values| values.as_ref().map(cut)).collect(),
             breaks: self
                 .breaks
@@ -195,7 +207,6 @@ impl Record {
 #[must_use]
 pub fn inputs(kind: PlantKind, drive: Drive) -> &'static [Signal] {
     match (kind, drive) {
-        (PlantKind::Pmac, _) => kind.inputs(),
         (PlantKind::Driveline, _) => &kind.inputs()[..1],
         (PlantKind::ServoAxis, Drive::Closed) => &kind.inputs()[1..],
         (PlantKind::ServoAxis, _) => &kind.inputs()[..1],
@@ -219,6 +230,13 @@ impl Columns<'_> {
     fn absent(&self, plant: &Described) -> Vec<&'static str> {
         let lists = plant.decisions.iter().map(|it| &it.without);
         lists.filter(|list| list.iter().all(|name| !self.has(name))).flatten().copied().collect()
+    }
+
+    /// The first values of start variables that are no outputs.
+    fn starts(&self, take: &dyn Fn(&str) -> Option<Vec<f64>>) -> Vec<(&'static str, f64)> {
+        let PlantKind::Equations(plant) = self.plant.kind else { return Vec::new() };
+        let first = |it: &Signal| Some((it.name, take(it.name)?.first().copied()?));
+        plant.start_columns.iter().filter_map(first).collect()
     }
 
     /// The parameters of a plant of equations that the record determines.
@@ -265,15 +283,6 @@ impl Columns<'_> {
         let kind = self.plant.kind;
         let mut needed: Vec<&str> = vec!["time"];
         let drive = match kind {
-            PlantKind::Pmac => {
-                needed.extend(["v_q", "load_torque"]);
-                if self.has("v_d") || self.has("i_d") {
-                    needed.push("v_d");
-                    Drive::Open
-                } else {
-                    Drive::HoldsDirectCurrent
-                }
-            }
             PlantKind::Driveline => {
                 needed.extend(["throttle", "gear"]);
                 Drive::Open
@@ -311,7 +320,7 @@ impl Columns<'_> {
         let renamed = self.plant.columns.iter().find(|renamed| renamed.signal == signal.name);
         let in_header = table.column(name).and_then(|column| column.unit.as_deref());
         let stated = renamed.and_then(|renamed| renamed.unit.as_deref());
-        let takes_any = matches!(self.plant.kind, PlantKind::Equations(_));
+        let takes_any = !self.plant.kind.is_first_format();
         match (in_header, stated) {
             // If the text or the record of a plant of equations gives no unit, the numbers are used without conversion.
             (in_header, stated) if takes_any && (signal.unit.is_empty() || in_header.or(stated).is_none()) => {

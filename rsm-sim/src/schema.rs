@@ -14,18 +14,7 @@ const fn optional(name: &'static str, unit: &'static str, bound: Bound) -> Nomin
     Nominal { name, unit, bound, optional: true }
 }
 
-use Bound::{Any, Between, Count, NotNegative, Positive};
-
-const PMAC: &[Nominal] = &[
-    of("phase_resistance", "ohm", NotNegative),
-    of("phase_inductance", "H", Positive),
-    of("flux_linkage", "Wb", Positive),
-    of("pole_pairs", "1", Count),
-    of("inertia", "kg*m^2", Positive),
-    of("viscous_friction", "N*m*s/rad", NotNegative),
-    of("bus_voltage", "V", Positive),
-    of("current_limit", "A", Positive),
-];
+use Bound::{Any, Between, NotNegative, Positive};
 
 const DRIVELINE: &[Nominal] = &[
     of("engine_inertia", "kg*m^2", Positive),
@@ -78,7 +67,6 @@ const GEAR_RATIOS: &[Nominal] = &[
 #[must_use]
 pub fn parameters(kind: PlantKind) -> &'static [Nominal] {
     match kind {
-        PlantKind::Pmac => PMAC,
         PlantKind::Driveline => DRIVELINE,
         PlantKind::ServoAxis => SERVO_AXIS,
         PlantKind::Equations(it) => &it.parameters,

@@ -13,7 +13,7 @@ pub use crate::equations::Method;
 pub use crate::equations::lanes::Controller;
 use crate::kind::{PlantKind, Signal};
 use crate::plant_file::PlantFile;
-use crate::record::{Drive, Record};
+use crate::record::Record;
 
 /// Why a simulation stopped. This is a numerical result, not a program fault.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,10 +83,8 @@ impl Simulator {
     /// # Errors
     /// A fault if the start is neither in the record nor in `[initial]`, if the effects cannot be combined, or if the start has no solution.
     pub fn new(file: &PlantFile, record: &Record) -> Result<Simulator, Faults> {
-        if !matches!(file.kind, PlantKind::Equations(_)) {
-            let missing = starting(record, file.kind).into_iter().find(|place| start_of(file, record, *place).is_none());
-            if let Some(place) = missing {
-                let name = file.kind.starts()[place].name;
+        if file.kind.is_first_format() {
+            if let Some(name) = without_start(file, record) {
                 let what = format!("nothing says where `{name}` starts");
                 let help = format!("give the column `{name}` in the record, or a value under [initial] of the plant file");
                 return Err(Faults::one(Fault::whole_file(&record.file, what).help(help)));
@@ -156,8 +154,21 @@ impl Simulator {
 
     fn along(&mut self, record: &Record, controller: Option<&mut Controller<'_>>) -> Result<Outputs, Stopped> {
         let values = self.0.along(record, controller).map_err(|why| of_equations(&why))?;
-        Ok(Outputs { signals: self.0.outputs(record).to_vec(), values })
+        Ok(Outputs { signals: self.0.outputs(record), values })
     }
+}
+
+/// The first output of a plant of format 1 that needs a start and has none.
+fn without_start(file: &PlantFile, record: &Record) -> Option<&'static str> {
+    let shown = shown(file.kind, record);
+    let needed: Vec<&'static str> = match file.kind {
+        PlantKind::Equations(kind) => kind.starts.iter().filter(|it| shown.contains(it)).map(|it| it.name).collect(),
+        _ => starting(record, file.kind).into_iter().map(|place| file.kind.starts()[place].name).collect(),
+    };
+    needed.into_iter().find(|name| {
+        let is_read = file.kind.output(name).is_none_or(|output| record.measured[output].is_some());
+        !is_read && !file.initial.iter().any(|it| it.0 == *name)
+    })
 }
 
 /// Converts the reason why a plant stopped.
@@ -174,8 +185,6 @@ fn of_equations(stopped: &crate::equations::Stopped) -> Stopped {
 #[must_use]
 pub fn starting(record: &Record, kind: PlantKind) -> Vec<usize> {
     match kind {
-        PlantKind::Pmac if record.drive == Drive::HoldsDirectCurrent => vec![1, 2],
-        PlantKind::Pmac => vec![0, 1, 2],
         PlantKind::Driveline => vec![1, 3, 4, 5],
         PlantKind::ServoAxis => vec![0, 1],
         PlantKind::Equations(kind) => equation_plant::starting(kind, record),
@@ -187,7 +196,8 @@ pub fn starting(record: &Record, kind: PlantKind) -> Vec<usize> {
 #[must_use]
 pub fn start_of(file: &PlantFile, record: &Record, place: usize) -> Option<f64> {
     let name = file.kind.starts()[place].name;
-    let initial = file.initial.iter().find(|(found, _)| *found == name).map(|(_, value)| *value);
+    let known = file.initial.iter().chain(&record.starts);
+    let initial = known.into_iter().find(|(found, _)| *found == name).map(|(_, value)| *value);
     let by_text = match file.kind {
         PlantKind::Equations(kind) => kind.start_values.get(place).copied(),
         _ => None,

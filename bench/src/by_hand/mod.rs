@@ -22,7 +22,7 @@ use steps::Work;
 pub fn run(file: &PlantFile, record: &Record) -> Vec<Vec<f64>> {
     assert!(file.acting().next().is_none(), "the plants by hand have no effects");
     match file.kind {
-        PlantKind::Pmac => along(&Pmac::new(&file.parameters), record),
+        kind if kind.is("pmac") => along(&Pmac::new(&file.parameters), record),
         PlantKind::Driveline => along(&Driveline::new(&file.parameters, record.gear), record),
         PlantKind::ServoAxis => along(&ServoAxis::new(&file.parameters), record),
         PlantKind::Equations(_) => panic!("a plant of equations is not written by hand"),

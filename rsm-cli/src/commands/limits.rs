@@ -9,7 +9,6 @@ use clap::Args;
 use rsm_core::check::Checked as Model;
 use rsm_core::source::Source;
 use rsm_rigs::motor::limits::{self, Limits, Operation, Point, Share, Verdict};
-use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use serde_json::{Map, Value, json};
 
@@ -49,7 +48,7 @@ pub fn check(arguments: &LimitsArguments, model: &Model) -> Result<Option<Checke
     let (true, Some(path)) = (arguments.limits, &arguments.plant) else { return Ok(None) };
     let plant = PlantFile::read(&Source::read(path)?)?;
     let refuse = |what: String| Refusal::new(format!("{}: {what}", path.display()));
-    if plant.kind != PlantKind::Pmac {
+    if !plant.kind.is("pmac") {
         return Err(refuse(format!("found the plant `{}`, --limits needs a `pmac`", plant.kind.name())));
     }
     if let Some(effect) = plant.effects.first() {

@@ -8,7 +8,7 @@ use clap::Args;
 use rsm_core::source::Source;
 use rsm_sim::kind::{PlantKind, Signal};
 use rsm_sim::plant_file::PlantFile;
-use rsm_sim::record::{self, Drive, Record};
+use rsm_sim::record::{self, Record};
 use rsm_sim::simulate::{Outputs, Simulator, Stopped};
 use serde_json::{Map, Value, json};
 
@@ -95,9 +95,10 @@ pub fn run(arguments: &Arguments) -> Outcome {
 /// The table: time, the inputs that acted, the outputs.
 fn csv(plant: &PlantFile, record: &Record, outputs: &Outputs) -> String {
     let gears = vec![record.gear as f64; record.rows()];
+    let absent = record.absent(plant.kind);
     let mut columns: Vec<(Signal, &[f64])> = vec![(Signal { name: "time", unit: "s" }, &record.time)];
     for (signal, values) in record::inputs(plant.kind, record.drive).iter().zip(&record.inputs) {
-        if !(record.drive == Drive::HoldsDirectCurrent && signal.name == "v_d") {
+        if !absent.contains(&signal.name) {
             columns.push((*signal, values));
         }
     }

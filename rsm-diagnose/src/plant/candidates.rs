@@ -402,7 +402,6 @@ mod tests {
     use super::*;
     use rsm_sim::effect::Arguments;
     use rsm_sim::effects;
-    use rsm_sim::kind::PlantKind;
 
     #[test]
     fn each_form_leads_with_its_first_ones_in_the_order_of_the_list() {
@@ -438,7 +437,7 @@ mod tests {
         let entry = |coulomb: f64, rest: f64| Entry {
             description: effects::of("stribeck-friction").unwrap(),
             arguments: Arguments {
-                plant: PlantKind::Pmac,
+                plant: rsm_sim::equation_plant::pmac(),
                 subject: None,
                 numbers: vec![("coulomb", coulomb), ("static", rest), ("stribeck_velocity", 5.0)],
             },

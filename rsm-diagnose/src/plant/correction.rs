@@ -231,7 +231,7 @@ fn names(kind: PlantKind, prepared: &Prepared) -> Vec<(&'static str, &'static st
         }
     };
     match kind {
-        PlantKind::Pmac => {
+        _ if kind.is("pmac") => {
             (0..3).for_each(&mut simulated);
             list.push(("load_torque", "N*m"));
             list.push(("direction", "1"));
@@ -259,7 +259,7 @@ fn variables(kind: PlantKind, prepared: &Prepared, simulated: &Simulated) -> Vec
     let of = |output: usize| of_output(prepared, simulated, output).map(<[f64]>::to_vec);
     let direction = |speed: &[f64]| speed.iter().map(|speed| smooth_sign(*speed, sign_width(kind))).collect::<Vec<f64>>();
     match kind {
-        PlantKind::Pmac => {
+        _ if kind.is("pmac") => {
             let mut list: Vec<Vec<f64>> = (0..3).filter_map(of).collect();
             list.push(record.inputs.get(2).cloned().unwrap_or_else(zero));
             list.push(of(2).map_or_else(zero, |speed| direction(&speed)));

@@ -340,7 +340,7 @@ fn operating_points(kind: PlantKind, record: &Record, outputs: &[usize], simulat
     let at = |values: Option<&[f64]>, row: usize| values.and_then(|values| values.get(row)).copied().unwrap_or(0.0);
     (0..record.rows())
         .map(|row| match kind {
-            PlantKind::Pmac => [at(of(2), row), at(of(0), row).hypot(at(of(1), row))],
+            _ if kind.is("pmac") => [at(of(2), row), at(of(0), row).hypot(at(of(1), row))],
             PlantKind::Driveline => [at(of(0).or(of(1)), row), record.inputs[0][row]],
             PlantKind::ServoAxis => {
                 let position = of(0);

@@ -48,7 +48,11 @@ pub fn of_axis(whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals,
 /// Whether any training or holdout record begins in motion.
 #[must_use]
 pub fn is_visible(whitened: &WhitenedResiduals, fit: &Fit, unseen: &WhitenedResiduals) -> bool {
-    let has_hidden = matches!(fit.model.file.kind, PlantKind::Driveline | PlantKind::Equations(_));
+    // The only hidden start of a motor is its angle, the phase of what repeats every turn. It is no motion.
+    let has_hidden = match fit.model.file.kind {
+        PlantKind::Equations(plant) => !plant.is_first_format,
+        kind => kind == PlantKind::Driveline,
+    };
     if !has_hidden || fit.model.at_start == InitialMotion::InMotion {
         return false;
     }

@@ -240,7 +240,7 @@ impl Model {
         if let Some(output) = read {
             return Some((at, sds[output], None));
         }
-        if self.at_start == InitialMotion::Steady {
+        if self.at_start == InitialMotion::Steady || record.start(name).is_some() {
             return None;
         }
         if is_of_equations(&self.file) {

@@ -105,7 +105,7 @@ pub(super) fn coordinates(whitened: &WhitenedResiduals, model: &Model, simulated
     let parameters = &model.file.parameters;
     let mut list = Vec::new();
     match model.file.kind {
-        PlantKind::Pmac => {
+        kind if kind.is("pmac") => {
             let pole_pairs = parameters.number("pole_pairs");
             // Twice the sixth electrical order. Cogging with more cycles has little effect.
             let most = (24.0 * pole_pairs).max(48.0) as usize;

@@ -57,7 +57,6 @@ impl Prepared {
     #[must_use]
     pub fn new(record: Record, outputs_of_plant: usize) -> Self {
         let shown = |output: usize| match record.drive {
-            Drive::HoldsDirectCurrent => output > 0,
             // The command of an axis in open loop is an input, not an output.
             Drive::Open if outputs_of_plant == 2 => output == 0,
             _ => true,

@@ -84,7 +84,7 @@ pub fn quantities(whitened: &WhitenedResiduals, model: &Model, simulated: &[Simu
     let or_rest = Division::Size { rests: true };
     let mut list = Vec::new();
     match kind {
-        PlantKind::Pmac => {
+        _ if kind.is("pmac") => {
             let current = |prepared: &Prepared, it: &Simulated| {
                 let i_q = of_output(prepared, it, 1)?;
                 let i_d = of_output(prepared, it, 0);

@@ -158,11 +158,11 @@ pub fn piece(record: &Record, kind: PlantKind, rows: Range<usize>, settling: usi
         part.file = format!("{}, rows {} to {}", record.file, rows.start + 1, rows.end);
     }
     if rows.start > 0
-        && kind == PlantKind::Pmac
+        && kind.is("pmac")
         && let Some(Some(speed)) = record.measured.get(2)
     {
         let turned: f64 = speed[..rows.start].windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).sum();
-        part.angle = Some(record.angle.unwrap_or(0.0) + record.period * turned);
+        part.starts.push(("angle", record.start("angle").unwrap_or(0.0) + record.period * turned));
     }
     Piece { record: part, from: rows.start, settling }
 }
@@ -232,7 +232,7 @@ mod tests {
         }
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         // The integral of 1000 t from 0 to 0.2 s, less the last half row: 199^2/2 ms.
-        let angle = piece(&record, file.kind, 200..300, 0).record.angle.unwrap();
+        let angle = piece(&record, file.kind, 200..300, 0).record.start("angle").unwrap();
         assert!((angle - 19.8005).abs() < 1e-9, "{angle}");
     }
 }

@@ -10,7 +10,6 @@ use rsm_sim::effect::Survey;
 use rsm_sim::equation_plant;
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::PlantKind;
-use rsm_sim::plant_file::Parameters;
 use rsm_sim::record::{Drive, Record};
 
 /// Rows on either side for a derivative. The noise of a second difference falls with the square of this.
@@ -49,21 +48,10 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
     }
     for prepared in &whitened.records {
         let record = &prepared.record;
-        let lengths = (0..record.rows()).map(|row| match kind {
-            PlantKind::Pmac => record.inputs[0].get(row).copied().unwrap_or(0.0).hypot(record.inputs[1][row]),
-            _ => record.inputs.first().map_or(0.0, |it| it[row].abs()),
-        });
+        let lengths = record.inputs.iter().take(1).flatten().map(|it| it.abs());
         input = lengths.fold(input, f64::max);
     }
     match kind {
-        PlantKind::Pmac => {
-            effort =
-                1.5 * parameters.number("pole_pairs") * parameters.number("flux_linkage") * spread[1].max(0.3 * largest[1]);
-            if effort == 0.0 {
-                effort = torque_without_current(whitened, &parameters);
-            }
-            speed = 0.5 * largest[2];
-        }
         PlantKind::Driveline => {
             // At a usual engine speed of 250 rad/s, in second gear.
             let torque = parameters.number("torque_0")
@@ -126,31 +114,4 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
         exact: fit.model.file.tolerance.iter().filter(|it| it.1 == 0.0).map(|it| it.0).collect(),
         parameters,
     }
-}
-
-/// The usual torque of a motor if its record holds no current. It is the largest of three root mean squares: the load, the torque that accelerates
-/// the inertia, and the torque of the current that the voltage above the EMF drives through the resistance.
-fn torque_without_current(whitened: &WhitenedResiduals, parameters: &Parameters) -> f64 {
-    let of = |name| parameters.number(name);
-    let linkage = of("pole_pairs") * of("flux_linkage");
-    let mut sums = [(0.0, 0.0); 3];
-    let mut add = |which: usize, value: f64| {
-        sums[which].0 += value * value;
-        sums[which].1 += 1.0;
-    };
-    for prepared in &whitened.records {
-        let record = &prepared.record;
-        let speed = prepared.outputs.iter().position(|it| *it == 2).map(|k| prepared.measured(k));
-        record.inputs.get(2).into_iter().flatten().for_each(|load| add(0, *load));
-        let Some(speed) = speed else { continue };
-        for w in speed.windows(2 * WIDTH + 1) {
-            add(1, of("inertia") * (w[2 * WIDTH] - w[0]) / (2.0 * WIDTH as f64 * record.period));
-        }
-        for (voltage, speed) in record.inputs[1].iter().zip(speed) {
-            let current = (voltage - linkage * speed) / of("phase_resistance").max(f64::MIN_POSITIVE);
-            add(2, 1.5 * linkage * current.clamp(-of("current_limit"), of("current_limit")));
-        }
-    }
-    let [load, inertia, voltage] = sums.map(|(sum, count)| (sum / f64::max(count, 1.0)).sqrt());
-    if load.max(inertia) > 0.0 { load.max(inertia) } else { voltage }
 }

@@ -6,6 +6,7 @@
 
 use super::checks::{Finding, SWAPPED};
 use super::units;
+use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
 
@@ -46,11 +47,12 @@ impl Pair {
 }
 
 /// All pairs of columns that a record holds. An input that the drive itself generates has no column.
-fn pairs(record: &Record) -> Vec<Pair> {
+fn pairs(record: &Record, kind: PlantKind) -> Vec<Pair> {
     let outputs: Vec<usize> = (0..record.measured.len()).filter(|k| record.measured[*k].is_some()).collect();
     let inputs: Vec<usize> = match record.drive {
-        Drive::Open | Drive::Inputs => (0..record.inputs.len()).filter(|k| !record.inputs[*k].is_empty()).collect(),
-        Drive::HoldsDirectCurrent | Drive::Closed => Vec::new(),
+        Drive::Open => (0..record.inputs.len()).collect(),
+        Drive::Inputs if record.absent(kind).is_empty() => (0..record.inputs.len()).collect(),
+        Drive::Inputs | Drive::Closed => Vec::new(),
     };
     let each = |list: &[usize], make: fn(usize, usize) -> Pair| -> Vec<Pair> {
         list.iter().enumerate().flat_map(|(k, a)| list[..k].iter().map(move |b| make(*b, *a))).collect()
@@ -60,7 +62,7 @@ fn pairs(record: &Record) -> Vec<Pair> {
 
 /// The exchange that makes a record follow the plant, if there is one.
 fn of_record(file: &PlantFile, record: &Record, threads: usize) -> Option<Pair> {
-    let pairs = pairs(record);
+    let pairs = pairs(record, file.kind);
     if pairs.is_empty() {
         return None;
     }

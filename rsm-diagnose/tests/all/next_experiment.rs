@@ -19,7 +19,7 @@ use super::{axis_record, car_record, effect, motor_record, plant, record, run};
 /// Noise of the outputs, as in the shipped plant files.
 fn noise(kind: PlantKind) -> [f64; OUTPUTS] {
     let own: &[f64] = match kind {
-        PlantKind::Pmac => &[0.2, 0.2, 0.3],
+        _ if kind.is("pmac") => &[0.2, 0.2, 0.3],
         PlantKind::Driveline => &[0.5, 0.02, 0.05],
         _ => &[2e-7, 0.01],
     };
@@ -218,7 +218,7 @@ fn every_excitation_keeps_the_limits_and_reads_back() {
             };
             let [low, high] = limits.seen[0];
             match file.kind {
-                PlantKind::Pmac => {
+                kind if kind.is("pmac") => {
                     let longest = |a: &[f64], b: &[f64]| a.iter().zip(b).fold(0.0_f64, |most, (a, b)| most.max(a.hypot(*b)));
                     // Equation (20) with the 270 V and 60 A of the shipped motor.
                     assert!(longest(&read.inputs[0], &read.inputs[1]) <= 270.0 / 3.0_f64.sqrt(), "{name}");

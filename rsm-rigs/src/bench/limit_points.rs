@@ -192,7 +192,7 @@ mod tests {
             period: 0.001,
             inputs: vec![of(r * i_d - w_e * l * i_q), of(r * i_q + w_e * (l * i_d + flux)), of(0.0)],
             gear: 1,
-            angle: None,
+            starts: Vec::new(),
             breaks: Vec::new(),
             measured: vec![Some(of(i_d)), Some(of(i_q)), Some(of(speed))],
         }

@@ -8,7 +8,6 @@ use rsm_core::source::{Fault, Faults};
 
 use super::park::Angle;
 use rsm_sim::hooks::Hooks;
-use rsm_sim::kind::PlantKind;
 use rsm_sim::kind::StartValues;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::plants::Plant;
@@ -27,7 +26,7 @@ const FASTEST: f64 = 1e7;
 /// # Errors
 /// A plant that is not `pmac`; the effects `input-delay` and `sensor-delay`, which are those of a record: here the sampled controller makes its own.
 pub fn check_plant(file: &PlantFile) -> Result<(), Faults> {
-    if file.kind != PlantKind::Pmac {
+    if !file.kind.is("pmac") {
         let what = format!("`plant`: found \"{}\", expected \"pmac\"", file.kind.name());
         return Err(Faults::one(Fault::whole_file("plant file", what)));
     }
@@ -120,7 +119,7 @@ impl Machine {
             period: 0.0,
             inputs: Vec::new(),
             gear: 1,
-            angle: None,
+            starts: Vec::new(),
             measured: Vec::new(),
             breaks: Vec::new(),
         };

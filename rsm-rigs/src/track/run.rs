@@ -153,7 +153,7 @@ pub fn tip_in(plant: &PlantFile, run: &TipIn, seed: u64, compensation: Option<&C
         period: PERIOD,
         inputs: vec![vec![0.0; ROWS]],
         gear: run.gear,
-        angle: None,
+        starts: Vec::new(),
         measured: vec![None, Some(vec![road_speed; ROWS]), None],
         breaks: Vec::new(),
     };

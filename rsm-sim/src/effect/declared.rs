@@ -22,8 +22,8 @@ pub struct Argument {
     pub bound: Bound,
     /// Whether it may be absent.
     pub optional: bool,
-    /// The only plant on which the number exists; `None` if it exists on all plants of the effect.
-    pub on: Option<PlantKind>,
+    /// The only plant of format 1 on which the number exists; `None` if it exists on all plants of the effect.
+    pub on: Option<&'static str>,
     /// The values that a real machine can have.
     pub plausible: Plausible,
     /// The step of the finite difference for the derivative with respect to the number.
@@ -41,7 +41,7 @@ impl Argument {
 
     /// The same number, on one plant only.
     #[must_use]
-    pub const fn on(self, plant: PlantKind) -> Self {
+    pub const fn on(self, plant: &'static str) -> Self {
         Argument { on: Some(plant), ..self }
     }
 
@@ -95,7 +95,7 @@ impl Unit {
     /// The unit as text, on a plant, for a named parameter or output.
     #[must_use]
     pub fn on(self, plant: PlantKind, subject: Option<&str>) -> String {
-        let rotor = plant == PlantKind::Pmac;
+        let rotor = plant.is("pmac");
         let by_body = |of_rotor: &str, of_carriage: &str| if rotor { of_rotor } else { of_carriage }.to_string();
         let of_subject = || {
             let name = subject.unwrap_or_default();

@@ -4,6 +4,7 @@ use rsm_core::source::Source;
 
 use super::*;
 use crate::effects;
+use crate::equation_plant::pmac;
 use crate::kind::OUTPUTS;
 use crate::plant_file::PlantFile;
 
@@ -78,7 +79,7 @@ impl<'t> Given<'t> {
 
     fn survey(&self, plant: PlantKind) -> Survey {
         let text = match plant {
-            PlantKind::Pmac => include_str!("../../plants/pmac.toml"),
+            _ if plant.is("pmac") => include_str!("../../plants/pmac.toml"),
             PlantKind::Driveline => include_str!("../../plants/driveline.toml"),
             _ => include_str!("../../plants/servo-axis.toml"),
         };
@@ -258,7 +259,7 @@ fn every_effect_gives_what_its_equation_gives_by_hand() {
         let [kind, plant, arguments, hook, given, expected] = parts[..] else { panic!("line {}: six parts", k + 1) };
         let description = effects::of(kind).expect("a kind");
         kinds.insert(description.kind);
-        let (_, plant) = *PlantKind::NAMES.iter().find(|(name, _)| *name == plant).expect("a plant");
+        let (_, plant) = PlantKind::first_format().into_iter().find(|(name, _)| *name == plant).expect("a plant");
         let (arguments, given) = (Given::of(arguments), Given::of(given));
         if hook == "guesses" {
             let found = description.guesses.of(&given.survey(plant));
@@ -296,7 +297,7 @@ fn an_effect_takes_the_numbers_of_its_plant_and_no_others() {
     assert_eq!(names("backlash", PlantKind::Driveline), ["gap"]);
     assert_eq!(names("backlash", PlantKind::ServoAxis), ["gap", "mass_ratio", "stiffness", "damping"]);
     // A number without a plant is valid on each plant.
-    for (_, plant) in PlantKind::NAMES {
+    for (_, plant) in PlantKind::first_format() {
         assert_eq!(names("sensor-bias", plant), ["bias"]);
     }
 }
@@ -309,7 +310,7 @@ impl Effect for Nothing {}
 #[test]
 fn what_an_effect_has_no_hook_for_it_leaves_as_it_is() {
     let given = Given::of("position=3 speed=5 viscous_friction=7");
-    let (before, mut parameters) = (given.survey(PlantKind::Pmac).parameters, given.survey(PlantKind::Pmac).parameters);
+    let (before, mut parameters) = (given.survey(pmac()).parameters, given.survey(pmac()).parameters);
     Nothing.parameters(&mut parameters);
     assert_eq!(format!("{parameters:?}"), format!("{before:?}"));
     assert_eq!([Nothing.input(24.0), Nothing.delay(), Nothing.reads_late(1)], [24.0, 0.0, 0.0]);

@@ -14,13 +14,12 @@ use crate::effect::{
     Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, Scale, Subject, Survey, Unit, sign_width,
     smooth_sign, smooth_sign_rate,
 };
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "asymmetric-friction",
-    plants: &[PlantKind::ServoAxis, PlantKind::Pmac],
+    plants: &["servo-axis", "pmac"],
     subject: Subject::None,
     at: None,
     arguments: &[
@@ -102,6 +101,7 @@ impl Effect for AsymmetricFriction {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
         build(&Arguments { plant: PlantKind::ServoAxis, subject: None, numbers: numbers.to_vec() })

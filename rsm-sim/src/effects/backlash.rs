@@ -20,14 +20,14 @@ use crate::schema::Bound;
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "backlash",
-    plants: &[PlantKind::Driveline, PlantKind::ServoAxis],
+    plants: &["driveline", "servo-axis"],
     subject: Subject::None,
     at: None,
     arguments: &[
         Argument::new("gap", Unit::Gap, Bound::NotNegative),
-        Argument::new("mass_ratio", Unit::Is("1"), Bound::Between(0.0, 1.0)).on(PlantKind::ServoAxis),
-        Argument::new("stiffness", Unit::Is("N/m"), Bound::Positive).on(PlantKind::ServoAxis),
-        Argument::new("damping", Unit::Is("N*s/m"), Bound::NotNegative).on(PlantKind::ServoAxis),
+        Argument::new("mass_ratio", Unit::Is("1"), Bound::Between(0.0, 1.0)).on("servo-axis"),
+        Argument::new("stiffness", Unit::Is("N/m"), Bound::Positive).on("servo-axis"),
+        Argument::new("damping", Unit::Is("N*s/m"), Bound::NotNegative).on("servo-axis"),
     ],
     sentence: "There is a free play of {gap} in the drive.",
     check: "Hold the drive and move the load by hand, or reverse it under a small torque, and measure the free play between the two.",

@@ -13,13 +13,12 @@ use crate::effect::{
     Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, ROTOR_SIGN_WIDTH, Scale, Subject, Survey,
     Unit, smooth_sign, smooth_sign_rate,
 };
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "brake-drag",
-    plants: &[PlantKind::Driveline],
+    plants: &["driveline"],
     subject: Subject::None,
     at: None,
     arguments: &[Argument::new("torque", Unit::Is("N*m"), Bound::NotNegative).plausible(Plausible::Effort)],
@@ -56,6 +55,7 @@ impl Effect for BrakeDrag {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
         build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })

@@ -10,13 +10,12 @@
 //! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Carried, Declared, Description, Effect, Guess, Joint, Scale, Subject, Survey, Unit};
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "clutch-slip",
-    plants: &[PlantKind::Driveline],
+    plants: &["driveline"],
     subject: Subject::None,
     at: None,
     arguments: &[Argument::new("capacity", Unit::Is("N*m"), Bound::Positive)],
@@ -71,6 +70,7 @@ impl Effect for ClutchSlip {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
         build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })

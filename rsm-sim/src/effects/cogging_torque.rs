@@ -18,13 +18,13 @@ use crate::schema::Bound;
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "cogging-torque",
-    plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
+    plants: &["pmac", "servo-axis"],
     subject: Subject::None,
     at: None,
     arguments: &[
         Argument::new("amplitude", Unit::Effort, Bound::NotNegative).plausible(Plausible::Effort),
-        Argument::new("cycles", Unit::Is("1"), Bound::Count).on(PlantKind::Pmac),
-        Argument::new("pitch", Unit::Is("m"), Bound::Positive).on(PlantKind::ServoAxis),
+        Argument::new("cycles", Unit::Is("1"), Bound::Count).on("pmac"),
+        Argument::new("pitch", Unit::Is("m"), Bound::Positive).on("servo-axis"),
         Argument::new("phase", Unit::Is("rad"), Bound::Any),
     ],
     sentence: "A cogging torque of amplitude {amplitude} acts on the motor.",

@@ -11,13 +11,12 @@
 //! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Scale, Subject, Survey, Unit};
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "combustion-ripple",
-    plants: &[PlantKind::Driveline],
+    plants: &["driveline"],
     subject: Subject::None,
     at: None,
     arguments: &[Argument::new("amplitude", Unit::Is("1"), Bound::NotNegative)],
@@ -56,6 +55,7 @@ impl Effect for CombustionRipple {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
         build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })

@@ -10,18 +10,17 @@
 //! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "constant-load",
-    plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
+    plants: &["pmac", "servo-axis"],
     subject: Subject::None,
     at: None,
     arguments: &[
-        Argument::new("torque", Unit::Is("N*m"), Bound::Any).plausible(Plausible::Effort).on(PlantKind::Pmac),
-        Argument::new("force", Unit::Is("N"), Bound::Any).plausible(Plausible::Effort).on(PlantKind::ServoAxis),
+        Argument::new("torque", Unit::Is("N*m"), Bound::Any).plausible(Plausible::Effort).on("pmac"),
+        Argument::new("force", Unit::Is("N"), Bound::Any).plausible(Plausible::Effort).on("servo-axis"),
     ],
     sentence: "A constant load of {torque}{force} is missing from the record.",
     check: "Hold the drive at rest in several positions and read the effort; look for gravity, springs, hoses and unrecorded loads.",
@@ -52,6 +51,7 @@ impl Effect for ConstantLoad {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
         build(&Arguments { plant: PlantKind::ServoAxis, subject: None, numbers: numbers.to_vec() })

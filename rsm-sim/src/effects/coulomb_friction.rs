@@ -13,18 +13,17 @@ use crate::effect::{
     Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, Scale, Subject, Survey, Unit, sign_width,
     smooth_sign, smooth_sign_rate,
 };
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "coulomb-friction",
-    plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
+    plants: &["pmac", "servo-axis"],
     subject: Subject::None,
     at: None,
     arguments: &[
-        Argument::new("torque", Unit::Is("N*m"), Bound::NotNegative).plausible(Plausible::Effort).on(PlantKind::Pmac),
-        Argument::new("force", Unit::Is("N"), Bound::NotNegative).plausible(Plausible::Effort).on(PlantKind::ServoAxis),
+        Argument::new("torque", Unit::Is("N*m"), Bound::NotNegative).plausible(Plausible::Effort).on("pmac"),
+        Argument::new("force", Unit::Is("N"), Bound::NotNegative).plausible(Plausible::Effort).on("servo-axis"),
     ],
     sentence: "A dry friction of {torque}{force} is missing from the model.",
     check: "Drive slowly both ways at constant speed: the effort must jump by twice this level at the reversal.",
@@ -61,9 +60,10 @@ impl Effect for CoulombFriction {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::equation_plant::pmac;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+        build(&Arguments { plant: pmac(), subject: None, numbers: numbers.to_vec() })
     }
 
     #[test]

@@ -10,7 +10,6 @@
 //! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The largest wind speed, in m/s: above 12 Beaufort (33 m/s) no test drive takes place.
@@ -19,7 +18,7 @@ const STORM: f64 = 40.0;
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "headwind",
-    plants: &[PlantKind::Driveline],
+    plants: &["driveline"],
     subject: Subject::None,
     at: None,
     arguments: &[Argument::new("wind", Unit::Is("m/s"), Bound::Any).plausible(Plausible::Within(STORM))],
@@ -52,6 +51,7 @@ impl Effect for Headwind {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
         build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })

@@ -10,13 +10,12 @@
 //! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Role, Step, Subject, Survey, Unit};
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "input-delay",
-    plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
+    plants: &["pmac", "driveline", "servo-axis"],
     subject: Subject::None,
     at: None,
     arguments: &[Argument::new("delay", Unit::Is("s"), Bound::NotNegative)

@@ -10,13 +10,12 @@
 //! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Step, Subject, Survey, Unit};
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "input-gain",
-    plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
+    plants: &["pmac", "driveline", "servo-axis"],
     subject: Subject::None,
     at: None,
     arguments: &[Argument::new("gain", Unit::Is("1"), Bound::Any).plausible(Plausible::Factor).step(Step::PerCent)],
@@ -53,6 +52,7 @@ impl Effect for InputGain {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
         build(&Arguments { plant: PlantKind::ServoAxis, subject: None, numbers: numbers.to_vec() })

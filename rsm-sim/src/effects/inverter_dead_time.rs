@@ -12,13 +12,12 @@
 use crate::effect::{
     Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Scale, Subject, Survey, Unit, Windings,
 };
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "inverter-dead-time",
-    plants: &[PlantKind::Pmac],
+    plants: &["pmac"],
     subject: Subject::None,
     at: None,
     arguments: &[Argument::new("voltage_loss", Unit::Is("V"), Bound::NotNegative).plausible(Plausible::Input)],
@@ -65,9 +64,10 @@ impl Effect for InverterDeadTime {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::equation_plant::pmac;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+        build(&Arguments { plant: pmac(), subject: None, numbers: numbers.to_vec() })
     }
 
     #[test]

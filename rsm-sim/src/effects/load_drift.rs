@@ -12,18 +12,17 @@
 use crate::effect::{
     Argument, Arguments, Declared, Description, Effect, FirstInstant, Guess, Plausible, Subject, Survey, Unit,
 };
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "load-drift",
-    plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
+    plants: &["pmac", "servo-axis"],
     subject: Subject::None,
     at: None,
     arguments: &[
-        Argument::new("torque_rate", Unit::Is("N*m/s"), Bound::Any).plausible(Plausible::EffortPerRecord).on(PlantKind::Pmac),
-        Argument::new("force_rate", Unit::Is("N/s"), Bound::Any).plausible(Plausible::EffortPerRecord).on(PlantKind::ServoAxis),
+        Argument::new("torque_rate", Unit::Is("N*m/s"), Bound::Any).plausible(Plausible::EffortPerRecord).on("pmac"),
+        Argument::new("force_rate", Unit::Is("N/s"), Bound::Any).plausible(Plausible::EffortPerRecord).on("servo-axis"),
     ],
     sentence: "A load that is not in the record grows by {torque_rate}{force_rate}.",
     check: "Drive the same motion both ways at the beginning and at the end of an hour and compare the efforts: half their difference is the load.",
@@ -64,6 +63,7 @@ impl Effect for LoadDrift {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kind::PlantKind;
 
     #[test]
     fn it_grows_with_the_time() {

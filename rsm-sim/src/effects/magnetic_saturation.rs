@@ -12,13 +12,12 @@
 use crate::effect::{
     Argument, Arguments, Currents, Declared, Description, Effect, Guess, Machine, Scale, Subject, Survey, Unit, Windings,
 };
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "magnetic-saturation",
-    plants: &[PlantKind::Pmac],
+    plants: &["pmac"],
     subject: Subject::None,
     at: None,
     arguments: &[Argument::new("saturation_current", Unit::Is("A"), Bound::Positive)],
@@ -63,9 +62,10 @@ impl Effect for MagneticSaturation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::equation_plant::pmac;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+        build(&Arguments { plant: pmac(), subject: None, numbers: numbers.to_vec() })
     }
 
     #[test]

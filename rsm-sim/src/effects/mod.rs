@@ -94,7 +94,8 @@ impl Part {
     /// Its entry in a plant file; `None` if there is no such effect.
     #[must_use]
     pub fn entry(&self, plant: PlantKind) -> Option<Entry> {
-        let description = of(self.kind)?;
+        let fits = |it: &&Description| it.kind == self.kind && (it.at.is_none() || it.at == self.subject);
+        let description = crate::equation_plant::effects_on(plant).into_iter().find(fits)?;
         let numbers = description.arguments_on(plant).take(1).map(|it| (it.name, self.value)).collect();
         Some(Entry { description, arguments: Arguments { plant, subject: self.subject.map(str::to_string), numbers } })
     }

@@ -10,14 +10,13 @@
 //! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Step, Subject, Survey, Unit};
-use crate::kind::PlantKind;
 use crate::parameters::Parameters;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "parameter-error",
-    plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
+    plants: &["pmac", "driveline", "servo-axis"],
     subject: Subject::Parameter,
     at: None,
     arguments: &[Argument::new("value", Unit::OfSubject, Bound::Any).plausible(Plausible::Parameter).step(Step::PerCent)],

@@ -12,13 +12,12 @@
 use crate::effect::{
     Argument, Arguments, Currents, Declared, Description, Effect, Guess, Machine, Scale, Subject, Survey, Unit,
 };
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "resistance-heating",
-    plants: &[PlantKind::Pmac],
+    plants: &["pmac"],
     subject: Subject::None,
     at: None,
     arguments: &[
@@ -74,9 +73,10 @@ impl Effect for ResistanceHeating {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::equation_plant::pmac;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+        build(&Arguments { plant: pmac(), subject: None, numbers: numbers.to_vec() })
     }
 
     #[test]

@@ -11,14 +11,13 @@
 
 use crate::effect::declared::STEEPEST_ROAD;
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Subject, Survey, Unit};
-use crate::kind::PlantKind;
 use crate::parameters::Parameters;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "road-grade",
-    plants: &[PlantKind::Driveline],
+    plants: &["driveline"],
     subject: Subject::None,
     at: None,
     arguments: &[Argument::new(

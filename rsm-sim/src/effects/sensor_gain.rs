@@ -10,13 +10,12 @@
 //! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Role, Step, Subject, Survey, Unit};
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "sensor-gain",
-    plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
+    plants: &["pmac", "driveline", "servo-axis"],
     subject: Subject::Output,
     at: None,
     arguments: &[Argument::new("gain", Unit::Is("1"), Bound::Positive).plausible(Plausible::FactorOrUnit).step(Step::PerCent)],
@@ -58,6 +57,7 @@ impl Effect for SensorGain {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
         build(&Arguments { plant: PlantKind::ServoAxis, subject: Some("position".to_string()), numbers: numbers.to_vec() })

@@ -10,13 +10,12 @@
 //! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Plausible, Role, Scale, Subject, Survey, Unit};
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "sensor-lag",
-    plants: &[PlantKind::Pmac, PlantKind::Driveline, PlantKind::ServoAxis],
+    plants: &["pmac", "driveline", "servo-axis"],
     subject: Subject::Output,
     at: None,
     arguments: &[Argument::new("time_constant", Unit::Is("s"), Bound::Positive).plausible(Plausible::ShareOfRecord)],
@@ -78,6 +77,7 @@ impl Effect for SensorLag {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
         build(&Arguments { plant: PlantKind::ServoAxis, subject: Some("position".to_string()), numbers: numbers.to_vec() })

@@ -14,13 +14,12 @@ use crate::effect::{
     Argument, Arguments, Carried, Declared, Description, Effect, FirstInstant, Guess, Motion, Scale, Split, Subject, Survey,
     Unit,
 };
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "shaft-compliance",
-    plants: &[PlantKind::Pmac, PlantKind::ServoAxis],
+    plants: &["pmac", "servo-axis"],
     subject: Subject::None,
     at: None,
     arguments: &[
@@ -102,9 +101,10 @@ impl Effect for ShaftCompliance {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::equation_plant::pmac;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+        build(&Arguments { plant: pmac(), subject: None, numbers: numbers.to_vec() })
     }
 
     #[test]

@@ -12,13 +12,12 @@
 use crate::effect::{
     Argument, Arguments, Currents, Declared, Description, Effect, Guess, Machine, Plausible, Scale, Subject, Survey, Unit,
 };
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "torque-ripple",
-    plants: &[PlantKind::Pmac],
+    plants: &["pmac"],
     subject: Subject::None,
     at: None,
     arguments: &[Argument::new("amplitude", Unit::Is("1"), Bound::NotNegative).plausible(Plausible::Within(1.0))],
@@ -57,9 +56,10 @@ impl Effect for TorqueRipple {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::equation_plant::pmac;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+        build(&Arguments { plant: pmac(), subject: None, numbers: numbers.to_vec() })
     }
 
     #[test]

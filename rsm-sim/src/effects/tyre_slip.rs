@@ -12,13 +12,12 @@
 use crate::effect::{
     Argument, Arguments, Contact, Declared, Description, Effect, FirstInstant, Guess, Scale, Subject, Survey, Unit,
 };
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "tyre-slip",
-    plants: &[PlantKind::Driveline],
+    plants: &["driveline"],
     subject: Subject::None,
     at: None,
     arguments: &[Argument::new("slip_stiffness", Unit::Is("N"), Bound::Positive)],
@@ -83,6 +82,7 @@ impl Effect for TyreSlip {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
         build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })

@@ -10,13 +10,12 @@
 //! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
 use crate::effect::{Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, Subject, Survey, Unit};
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
 pub const DESCRIPTION: Description = Description {
     kind: "windage",
-    plants: &[PlantKind::Pmac],
+    plants: &["pmac"],
     subject: Subject::None,
     at: None,
     arguments: &[
@@ -51,9 +50,10 @@ impl Effect for Windage {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::equation_plant::pmac;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::Pmac, subject: None, numbers: numbers.to_vec() })
+        build(&Arguments { plant: pmac(), subject: None, numbers: numbers.to_vec() })
     }
 
     #[test]

@@ -36,6 +36,9 @@ pub struct Balance {
 #[must_use]
 pub fn balances(kind: PlantKind) -> Vec<Balance> {
     let PlantKind::Equations(kind) = kind else { return Vec::new() };
+    if kind.is_first_format {
+        return Vec::new();
+    }
     let one = |place: &rsm_model::effects::Place| {
         let (state, _, term) = place.kind.balance()?;
         let (unit, further) = match place.kind {
@@ -81,9 +84,10 @@ pub fn along(file: &PlantFile, record: &Record, sites: &[&Balance]) -> Option<Ve
 /// # Errors
 /// Faults of the file; a kind of effect that exists already; a plant file of format 1.
 pub fn with_effect(file: &PlantFile, name: &str, text: &str) -> Result<PlantFile, Faults> {
-    let PlantKind::Equations(kind) = file.kind else {
-        return Err(Faults::one(Fault::whole_file(name, "found a plant file of format 1, expected one of format 2")));
-    };
+    let PlantKind::Equations(kind) = file.kind else { return Err(of_first_format(name)) };
+    if kind.is_first_format {
+        return Err(of_first_format(name));
+    }
     let wrong = |what: String| Faults::one(Fault::whole_file(kind.name, what));
     let mut whole: toml::Table = kind.text.parse().map_err(|error: toml::de::Error| wrong(error.to_string()))?;
     let list = whole.entry(KEY).or_insert_with(|| toml::Value::Array(Vec::new()));
@@ -106,6 +110,10 @@ pub fn with_effect(file: &PlantFile, name: &str, text: &str) -> Result<PlantFile
     added.parameters.values.clone_from(&file.parameters.values);
     (added.tolerance, added.noise, added.initial) = (file.tolerance.clone(), file.noise.clone(), file.initial.clone());
     Ok(added)
+}
+
+fn of_first_format(name: &str) -> Faults {
+    Faults::one(Fault::whole_file(name, "found a plant file of format 1, expected one of format 2"))
 }
 
 fn lost(entry: &Entry) -> Faults {

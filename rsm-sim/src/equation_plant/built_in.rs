@@ -1,6 +1,6 @@
 //! The built-in plants, described in `schema` and `effects`: their equations, and the assignment of a plant file of format 1 to these equations.
 //!
-//! In: a plant file of kind Pmac, Driveline or ServoAxis, a record. Out: the name of its text, and the values of the parameters of the text. The
+//! In: a plant file of kind Driveline or ServoAxis, a record. Out: the name of its text, and the values of the parameters of the text. The
 //! equations are built with the parameter values of the text, so the compiled code does not depend on the order of the calls.
 
 use std::borrow::Cow;
@@ -24,15 +24,14 @@ const OF_CONTROLLER: [&str; 2] = ["position_gain", "velocity_gain"];
 const OFFSETS: [&str; 3] = ["torque_offset", "twist_offset", "twist_rate"];
 
 /// The names of the texts, in the order of [`place`].
-const TEXTS: [&str; 4] = ["pmac", "driveline", "servo-axis#ServoAxis", "servo-axis#ServoAxisClosedLoop"];
+const TEXTS: [&str; 3] = ["driveline", "servo-axis#ServoAxis", "servo-axis#ServoAxisClosedLoop"];
 
 /// The index of the text for a record.
 fn place(kind: PlantKind, record: &Record) -> usize {
     match (kind, record.drive) {
-        (PlantKind::Pmac, _) => 0,
-        (PlantKind::Driveline, _) => 1,
-        (_, Drive::Closed) => 3,
-        _ => 2,
+        (PlantKind::Driveline, _) => 0,
+        (_, Drive::Closed) => 2,
+        _ => 1,
     }
 }
 
@@ -40,7 +39,6 @@ fn place(kind: PlantKind, record: &Record) -> usize {
 pub(super) fn shapes(file: &PlantFile, record: &Record) -> Vec<NamedValue> {
     let given = |name: &str, is: bool| vec![NamedValue { name: name.to_string(), value: f64::from(u8::from(is)) }];
     match (file.kind, record.drive) {
-        (PlantKind::Pmac, drive) => given("holds_i_d", drive == Drive::HoldsDirectCurrent),
         (PlantKind::ServoAxis, Drive::Closed) => {
             given("velocity_from_difference", file.parameters.velocity_from == VelocityFrom::Difference)
         }
@@ -94,24 +92,10 @@ pub(super) fn initial(file: &PlantFile, record: &Record) -> Vec<NamedValue> {
     let counts = |name: &str| match file.kind {
         // The start of a car is determined by its road speed only.
         PlantKind::Driveline => name == "road_speed",
-        PlantKind::Pmac => record.drive != Drive::HoldsDirectCurrent || name != "i_d",
         _ => record.drive == Drive::Closed || name != "command",
     };
     let own = file.initial.iter().filter(|it| counts(it.0));
-    let mut list: Vec<NamedValue> = own.map(|(name, value)| NamedValue { name: (*name).to_string(), value: *value }).collect();
-    if file.kind == PlantKind::Pmac {
-        list.push(NamedValue { name: "angle".to_string(), value: record.angle.unwrap_or(0.0) });
-    }
-    list
-}
-
-/// The inputs of a record. If the drive of a motor controls the direct current, the direct voltage is not recorded and is set to 0.
-pub(super) fn inputs(record: &Record) -> Cow<'_, [Vec<f64>]> {
-    if record.rows() == 0 || record.inputs.iter().all(|it| !it.is_empty()) {
-        return Cow::Borrowed(&record.inputs);
-    }
-    let zeros = |it: &Vec<f64>| if it.is_empty() { vec![0.0; record.rows()] } else { it.clone() };
-    Cow::Owned(record.inputs.iter().map(zeros).collect())
+    own.map(|(name, value)| NamedValue { name: (*name).to_string(), value: *value }).collect()
 }
 
 /// The instants of the rows: the first instant plus multiples of the period.

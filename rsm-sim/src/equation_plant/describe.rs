@@ -7,8 +7,8 @@ use rsm_model::effects::{Catalogue, Effect as File, Number, Place, SiteKind, Sta
 use super::kept;
 use crate::effect::declared::{Argument, Declared, Plausible, Role, Step, Unit};
 use crate::effect::{Arguments, Description, Effect, FromFile, Guess, Guesses, Scales, Subject, Survey};
+use crate::effects;
 use crate::equations::signals::spelled;
-use crate::kind::PlantKind;
 use crate::parameters::Parameters;
 use crate::quantity::Bound;
 
@@ -20,7 +20,7 @@ const TIMES_THE_GUESS: f64 = 100.0;
 const SHARES: [f64; 4] = [0.01, 0.025, 0.06, 0.2];
 
 /// All descriptions of a plant.
-pub(super) fn all(plant: PlantKind, places: &[Place], catalogue: &Catalogue) -> Vec<&'static Description> {
+pub(super) fn all(places: &[Place], catalogue: &Catalogue) -> Vec<&'static Description> {
     let mut list: Vec<&'static Description> = Vec::new();
     for place in places {
         for offer in &place.effects {
@@ -29,13 +29,48 @@ pub(super) fn all(plant: PlantKind, places: &[Place], catalogue: &Catalogue) -> 
             if file.is_value() && list.iter().any(|it| it.kind == file.kind) {
                 continue;
             }
-            list.push(Box::leak(Box::new(one(plant, place, file, &offer.units))));
+            list.push(Box::leak(Box::new(one(place, file, &offer.units))));
         }
     }
     list
 }
 
-fn one(plant: PlantKind, place: &Place, file: &File, units: &[String]) -> Description {
+/// The descriptions of a plant of format 1, in the order of its list of effects. An effect acts at one place, which the plant file does not name, except
+/// for outputs and parameters. What a search uses beyond the file of the effect, its hooks and its roles, comes from the effect in code of the same
+/// kind.
+pub(super) fn of_first_format(places: &[Place], catalogue: &Catalogue, kinds: &[String]) -> Vec<&'static Description> {
+    let mut list: Vec<&'static Description> = Vec::new();
+    for kind in kinds {
+        let Some(file) = catalogue.find(kind) else { continue };
+        let offers = places.iter().filter_map(|place| Some((place, place.effects.iter().find(|it| it.kind == *kind)?)));
+        for (place, offer) in offers {
+            let is_one_place = place.kind != SiteKind::Output;
+            if is_one_place && list.iter().any(|it| it.kind == *kind) {
+                continue;
+            }
+            let mut found = one(place, file, &offer.units);
+            if found.subject == Subject::Site {
+                (found.subject, found.at) = (Subject::None, None);
+                let prefix = format!("At {}: ", place.at);
+                found.sentence = found.sentence.strip_prefix(prefix.as_str()).unwrap_or(found.sentence);
+            }
+            if let Some(code) = effects::of(kind) {
+                found.build = code.build;
+                found.declared =
+                    Declared { role: code.declared.role, generalises: code.declared.generalises, forms: code.declared.forms };
+                let numbers = found.arguments.iter().map(|it| Argument {
+                    is_level: code.arguments.iter().any(|own| own.name == it.name && own.is_level),
+                    ..*it
+                });
+                found.arguments = Box::leak(numbers.collect());
+            }
+            list.push(Box::leak(Box::new(found)));
+        }
+    }
+    list
+}
+
+fn one(place: &Place, file: &File, units: &[String]) -> Description {
     let subject = match place.kind {
         SiteKind::Parameter => Subject::Parameter,
         SiteKind::Output => Subject::Output,
@@ -61,7 +96,7 @@ fn one(plant: PlantKind, place: &Place, file: &File, units: &[String]) -> Descri
     };
     Description {
         kind: name,
-        plants: Box::leak(Box::new([plant])),
+        plants: &[],
         subject,
         at: (!is_value).then_some(at),
         arguments: Box::leak(arguments.into_boxed_slice()),
@@ -87,7 +122,7 @@ fn argument(number: &Number, unit: &str, is_value: bool, is_optional: bool) -> A
         (Some(min), None) if min >= 0.0 => Bound::NotNegative,
         _ => Bound::Any,
     };
-    let unit = if unit.is_empty() { "1".to_string() } else { spelled(unit) };
+    let unit = if unit.is_empty() { "1".to_string() } else { without_brackets(&spelled(unit)) };
     let mut argument = Argument::new(kept(&number.name), Unit::Is(kept(&unit)), bound);
     if is_value {
         argument = Argument { unit: Unit::OfSubject, ..argument }.plausible(Plausible::Parameter).step(Step::PerCent);
@@ -97,6 +132,12 @@ fn argument(number: &Number, unit: &str, is_value: bool, is_optional: bool) -> A
         argument = argument.plausible(Plausible::TimesTheGuess(TIMES_THE_GUESS));
     }
     if is_optional { argument.optional() } else { argument }
+}
+
+/// A unit without brackets around its first part: `(rad/s)/s` is `rad/s/s`.
+fn without_brackets(unit: &str) -> String {
+    let parts = unit.strip_prefix('(').and_then(|it| it.split_once(')')).filter(|(inner, _)| !inner.contains('('));
+    parts.map_or_else(|| unit.to_string(), |(inner, rest)| format!("{inner}{rest}"))
 }
 
 /// The sentence of a file at a place. Numbers that the effect does not have at this place are removed, and the name of the place is inserted.

@@ -11,6 +11,7 @@
 pub mod added;
 mod built_in;
 mod describe;
+mod first_format;
 mod run;
 mod scales;
 
@@ -22,6 +23,7 @@ use rsm_model::effects::{Catalogue, Place};
 use rsm_model::expression::Symbol;
 use rsm_model::flat::Basic;
 
+use self::first_format::FirstFormat;
 use crate::effect::{Arguments, Description, Role, Subject};
 use crate::effects;
 use crate::equations::extended::DeterminedBy;
@@ -35,6 +37,7 @@ use crate::quantity::{Bound, Nominal, Signal};
 use crate::record::Record;
 
 pub use built_in::offset_scales;
+pub use first_format::pmac;
 pub use run::{Observer, Run, Values, shown, together};
 pub use scales::scales;
 
@@ -110,7 +113,36 @@ pub fn read_with(
     let whole = EquationFile::read_with(source, &open_and_keep, catalogue)?;
     let entries = whole.effects.clone();
     let at: Vec<String> = whole.places().iter().map(|it| (*it).to_string()).collect();
-    let file = whole.without_effects()?;
+    let kind = described(source, opened, whole.without_effects()?, catalogue.clone(), None)?;
+    let parameters = kind.nominal();
+    let file = &whole;
+    let named = |list: &[NamedValue]| list.iter().map(|it| (kept(&it.name), it.value)).collect();
+    let columns =
+        file.columns.iter().map(|it| Renamed { signal: kept(&it.signal), column: it.name.clone(), unit: it.unit.clone() });
+    let mut plant_file = PlantFile {
+        kind: PlantKind::Equations(kind),
+        parameters,
+        tolerance: named(&file.tolerance),
+        noise: named(&file.noise),
+        initial: named(&file.initial),
+        given: Vec::new(),
+        effects: Vec::new(),
+        columns: columns.collect(),
+    };
+    for (entry, at) in entries.iter().zip(&at) {
+        plant_file.effects.push(placed(kind, entry, at, source)?);
+    }
+    Ok(plant_file)
+}
+
+/// The kind of an equation file without effects. With `first`, the kind of a plant of format 1.
+fn described(
+    source: &Source,
+    opened: RefCell<Vec<(String, String)>>,
+    file: EquationFile,
+    given: added::Given,
+    first: Option<FirstFormat>,
+) -> Result<&'static Described, Faults> {
     let mut machine = Machine::new(&file)?;
     let outputs: Vec<Signal> = machine.outputs().iter().map(signal).collect();
     if outputs.len() > OUTPUTS {
@@ -132,15 +164,18 @@ pub fn read_with(
         let symbol = machine.system().find(name)?;
         machine.system().parameter_value(symbol)
     };
-    let parameters = nominals(&machine, &decisions);
-    let (list, given) = (places.list, catalogue.clone());
+    let parameters = nominals(&machine, &decisions, first.is_some());
+    let list = places.list;
+    let start_columns = starts.iter().filter(|it| !outputs.contains(it)).copied().collect();
     let plant = Plant { places: list, descriptions: OnceLock::new(), models: run::Models::default(), given, file };
     let kind: &'static Described = Box::leak(Box::new(Described {
-        name: kept(&machine.system().flat().name),
+        name: first.as_ref().map_or_else(|| kept(&machine.system().flat().name), |it| it.name),
+        is_first_format: first.is_some(),
         inputs: machine.inputs().iter().map(signal).collect(),
         outputs,
         starts,
         start_values,
+        start_columns,
         values: parameters.iter().map(|it| value(it.name).unwrap_or(f64::NAN)).collect(),
         parameters,
         decisions,
@@ -149,31 +184,23 @@ pub fn read_with(
         equations: Box::new(plant),
     }));
     let plant = plant_of(kind);
-    plant.descriptions.get_or_init(|| describe::all(PlantKind::Equations(kind), &plant.places, plant.file.catalogue()));
-    let parameters = Parameters {
-        kind: PlantKind::Equations(kind),
-        values: kind.values.iter().map(|it| Some(*it)).collect(),
-        gear_ratios: [1.0; 5],
-        velocity_from: VelocityFrom::State,
-    };
-    let file = &whole;
-    let named = |list: &[NamedValue]| list.iter().map(|it| (kept(&it.name), it.value)).collect();
-    let columns =
-        file.columns.iter().map(|it| Renamed { signal: kept(&it.signal), column: it.name.clone(), unit: it.unit.clone() });
-    let mut plant_file = PlantFile {
-        kind: PlantKind::Equations(kind),
-        parameters,
-        tolerance: named(&file.tolerance),
-        noise: named(&file.noise),
-        initial: named(&file.initial),
-        given: Vec::new(),
-        effects: Vec::new(),
-        columns: columns.collect(),
-    };
-    for (entry, at) in entries.iter().zip(&at) {
-        plant_file.effects.push(placed(kind, entry, at, source)?);
+    plant.descriptions.get_or_init(|| match &first {
+        None => describe::all(&plant.places, plant.file.catalogue()),
+        Some(first) => describe::of_first_format(&plant.places, plant.file.catalogue(), &first.effects),
+    });
+    Ok(kind)
+}
+
+impl Described {
+    /// The parameters of its plant file.
+    fn nominal(&'static self) -> Parameters {
+        Parameters {
+            kind: PlantKind::Equations(self),
+            values: self.values.iter().map(|it| Some(*it)).collect(),
+            gear_ratios: [1.0; 5],
+            velocity_from: VelocityFrom::State,
+        }
     }
-    Ok(plant_file)
 }
 
 /// The start values of variables from the text alone, with all inputs 0. A value is 0 if the text gives none.
@@ -207,7 +234,9 @@ fn decisions(file: &EquationFile) -> Vec<Decision> {
 
 /// The parameters of a plant that may be set: those that do not change the structure of the equations and are not determined by a record or by the
 /// start.
-fn nominals(machine: &Machine, decisions: &[Decision]) -> Vec<Nominal> {
+///
+/// Bounds follow from `min`. In a user's text, a parameter with `min = 0` and a value above 0 stays above 0. A plant file of format 1 may set it to 0.
+fn nominals(machine: &Machine, decisions: &[Decision], is_first_format: bool) -> Vec<Nominal> {
     let system = machine.system();
     let of_start = of_start_alone(machine);
     let is_own = |name: &str| {
@@ -218,7 +247,8 @@ fn nominals(machine: &Machine, decisions: &[Decision]) -> Vec<Nominal> {
     let one = |it: &rsm_model::flat::Variable| {
         let bound = match (it.basic, it.min, it.value.and_then(|id| system.flat().pool.value(id))) {
             (Basic::Integer, ..) => Bound::Count,
-            (_, Some(min), Some(value)) if min >= 0.0 && value > 0.0 => Bound::Positive,
+            (_, Some(min), _) if min > 0.0 => Bound::Positive,
+            (_, Some(min), Some(value)) if min >= 0.0 && value > 0.0 && !is_first_format => Bound::Positive,
             (_, Some(min), _) if min >= 0.0 => Bound::NotNegative,
             _ => Bound::Any,
         };
@@ -252,7 +282,7 @@ fn of_start_alone(machine: &Machine) -> Vec<String> {
 pub fn effects_on(kind: PlantKind) -> Vec<&'static Description> {
     match kind {
         PlantKind::Equations(kind) => plant_of(kind).descriptions.get().cloned().unwrap_or_default(),
-        _ => effects::ALL.iter().copied().filter(|it| it.plants.contains(&kind)).collect(),
+        _ => effects::ALL.iter().copied().filter(|it| it.plants.iter().any(|name| kind.is(name))).collect(),
     }
 }
 

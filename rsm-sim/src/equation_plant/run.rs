@@ -27,8 +27,8 @@ const ROWS: usize = 400;
 /// The compiled models of a plant. They have the lifetime of the kind.
 #[derive(Default)]
 pub(super) struct Models {
-    /// The start variables that a record determines, by the set of its outputs.
-    starting: Mutex<HashMap<Vec<bool>, Vec<usize>>>,
+    /// The start variables that a record determines, by the set of its outputs and by the parameters that it sets.
+    starting: Mutex<HashMap<(Vec<bool>, String), Vec<usize>>>,
     /// Models, by the values that a record determines, and by the effects and their places.
     built: Mutex<HashMap<String, &'static Model>>,
 }
@@ -60,7 +60,9 @@ impl Models {
     /// The indices in [`Described::starts`] that apply to a record.
     pub(super) fn starting(&self, kind: &'static Described, record: &Record) -> Vec<usize> {
         let holds: Vec<bool> = record.measured.iter().map(Option::is_some).collect();
-        open(&self.starting).entry(holds.clone()).or_insert_with(|| count(kind, &holds)).clone()
+        let settings = record_values(record);
+        let named = key(record.settings.iter().map(|it| (it.0, it.1)));
+        open(&self.starting).entry((holds.clone(), named)).or_insert_with(|| count(kind, &holds, &settings)).clone()
     }
 
     /// The equations of a plant file for a record.
@@ -73,9 +75,7 @@ impl Models {
                 built_in::shapes(file, record)
             }
         };
-        for it in decides {
-            let _ = write!(name, "{}={:x};", it.name, it.value.to_bits());
-        }
+        name.push_str(&key(decides.iter().map(|it| (it.name.as_str(), it.value))));
         for entry in in_equations(file) {
             let numbers: Vec<&str> = entry.arguments.numbers.iter().map(|it| it.0).collect();
             let at = entry.arguments.subject.as_deref().unwrap_or_default();
@@ -86,6 +86,10 @@ impl Models {
         }
         // The lock is not held during compilation. If two threads compile the same model, the first result is used.
         let file = match file.kind {
+            // The numbers of a plant file of format 1 are set later: the code is the same for all of them, in any order of calls.
+            PlantKind::Equations(kind) if kind.is_first_format => {
+                plant_of(kind).file.with(&[], &placed(file), &record_values(record))?
+            }
             PlantKind::Equations(kind) => file_of(kind, file, record)?,
             _ => built_in::equations(file, record, &placed(file))?,
         };
@@ -96,10 +100,18 @@ impl Models {
     }
 }
 
-fn count(kind: &'static Described, holds: &[bool]) -> Vec<usize> {
+/// Names with values, as a key.
+fn key<'a>(values: impl Iterator<Item = (&'a str, f64)>) -> String {
+    values.fold(String::new(), |mut text, (name, value)| {
+        let _ = write!(text, "{name}={:x};", value.to_bits());
+        text
+    })
+}
+
+fn count(kind: &'static Described, holds: &[bool], settings: &[NamedValue]) -> Vec<usize> {
     let place = |name: &str| kind.outputs.iter().position(|it| it.name == name);
-    let file = &plant_of(kind).file;
-    let Ok(mut machine) = Machine::new(file) else { return Vec::new() };
+    let machine = plant_of(kind).file.with(&[], &[], settings).and_then(|file| Machine::new(&file));
+    let Ok(mut machine) = machine else { return Vec::new() };
     let (counts, by_text) = machine.start_by(&|output| holds.get(output) == Some(&true)).unwrap_or_default();
     let is_in = |signal: &Signal| match place(signal.name) {
         Some(output) if counts.contains(&output) => true,
@@ -124,7 +136,7 @@ pub(super) fn without_effects(
 fn at_start(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<(EquationFile, Machine, Point), Faults> {
     let whole = file_of(kind, file, record)?;
     let mut machine = Machine::new(&whole)?;
-    let start = started(&whole, &mut machine, &file.initial, record)?;
+    let start = started(&whole, &mut machine, &initial(file, record), record)?;
     Ok((whole, machine, start))
 }
 
@@ -208,19 +220,11 @@ fn placed(file: &PlantFile) -> Vec<equations::Entry> {
 /// The compiled models of a kind.
 fn models(kind: PlantKind) -> &'static Models {
     /// Of the built-in plants.
-    static OWN: [OnceLock<Models>; 3] = [const { OnceLock::new() }; 3];
+    static OWN: [OnceLock<Models>; 2] = [const { OnceLock::new() }; 2];
     match kind {
         PlantKind::Equations(kind) => &plant_of(kind).models,
-        kind => {
-            let place = PlantKind::NAMES.iter().position(|it| it.1 == kind).expect("a plant that comes with the project");
-            OWN[place].get_or_init(Models::default)
-        }
+        kind => OWN[usize::from(kind == PlantKind::Driveline)].get_or_init(Models::default),
     }
-}
-
-/// The inputs of a record, with one value for each row.
-fn inputs(kind: PlantKind, record: &Record) -> Cow<'_, [Vec<f64>]> {
-    if matches!(kind, PlantKind::Equations(_)) { Cow::Borrowed(&record.inputs) } else { built_in::inputs(record) }
 }
 
 /// The instants of a record's rows. For plants of format 1 they are multiples of the period, as for their controllers: jitter of less than a
@@ -242,15 +246,20 @@ fn first_row(inputs: &[Vec<f64>], record: &Record) -> Signals {
 }
 
 /// A machine at its start along a record.
-fn started(file: &EquationFile, machine: &mut Machine, initial: &[(&str, f64)], record: &Record) -> Result<Point, Faults> {
+fn started(file: &EquationFile, machine: &mut Machine, initial: &[NamedValue], record: &Record) -> Result<Point, Faults> {
     let signals = first_row(&record.inputs, record);
-    let (given, recorded) = start_of(machine, &named(initial), &signals)?;
+    let (given, recorded) = start_of(machine, initial, &signals)?;
     let inputs: Vec<f64> = signals.inputs.iter().flatten().copied().collect();
     machine.start_along(file, record.first_time(), &inputs, &given, &recorded)
 }
 
-fn named(initial: &[(&str, f64)]) -> Vec<NamedValue> {
-    initial.iter().map(|(name, value)| NamedValue { name: (*name).to_string(), value: *value }).collect()
+/// The known start values: those of the plant file, then those of the record for variables that are no outputs. A variable that the record determines
+/// by another rule is left out.
+fn initial(file: &PlantFile, record: &Record) -> Vec<NamedValue> {
+    let absent = record.absent(file.kind);
+    let own = file.initial.iter().filter(|it| !absent.contains(&it.0));
+    let further = record.starts.iter().filter(|it| !file.initial.iter().any(|own| own.0 == it.0));
+    own.chain(further).map(|(name, value)| NamedValue { name: (*name).to_string(), value: *value }).collect()
 }
 
 fn start_of(
@@ -282,7 +291,7 @@ impl Model {
         let (own, initial): (Vec<(&str, f64)>, Vec<NamedValue>) = match file.kind {
             PlantKind::Equations(kind) => {
                 let own = kind.parameters.iter().filter_map(|it| Some((it.name, parameters.optional(it.name)?)));
-                (own.collect(), named(&file.initial))
+                (own.collect(), initial(file, record))
             }
             _ => (built_in::numbers(file, &parameters, record), built_in::initial(file, record)),
         };
@@ -298,7 +307,7 @@ impl Model {
             }
         }
         machine.set_at(&values)?;
-        let signals = first_row(&inputs(file.kind, record), record);
+        let signals = first_row(&record.inputs, record);
         let (given, recorded) = start_of(machine, &initial, &signals)?;
         let names = [&given, &recorded].map(|list| list.iter().map(|it| it.name.clone()).collect::<Vec<String>>());
         let known = open(&self.starts).get(&names).cloned();
@@ -335,11 +344,10 @@ fn setting(record: &Record, method: Method, tolerance: f64, steps_a_row: usize) 
 pub fn together(files: &[PlantFile], record: &Record, steps_a_row: usize) -> (Vec<Option<Values>>, u64) {
     let mut done: Vec<Option<Values>> = vec![None; files.len()];
     let Some(Group { model, mut slot, places, lanes }) = Group::of(files, record) else { return (done, 0) };
-    let values = inputs(files[0].kind, record);
     let default = Setting::default();
     let setting = setting(record, default.method, default.tolerance, steps_a_row);
     let time = instants(files[0].kind, record);
-    let inputs = Inputs { time: &time, values: &values };
+    let inputs = Inputs { time: &time, values: &record.inputs };
     for (place, found) in places.into_iter().zip(slot.lanes.run(&lanes, inputs, setting)) {
         done[place] = found.ok();
     }
@@ -400,11 +408,10 @@ impl Observer {
     pub fn new(file: &PlantFile, record: &Record) -> Option<Observer> {
         let Group { model, slot, lanes, .. } = Group::of(std::slice::from_ref(file), record)?;
         let (lane, machine) = (lanes.into_iter().next()?, &slot.machine);
-        let values = inputs(file.kind, record);
         let time = instants(file.kind, record);
         let every = (record.rows() / ROWS).max(1);
         let points =
-            lanes::points(machine, lane.start().clone(), Inputs { time: &time, values: &values }, Setting::default(), every);
+            lanes::points(machine, lane.start().clone(), Inputs { time: &time, values: &record.inputs }, Setting::default(), every);
         let count = machine.states().len();
         let finite = |it: &f64| it.is_finite();
         let largest = |k: usize| points.iter().map(|it| it.states[k].abs()).filter(finite).fold(0.0, f64::max);
@@ -431,8 +438,8 @@ impl Observer {
     #[must_use]
     pub fn rows(&self, kind: PlantKind, record: &Record, correct: &mut dyn FnMut(&PredictedRow<'_>) -> Vec<f64>) -> bool {
         let mut slot = self.model.slot();
-        let (values, time) = (inputs(kind, record), instants(kind, record));
-        let inputs = Inputs { time: &time, values: &values };
+        let time = instants(kind, record);
+        let inputs = Inputs { time: &time, values: &record.inputs };
         let default = Setting::default();
         let setting = setting(record, default.method, default.tolerance, OBSERVED_STEPS_A_ROW);
         let done = slot.lanes.linearised_rows(&self.lane, inputs, setting, &self.steps, correct);
@@ -448,9 +455,8 @@ impl Observer {
         let mut done = vec![false; files.len()];
         let Some(Group { model, mut slot, places, lanes }) = Group::of(files, record) else { return done };
         if let Some(states) = places_of_states(&self.model.machine, &model.machine) {
-            let values = inputs(files[0].kind, record);
             let time = instants(files[0].kind, record);
-            let inputs = Inputs { time: &time, values: &values };
+            let inputs = Inputs { time: &time, values: &record.inputs };
             let default = Setting::default();
             let setting = setting(record, default.method, default.tolerance, OBSERVED_STEPS_A_ROW);
             let mut own = vec![0.0; states.len()];
@@ -479,12 +485,14 @@ impl Observer {
 /// assert_eq!(shown(PlantKind::ServoAxis, Drive::Closed).len(), 2);
 /// ```
 #[must_use]
-pub fn shown(kind: PlantKind, drive: Drive) -> &'static [Signal] {
+pub fn shown(kind: PlantKind, record: &Record) -> Vec<Signal> {
     let all = kind.outputs();
-    match (kind, drive) {
-        (PlantKind::Pmac, Drive::HoldsDirectCurrent) => &all[1..],
-        (PlantKind::ServoAxis, Drive::Open) => &all[..1],
-        _ => all,
+    match (kind, record.drive) {
+        (PlantKind::ServoAxis, Drive::Open) => all[..1].to_vec(),
+        _ => {
+            let absent = record.absent(kind);
+            all.iter().filter(|it| !absent.contains(&it.name)).copied().collect()
+        }
     }
 }
 
@@ -519,8 +527,8 @@ impl Run {
 
     /// The outputs that it computes for a record, in order.
     #[must_use]
-    pub fn outputs(&self, record: &Record) -> &'static [Signal] {
-        shown(self.kind, record.drive)
+    pub fn outputs(&self, record: &Record) -> Vec<Signal> {
+        shown(self.kind, record)
     }
 
     /// The number of steps of the last run, also if it was stopped early.
@@ -537,12 +545,11 @@ impl Run {
     /// # Panics
     /// Never: a run has its slot until it is dropped.
     pub fn along(&mut self, record: &Record, controller: Option<&mut Controller<'_>>) -> Result<Values, Stopped> {
-        let shown = self.outputs(record).len();
+        let shown = self.outputs(record);
         let (slot, start) = self.slot.as_mut().zip(self.start.clone()).expect("room and a start until it is dropped");
         let lane = Lane::new(&slot.machine, start);
-        let values = inputs(self.kind, record);
         let time = instants(self.kind, record);
-        let inputs = Inputs { time: &time, values: &values };
+        let inputs = Inputs { time: &time, values: &record.inputs };
         let setting = setting(record, self.method, self.tolerance, self.steps_a_row);
         let mut found = match controller {
             Some(_) if matches!(self.method, Method::Fixed { .. }) => {
@@ -557,7 +564,9 @@ impl Run {
             }
             None => slot.lanes.run(&[lane], inputs, setting).remove(0)?,
         };
-        Ok(found.split_off(found.len() - shown))
+        // The outputs that the equations compute: for an axis in open loop, only the first.
+        let computed = self.kind.outputs().iter().zip(&mut found).filter(|(signal, _)| shown.contains(signal));
+        Ok(computed.map(|(_, values)| std::mem::take(values)).collect())
     }
 }
 

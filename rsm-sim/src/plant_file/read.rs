@@ -7,9 +7,9 @@ use rsm_core::toml_reader::{TableReader, Value, parse};
 
 use super::{Entry, Named, Parameters, PlantFile, Renamed, VelocityFrom};
 use crate::effect::{Arguments, Description, Subject};
-use crate::effects;
 use crate::kind::PlantKind;
 use crate::schema::{self, Bound};
+use crate::{effects, equation_plant};
 
 impl PlantFile {
     /// Reads a plant file.
@@ -33,13 +33,14 @@ fn read(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<PlantFile> 
         top.whole("`format`", value, 1, 1, faults);
     }
     // Without the kind, no other name can be checked.
-    let kind = required_choice(top, "plant", &PlantKind::NAMES, faults)?;
+    let kind = required_choice(top, "plant", &PlantKind::first_format(), faults)?;
     let parameters = top.required("parameters", faults).and_then(|value| parameters(kind, top.source(), value, faults));
     let tolerated: Vec<&'static str> = schema::parameters(kind).iter().map(|nominal| nominal.name).collect();
     let outputs: Vec<&'static str> = kind.outputs().iter().map(|signal| signal.name).collect();
     let tolerance = named(top, "tolerance", &tolerated, Bound::NotNegative, faults);
     let noise = named(top, "noise", &outputs, Bound::NotNegative, faults);
-    let starts: Vec<&'static str> = kind.starts().iter().map(|signal| signal.name).collect();
+    let starts = kind.starts().iter().filter(|it| !matches!(kind, PlantKind::Equations(of) if of.start_columns.contains(it)));
+    let starts: Vec<&'static str> = starts.map(|signal| signal.name).collect();
     let initial = named(top, "initial", &starts, Bound::Any, faults);
     let effects = entries(kind, top, faults);
     let columns = renamed(kind, top, faults);
@@ -184,16 +185,17 @@ fn entries(kind: PlantKind, top: &mut TableReader<'_>, faults: &mut Collector) -
 fn entry(kind: PlantKind, source: &Source, item: Value<'_>, faults: &mut Collector) -> Option<Entry> {
     let mut table = TableReader::of(source, item, "[[effects]]", faults)?;
     let name = table.text("kind", faults)?;
-    let allowed: Vec<&'static Description> =
-        effects::ALL.iter().copied().filter(|description| description.plants.contains(&kind)).collect();
-    let Some(description) = allowed.iter().find(|description| description.kind == name) else {
+    let allowed = equation_plant::effects_on(kind);
+    let Some(&description) = allowed.iter().find(|description| description.kind == name) else {
         let known = effects::ALL.iter().any(|description| description.kind == name);
         let what = if known {
             format!("the effect \"{name}\" cannot stand on the plant \"{}\"", kind.name())
         } else {
             format!("unknown effect \"{name}\"")
         };
-        let names = allowed.iter().map(|description| description.kind).collect::<Vec<_>>().join(", ");
+        let mut names: Vec<&str> = allowed.iter().map(|description| description.kind).collect();
+        names.dedup();
+        let names = names.join(", ");
         let span = table.optional("kind").map_or(table.span(), |value| value.span());
         faults.push(table.fault(span, what).help(format!("effects of this plant: {names}")));
         return None;
@@ -201,7 +203,11 @@ fn entry(kind: PlantKind, source: &Source, item: Value<'_>, faults: &mut Collect
     let value = table.required("parameters", faults)?;
     let arguments = arguments(kind, description, source, value, faults);
     table.finish(faults);
-    Some(Entry { description, arguments: arguments? })
+    let arguments = arguments?;
+    // An effect on an output has a description for each output.
+    let is_it = |it: &&&Description| it.kind == name && it.at.is_some() && it.at == arguments.subject.as_deref();
+    let description = allowed.iter().find(is_it).copied().unwrap_or(description);
+    Some(Entry { description, arguments })
 }
 
 fn arguments(

@@ -15,7 +15,9 @@ impl PlantFile {
     /// The text of the file, with all effects.
     #[must_use]
     pub fn write(&self) -> String {
-        if let PlantKind::Equations(kind) = self.kind {
+        if let PlantKind::Equations(kind) = self.kind
+            && !kind.is_first_format
+        {
             return of_equations(kind, self);
         }
         let mut text = format!("format = 1\nplant = \"{}\"\n\n[parameters]\n", self.kind.name());

@@ -49,7 +49,7 @@ impl Plant for Pmac {
     const STATES: usize = 4;
 
     fn start(&self, hooks: &Hooks, outputs: &StartValues, record: &Record, _inputs: &[f64; 3], x: &mut [f64]) {
-        let theta = record.angle.unwrap_or(0.0);
+        let theta = record.start("angle").unwrap_or(0.0);
         let (sin, cos) = hooks.frame_angle(theta).sin_cos();
         if self.holds_i_d {
             (x[0], x[1]) = (0.0, outputs[1]);

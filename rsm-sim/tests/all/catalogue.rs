@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use rsm_core::source::Source;
-use rsm_sim::effects;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
+use rsm_sim::{effects, equation_plant};
 
 use super::path;
 
@@ -122,15 +122,17 @@ fn no_plant_knows_an_effect() {
 
 #[test]
 fn a_file_with_effects_is_written_and_read_back_to_the_same_bits() {
-    for (_, kind) in PlantKind::NAMES {
+    for (_, kind) in PlantKind::first_format() {
         let mut text = std::fs::read_to_string(path(&format!("plants/{}.toml", kind.name()))).unwrap();
-        for description in effects::ALL.iter().filter(|it| it.plants.contains(&kind)) {
+        for description in equation_plant::effects_on(kind) {
             let subject = match description.subject {
                 rsm_sim::effect::Subject::None | rsm_sim::effect::Subject::Site => String::new(),
                 rsm_sim::effect::Subject::Parameter => {
-                    "parameter = \"mass\", ".replace("mass", if kind == PlantKind::Pmac { "inertia" } else { "mass" })
+                    "parameter = \"mass\", ".replace("mass", if kind.is("pmac") { "inertia" } else { "mass" })
                 }
-                rsm_sim::effect::Subject::Output => format!("output = \"{}\", ", kind.outputs()[0].name),
+                rsm_sim::effect::Subject::Output => {
+                    format!("output = \"{}\", ", description.at.unwrap_or(kind.outputs()[0].name))
+                }
             };
             let numbers: Vec<String> = description
                 .arguments_on(kind)

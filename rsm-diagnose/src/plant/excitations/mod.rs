@@ -96,7 +96,7 @@ impl Limits {
                 limits.seen[*output] = widened(limits.seen[*output], values);
             }
             match fit.model.file.kind {
-                PlantKind::Pmac => limits.load = widened(limits.load, &record.inputs[2]),
+                kind if kind.is("pmac") => limits.load = widened(limits.load, &record.inputs[2]),
                 PlantKind::Driveline if !limits.gears.contains(&record.gear) => limits.gears.push(record.gear),
                 PlantKind::Driveline => {}
                 PlantKind::Equations(_) => {
@@ -129,7 +129,7 @@ impl Limits {
             values.iter().all(|value| *value >= low - slack && *value <= high + slack)
         };
         match file.kind {
-            PlantKind::Pmac => {
+            kind if kind.is("pmac") => {
                 let most = file.parameters.number("current_limit");
                 let i_q = outputs.of("i_q").unwrap_or(&[]);
                 let short = |(k, q): (usize, &f64)| outputs.of("i_d").map_or(0.0, |i_d| i_d[k]).hypot(*q) <= most;
@@ -180,7 +180,7 @@ fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>, gear: 
         period: limits.period,
         inputs,
         gear,
-        angle: None,
+        starts: Vec::new(),
         settings: limits.settings.clone(),
         breaks: Vec::new(),
         measured: vec![Some(vec![0.0]); OUTPUTS],
@@ -193,7 +193,7 @@ fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>, gear: 
 pub fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
     let Some(first) = accepted.first() else { return Vec::new() };
     match first.kind {
-        PlantKind::Pmac => motor::library(accepted, limits),
+        kind if kind.is("pmac") => motor::library(accepted, limits),
         PlantKind::Driveline => driveline::library(accepted, limits),
         PlantKind::ServoAxis => axis::library(accepted, limits),
         PlantKind::Equations(_) => inputs::library(accepted, limits),
@@ -242,9 +242,10 @@ pub fn csv(plant: &PlantFile, excitation: &Excitation) -> String {
     use rsm_sim::kind::Signal;
     let record = &excitation.record;
     let gears = vec![record.gear as f64; record.rows()];
+    let absent = record.absent(plant.kind);
     let mut columns: Vec<(Signal, &[f64])> = vec![(Signal { name: "time", unit: "s" }, &record.time)];
     for (signal, values) in rsm_sim::record::inputs(plant.kind, record.drive).iter().zip(&record.inputs) {
-        if !(record.drive == Drive::HoldsDirectCurrent && signal.name == "v_d") {
+        if !absent.contains(&signal.name) {
             columns.push((*signal, values));
         }
     }

@@ -7,7 +7,7 @@
 use super::shapes::{Path, binary};
 use super::{Excitation, Limits, blank, largest_within_limits};
 use rsm_sim::plant_file::PlantFile;
-use rsm_sim::record::{Drive, Record};
+use rsm_sim::record::Record;
 
 /// The share of the longest current vector for accelerations and d-axis currents. Friction and load need the rest.
 const OF_CURRENT: f64 = 0.7;
@@ -137,9 +137,14 @@ impl Motor<'_> {
             voltages[1].push(v_q);
         }
         let [v_d, v_q] = voltages;
-        let v_d = if self.limits.drive == Drive::HoldsDirectCurrent { Vec::new() } else { v_d };
+        let v_d = if holds_direct_current(self.limits) { vec![0.0; rows] } else { v_d };
         Some(blank(name, self.limits, rows, vec![v_d, v_q, wanted.load.clone()], 1))
     }
+}
+
+/// Whether the drive of the records holds i_d at 0.
+fn holds_direct_current(limits: &Limits) -> bool {
+    limits.settings.iter().any(|it| *it == ("holds_i_d", 1.0))
 }
 
 /// All excitations of a motor.
@@ -236,7 +241,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         wanted.extra = Some([sequence(0), sequence(200)]);
         motor.record("binary-voltage", &wanted)
     });
-    if limits.drive == Drive::HoldsDirectCurrent {
+    if holds_direct_current(limits) {
         return list;
     }
     let levels = [0.4, -0.4, 0.8, -0.8, 0.2, 1.0, -1.0, 0.0];

@@ -91,30 +91,33 @@ fn rounding_is_a_cause_of_its_own_and_an_entry_of_the_file() {
 
 #[test]
 fn every_number_has_the_unit_of_what_it_stands_for() {
-    use PlantKind::{Driveline, Pmac, ServoAxis};
+    use PlantKind::{Driveline, ServoAxis};
+    let motor = rsm_sim::equation_plant::pmac();
     let of = |kind: &str, plant, subject: Option<&str>, name: &str| {
-        unit(plant, rsm_sim::effects::of(kind).expect("a kind"), subject, name)
+        let fits = |it: &&rsm_sim::effect::Description| it.kind == kind && (it.at.is_none() || it.at == subject);
+        let description = rsm_sim::equation_plant::effects_on(plant).into_iter().find(fits);
+        unit(plant, description.expect("a kind"), subject, name)
     };
     for (kind, plant, subject, name, expected) in [
-        ("windage", Pmac, None, "coefficient", "N*m*s^2/rad^2"),
-        ("parameter-error", Pmac, Some("inertia"), "value", "kg*m^2"),
+        ("windage", motor, None, "coefficient", "N*m*s^2/rad^2"),
+        ("parameter-error", motor, Some("inertia"), "value", "kg*m^2"),
         ("parameter-error", ServoAxis, Some("mass"), "value", "kg"),
-        ("sensor-gain", Pmac, Some("speed"), "gain", "1"),
-        ("sensor-drift", Pmac, Some("speed"), "rate", "rad/s/s"),
-        ("sensor-bias", Pmac, Some("i_q"), "bias", "A"),
+        ("sensor-gain", motor, Some("speed"), "gain", "1"),
+        ("sensor-drift", motor, Some("speed"), "rate", "rad/s/s"),
+        ("sensor-bias", motor, Some("i_q"), "bias", "A"),
         ("sensor-quantisation", ServoAxis, Some("position"), "step", "m"),
         ("backlash", Driveline, None, "gap", "rad"),
         ("backlash", ServoAxis, None, "gap", "m"),
         ("backlash", ServoAxis, None, "mass_ratio", "1"),
-        ("shaft-compliance", Pmac, None, "stiffness", "N*m/rad"),
+        ("shaft-compliance", motor, None, "stiffness", "N*m/rad"),
         ("shaft-compliance", ServoAxis, None, "stiffness", "N/m"),
-        ("shaft-compliance", Pmac, None, "damping", "N*m*s/rad"),
+        ("shaft-compliance", motor, None, "damping", "N*m*s/rad"),
         ("shaft-compliance", ServoAxis, None, "damping", "N*s/m"),
-        ("asymmetric-friction", Pmac, None, "viscous_forward", "N*m*s/rad"),
+        ("asymmetric-friction", motor, None, "viscous_forward", "N*m*s/rad"),
         ("asymmetric-friction", ServoAxis, None, "viscous_backward", "N*s/m"),
-        ("stribeck-friction", Pmac, None, "stribeck_velocity", "rad/s"),
+        ("stribeck-friction", motor, None, "stribeck_velocity", "rad/s"),
         ("stribeck-friction", ServoAxis, None, "stribeck_velocity", "m/s"),
-        ("stribeck-friction", Pmac, None, "static", "N*m"),
+        ("stribeck-friction", motor, None, "static", "N*m"),
         ("stribeck-friction", ServoAxis, None, "coulomb", "N"),
     ] {
         assert_eq!(of(kind, plant, subject, name), expected, "{kind} {plant:?} {name}");
