@@ -65,6 +65,18 @@ const STEPS: usize = 4;
 /// a kilohertz. Orders above 120 are beyond what the sampling resolves.
 const MOST_ORDER: usize = 120;
 
+/// The largest number of waves over the travel.
+const MOST_WAVES: usize = 400;
+
+/// The number of periods that are refined. Half a line beside its optimum, a wave still has three quarters of its gain.
+const REFINED_WAVES: usize = 3;
+
+/// Steps of the search about a line of the spectrum: 0.618^12 of two lines is a hundredth of a line, where the maximum is flat.
+const SECTIONS: usize = 12;
+
+/// A slow wave over a distance has this many times the period of the first guess.
+const SLOW: f64 = 10.0;
+
 /// The number of rotor orders that are passed to the search. A free run over a whole record distinguishes waves that blocks of rows do not.
 const ORDERS: usize = 10;
 
@@ -117,8 +129,11 @@ pub fn screen(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypot
     let equations = Equations::of(whitened, nominal)?;
     let mut candidates = equations.catalogue(nominal, hypotheses);
     let without_orders = candidates.len();
-    candidates.extend(equations.orders(nominal, nominal, hypotheses));
-    let looks = candidates.len();
+    let motions = equations.motions(nominal, hypotheses);
+    candidates.extend(equations.orders(&motions));
+    let with_orders = candidates.len();
+    let periods = motions.iter().filter(|it| !it.wave.is_whole).count() * 2 * MOST_WAVES;
+    let looks = candidates.len() + periods;
     let mut model = nominal.clone();
     let mut base = equations.base(&model)?;
     let (first, whole) = base.left();
@@ -128,6 +143,8 @@ pub fn screen(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypot
     let mut left = first;
     let mut orders = Vec::new();
     for round in 0..=MOST_TERMS {
+        candidates.truncate(with_orders);
+        candidates.extend(equations.periods(&motions, &base));
         let judged = equations.judged(&base, &candidates, &model, hypotheses);
         let least = best_gain_by_chance(candidates.len(), 2).max(LEAST_SHARE * left);
         let largest = judged.iter().map(|it| it.gain).fold(least, f64::max);
@@ -188,7 +205,7 @@ fn best_orders(judged: &[CandidateGain], candidates: &[Candidate], first: usize)
     waves.into_iter().take(ORDERS).map(guess).collect()
 }
 
-/// The guess of a term, if the term is a wave with a whole number of periods; otherwise `None`.
+/// The guess of a term, if the term is a wave; otherwise `None`.
 fn order_of(entry: &Entry, hypotheses: &[Hypothesis]) -> Option<(usize, Guess)> {
     let place = hypotheses.iter().position(|it| it.describes(entry))?;
     let wave = Wave::of(&hypotheses[place], entry.arguments.plant)?;
@@ -197,7 +214,48 @@ fn order_of(entry: &Entry, hypotheses: &[Hypothesis]) -> Option<(usize, Guess)> 
         .arguments_on(entry.arguments.plant)
         .map(|it| entry.arguments.optional(it.name).unwrap_or(f64::NAN))
         .collect();
-    wave.is_whole.then(|| (place, wave.guess(values)))
+    Some((place, wave.guess(values)))
+}
+
+/// Motion along the position of a wave hypothesis.
+struct WaveMotion<'f> {
+    hypothesis: usize,
+    wave: Wave,
+    /// The number of numbers of the effect.
+    count: usize,
+    /// The period of a slow wave.
+    base: f64,
+    /// For each record.
+    turning: Vec<Turning<'f>>,
+}
+
+impl WaveMotion<'_> {
+    /// The largest number of periods of the slow wave in a record.
+    fn periods(&self) -> f64 {
+        self.turning.iter().map(Turning::turns).fold(0.0, f64::max)
+    }
+}
+
+/// The place of the largest value between two ends, by golden section (J. Kiefer, 1953).
+fn largest_between([low, high]: [f64; 2], value: &dyn Fn(f64) -> f64) -> f64 {
+    let share = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let (mut low, mut high) = (low, high);
+    let mut inner = [high - share * (high - low), low + share * (high - low)];
+    let mut values = inner.map(value);
+    for _ in 0..SECTIONS {
+        if values[0] > values[1] {
+            high = inner[1];
+            (inner[1], values[1]) = (inner[0], values[0]);
+            inner[0] = high - share * (high - low);
+            values[0] = value(inner[0]);
+        } else {
+            low = inner[0];
+            (inner[0], values[0]) = (inner[1], values[1]);
+            inner[1] = low + share * (high - low);
+            values[1] = value(inner[1]);
+        }
+    }
+    0.5 * (low + high)
 }
 
 /// The numbers of a wave of effort over a position, by their place among the numbers of an effect.
@@ -406,8 +464,8 @@ impl<'w> Equations<'w> {
         let mut asked: Vec<(usize, Guess)> = Vec::new();
         for (k, hypothesis) in hypotheses.iter().enumerate() {
             let role = hypothesis.description.declared.role;
-            // Rounding has no derivative, and orders are tested separately.
-            if role == Role::Rounding || Wave::of(hypothesis, kind).is_some_and(|it| it.is_whole) {
+            // Rounding has no derivative, and waves are tested separately.
+            if role == Role::Rounding || Wave::of(hypothesis, kind).is_some() {
                 continue;
             }
             asked.extend(hypothesis.guesses.iter().map(|guess| (k, guess.clone())));
@@ -439,16 +497,19 @@ impl<'w> Equations<'w> {
         asked.into_iter().filter_map(one).collect()
     }
 
-    /// Waves of effort over an angle, at every whole order that the records resolve.
-    fn orders(&self, model: &Model, nominal: &Model, hypotheses: &[Hypothesis]) -> Vec<Candidate> {
-        let kind = model.file.kind;
+    /// The motion along the position of each wave hypothesis.
+    fn motions(&self, nominal: &Model, hypotheses: &[Hypothesis]) -> Vec<WaveMotion<'_>> {
+        let kind = nominal.file.kind;
         let mut list = Vec::new();
         for (place, hypothesis) in hypotheses.iter().enumerate() {
-            let Some(wave) = Wave::of(hypothesis, kind).filter(|it| it.is_whole) else { continue };
+            let Some(wave) = Wave::of(hypothesis, kind) else { continue };
             let Some(first) = hypothesis.guesses.first() else { continue };
             let (count, amplitude) = (first.values.len(), first.values[wave.amplitude]);
+            // A row must not take a slow wave through half a period.
+            let base = SLOW * first.values[wave.period];
             let with = |number: f64, phase: f64| {
-                nominal.joined(nominal, hypothesis.entry(kind, &wave.values(count, amplitude, number, 1.0, phase)))
+                let values = wave.values(count, amplitude, number, base, phase);
+                nominal.joined(nominal, hypothesis.entry(kind, &values))
             };
             let slow = [with(1.0, 0.0), with(1.0, std::f64::consts::FRAC_PI_2), with(2.0, 0.0)];
             let places: Vec<usize> = (0..self.filters.len()).collect();
@@ -457,21 +518,59 @@ impl<'w> Equations<'w> {
                 let files = slow.each_ref().map(|it| it.for_record(*record, &filter.prepared.record));
                 Turning::new(filter, &files, amplitude)
             });
-            let Some(turning) = turning.into_iter().collect::<Option<Vec<Turning<'_>>>>() else { continue };
-            // Over less than a turn, an order looks like a smooth torque.
-            if turning.iter().map(Turning::turns).fold(0.0, f64::max) < 1.0 {
+            if let Some(turning) = turning.into_iter().collect::<Option<Vec<Turning<'_>>>>() {
+                list.push(WaveMotion { hypothesis: place, wave, count, base, turning });
+            }
+        }
+        list
+    }
+
+    /// A wave as a candidate. `number` is the number of its periods in a slow wave.
+    fn wave(&self, motion: &WaveMotion<'_>, number: f64) -> Option<Candidate> {
+        let waves: Vec<[Vec<Vec<f64>>; 2]> = motion.turning.iter().map(|it| it.wave(number)).collect();
+        let [sin, cos] = [0, 1].map(|quarter| blocks(waves.iter().flat_map(|it| it[quarter].clone()).collect()));
+        let guess = motion.wave.guess(motion.wave.values(motion.count, 1.0, number, motion.base, 0.0));
+        Some(Candidate { hypothesis: motion.hypothesis, guess, columns: vec![sin?, cos?] })
+    }
+
+    /// Waves of effort over an angle, at every whole order that the records resolve.
+    fn orders(&self, motions: &[WaveMotion<'_>]) -> Vec<Candidate> {
+        let mut list = Vec::new();
+        // Over less than a turn, an order looks like a smooth torque.
+        for motion in motions.iter().filter(|it| it.wave.is_whole && it.periods() >= 1.0) {
+            let orders: Vec<usize> = (1..=MOST_ORDER).collect();
+            let waves = in_threads(&orders, self.whitened.threads, |order| self.wave(motion, *order as f64));
+            list.extend(waves.into_iter().flatten());
+        }
+        list
+    }
+
+    /// Waves of effort over a distance, whose period is no whole number: the best of all periods that fit into the travel, each refined between its
+    /// neighbours. They depend on what a base already explains.
+    fn periods(&self, motions: &[WaveMotion<'_>], base: &Base) -> Vec<Candidate> {
+        let gain = |motion: &WaveMotion<'_>, number: f64| {
+            self.wave(motion, number).map_or(0.0, |it| base.with_columns(&it.columns).gain)
+        };
+        let mut list = Vec::new();
+        for motion in motions.iter().filter(|it| !it.wave.is_whole) {
+            let travel = motion.turning.iter().map(Turning::travel).fold(0.0, f64::max);
+            if travel <= 0.0 {
                 continue;
             }
-            let orders: Vec<usize> = (1..=MOST_ORDER).collect();
-            let columns = in_threads(&orders, self.whitened.threads, |order| {
-                let waves: Vec<[Vec<Vec<f64>>; 2]> = turning.iter().map(|it| it.wave(*order as f64)).collect();
-                [0, 1].map(|quarter| blocks(waves.iter().flat_map(|it| it[quarter].clone()).collect()))
+            // A spectral line is half a wave over the travel wide.
+            let line = 0.5 / travel;
+            let numbers: Vec<f64> = (2..2 * MOST_WAVES).map(|half| half as f64 * line).collect();
+            let gains = in_threads(&numbers, self.whitened.threads, |number| gain(motion, *number));
+            let at = |k: usize| gains.get(k).copied().unwrap_or(0.0);
+            let is_peak = |k: &usize| at(*k) > 0.0 && (*k == 0 || at(*k) >= at(*k - 1)) && at(*k) > at(*k + 1);
+            let mut peaks: Vec<usize> = (0..gains.len()).filter(is_peak).collect();
+            peaks.sort_by(|a, b| at(*b).total_cmp(&at(*a)));
+            peaks.truncate(REFINED_WAVES);
+            let refined = in_threads(&peaks, self.whitened.threads, |&k| {
+                let ends = [(numbers[k] - line).max(2.0 * line), numbers[k] + line];
+                self.wave(motion, largest_between(ends, &|number| gain(motion, number)))
             });
-            let at = |(order, [sin, cos]): (usize, [Option<Blocks>; 2])| {
-                let guess = wave.guess(wave.values(count, 1.0, order as f64, 1.0, 0.0));
-                Some(Candidate { hypothesis: place, guess, columns: vec![sin?, cos?] })
-            };
-            list.extend(orders.into_iter().zip(columns).filter_map(at));
+            list.extend(refined.into_iter().flatten());
         }
         list
     }

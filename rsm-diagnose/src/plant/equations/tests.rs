@@ -127,3 +127,17 @@ fn the_work_is_that_of_the_rows_that_are_looked_at() {
     assert_eq!(short.work, long.work);
     assert!(short.work < 600 * 3 * MOST_ROWS as u64, "{}", short.work);
 }
+
+#[test]
+fn a_wave_of_any_period_is_found_beside_a_friction() {
+    let effects =
+        effect("coulomb-friction", "force = 30") + &effect("cogging-torque", "amplitude = 20, pitch = 0.0123, phase = 0.4");
+    let found = screened(AXIS, axis(&effects, 4900));
+    let mut labels: Vec<&str> = found.terms.iter().map(|it| it.label.as_str()).collect();
+    labels.sort_unstable();
+    assert_eq!(labels, ["cogging-torque", "coulomb-friction"], "{:?}", found.terms);
+    let wave = found.terms.iter().find(|it| it.label == "cogging-torque").unwrap();
+    assert!((number(wave, "pitch") / 0.0123 - 1.0).abs() < 1e-3, "{wave:?}");
+    assert!((number(wave, "amplitude") / 20.0 - 1.0).abs() < 0.05, "{wave:?}");
+    assert!((number(wave, "phase") - 0.4).abs() < 0.1, "{wave:?}");
+}

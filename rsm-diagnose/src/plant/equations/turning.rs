@@ -67,6 +67,13 @@ impl<'f> Turning<'f> {
         self.phase.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>() / TAU
     }
 
+    /// The distance between the ends of the motion, in periods of the slow wave.
+    #[must_use]
+    pub fn travel(&self) -> f64 {
+        let ends = self.phase.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), it| (low.min(*it), high.max(*it)));
+        (ends.1 - ends.0).max(0.0) / TAU
+    }
+
     /// The columns that a unit wave and the same a quarter further add to the prediction errors, for each output of the record. `number` is the number
     /// of periods in a period of the slow wave.
     #[must_use]
