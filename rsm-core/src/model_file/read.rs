@@ -283,7 +283,8 @@ fn read_spline<'a>(
     faults: &mut Collector,
 ) -> Option<Spline> {
     let mut table = TableReader::of(reader.source(), value, format!("{}: `spline`", reader.who()), faults)?;
-    let (degree, cells) = read_cells(&mut table, faults);
+    let degree = table.required("degree", faults).and_then(|value| read_degree(&table, value, faults));
+    let cells = table.required("cells", faults).and_then(|value| read_cells(&table, value, faults));
     let coefficients = table.required("coefficients", faults).and_then(|value| {
         places.note(format!("{path}.spline.coefficients"), value.span());
         table.numbers("`coefficients`", value, faults)
@@ -295,22 +296,21 @@ fn read_spline<'a>(
 /// The most cells along one input: see docs/decisions/086-splines.md.
 pub const MOST_CELLS: u32 = 200;
 
-/// `degree` and `cells` of a spline; the fit specification has the same.
-pub fn read_cells(table: &mut TableReader<'_>, faults: &mut Collector) -> (Option<u32>, Option<Vec<u32>>) {
-    let degree = table.required("degree", faults).and_then(|value| {
-        let degree = table.whole("`degree`", value, 1, 3, faults)?;
-        if degree == 2 {
-            faults.push(table.fault(value.span(), "`degree`: found 2, expected 1 or 3"));
-            return None;
-        }
-        Some(degree as u32)
-    });
-    let cells = table.required("cells", faults).and_then(|value| {
-        let items = table.array("`cells`", value, faults)?;
-        let each: Vec<_> = items.iter().map(|item| table.whole("`cells`", item, 1, i64::from(MOST_CELLS), faults)).collect();
-        each.into_iter().map(|cells| cells.map(|cells| cells as u32)).collect::<Option<Vec<u32>>>()
-    });
-    (degree, cells)
+/// The degree of a spline; the fit specification has the same.
+pub fn read_degree<'a>(table: &TableReader<'a>, value: Value<'a>, faults: &mut Collector) -> Option<u32> {
+    let degree = table.whole("`degree`", value, 1, 3, faults)?;
+    if degree == 2 {
+        faults.push(table.fault(value.span(), "`degree`: found 2, expected 1 or 3"));
+        return None;
+    }
+    Some(degree as u32)
+}
+
+/// The cells of a spline along each input; the fit specification has the same.
+pub fn read_cells<'a>(table: &TableReader<'a>, value: Value<'a>, faults: &mut Collector) -> Option<Vec<u32>> {
+    let items = table.array("`cells`", value, faults)?;
+    let each: Vec<_> = items.iter().map(|item| table.whole("`cells`", item, 1, i64::from(MOST_CELLS), faults)).collect();
+    each.into_iter().map(|cells| cells.map(|cells| cells as u32)).collect()
 }
 
 /// Reads a term completely or not at all.
