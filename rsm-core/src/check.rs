@@ -437,8 +437,8 @@ fn check_terms(context: &Context<'_>, faults: &mut Collector, surface: &Surface,
     }
 }
 
-/// The most coefficients of a spline: an index is exact in f32, and a table is not larger than 128 kB in f64.
-pub const MOST_COEFFICIENTS: usize = 16384;
+/// The most coefficients of a spline: an index is exact in f32, and a table of f64 is not larger than about 64 kB.
+pub const MOST_COEFFICIENTS: usize = 4096;
 
 /// The most inputs of a spline: with four, 256 coefficients would be active.
 pub const MOST_SPLINE_INPUTS: usize = 3;

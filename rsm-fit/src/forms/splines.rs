@@ -30,7 +30,7 @@ pub(crate) const PARTS: usize = 5;
 const PENALTIES: [i32; 2] = [-7, 2];
 
 /// Numbers of cells along an input, in the order in which they are tried.
-const CELLS: [u32; 11] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48];
+const CELLS: [u32; 15] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192];
 
 /// The most coefficients of a spline whose cells are chosen: more do not pay on maps of some hundred points, and the table would be long.
 const MOST_COEFFICIENTS: usize = 420;
@@ -318,6 +318,9 @@ struct Normal {
     right: Vec<f64>,
 }
 
+/// A pivot below this share of the largest diagonal entry may be a rounding error: up to 100 products of a band, each with 2^-53.
+const LEAST_PIVOT: f64 = 1e-13;
+
 /// The weights of a second difference.
 const SECOND: [f64; 3] = [1.0, -2.0, 1.0];
 
@@ -361,8 +364,7 @@ impl Normal {
                 let left = l[self.at(i, j)] - sum;
                 l[self.at(i, j)] = if i > j {
                     left / l[self.at(j, j)]
-                } else if left > 1e-15 * largest {
-                    // Below the rounding errors of the matrix its sign is not known.
+                } else if left > LEAST_PIVOT * largest {
                     left.sqrt()
                 } else {
                     return None;

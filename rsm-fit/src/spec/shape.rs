@@ -208,7 +208,7 @@ pub(super) fn read_spline(
 }
 
 /// The smallest and the largest accepted penalty: far below and above what cross-validation tries.
-const PENALTIES: [f64; 2] = [1e-12, 1e6];
+const PENALTIES: [f64; 2] = [1e-9, 1e6];
 
 /// A spline is the whole surface: of few inputs that clamp, without other forms and without proofs of constraints.
 fn check_spline(specification: &Specification, response: &ResponseSpec, faults: &mut Collector) {

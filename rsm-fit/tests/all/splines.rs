@@ -45,10 +45,11 @@ fn bent(a: f64, b: f64) -> f64 {
 
 #[test]
 fn a_spline_of_given_cells_is_the_spline_of_the_data() {
-    // A spline of degree 1 with a small penalty goes through data that are such a spline.
+    // A spline of degree 1 with a small penalty goes through data that are such a spline. A cubic one rounds the edge: 22 is the largest jump of the
+    // slope, 0.3 the width of a cell, and 0.15 is a fortieth of their product.
     let roof = |a: f64, b: f64| (a - 0.5).abs() * (1.0 + b);
     let (x, y) = rows(roof, 300, 0.0, 3);
-    for (degree, cells, within) in [(1, vec![2, 1], 1e-6), (1, vec![6, 5], 1e-4), (3, vec![10, 2], 0.06)] {
+    for (degree, cells, within) in [(1, vec![2, 1], 1e-6), (1, vec![6, 5], 1e-4), (3, vec![10, 2], 0.15)] {
         let spec = SplineSpec { degree, cells: Some(cells), penalty: Some(1e-9) };
         let outcome = fitted(&x, Response::new("y", &y).spline(spec));
         let error = distance(&outcome, roof);
@@ -203,6 +204,6 @@ spline = {{ degree = 3 }}
         }
         found.sort_by(f64::total_cmp);
         println!("{response}: spline {:.3} %, {operations} operations; Gaussian process {gaussian_process} %", found[2]);
-        assert!(operations < 150);
+        assert!(found[2] <= 1.5 * gaussian_process && operations < 150, "{response}: {found:?}");
     }
 }
