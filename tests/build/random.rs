@@ -95,7 +95,8 @@ fn compensated(random: &mut Random, index: usize) -> Model {
 fn splined(random: &mut Random, index: usize) -> Model {
     let (count, degree) = ([1, 1, 2, 2, 3, 3][index], [1, 3][index % 2]);
     let ranges = [[-2.5, 7.25], [440.0, 800.0], [-1e-3, 2e-3]];
-    let names = ["torque", "speed", "i_q"];
+    // A table in emitted code has another name.
+    let names = ["t0", "T1", "i_q"];
     let input =
         |k: usize| Input { name: names[k].to_string(), unit: "1".to_string(), range: ranges[k], outside: Outside::Clamp };
     let inputs: Vec<Input> = (0..count).map(input).collect();

@@ -280,7 +280,7 @@ pub(super) fn body(model: &str, tape: &Tape, fields: &[String]) -> String {
             Op::Load { ref table, index, offset } => {
                 let place = tables.iter().position(|it| *it == table).expect("it is one of the tape's tables");
                 let masked = format!("{}({index}) & {}U", helper("whole"), table.mask);
-                if offset == 0 { format!("t{place}[{masked}]") } else { format!("t{place}[({masked}) + {offset}U]") }
+                if offset == 0 { format!("rsm_t{place}[{masked}]") } else { format!("rsm_t{place}[({masked}) + {offset}U]") }
             }
             // gcc changes it to 2 a, a product that it would fuse.
             Op::Add(a, b) if a == b => format!("{}({a} + {b})", helper("keep")),
@@ -309,12 +309,12 @@ pub(super) fn body(model: &str, tape: &Tape, fields: &[String]) -> String {
     text
 }
 
-/// The tables of a tape as arrays, eight numbers in a line.
+/// The tables of a tape as arrays, eight numbers in a line. No input has a name that begins with `rsm_`.
 fn tables_of(tape: &Tape, tables: &[&Arc<Table>]) -> String {
     let mut text = String::new();
     for (k, table) in tables.iter().enumerate() {
         let float = c_type(tape.precision);
-        text.push_str(&format!("    static const {float} t{k}[{}] = {{\n", table.entries.len()));
+        text.push_str(&format!("    static const {float} rsm_t{k}[{}] = {{\n", table.entries.len()));
         for line in table.entries.chunks(8) {
             let numbers: Vec<String> = line.iter().map(|entry| c_literal(entry.value, tape.precision)).collect();
             text.push_str(&format!("        {},\n", numbers.join(", ")));

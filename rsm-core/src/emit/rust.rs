@@ -136,7 +136,7 @@ pub(super) fn body(tape: &Tape, fields: &[String]) -> String {
     }
     let tables = tape.tables();
     for (k, table) in tables.iter().enumerate() {
-        text.push_str(&format!("    static T{k}: [{float}; {}] = [\n", table.entries.len()));
+        text.push_str(&format!("    static RSM_T{k}: [{float}; {}] = [\n", table.entries.len()));
         for line in table.entries.chunks(8) {
             let numbers: Vec<String> = line.iter().map(|entry| literal(entry.value, tape.precision)).collect();
             text.push_str(&format!("        {},\n", numbers.join(", ")));
@@ -158,7 +158,7 @@ pub(super) fn body(tape: &Tape, fields: &[String]) -> String {
                 let place = tables.iter().position(|it| *it == table).expect("it is one of the tape's tables");
                 let masked = format!("(rsm_whole_{float}({index}) & {}) as usize", table.mask);
                 // The mask and the length of the table show the compiler that no index is outside.
-                if offset == 0 { format!("T{place}[{masked}]") } else { format!("T{place}[{masked} + {offset}]") }
+                if offset == 0 { format!("RSM_T{place}[{masked}]") } else { format!("RSM_T{place}[{masked} + {offset}]") }
             }
             Op::Add(a, b) => format!("{a} + {b}"),
             Op::Subtract(a, b) => format!("{a} - {b}"),

@@ -1,5 +1,7 @@
 //! Splines: value, continuity, range and gradient against exact arithmetic; borders of cells; arguments outside, infinite and NaN.
 
+use std::sync::Arc;
+
 use rsm_core::basis;
 use rsm_core::certificate::gradient::derivatives;
 use rsm_core::check::Checked;
@@ -10,6 +12,7 @@ use rsm_core::number::{self, Precision, Rational, integer};
 use rsm_core::range;
 use rsm_core::rounding;
 use rsm_core::run::{Interpreter, Scalar};
+use rsm_core::tape::{Constant, Op, Table, TapeBuilder};
 
 use crate::random::Random;
 
@@ -68,10 +71,10 @@ fn against_the_reference<T: Scalar + Into<f64>>(checked: &Checked, random: &mut 
         let at: Vec<Rational> = point.iter().map(|x| number::exact((*x).into())).collect();
         let truth = exact::value(surface, &inputs, &at).unwrap();
         let ideal = exact::ideal_all(&tape, &at).unwrap();
-        assert_eq!(ideal, [truth.clone()], "the tape is not the spline\n{tape}");
+        assert_eq!(ideal, std::slice::from_ref(&truth), "the tape is not the spline\n{tape}");
         let found = number::exact(run.eval(&point).into());
         let off = if found < truth { &truth - &found } else { &found - &truth };
-        assert!(off <= bound, "{point:?}: {found} instead of {truth}", point = at);
+        assert!(off <= bound, "{at:?}: {found} instead of {truth}");
         assert!(number::exact(enclosed.low) <= truth && truth <= number::exact(enclosed.high), "{truth} {enclosed:?}");
     }
 }
@@ -270,4 +273,44 @@ fn a_compensator_refuses_a_spline() {
         zero_damping = { surface = \"s\" }\npole_damping = 0.7\n";
     let faults = Checked::read(&rsm_core::source::Source::new("m.toml", text)).unwrap_err().to_string();
     assert!(faults.contains("the surface `s` is a spline"), "{faults}");
+}
+
+#[test]
+fn a_load_is_masked_and_has_a_bound_where_its_index_is_inside() {
+    for precision in Precision::ALL {
+        let mut tape = TapeBuilder::sharing(precision);
+        let entries = [0.1, -2.0, 3.0, 4.0, 5.0].map(|value| {
+            let exact = number::exact(value);
+            Constant { value: precision.round(&exact), exact }
+        });
+        let table = Arc::new(Table::new(entries.to_vec(), 3, 1));
+        let x = tape.input(0);
+        let index = tape.push(Op::Nearest(x));
+        let value = tape.push(Op::Load { table, index, offset: 1 });
+        let tape = tape.finish("t", vec!["x".into()], value);
+        let error = |range: [f64; 2]| rounding::error_bound(&tape, &[range]);
+        assert_eq!((error([0.0, 3.4]), error([0.0, 3.6]), error([-0.6, 1.0])), (0.0, f64::INFINITY, f64::INFINITY));
+        // A half goes to the even integer; an index of any bits reads an entry.
+        let inside = [(0.0, -2.0), (0.5, -2.0), (1.5, 4.0), (2.5, 4.0), (3.4, 5.0), (-0.4, -2.0)];
+        let beyond = [f64::NAN, f64::INFINITY, -7.0, 1e30];
+        let mut all: Vec<(f64, Option<f64>)> = inside.iter().map(|(x, y)| (*x, Some(*y))).collect();
+        all.extend(beyond.map(|x| (x, None)));
+        for (x, wanted) in all {
+            let found = match precision {
+                Precision::F64 => Interpreter::<f64>::new(&tape).eval(&[x]),
+                Precision::F32 => f64::from(Interpreter::<f32>::new(&tape).eval(&[x as f32])),
+            };
+            assert!(wanted.map_or([-2.0, 3.0, 4.0, 5.0].contains(&found), |wanted| wanted == found), "{x}: {found}");
+            if let Some(wanted) = wanted {
+                assert_eq!(exact::ideal_all(&tape, &[number::exact(x)]), Some(vec![number::exact(wanted)]));
+            }
+        }
+        assert_eq!(exact::ideal_all(&tape, &[number::exact(9.0)]), None);
+        // Numbers above 2^21 may have no fractional digits in f32.
+        let mut tape = TapeBuilder::sharing(precision);
+        let x = tape.input(0);
+        let index = tape.push(Op::Nearest(x));
+        let tape = tape.finish("n", vec!["x".into()], index);
+        assert_eq!(rounding::error_bound(&tape, &[[0.0, 3e6]]), f64::INFINITY);
+    }
 }
