@@ -25,7 +25,7 @@ fn every_command_works_with_a_spline_or_refuses_it() {
     write("map.csv", &map());
     write("fit.toml", &format!("{SPEC}select = {{ method = \"fixed\" }}\nspline = {{ degree = 3, cells = [2, 6] }}\n"));
     let run = |words: &[&str]| rsm(words, here.path());
-    let fitted = run(&["fit", "fit.toml", "--out", "bench.toml", "--report", "page.html", "--json"]);
+    let fitted = run(&["fit", "fit.toml", "--out", "bench.toml", "--report", "page", "--json"]);
     assert_eq!(fitted.status.code(), Some(0), "{}", text(&fitted.stderr));
     let found = json(&fitted);
     let losses = &found["responses"]["losses"];
@@ -37,7 +37,7 @@ fn every_command_works_with_a_spline_or_refuses_it() {
         model.contains("spline = { degree = 3, cells = [2, 6], coefficients = [") && !model.contains("terms = ["),
         "{model}"
     );
-    let page = std::fs::read_to_string(here.path().join("page.html")).unwrap();
+    let page = std::fs::read_to_string(here.path().join("page/report.html")).unwrap();
     assert!(page.contains("<h3>Spline</h3>") && page.contains("\"tables\""));
     let words = run(&["fit", "fit.toml", "--out", "again.toml"]);
     assert!(
@@ -55,7 +55,7 @@ fn every_command_works_with_a_spline_or_refuses_it() {
     assert_eq!(of_losses["operations"]["f64"], 99);
     let at = run(&["eval", "bench.toml", "--at", "speed=40,load=0.5"]);
     assert_eq!(at.status.code(), Some(0), "{}", text(&at.stderr));
-    let emitted = run(&["emit", "bench.toml", "--out", "code", "--gradient", "--inside"]);
+    let emitted = run(&["emit", "bench.toml", "--lang", "c", "--out", "code", "--gradient", "--inside"]);
     assert_eq!(emitted.status.code(), Some(0), "{}", text(&emitted.stderr));
     write(
         "goals.toml",
@@ -66,12 +66,12 @@ fn every_command_works_with_a_spline_or_refuses_it() {
     let settings = &json(&optimised)["settings"];
     assert!(settings["speed"].as_f64().unwrap() < 1.0 && settings["load"].as_f64().unwrap() < 0.01, "{settings}");
 
-    write(
-        "design.toml",
-        "format = 1\ndesign = \"optimal\"\nruns = 12\nterms_of = \"bench.toml\"\nseed = 1\n[factors.speed]\nrange = [0.0, 100.0]\n[factors.load]\nrange = [0.0, 1.0]\n",
-    );
+    let factors =
+        "[factors.speed]\nunit = \"rad/s\"\nrange = [0.0, 100.0]\n[factors.load]\nunit = \"N*m\"\nrange = [0.0, 1.0]\n";
+    let design = "format = 1\nplan = \"p\"\ndesign = \"optimal\"\nruns = 12\nterms_of = { file = \"bench.toml\" }\nseed = 1\n";
+    write("design.toml", &format!("{design}{factors}"));
     let refusals: [(&[&str], &str); 5] = [
-        (&["emit", "bench.toml", "--out", "code", "--recursive", "losses"], "it is a spline"),
+        (&["emit", "bench.toml", "--lang", "c", "--out", "code", "--recursive"], "it is a spline"),
         (&["track", "bench.toml", "--data", "map.csv", "--out", "now.toml"], "it is a spline"),
         (&["diagnose", "bench.toml", "--data", "map.csv"], "is a spline; only surfaces with terms can be diagnosed"),
         (&["fit", "fit.toml", "--partial", "part.rsm", "--data", "map.csv"], "the penalty of a spline is chosen on rows"),

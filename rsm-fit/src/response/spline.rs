@@ -76,6 +76,20 @@ impl Task<'_> {
         let quality: Quality = self.quality(surface, &design, &statistics, &chosen, &cross);
         statistics.cross_validation.clone_from(&quality.cross_validated);
         statistics.rows_used = quality.words(self, &chosen, report.is_some());
+        if by != ChosenBy::Nobody {
+            let what = if wanted.cells.is_some() { "penalty" } else { "cells and penalty" };
+            let rows = self.fit.rows();
+            statistics.rows_used.terms =
+                format!("{rows} fitted rows, left out in {} parts in turn, which chose {what}", splines::PARTS);
+            if let (Some(cross), false) = (&quality.cross_validated, is_judged) {
+                let form = if report.is_some() { "; the same rows also chose this form" } else { "" };
+                let (rows, parts) = (cross.errors.rows, cross.parts);
+                let words = format!(
+                    "{rows} rows left out in {parts} parts in turn, fit and choice of {what} repeated without them{form}"
+                );
+                statistics.rows_used.error = words;
+            }
+        }
         statistics.warnings = self.notes_on(&fitted, &statistics, &quality);
         let verdict = self.verdict(&statistics, &chosen, &quality, false);
         let rows_outside = self.rows_outside(&design);
