@@ -177,8 +177,8 @@ pub struct Wave {
 /// A tensor spline over all inputs of a surface, on uniform knots: degree 1 is a table with (bi)linear interpolation, degree 3 has continuous second
 /// derivatives.
 ///
-/// With t = cells (xi - low)/(high - low) of an input, the basis function i has the support from t = i - degree to i + 1. The surface is the sum over all
-/// products of basis functions, one of each input, times their coefficients.
+/// With t = cells (xi - low)/(high - low) of an input, the basis function i has the support from t = i - degree to i + 1. The surface is the sum
+/// over all products of basis functions, one of each input, times their coefficients.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spline {
     /// 1 or 3.

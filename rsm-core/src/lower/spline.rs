@@ -11,10 +11,10 @@
 //!
 //! Of two inputs, the coefficient c is itself such a sum along the other input, and so on. The cost does not depend on the number of cells.
 //!
-//! The ideal s ends at n - 1/2. A computed s may be above it, and of two nearest integers the even one is taken: the cell n is then read. So the table
-//! has one more coefficient along each input, which continues the last piece: the value is the same in both cells. No clamp of k is necessary.
-//! Where a computed s is on the other side of the border between two cells, the pieces differ by their jump in the derivative of order `degree`:
-//! [`Seam`] gives its size to the rounding analysis.
+//! The ideal s ends at n - 1/2. A computed s may be above it, and of two nearest integers the even one is taken: the cell n is then read. So the
+//! table has one more coefficient along each input, which continues the last piece: the value is the same in both cells. No clamp of k is
+//! necessary. Where a computed s is on the other side of the border between two cells, the pieces differ by their jump in the derivative of order
+//! `degree`: [`Seam`] gives its size to the rounding analysis.
 
 use std::sync::Arc;
 
@@ -195,8 +195,9 @@ fn differences_along(values: &[Rational], counts: &[usize], k: usize) -> Vec<Rat
 
 /// For each input the factor of a seam: the largest jump of the derivative of order `degree` divided by its factorial.
 ///
-/// In the neighbour's cell the weights of the other inputs are still a partition of 1, but a piece that is continued beyond its border by the error of s
-/// has weights of both signs. Doubling the factor covers this: an error of s is at most a tenth of a cell, where their magnitudes sum up to less than 2.
+/// In the neighbour's cell the weights of the other inputs are still a partition of 1, but a piece that is continued beyond its border by the error
+/// of s has weights of both signs. Doubling the factor covers this: an error of s is at most a tenth of a cell, where their magnitudes sum up to
+/// less than 2.
 fn jumps(spline: &Spline, extended: &Extended) -> Vec<f64> {
     let factorial = integer(if spline.degree == 1 { 1 } else { 6 });
     let order = spline.degree as usize + 1;

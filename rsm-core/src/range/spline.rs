@@ -1,8 +1,8 @@
 //! The range of a spline over its box.
 //!
-//! In: a spline and the ranges of its inputs. Out: an enclosure of its values, and points with small and large values. A spline of degree 1 is between its
-//! coefficients. One of degree 3 is a polynomial in Bernstein form in each cell, and between the coefficients of these forms (Boehm, "Inserting new knots
-//! into B-spline curves", 1980): with h the width of a cell, the excess is proportional to h^2.
+//! In: a spline and the ranges of its inputs. Out: an enclosure of its values, and points with small and large values. A spline of degree 1 is
+//! between its coefficients. One of degree 3 is a polynomial in Bernstein form in each cell, and between the coefficients of these forms (Boehm,
+//! "Inserting new knots into B-spline curves", 1980): with h the width of a cell, the excess is proportional to h^2.
 
 use crate::basis;
 use crate::interval::Interval;

@@ -1,15 +1,15 @@
 //! Fits a tensor spline: its coefficients with a penalty on second differences, and the numbers of cells and the penalty by cross-validation.
 //!
-//! In: rows, the ranges of the inputs, the degree; the numbers of cells, if they are given. Out: coefficients with the penalty, and the errors on rows
-//! left out. The coefficients c minimise
+//! In: rows, the ranges of the inputs, the degree; the numbers of cells, if they are given. Out: coefficients with the penalty, and the errors on
+//! rows left out. The coefficients c minimise
 //!
 //! ```text
 //! sum over rows of w (y - spline)^2 + penalty rows/coefficients * sum of squared second differences of c along each input
 //! ```
 //!
-//! (P. H. C. Eilers, B. D. Marx, "Flexible smoothing with B-splines and penalties", 1996). So coefficients without rows continue their neighbours in a
-//! straight line, and the number of cells matters little once it is large enough. A row has few basis functions that are not zero, so the normal
-//! equations are banded, and so is their factor.
+//! (P. H. C. Eilers, B. D. Marx, "Flexible smoothing with B-splines and penalties", 1996). So coefficients without rows continue their neighbours
+//! in a straight line, and the number of cells matters little once it is large enough. A row has few basis functions that are not zero, so the
+//! normal equations are banded, and so is their factor.
 
 use rsm_core::basis;
 use rsm_core::check::MOST_SPLINE_INPUTS;

@@ -139,8 +139,8 @@ fn dry_friction_and_a_throttle_are_found_to_bend() {
     }
 }
 
-/// The reversal of friction is within 0.004 m/s of 0, a hundredth of the range: the cells are as narrow. A Gaussian process has errors of 0.34 % and of 0.9
-/// to 1.2 %; the goal is an error of at most 1.5 times that.
+/// The reversal of friction is within 0.004 m/s of 0, a hundredth of the range: the cells are as narrow. A Gaussian process has errors of 0.34 %
+/// and of 0.9 to 1.2 %; the goal is an error of at most 1.5 times that.
 #[test]
 fn a_spline_of_friction_and_of_a_throttle() {
     let mut errors = [vec![], vec![]];
