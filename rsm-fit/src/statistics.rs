@@ -15,7 +15,6 @@ use crate::constrain::ConstraintStatistics;
 use crate::dd::Dd;
 use crate::design::{Design, order};
 use crate::distributions::{two_sided_t, upper_f};
-use crate::forms::splines::TriedCells;
 use crate::qr::{Growing, Triangle};
 use crate::robust::LossReport;
 use crate::spec::Form;
@@ -179,6 +178,17 @@ impl SplineReport {
         let shape = Spline { degree: self.degree, cells: self.cells.clone(), coefficients: vec![] };
         format!("{}, {} coefficients, second differences penalised by {:e}", shape.words(), self.coefficients, self.penalty)
     }
+}
+
+/// Numbers of cells with their error.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TriedCells {
+    /// The numbers of cells along each input.
+    pub cells: Vec<u32>,
+    /// The penalty with the smallest error.
+    pub penalty: f64,
+    /// The root mean square error on rows left out.
+    pub rmse: f64,
 }
 
 /// A form that was tried.

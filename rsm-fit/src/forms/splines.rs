@@ -20,7 +20,7 @@ use crate::design::Design;
 use crate::selection::Sample;
 use crate::spec::SplineSpec;
 use crate::split;
-use crate::statistics::Judged;
+use crate::statistics::{Judged, TriedCells};
 
 /// The number of parts that are left out in turn.
 pub(crate) const PARTS: usize = 5;
@@ -50,17 +50,6 @@ pub(crate) struct Fitted {
     pub effective: f64,
     /// Cells in which no row lies.
     pub empty_cells: usize,
-}
-
-/// Numbers of cells with their error.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct TriedCells {
-    /// The numbers of cells along each input.
-    pub cells: Vec<u32>,
-    /// The penalty with the smallest error.
-    pub penalty: f64,
-    /// The root mean square error on rows left out.
-    pub rmse: f64,
 }
 
 /// A search for a spline.
