@@ -4,7 +4,7 @@
 //! wave, in the order of a term's powers. The formulas are written once, generic over the arithmetic: the rational reference and the fitter both use
 //! them. Lowering has its own folded form, which tests compare with this one.
 
-use crate::model::{Coding, Input, Outside, Sigmoid, Surface, Symmetry, Wave};
+use crate::model::{Coding, Input, Outside, Sigmoid, Spline, Surface, Symmetry, Wave};
 
 /// Arithmetic in which a factor can be evaluated: rationals, double-doubles.
 pub trait Arithmetic:
@@ -267,6 +267,46 @@ impl Factor {
             }
         }
     }
+}
+
+/// The spline of a surface at a point inside the ranges of its inputs.
+#[must_use]
+pub fn spline<T: Arithmetic>(spline: &Spline, ranges: &[[f64; 2]], point: &[T]) -> T {
+    let strides = spline.strides();
+    // The products of the weights so far, each with the place of its coefficient.
+    let mut products: Vec<(usize, T)> = vec![(0, T::of(1.0))];
+    for (k, xi) in point.iter().enumerate() {
+        let (first, weights) = spline_weights(spline.degree, spline.cells[k], ranges[k], xi.clone());
+        let times = |(place, product): &(usize, T)| -> Vec<(usize, T)> {
+            let at = |(i, weight): (usize, &T)| (place + (first + i) * strides[k], product.clone() * weight.clone());
+            weights.iter().enumerate().map(at).collect()
+        };
+        products = products.iter().flat_map(times).collect();
+    }
+    products.into_iter().fold(T::of(0.0), |sum, (place, product)| sum + product * T::of(spline.coefficients[place]))
+}
+
+/// The values of the degree + 1 basis functions that are not zero at xi, and the index of the first of them.
+#[must_use]
+pub fn spline_weights<T: Arithmetic>(degree: u32, cells: u32, [low, high]: [f64; 2], xi: T) -> (usize, Vec<T>) {
+    let (low, high) = (T::of(low), T::of(high));
+    let t = (xi - low.clone()) * T::of(f64::from(cells)) / (high - low);
+    let mut cell = 0;
+    while cell + 1 < cells && t >= T::of(f64::from(cell + 1)) {
+        cell += 1;
+    }
+    let u = t - T::of(f64::from(cell));
+    let v = T::of(1.0) - u.clone();
+    let weights = if degree == 1 {
+        vec![v, u]
+    } else {
+        // De Boor, "A Practical Guide to Splines" (1978), for uniform knots: the cubes of the outer ones, the others from 4 - 3 u^2 (2 - u).
+        let [one, three, four, six] = [1.0, 3.0, 4.0, 6.0].map(T::of);
+        let inner = |it: &T, other: &T| four.clone() - three.clone() * it.clone() * it.clone() * (one.clone() + other.clone());
+        let cube = |it: &T| it.clone() * it.clone() * it.clone();
+        [cube(&v), inner(&u, &v), inner(&v, &u), cube(&u)].map(|weight| weight / six.clone()).to_vec()
+    };
+    (cell as usize, weights)
 }
 
 /// xi as in the evaluator: clamped to the range if the input clamps.

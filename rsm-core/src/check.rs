@@ -7,7 +7,7 @@ mod in_memory;
 
 use num_traits::Signed as _;
 
-use crate::model::{Compensator, Input, Model, Outside, Sigmoid, Surface, Symmetry, Wave};
+use crate::model::{Coding, Compensator, Input, Model, Outside, Sigmoid, Surface, Symmetry, Wave};
 use crate::model_file;
 use crate::names;
 use crate::number::{Precision, Rational, exact, power_of_two};
@@ -161,6 +161,14 @@ impl Checked {
                         format!("surface `{}`: a sigmoid of `{}` has squares {BEYOND} {name}", surface.name, sigmoid.input);
                     faults.push(at(places.first().copied().unwrap_or_default(), what));
                 }
+            }
+            // The continued coefficients are at most 15 times as large for each of three inputs, and their differences 16 times.
+            let fits = |coefficient: &f64| precision.round(&(exact(*coefficient) * exact(16384.0))).is_finite();
+            if let Some(spline) = &surface.spline
+                && !spline.coefficients.iter().all(fits)
+            {
+                let what = format!("surface `{}`: a coefficient of `spline` is {BEYOND} {name}", surface.name);
+                faults.push(at(places.first().copied().unwrap_or_default(), what));
             }
             for (term, place) in surface.terms.iter().zip(places) {
                 if !precision.round(&exact(term.coefficient)).is_finite() {
@@ -355,6 +363,7 @@ fn check_surfaces(context: &Context<'_>, faults: &mut Collector) {
         let rules = [
             check_surface_inputs,
             check_terms,
+            check_spline,
             check_symmetry,
             check_knots,
             check_sigmoids,
@@ -394,7 +403,8 @@ fn check_surface_inputs(context: &Context<'_>, faults: &mut Collector, surface: 
 
 fn check_terms(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
     let who = format!("surface `{}`", surface.name);
-    if surface.terms.is_empty() && !context.is_broken(&format!("{path}.terms")) {
+    let has_spline = surface.spline.is_some() || context.is_broken(&format!("{path}.spline"));
+    if surface.terms.is_empty() && !has_spline && !context.is_broken(&format!("{path}.terms")) {
         faults.push(context.fault(&format!("{path}.terms"), format!("{who}: `terms`: found none, expected at least one")));
     }
     let (inputs, knots, sigmoids) = (surface.inputs.len(), surface.knots.len(), surface.sigmoids.len());
@@ -424,6 +434,87 @@ fn check_terms(context: &Context<'_>, faults: &mut Collector, surface: &Surface,
             let what = format!("{who}: term {}: powers {powers:?} occur twice, first in term {}", k + 1, first + 1);
             faults.push(context.fault(&place, what).help("add the two coefficients and keep one term"));
         }
+    }
+}
+
+/// The most coefficients of a spline: an index is exact in f32, and a table of f64 is not larger than about 64 kB.
+pub const MOST_COEFFICIENTS: usize = 4096;
+
+/// The most inputs of a spline: with four, 256 coefficients would be active.
+pub const MOST_SPLINE_INPUTS: usize = 3;
+
+/// The fault of a spline's shape over these inputs, and what to do.
+///
+/// # Errors
+/// If an input extrapolates, if there are too many inputs or coefficients, or if `cells` has another length than the inputs.
+///
+/// ```
+/// use rsm_core::{check, model::{Input, Outside}};
+///
+/// let speed = Input { name: "speed".into(), unit: "m/s".into(), range: [0.0, 30.0], outside: Outside::Clamp };
+/// assert!(check::spline_fits(3, &[8], &[&speed]).is_ok());
+/// assert!(check::spline_fits(3, &[8, 8], &[&speed]).unwrap_err().0.contains("one an input"));
+/// ```
+pub fn spline_fits(degree: u32, cells: &[u32], inputs: &[&Input]) -> Result<(), (String, &'static str)> {
+    if cells.len() != inputs.len() {
+        let what = format!("`cells`: found {} numbers, expected {}, one an input", cells.len(), inputs.len());
+        return Err((what, "give the number of cells along each input"));
+    }
+    if inputs.len() > MOST_SPLINE_INPUTS {
+        let what = format!("found {} inputs, expected at most {MOST_SPLINE_INPUTS}", inputs.len());
+        return Err((what, "use terms for a surface of more inputs"));
+    }
+    if let Some(input) = inputs.iter().find(|input| input.outside == Outside::Extrapolate) {
+        return Err((format!("`{}` extrapolates, and a spline ends with its cells", input.name), "use outside = \"clamp\""));
+    }
+    // A model in memory may have any numbers.
+    let count = cells.iter().try_fold(1usize, |product, cells| product.checked_mul(*cells as usize + degree as usize + 1));
+    if !matches!(degree, 1 | 3) || cells.iter().any(|cells| !(1..=model_file::MOST_CELLS).contains(cells)) {
+        let what = format!(
+            "found degree {degree} and cells {cells:?}, expected degree 1 or 3 and 1 to {} cells",
+            model_file::MOST_CELLS
+        );
+        return Err((what, "choose the cells so that each contains data"));
+    }
+    if count.is_none_or(|count| count > MOST_COEFFICIENTS) {
+        let what = format!("cells {cells:?} have more than {MOST_COEFFICIENTS} coefficients");
+        return Err((what, "use fewer cells"));
+    }
+    Ok(())
+}
+
+fn check_spline(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
+    let Some(spline) = &surface.spline else { return };
+    let (who, place) = (format!("surface `{}`: `spline`", surface.name), format!("{path}.spline"));
+    let others = [
+        ("terms", !surface.terms.is_empty()),
+        ("coding", surface.coding != Coding::default()),
+        ("symmetry", !surface.symmetry.is_empty()),
+        ("knots", !surface.knots.is_empty()),
+        ("sigmoids", !surface.sigmoids.is_empty()),
+        ("waves", !surface.waves.is_empty()),
+        ("reciprocal", !surface.reciprocal.is_empty()),
+    ];
+    for (key, _) in others.iter().filter(|(_, is_there)| *is_there) {
+        let what = format!("{who}: cannot be combined with `{key}`");
+        faults.push(context.fault(&place, what).help("a spline is the whole surface, in natural variables"));
+    }
+    let inputs: Option<Vec<&Input>> = surface.inputs.iter().map(|name| context.model().input(name)).collect();
+    // Unknown inputs are reported elsewhere.
+    let Some(inputs) = inputs.filter(|inputs| !inputs.is_empty()) else { return };
+    if let Err((what, help)) = spline_fits(spline.degree, &spline.cells, &inputs) {
+        faults.push(context.fault(&place, format!("{who}: {what}")).help(help));
+        return;
+    }
+    if spline.coefficients.iter().any(|coefficient| coefficient.abs() > 1e300) {
+        faults.push(context.fault(&place, format!("{who}: a coefficient is {BEYOND} f64")));
+    }
+    let (found, expected) = (spline.coefficients.len(), spline.counts().iter().product::<usize>());
+    if found != expected {
+        let counts: Vec<String> = spline.counts().iter().map(usize::to_string).collect();
+        let what = format!("{who}: `coefficients`: found {found} numbers, expected {expected} = {}", counts.join(" x "));
+        let help = "cells + degree along each input; those of the last input change fastest";
+        faults.push(context.fault(&format!("{place}.coefficients"), what).help(help));
     }
 }
 
@@ -686,6 +777,11 @@ fn check_scheduled(context: &Context<'_>, faults: &mut Collector, compensator: &
             faults.push(context.fault(&place, format!("{who}: `{key}`: {value:e} is {BEYOND} f64")));
         }
         for name in scheduled.surfaces() {
+            if context.model().surface(name).is_some_and(|surface| surface.spline.is_some()) {
+                let what = format!("{who}: `{key}`: the surface `{name}` is a spline");
+                let help = "the proof of stability is about polynomials: give the surface terms";
+                faults.push(context.fault(&place, what).help(help));
+            }
             if context.model().surface(name).is_none() && context.knows_all("surfaces", name) {
                 faults.push(context.fault(&place, format!("{who}: `{key}`: there is no surface `{name}`")));
             }

@@ -20,6 +20,10 @@ pub fn polynomial(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Op
     if surface.reciprocal.iter().any(|name| inputs.iter().zip(&seen).any(|(input, xi)| input.name == *name && *xi == zero)) {
         return None;
     }
+    if let Some(spline) = &surface.spline {
+        let ranges: Vec<[f64; 2]> = inputs.iter().map(|input| input.range).collect();
+        return Some(basis::spline(spline, &ranges, &seen));
+    }
     let factors = Factor::all(surface, inputs);
     let values: Vec<Rational> = factors.iter().map(|factor| factor.value(seen[factor.input].clone())).collect();
     let sum = surface.terms.iter().fold(zero, |sum, term| {
@@ -100,6 +104,13 @@ fn registers(tape: &Tape, states: &[Rational], point: &[Rational]) -> Option<Vec
             Op::Absolute(a) => r(a),
             Op::Exponent(a) => integer(exponent(&r(a), tape.precision)),
             Op::PowerOfTwo(a) => power_of_two(&r(a), tape.precision)?,
+            // The magnitude of the sum is rounded to the even integer, as the numbers do.
+            Op::Nearest(a) => nearest(&r(a)),
+            Op::Load { table, index, offset } => {
+                let index = r(index);
+                let whole = u32::try_from(index.numer()).ok().filter(|whole| index.is_integer() && *whole <= table.mask)?;
+                table.entries[(whole + offset) as usize].exact.clone()
+            }
             Op::Add(a, b) => r(a) + r(b),
             Op::Subtract(a, b) => r(a) - r(b),
             Op::Multiply(a, b) => r(a) * r(b),
@@ -117,6 +128,15 @@ fn registers(tape: &Tape, states: &[Rational], point: &[Rational]) -> Option<Vec
         registers.push(value);
     }
     Some(registers)
+}
+
+/// The nearest integer, of two equally near the even one.
+fn nearest(value: &Rational) -> Rational {
+    let below = value.floor();
+    let half = integer(1) / integer(2);
+    let rest = value - &below;
+    let is_odd = (&below / integer(2)).is_integer();
+    if rest > half || (rest == half && !is_odd) { below + integer(1) } else { below }
 }
 
 /// floor(log2 |value|); for subnormals and zero one below the smallest exponent.

@@ -62,8 +62,10 @@ pub struct Surface {
     pub waves: Vec<Wave>,
     /// Inputs that enter by their reciprocal.
     pub reciprocal: Vec<String>,
-    /// The polynomial.
+    /// The polynomial. Empty if the surface is a spline.
     pub terms: Vec<Term>,
+    /// The spline that is the whole surface, instead of `terms`.
+    pub spline: Option<Spline>,
     /// The region in which the data support the surface: every half-space must hold. Empty: everywhere.
     pub support: Vec<HalfSpace>,
     /// Written by the fitter, shown in reports, ignored by the compiler.
@@ -170,6 +172,49 @@ pub struct Wave {
     pub period: f64,
     /// The number of waves in a period, 1 to 1000.
     pub order: u32,
+}
+
+/// A tensor spline over all inputs of a surface, on uniform knots: degree 1 is a table with (bi)linear interpolation, degree 3 has continuous second
+/// derivatives.
+///
+/// With t = cells (xi - low)/(high - low) of an input, the basis function i has the support from t = i - degree to i + 1. The surface is the sum
+/// over all products of basis functions, one of each input, times their coefficients.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spline {
+    /// 1 or 3.
+    pub degree: u32,
+    /// The number of cells along each input, in the order of the surface's inputs.
+    pub cells: Vec<u32>,
+    /// One for each product, in the unit of the response: `cells` + `degree` along each input, those of the last input change fastest.
+    pub coefficients: Vec<f64>,
+}
+
+impl Spline {
+    /// The number of basis functions along each input.
+    #[must_use]
+    pub fn counts(&self) -> Vec<usize> {
+        self.cells.iter().map(|cells| (cells + self.degree) as usize).collect()
+    }
+
+    /// The distance in `coefficients` between neighbours along each input.
+    #[must_use]
+    pub fn strides(&self) -> Vec<usize> {
+        let counts = self.counts();
+        (0..counts.len()).map(|k| counts[k + 1..].iter().product()).collect()
+    }
+
+    /// Its kind and size in words.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let cells: Vec<String> = self.cells.iter().map(u32::to_string).collect();
+        let what = match (self.degree, self.cells.len()) {
+            (1, 1) => "table, linear between its points",
+            (1, _) => "table, linear along each input between its points",
+            (_, 1) => "cubic spline",
+            _ => "tensor product of cubic splines",
+        };
+        format!("{what}, {} cells", cells.join(" x "))
+    }
 }
 
 /// One term of the polynomial.

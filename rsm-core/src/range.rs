@@ -4,6 +4,7 @@
 //! uses it to find which bounds of `output_range` can act, and the certificate reports it.
 
 mod bent;
+mod spline;
 
 use std::collections::BTreeMap;
 
@@ -48,6 +49,9 @@ pub(crate) struct Extent {
 /// is a polynomial there, unless it has sigmoids (`range/bent.rs`).
 #[must_use]
 pub(crate) fn extent(surface: &Surface, inputs: &[Input]) -> Extent {
+    if let Some(spline) = &surface.spline {
+        return spline::extent(spline, inputs);
+    }
     let factors = Factor::all(surface, inputs);
     let pieces = pieces::all(surface, inputs);
     let of_piece = |piece: &Piece| match surface.is_bent() {

@@ -9,13 +9,15 @@
 //! rounding is monotone, so the computed result is between the rounded results at the ends of the operands' ranges.
 
 use std::cmp::Ordering;
+use std::sync::Arc;
 
 use num_traits::Signed;
 
 use crate::elementary::{self, Computed};
 use crate::interval::Interval;
 use crate::number::{Precision, Rational, exact, power_of_two};
-use crate::tape::{Extremum, Op, Reg, Tape};
+use crate::tape::{Extremum, Op, Reg, Table, Tape};
+use crate::values;
 
 /// The largest number of cells of the box. 4096 cells with 1000 operations take about 40 ms.
 const CELLS: usize = 4096;
@@ -164,6 +166,24 @@ impl<'t> Analysis<'t> {
                 Op::Absolute(a) => absolute(self.of(a)),
                 Op::Exponent(a) => self.exponent(self.of(a)),
                 Op::PowerOfTwo(a) => self.power_of_two(self.of(a)),
+                // By convention the ideal takes the piece that the tape takes: `seams` has the difference.
+                Op::Nearest(a) => {
+                    let a = self.of(a);
+                    let found = values::nearest(Interval { low: a.low, high: a.high }, self.tape.precision);
+                    Known {
+                        low: found.low,
+                        high: found.high,
+                        error: if found.magnitude().is_finite() { 0.0 } else { f64::INFINITY },
+                    }
+                }
+                Op::Load { ref table, index, offset } => self.load(table, self.of(index), offset),
+                Op::Subtract(a, b) if *self.tape.op(b) == Op::Nearest(a) && self.of(a).magnitude() <= values::FEW => {
+                    let whole = self.of(b);
+                    let known = self.of(a);
+                    let interval = |it: Known| Interval { low: it.low, high: it.high };
+                    let rest = values::remainder(interval(known), interval(whole));
+                    Known { low: rest.low, high: rest.high, error: known.error }
+                }
                 Op::Add(a, b) => self.sum(a, b, false),
                 Op::Subtract(a, b) => self.sum(a, b, true),
                 Op::Multiply(a, b) => self.product(self.of(a), self.of(b), a == b),
@@ -177,6 +197,7 @@ impl<'t> Analysis<'t> {
                 Some(row) => self.computed(row),
                 None => known,
             };
+            let known = self.over_seams(reg, known);
             let largest = self.tape.precision.largest();
             // False for a NaN.
             let is_known = known.low >= -largest && known.high <= largest && known.error.is_finite();
@@ -203,6 +224,33 @@ impl<'t> Analysis<'t> {
         let slopes = elementary::range::slopes(row.function, &wide);
         let propagated = arguments.iter().zip(slopes).map(|(a, slope)| product_up(slope, a.error));
         Known { low: range.low - unit, high: range.high + unit, error: propagated.fold(unit, sum_up) }
+    }
+
+    /// The entries that the index can reach.
+    fn load(&self, table: &Arc<Table>, index: Known, offset: u32) -> Known {
+        // An index is made of integers, which are exact: an error of less than 1/2 is none.
+        if index.error.is_nan() || index.error >= 0.5 {
+            return Known::NOTHING;
+        }
+        let found = values::load(table, Interval { low: index.low, high: index.high }, offset);
+        found.map_or(Known::NOTHING, |found| Known { low: found.values.low, high: found.values.high, error: found.error })
+    }
+
+    /// The error where the ideal takes another piece: see [`crate::tape::Seam`].
+    fn over_seams(&self, reg: Reg, known: Known) -> Known {
+        let own = self.tape.seams.iter().filter(|seam| seam.result == reg);
+        let added = own.map(|seam| {
+            let distance = self.of(seam.argument).error;
+            if distance == 0.0 {
+                return 0.0;
+            }
+            // A seam's size holds for the borders that are as near as this.
+            if distance.is_nan() || distance > 0.1 {
+                return f64::INFINITY;
+            }
+            (0..seam.power).fold(seam.size, |product, _| product_up(product, distance))
+        });
+        Known { error: added.fold(known.error, sum_up), ..known }
     }
 
     /// The tape and the ideal may have different exponents if the operand has an error.

@@ -111,6 +111,8 @@ impl<'t, T: Scalar> Interpreter<'t, T> {
                 Op::Absolute(a) => r(a).absolute(),
                 Op::Exponent(a) => r(a).exponent(),
                 Op::PowerOfTwo(a) => r(a).power_of_two(),
+                Op::Nearest(a) => r(a).to_nearest_whole(),
+                Op::Load { ref table, index, offset } => T::from_constant(table.at(r(index).whole(), offset)),
                 Op::Add(a, b) => r(a) + r(b),
                 Op::Subtract(a, b) => r(a) - r(b),
                 Op::Multiply(a, b) => r(a) * r(b),

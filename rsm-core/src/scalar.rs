@@ -24,6 +24,10 @@ pub trait Scalar:
     fn exponent(self) -> Self;
     /// An integer moved to the exponent field: [`crate::tape::Op::PowerOfTwo`].
     fn power_of_two(self) -> Self;
+    /// The nearest integer, of two equally near the even one: [`crate::tape::Op::Nearest`].
+    fn to_nearest_whole(self) -> Self;
+    /// The low bits of a non-negative integer: [`crate::tape::Op::Load`].
+    fn whole(self) -> u32;
     /// The bits, in the low end.
     fn bits(self) -> u64;
 }
@@ -49,6 +53,15 @@ macro_rules! scalar {
                 let one_and_a_half = (3u64 << (DIGITS - 1)) as $float;
                 let biased = self + (one_and_a_half + (<$float>::MAX_EXP - 1) as $float);
                 <$float>::from_bits(biased.to_bits() << DIGITS)
+            }
+            fn to_nearest_whole(self) -> Self {
+                // From 2^52, in f32 2^23, numbers have no fractional digits: the sum is rounded to an integer.
+                const LIFT: $float = (3u64 << (<$float>::MANTISSA_DIGITS - 2)) as $float;
+                (self + LIFT) - LIFT
+            }
+            fn whole(self) -> u32 {
+                const LIFT: $float = (3u64 << (<$float>::MANTISSA_DIGITS - 2)) as $float;
+                (self + LIFT).to_bits() as u32
             }
             fn bits(self) -> u64 {
                 u64::from(self.to_bits())

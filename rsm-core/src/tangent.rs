@@ -5,7 +5,8 @@
 //! are not written, constants are multiplied as rationals and rounded once, and common expressions of two derivatives are on the tape once.
 //!
 //! A selection keeps its condition: the derivative is that of the selected side, also at a border. An elementary function is differentiated as a
-//! function, not operation by operation. `Exponent` and `PowerOfTwo` outside of such functions are piecewise constant: their derivative is 0.
+//! function, not operation by operation. `Exponent` and `PowerOfTwo` outside of such functions, `Nearest` and
+//! `Load` are piecewise constant: their derivative is 0.
 
 use crate::elementary::{self, Computed, Function};
 use crate::number::{Rational, integer};
@@ -256,7 +257,9 @@ impl Forward<'_> {
         let slope = |it: &Self, reg: Reg| it.slopes[reg.0 as usize].clone();
         let place = |it: &Self, reg: Reg| it.places[reg.0 as usize];
         match *op {
-            Op::Constant(_) | Op::Less(..) | Op::Exponent(_) | Op::PowerOfTwo(_) => Slope::ZERO,
+            Op::Constant(_) | Op::Less(..) | Op::Exponent(_) | Op::PowerOfTwo(_) | Op::Nearest(_) | Op::Load { .. } => {
+                Slope::ZERO
+            }
             Op::Input(port) => direction.of_input(port.0 as usize),
             Op::State(state) => direction.of_state(state.0 as usize),
             Op::Negate(a) => self.negated(slope(self, a)),

@@ -9,9 +9,12 @@ mod builder;
 mod fold;
 
 use std::fmt;
+use std::sync::Arc;
+
+use num_traits::Signed as _;
 
 use crate::function::Function;
-use crate::number::{Precision, Rational};
+use crate::number::{Precision, Rational, exact};
 
 pub use builder::TapeBuilder;
 
@@ -34,6 +37,61 @@ pub struct Constant {
     pub value: f64,
     /// The number before rounding. The certificate includes the difference.
     pub exact: Rational,
+}
+
+/// Numbers of a tape that are read by index: the coefficients of a spline.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// The entries. Their number is a power of two plus the largest offset of a load, so that no index is outside.
+    pub entries: Vec<Constant>,
+    /// A power of two minus 1, which an index is masked with.
+    pub mask: u32,
+    /// Upper bounds of the rounding errors of the entries.
+    errors: Vec<f64>,
+}
+
+impl Table {
+    /// A table of entries with the rounding errors of its constants. Zeros are appended up to `mask` + 1 + `reach` entries, where `reach` is the
+    /// largest offset.
+    ///
+    /// # Panics
+    /// If the mask is not a power of two minus 1.
+    #[must_use]
+    pub fn new(entries: Vec<Constant>, mask: u32, reach: u32) -> Self {
+        assert!((mask + 1).is_power_of_two(), "a mask is a power of two minus 1");
+        let mut entries = entries;
+        let length = entries.len().max((mask + 1 + reach) as usize);
+        entries.resize(length, Constant { value: 0.0, exact: exact(0.0) });
+        let error = |entry: &Constant| Precision::F64.round_up(&(exact(entry.value) - &entry.exact).abs());
+        let errors = entries.iter().map(error).collect();
+        Table { entries, mask, errors }
+    }
+
+    /// The entry for an index that may have any bits.
+    #[must_use]
+    pub fn at(&self, whole: u32, offset: u32) -> f64 {
+        self.entries[((whole & self.mask) + offset) as usize].value
+    }
+
+    /// The upper bound of an entry's rounding error.
+    #[must_use]
+    pub(crate) fn error(&self, place: usize) -> f64 {
+        self.errors[place]
+    }
+}
+
+/// Where a tape may select another piece of a continuous function than the exact ideal, because its argument is rounded: the nearest integer of the
+/// argument is then another one. Both pieces agree at the border up to a derivative, so the results differ by at most size error^power.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Seam {
+    /// The register of the function's value.
+    pub result: Reg,
+    /// The operand of [`Op::Nearest`].
+    pub argument: Reg,
+    /// The power of the argument's error.
+    pub power: u32,
+    /// The factor before that power, rounded up.
+    pub size: f64,
 }
 
 /// A sequence of operations that computes a function: the function, its arguments and its result.
@@ -74,6 +132,18 @@ pub enum Op {
     /// 2^a for an integer `a` from -1022 to 1023, in f32 from -126 to 127: `a` is moved to the exponent field. Any other `a` gives unspecified bits,
     /// which for NaN differ between machines. The code that uses this operation must clamp `a` first and pass NaN separately.
     PowerOfTwo(Reg),
+    /// The integer nearest to `a`, of two equally near the even one, for magnitudes up to 2^51, in f32 2^22: (a + m) - m with m = 1.5 2^52, in f32
+    /// 1.5 2^23.
+    Nearest(Reg),
+    /// An entry of a table: number `offset` plus the integer in `index`. The index is masked, so that any other `index`, NaN too, reads some entry.
+    Load {
+        /// The numbers.
+        table: Arc<Table>,
+        /// An integer from 0 to the mask of the table.
+        index: Reg,
+        /// Added after masking.
+        offset: u32,
+    },
     /// `a < b`: true or false, false when either is NaN. Only `Select` reads it.
     Less(Reg, Reg),
     /// `then` if the `Less` in `condition` was true, else `otherwise`. Moves bits, rounds nothing.
@@ -136,6 +206,8 @@ pub struct Tape {
     pub notes: Vec<(Reg, Note)>,
     /// The sequences of operations that compute elementary functions, in the order of their results.
     pub computed: Vec<Computed>,
+    /// The borders between pieces of splines.
+    pub seams: Vec<Seam>,
 }
 
 /// The model term of a constant. Scales of variables are folded into the constant.
@@ -186,6 +258,20 @@ impl Tape {
         }
     }
 
+    /// The tables that are read, each once, in the order of their first load.
+    #[must_use]
+    pub fn tables(&self) -> Vec<&Arc<Table>> {
+        let mut tables: Vec<&Arc<Table>> = Vec::new();
+        for op in &self.ops {
+            if let Op::Load { table, .. } = op
+                && !tables.iter().any(|it| Arc::ptr_eq(it, table) || *it == table)
+            {
+                tables.push(table);
+            }
+        }
+        tables
+    }
+
     /// The number of operations without constants, inputs and states.
     ///
     /// ```
@@ -229,7 +315,8 @@ impl Op {
     pub fn operands(&self) -> Vec<Reg> {
         match *self {
             Op::Constant(_) | Op::Input(_) | Op::State(_) => vec![],
-            Op::Negate(a) | Op::Absolute(a) | Op::Exponent(a) | Op::PowerOfTwo(a) => vec![a],
+            Op::Negate(a) | Op::Absolute(a) | Op::Exponent(a) | Op::PowerOfTwo(a) | Op::Nearest(a) => vec![a],
+            Op::Load { index, .. } => vec![index],
             Op::Add(a, b) | Op::Subtract(a, b) | Op::Multiply(a, b) | Op::Divide(a, b) | Op::Less(a, b) => vec![a, b],
             Op::Select { condition, then, otherwise } => vec![condition, then, otherwise],
         }
@@ -244,6 +331,8 @@ impl Op {
             Op::Absolute(a) => Op::Absolute(place(a)),
             Op::Exponent(a) => Op::Exponent(place(a)),
             Op::PowerOfTwo(a) => Op::PowerOfTwo(place(a)),
+            Op::Nearest(a) => Op::Nearest(place(a)),
+            Op::Load { ref table, index, offset } => Op::Load { table: table.clone(), index: place(index), offset },
             Op::Add(a, b) => Op::Add(place(a), place(b)),
             Op::Subtract(a, b) => Op::Subtract(place(a), place(b)),
             Op::Multiply(a, b) => Op::Multiply(place(a), place(b)),
@@ -279,6 +368,11 @@ impl fmt::Display for Tape {
                 Op::Absolute(a) => writeln!(f, "absolute {a}")?,
                 Op::Exponent(a) => writeln!(f, "exponent {a}")?,
                 Op::PowerOfTwo(a) => writeln!(f, "power-of-two {a}")?,
+                Op::Nearest(a) => writeln!(f, "nearest {a}")?,
+                Op::Load { table, index, offset } => {
+                    let place = self.tables().iter().position(|it| *it == table).unwrap_or_default();
+                    writeln!(f, "load t{place} {index} {offset}")?;
+                }
                 Op::Add(a, b) => writeln!(f, "add {a} {b}")?,
                 Op::Subtract(a, b) => writeln!(f, "subtract {a} {b}")?,
                 Op::Multiply(a, b) => writeln!(f, "multiply {a} {b}")?,
@@ -286,6 +380,10 @@ impl fmt::Display for Tape {
                 Op::Less(a, b) => writeln!(f, "less {a} {b}")?,
                 Op::Select { condition, then, otherwise } => writeln!(f, "select {condition} {then} {otherwise}")?,
             }
+        }
+        for (k, table) in self.tables().iter().enumerate() {
+            let entries: Vec<String> = table.entries.iter().map(|entry| crate::number::decimal(entry.value)).collect();
+            writeln!(f, "  t{k}   = {}", entries.join(" "))?;
         }
         for (k, next) in self.states.iter().enumerate() {
             writeln!(f, "  s{k}   := {}", next.reg)?;

@@ -8,7 +8,8 @@
 use crate::elementary::{self, Function};
 use crate::interval::Interval;
 use crate::number::Precision;
-use crate::tape::{Extremum, Op, Reg, Tape};
+use crate::scalar::Scalar as _;
+use crate::tape::{Extremum, Op, Reg, Table, Tape};
 
 /// The ranges of a tape's registers, kept so that repeated evaluation allocates nothing.
 #[derive(Debug, Clone)]
@@ -49,6 +50,10 @@ impl<'t> Values<'t> {
                 Op::Absolute(a) => absolute(of(a)),
                 Op::Exponent(a) => of(a).exponent(self.tape.precision),
                 Op::PowerOfTwo(a) => of(a).power_of_two(self.tape.precision).unwrap_or(ANYTHING),
+                Op::Nearest(a) => nearest(of(a), self.tape.precision),
+                Op::Load { ref table, index, offset } => load(table, of(index), offset).map_or(ANYTHING, |found| found.values),
+                // What is left of a number without its nearest integer.
+                Op::Subtract(a, b) if *self.tape.op(b) == Op::Nearest(a) && of(a).magnitude() <= FEW => remainder(of(a), of(b)),
                 Op::Add(a, b) => self.rounded(of(a).low + of(b).low, of(a).high + of(b).high),
                 // For numbers, not for an infinity or a NaN.
                 Op::Subtract(a, b) if a == b && of(a).magnitude().is_finite() => Interval::point(0.0),
@@ -121,6 +126,52 @@ impl<'t> Values<'t> {
         let magnitude = absolute(a);
         self.rounded(magnitude.low * magnitude.low, magnitude.high * magnitude.high)
     }
+}
+
+/// The largest magnitude of which a nearest integer is proved: below it both precisions have numbers with fractional digits.
+pub(crate) const FEW: f64 = (1u32 << 21) as f64;
+
+/// The nearest integers of an interval.
+pub(crate) fn nearest(a: Interval, precision: Precision) -> Interval {
+    if a.magnitude().is_nan() || a.magnitude() > FEW {
+        return ANYTHING;
+    }
+    let of = |end: f64| match precision {
+        Precision::F64 => end.to_nearest_whole(),
+        Precision::F32 => f64::from((end as f32).to_nearest_whole()),
+    };
+    Interval { low: of(a.low), high: of(a.high) }
+}
+
+/// a - nearest(a) is exact: it is a multiple of the last digit of a, and at most 1/2.
+pub(crate) fn remainder(a: Interval, nearest: Interval) -> Interval {
+    let (low, high) = ((a.low - nearest.high).max(-0.5), (a.high - nearest.low).min(0.5));
+    // Both ends of an interval of one integer are exact; others are limited by 1/2, or rounded outward.
+    if nearest.low == nearest.high {
+        Interval { low, high }
+    } else {
+        Interval { low: low.next_down().max(-0.5), high: high.next_up().min(0.5) }
+    }
+}
+
+/// The entries of a table that are read for indices in an interval, and their largest rounding error; `None` if an index may be outside.
+pub(crate) struct Loaded {
+    pub(crate) values: Interval,
+    pub(crate) error: f64,
+}
+
+pub(crate) fn load(table: &Table, index: Interval, offset: u32) -> Option<Loaded> {
+    if !(index.low >= 0.0 && index.high <= f64::from(table.mask)) {
+        return None;
+    }
+    let (first, last) = (index.low as u32 + offset, index.high as u32 + offset);
+    let mut found = Loaded { values: Interval { low: f64::INFINITY, high: f64::NEG_INFINITY }, error: 0.0 };
+    for place in first as usize..=last as usize {
+        let value = table.entries[place].value;
+        found.values = Interval { low: found.values.low.min(value), high: found.values.high.max(value) };
+        found.error = found.error.max(table.error(place));
+    }
+    Some(found)
 }
 
 fn absolute(a: Interval) -> Interval {

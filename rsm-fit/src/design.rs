@@ -5,7 +5,7 @@
 //! Powers are computed in double-double: in f64, NIST's Filip data would lose half of their digits. Responses are not used.
 
 use rsm_core::basis::{self, Factor};
-use rsm_core::model::{Input, Surface, Symmetry};
+use rsm_core::model::{Input, Spline, Surface, Symmetry};
 
 use crate::dd::Dd;
 
@@ -75,6 +75,9 @@ impl Design {
 
     /// The value of every term, with the sign that odd symmetry gives.
     fn terms_at(&self, xi: &[Dd]) -> Vec<Dd> {
+        if let Some(spline) = &self.surface.spline {
+            return self.basis_functions_at(spline, xi);
+        }
         let negated = basis::is_negated(&self.surface, &self.inputs, xi);
         let powers: Vec<Vec<Dd>> = self
             .factors
@@ -89,6 +92,23 @@ impl Design {
             let factors = term.iter().zip(&powers).filter(|(exponent, _)| **exponent > 0);
             let product = factors.fold(Dd::ONE, |product, (exponent, table)| product * table[*exponent as usize]);
             if negated { -product } else { product }
+        };
+        self.terms.iter().map(product).collect()
+    }
+
+    /// The products of the basis functions of a spline: the powers of a term are their indices.
+    fn basis_functions_at(&self, spline: &Spline, xi: &[Dd]) -> Vec<Dd> {
+        let of_input = |(k, input): (usize, &Input)| basis::spline_weights(spline.degree, spline.cells[k], input.range, xi[k]);
+        let each: Vec<(usize, Vec<Dd>)> = self.inputs.iter().enumerate().map(of_input).collect();
+        let product = |term: &Vec<u32>| {
+            let mut product = Dd::ONE;
+            for ((first, weights), index) in each.iter().zip(term) {
+                match (*index as usize).checked_sub(*first).and_then(|place| weights.get(place)) {
+                    Some(weight) => product = product * *weight,
+                    None => return Dd::ZERO,
+                }
+            }
+            product
         };
         self.terms.iter().map(product).collect()
     }

@@ -34,7 +34,8 @@ pub(crate) fn of(
     }
     tell("data", fit.map(|fit| files(&fit.files)));
     tell("specification", specification.source().map(file_of));
-    tell("method", Some(Evidence::Text(method(&response.method, response.loss))));
+    let of_spline = statistics.spline.as_ref().map(|spline| spline.words());
+    tell("method", Some(Evidence::Text(of_spline.unwrap_or_else(|| method(&response.method, response.loss)))));
     tell(
         "weights",
         response.weights.as_ref().map(|weights| {

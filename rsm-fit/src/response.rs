@@ -5,6 +5,7 @@
 
 mod loss;
 mod quality;
+mod spline;
 
 use rsm_core::model::{Input, Surface, Term};
 use rsm_core::source::Faults;
@@ -13,7 +14,7 @@ use crate::analysis;
 use crate::canonical;
 use crate::constrain::{self, Constrained, ConstraintStatistics};
 use crate::design::{self, Design};
-use crate::forms::{Forms, Taken};
+use crate::forms::{Forms, Taken, splines};
 use crate::ladder::{LadderModel, first_rung};
 use crate::left_out::{self, LeftOut};
 use crate::outcome::{Progress, ResponseOutcome};
@@ -21,7 +22,7 @@ use crate::qr::{Dependent, Growing};
 use crate::search::{Found, Searcher};
 use crate::selection::{Choice, ChosenBy, Sample, Selection};
 use crate::sequence::Sequence;
-use crate::spec::{Loss, Method, ResponseSpec, Specification, Validation};
+use crate::spec::{Form, Loss, Method, ResponseSpec, Specification, SplineSpec, Validation};
 use crate::statistics::{self, CrossValidation, Judged, Observations, ResponseStatistics};
 use crate::support::{self, Region, SupportStatistics};
 use crate::verdict::{self, Criterion, Verdict};
@@ -77,7 +78,14 @@ pub(crate) struct Task<'a> {
 impl Task<'_> {
     /// Chooses the form, fits, and sets the surface's sigmoids and terms.
     pub(crate) fn run(&self, surface: &mut Surface, progress: &mut dyn FnMut(Progress<'_>)) -> Result<ResponseOutcome, Faults> {
+        if let Some(wanted) = &self.response.spline {
+            return self.run_spline(surface, wanted, None);
+        }
         let empty = surface.clone();
+        let allowed = self.response.forms.as_deref().unwrap_or_default();
+        if *allowed == [Form::Spline] {
+            return self.run_only_spline(surface);
+        }
         let powers = self.run_form(surface, None, progress);
         let forms = self.response.forms.as_deref();
         let periods: Vec<Option<f64>> = empty.inputs.iter().map(|name| self.period_of(name)).collect();
@@ -95,7 +103,17 @@ impl Task<'_> {
             periods,
             is_open: is_open(&self.response.method, &powers),
         };
-        let (taken, report) = of.choose(forms);
+        let (taken, mut report) = of.choose(forms);
+        if allowed.contains(&Form::Spline) {
+            let wanted = SplineSpec::default();
+            let search = splines::Search { surface: &empty, inputs: &self.inputs, wanted: &wanted };
+            let (judged, said) = of.with_spline(&search, report);
+            if let Some(judged) = judged {
+                *surface = empty;
+                return self.run_spline(surface, &wanted, Some((said, judged)));
+            }
+            report = Some(said);
+        }
         let mut outcome = match &taken {
             None => powers?,
             Some(taken) => {

@@ -155,6 +155,8 @@ pub struct ResponseSpec {
     pub support: Option<SupportSpec>,
     /// The allowed forms; `None`: powers, and sigmoids if they are clearly better.
     pub forms: Option<Vec<Form>>,
+    /// The spline that is the whole surface; `None` for terms.
+    pub spline: Option<SplineSpec>,
 }
 
 /// A form of a surface.
@@ -167,6 +169,25 @@ pub enum Form {
     Sigmoid,
     /// Cosines and sines of a periodic input, with orders chosen by the data.
     Wave,
+    /// A tensor spline over all inputs, in place of terms.
+    Spline,
+}
+
+/// A spline as the whole surface.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SplineSpec {
+    /// 1, a table with linear interpolation, or 3.
+    pub degree: u32,
+    /// The numbers of cells along each input; `None`: chosen by cross-validation.
+    pub cells: Option<Vec<u32>>,
+    /// The penalty of second differences; `None`: chosen by cross-validation.
+    pub penalty: Option<f64>,
+}
+
+impl Default for SplineSpec {
+    fn default() -> Self {
+        SplineSpec { degree: 3, cells: None, penalty: None }
+    }
 }
 
 /// The loss that coefficients minimise.

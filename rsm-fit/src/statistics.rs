@@ -6,6 +6,7 @@
 //! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 2.3 to 2.7 (t, R^2, PRESS, lack of fit); the paper's (14), (15) for C.
 //! Without a constant term R^2 is uncentred, as with NIST and R.
 
+use rsm_core::model::Spline;
 use serde::Serialize;
 
 use crate::analysis::Report;
@@ -145,9 +146,49 @@ impl FormsReport {
             Form::Polynomial => "powers alone",
             Form::Sigmoid => "sigmoids and powers",
             Form::Wave => "waves and powers of the other inputs",
+            Form::Spline => "a spline",
         };
         format!("{form}: {}", self.why)
     }
+}
+
+/// A spline that is the whole surface, for `rsm fit --json`. Its coefficients are in the model file.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SplineReport {
+    /// 1 or 3.
+    pub degree: u32,
+    /// The numbers of cells along each input.
+    pub cells: Vec<u32>,
+    /// The number of coefficients.
+    pub coefficients: usize,
+    /// How many free coefficients it is worth with its penalty.
+    pub effective: f64,
+    /// The penalty of second differences.
+    pub penalty: f64,
+    /// The number of cells without a row.
+    pub empty_cells: usize,
+    /// The numbers of cells that were tried, with their errors on rows left out.
+    pub tried: Vec<TriedCells>,
+}
+
+impl SplineReport {
+    /// Kind, size and penalty, in words.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let shape = Spline { degree: self.degree, cells: self.cells.clone(), coefficients: vec![] };
+        format!("{}, {} coefficients, second differences penalised by {:e}", shape.words(), self.coefficients, self.penalty)
+    }
+}
+
+/// Numbers of cells with their error.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TriedCells {
+    /// The numbers of cells along each input.
+    pub cells: Vec<u32>,
+    /// The penalty with the smallest error.
+    pub penalty: f64,
+    /// The root mean square error on rows left out.
+    pub rmse: f64,
 }
 
 /// A form that was tried.
@@ -160,6 +201,9 @@ pub struct Tried {
     /// The orders of its waves.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub orders: Vec<u32>,
+    /// The cells of its spline along each input.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub cells: Vec<u32>,
     /// The root mean square error of cross-validation; null if it was not computed.
     pub rmse: Option<f64>,
 }
@@ -210,6 +254,9 @@ pub struct ResponseStatistics {
     /// The tried forms and the accepted one; `None` if only powers were tried.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub forms: Option<FormsReport>,
+    /// The spline that is the whole surface; `terms` is then empty.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spline: Option<SplineReport>,
     /// The region supported by the data; `None` if the specification does not request it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub support: Option<SupportStatistics>,
@@ -349,7 +396,8 @@ fn figures(design: &Design, coefficients: &[Dd], residual_square: Dd, total: Dd,
         t: None,
         p: None,
     };
-    let unexplained = mean_square(residual_square, rows - coefficients.len());
+    // A spline with a penalty may have more coefficients than points.
+    let unexplained = mean_square(residual_square, rows.saturating_sub(coefficients.len()));
     let spread = mean_square(total, rows - usize::from(has_constant(design)));
     ResponseStatistics {
         terms: design.terms().iter().zip(coefficients).map(term).collect(),
@@ -371,6 +419,7 @@ fn figures(design: &Design, coefficients: &[Dd], residual_square: Dd, total: Dd,
         serial: None,
         selection: None,
         forms: None,
+        spline: None,
         support: None,
         constraints: None,
         loss: None,
@@ -427,7 +476,7 @@ pub(crate) fn lack(observations: Observations<'_>, predictions: &[Dd]) -> (Dd, D
 
 fn lack_of_fit(observations: Observations<'_>, predictions: &[Dd], terms: usize) -> Option<LackOfFit> {
     let groups = observations.replicates();
-    let df = [groups.len() - terms, observations.response.len() - groups.len()];
+    let df = [groups.len().saturating_sub(terms), observations.response.len() - groups.len()];
     if df.contains(&0) {
         return None;
     }

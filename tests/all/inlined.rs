@@ -87,11 +87,12 @@ fn extrapolating() -> Vec<Case> {
         .collect()
 }
 
-/// The extrapolating models; some of the random ones, with shared powers, reciprocals and hinges; two with compensators.
+/// The extrapolating models; some of the random ones, with shared powers, reciprocals and hinges; two with splines; two with compensators.
 fn some() -> Vec<Case> {
     let others = cases::random().into_iter().filter(|case| {
         let operations: usize = case.unit.functions.iter().map(|function| function.tape.operation_count()).sum();
-        ["n00", "n02"].contains(&case.unit.model.as_str()) || (case.unit.model.starts_with('m') && operations < 120)
+        ["b02", "b03", "n00", "n02"].contains(&case.unit.model.as_str())
+            || (case.unit.model.starts_with('m') && operations < 120)
     });
     extrapolating().into_iter().chain(others).collect()
 }

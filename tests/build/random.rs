@@ -4,7 +4,7 @@
 //! ordinary, narrow, offset, tiny, huge, symmetric, negative; every option of the model file occurs. Every model passes the check.
 
 use rsm_core::model::{
-    Coding, Compensator, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Surface, Symmetry, Term, Wave,
+    Coding, Compensator, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Spline, Surface, Symmetry, Term, Wave,
 };
 
 /// More terms say nothing new and take long to compile 14 times.
@@ -16,12 +16,16 @@ const EXTRA: usize = 6;
 /// Models with compensators.
 const COMPENSATORS: usize = 8;
 
+/// Models with splines: of degree 1 and 3, of one, two and three inputs.
+const SPLINES: usize = 6;
+
 pub(crate) fn models() -> Vec<Model> {
     let mut random = Random(0x0123_4567_89ab_cdef);
     let shapes = (1..=6).flat_map(|inputs| (1..=5).map(move |order| (inputs, order)));
     let extra = (0..EXTRA).map(|k| (1 + k % 3, 2 + k as u32 % 2));
     let surfaces = shapes.chain(extra).enumerate();
     let mut models: Vec<Model> = surfaces.map(|(index, (inputs, order))| model(&mut random, index, inputs, order)).collect();
+    models.extend((0..SPLINES).map(|index| splined(&mut random, index)));
     models.extend((0..COMPENSATORS).map(|index| compensated(&mut random, index)));
     models
 }
@@ -85,6 +89,29 @@ fn compensated(random: &mut Random, index: usize) -> Model {
         pole_frequency: (index % 2 == 1).then(|| Scheduled::Fixed(random.between(1.0, 1500.0))),
     };
     Model { name: format!("n{index:02}"), inputs, surfaces, compensators: vec![scheduled, fixed] }
+}
+
+/// A model with one spline; with three inputs the table of a cubic spline would be long, so it has few cells.
+fn splined(random: &mut Random, index: usize) -> Model {
+    let (count, degree) = ([1, 1, 2, 2, 3, 3][index], [1, 3][index % 2]);
+    let ranges = [[-2.5, 7.25], [440.0, 800.0], [-1e-3, 2e-3]];
+    // A table in emitted code has another name.
+    let names = ["t0", "T1", "i_q"];
+    let input =
+        |k: usize| Input { name: names[k].to_string(), unit: "1".to_string(), range: ranges[k], outside: Outside::Clamp };
+    let inputs: Vec<Input> = (0..count).map(input).collect();
+    let cells: Vec<u32> = (0..count).map(|_| 1 + random.below([20, 9, 3][count - 1]) as u32).collect();
+    let coefficients: usize = cells.iter().map(|cells| (cells + degree) as usize).product();
+    let spline = Spline { degree, cells, coefficients: (0..coefficients).map(|_| coefficient(random, 1.0)).collect() };
+    let surface = Surface {
+        name: "s".to_string(),
+        unit: "A".to_string(),
+        inputs: inputs.iter().map(|input| input.name.clone()).collect(),
+        output_range: (index == 2).then_some([-1.5, 0.5]),
+        spline: Some(spline),
+        ..Surface::default()
+    };
+    Model { name: format!("b{index:02}"), inputs, surfaces: vec![surface], compensators: vec![] }
 }
 
 fn model(random: &mut Random, index: usize, inputs: usize, order: u32) -> Model {
@@ -190,6 +217,7 @@ fn surface(random: &mut Random, name: &str, inputs: Vec<Input>, order: u32, codi
         waves,
         reciprocal,
         terms,
+        spline: None,
         support,
         evidence: vec![],
     }

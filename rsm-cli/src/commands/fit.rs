@@ -158,9 +158,12 @@ pub fn in_words(fitted: &Fitted) -> String {
         };
         let unit = fitted.model.surface(&response.name).map_or("", |surface| surface.unit.as_str());
         let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e} {unit}"));
+        let what = match &statistics.spline {
+            Some(spline) => spline.words(),
+            None => format!("{} terms", statistics.terms.len()),
+        };
         text += &format!(
-            "  {} terms from {} rows, residual sd {}, R2 {}\n",
-            statistics.terms.len(),
+            "  {what} from {} rows, residual sd {}, R2 {}\n",
             statistics.rows,
             figure(statistics.residual_sd),
             statistics.r2.map_or("none".to_string(), |r2| format!("{r2:.6}")),

@@ -126,7 +126,11 @@ fn numbers(response: &ResponseOutcome, statistics: &ResponseStatistics, unit: &s
     if let Some((r2, from)) = left_out.or(statistics.r2.map(|it| (it, "of the spread of the fitted rows (R²)"))) {
         list.push(Number::new("Explained", share(r2), from));
     }
-    list.push(Number::new("Terms", statistics.terms.len().to_string(), format!("from {} rows", statistics.rows)));
+    let from = format!("from {} rows", statistics.rows);
+    list.push(match &statistics.spline {
+        Some(spline) => Number::new("Coefficients", spline.coefficients.to_string(), format!("of a spline, {from}")),
+        None => Number::new("Terms", statistics.terms.len().to_string(), from),
+    });
     summary::numbers(&list)
 }
 
@@ -201,7 +205,17 @@ fn of_response(
     text += &errors(statistics, is_unseen, &unit);
     text += "<h3>Statistics of the fit</h3>\n";
     text += &of_the_fit(statistics, &inputs, !apart.is_empty());
-    text += "</div>\n<div>\n<h3>Terms</h3>\n<p>Of variables that are coded to -1 and 1 at the ends of their ranges. Each coefficient is rounded to the digits that its 95 % interval supports; the model file has all digits.</p>\n";
+    text += "</div>\n<div>\n";
+    if let Some(spline) = &statistics.spline {
+        text += &format!(
+            "<h3>Spline</h3>\n<p>{}. With this penalty it is worth {:.1} free coefficients. {} cells contain no row.</p>\n</div>\n</div>\n",
+            escaped(&spline.words()),
+            spline.effective,
+            spline.empty_cells
+        );
+        return Ok(text);
+    }
+    text += "<h3>Terms</h3>\n<p>Of variables that are coded to -1 and 1 at the ends of their ranges. Each coefficient is rounded to the digits that its 95 % interval supports; the model file has all digits.</p>\n";
     text += &terms(surface, statistics, &unit);
     text += "</div>\n</div>\n";
     if let Some(constrained) = &statistics.constraints {

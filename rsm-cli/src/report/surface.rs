@@ -83,6 +83,7 @@ fn titled(name: &str, unit: &str) -> String {
 
 /// The operations of a tape for the page's script, which executes them in their order.
 fn operations(tape: &Tape) -> Value {
+    let tables = tape.tables();
     let one = |op: &Op| match op {
         Op::Constant(constant) => json!(["constant", constant.value]),
         Op::Input(port) => json!(["input", port.0]),
@@ -92,6 +93,11 @@ fn operations(tape: &Tape) -> Value {
         Op::Absolute(a) => json!(["absolute", a.0]),
         // Only elementary functions have these operations, and no surface has an elementary function.
         Op::Exponent(_) | Op::PowerOfTwo(_) => json!(["state"]),
+        Op::Nearest(a) => json!(["nearest", a.0]),
+        Op::Load { table, index, offset } => {
+            let place = tables.iter().position(|it| *it == table).expect("it is one of the tape's tables");
+            json!(["load", place, index.0, offset])
+        }
         Op::Add(a, b) => json!(["add", a.0, b.0]),
         Op::Subtract(a, b) => json!(["subtract", a.0, b.0]),
         Op::Multiply(a, b) => json!(["multiply", a.0, b.0]),
@@ -101,6 +107,7 @@ fn operations(tape: &Tape) -> Value {
     };
     json!({
         "ops": tape.ops.iter().map(one).collect::<Vec<Value>>(), "output": tape.output().0,
+        "tables": tables.iter().map(|table| table.entries.iter().map(|it| it.value).collect::<Vec<f64>>()).collect::<Vec<_>>(),
         "single": tape.precision == Precision::F32,
     })
 }

@@ -25,6 +25,7 @@ mod shell;
 mod shells;
 #[path = "../../../tests/src/skipped.rs"]
 mod skipped;
+mod splines;
 mod streams;
 mod sweep;
 mod track;

@@ -77,11 +77,15 @@ INPUTS
 [responses.angle]
 unit = "deg"
 inputs = NAMES
-select = { method = "ladder", max_order = 2, confidence = 90.0 }
+SELECT
 "#;
 
+const LADDER: &str = "select = { method = \"ladder\", max_order = 2, confidence = 90.0 }";
+
+const SPLINE: &str = "select = { method = \"fixed\" }\nspline = { cells = [2, 3], penalty = 1e-3 }";
+
 /// Fits artificial data with this number of inputs and opens its page.
-fn fit(folder: &Path, inputs: usize) -> PathBuf {
+fn fit(folder: &Path, inputs: usize, select: &str) -> PathBuf {
     let names = &["torque", "speed", "heat"][..inputs];
     let units = ["N*m", "rad/s", "K"];
     let mut csv = String::new();
@@ -99,7 +103,11 @@ fn fit(folder: &Path, inputs: usize) -> PathBuf {
     std::fs::write(folder.join(&data), csv).unwrap();
     let unit_lines: Vec<String> =
         names.iter().zip(units).map(|(name, unit)| format!("inputs.{name}.unit = \"{unit}\"")).collect();
-    let text = FIT.replace("DATA", &data).replace("INPUTS", &unit_lines.join("\n")).replace("NAMES", &format!("{names:?}"));
+    let text = FIT
+        .replace("DATA", &data)
+        .replace("INPUTS", &unit_lines.join("\n"))
+        .replace("NAMES", &format!("{names:?}"))
+        .replace("SELECT", select);
     let (specification, model, report) =
         (format!("fit-{inputs}.toml"), format!("model-{inputs}.toml"), format!("report-{inputs}"));
     std::fs::write(folder.join(&specification), text).unwrap();
@@ -111,8 +119,10 @@ fn fit(folder: &Path, inputs: usize) -> PathBuf {
 fn every_control_of_a_fits_page_works_and_shows_the_bits_of_the_evaluator() {
     let Some(browser) = chromium() else { return };
     let here = tempfile::tempdir().unwrap();
-    for (inputs, size) in [(1, "1300,900"), (2, "500,400"), (3, "500,400")] {
-        let page = fit(here.path(), inputs);
+    for (inputs, size, select) in
+        [(1, "1300,900", LADDER), (2, "500,400", LADDER), (3, "500,400", LADDER), (2, "1300,900", SPLINE)]
+    {
+        let page = fit(here.path(), inputs, select);
         let result = clicked(&browser, &page, size);
         assert_eq!((count(&result, "sliders"), count(&result, "figures")), (inputs as u64, 3), "{result}");
         assert!(count(&result, "hovered") >= 2 && count(&result, "zoomed") >= 2, "{result}");
@@ -137,7 +147,7 @@ fn every_control_of_a_fits_page_works_and_shows_the_bits_of_the_evaluator() {
 fn a_cause_is_switched_off_by_a_click_and_no_name_from_data_is_a_script() {
     let Some(browser) = chromium() else { return };
     let here = tempfile::tempdir().unwrap();
-    fit(here.path(), 2);
+    fit(here.path(), 2, LADDER);
     // The name of the rig's column would end a script and begin another one.
     let evil = "rig</script><script>console.error('escaped')</script><b>";
     let mut csv = format!("torque[N*m],speed[rad/s],\"{evil}\",angle[deg]\n");

@@ -70,6 +70,9 @@ fn numbers_of(surface: &Surface, finite: &mut impl FnMut(&str, f64)) {
     for (k, term) in surface.terms.iter().enumerate() {
         finite(&format!("{who}: term {}: `coefficient`", k + 1), term.coefficient);
     }
+    for coefficient in surface.spline.iter().flat_map(|spline| &spline.coefficients) {
+        finite(&format!("{who}: `spline`: `coefficients`"), *coefficient);
+    }
     for (k, space) in surface.support.iter().enumerate() {
         space.normal.iter().chain([&space.bound]).for_each(|number| finite(&format!("{who}: half-space {}", k + 1), *number));
     }

@@ -10,7 +10,9 @@ use super::c_reads::{Reads, has_exact_reciprocal};
 use super::{Function, Kind, Unit, compared, literal, live, points, terms_behind, unused_inputs};
 use crate::names;
 use crate::number::Precision;
-use crate::tape::{Extremum, Op, Tape};
+use crate::tape::{Extremum, Op, Table, Tape};
+
+use std::sync::Arc;
 
 /// The two files of a model `m`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -216,6 +218,8 @@ pub(super) fn needs<'u>(tapes: impl Iterator<Item = &'u Tape>) -> Needs {
                 Op::Absolute(_) => needs.absolute = true,
                 Op::Exponent(_) => needs.exponent = true,
                 Op::PowerOfTwo(_) => needs.power_of_two = true,
+                Op::Nearest(_) => needs.nearest = true,
+                Op::Load { .. } => needs.whole = true,
                 Op::Select { .. } => match tape.extremum(reg) {
                     Some(Extremum::AtLeast { .. }) => needs.at_least = true,
                     Some(Extremum::AtMost { .. }) => needs.at_most = true,
@@ -256,6 +260,8 @@ pub(super) fn body(model: &str, tape: &Tape, fields: &[String]) -> String {
     for input in unused_inputs(tape, &live) {
         text.push_str(&format!("    (void){input};\n"));
     }
+    let tables = tape.tables();
+    text.push_str(&tables_of(tape, &tables));
     for (reg, op) in tape.iter().filter(|(reg, _)| live[reg.0 as usize]) {
         let value = match *op {
             Op::Less(..) => continue,
@@ -270,6 +276,12 @@ pub(super) fn body(model: &str, tape: &Tape, fields: &[String]) -> String {
             Op::Absolute(a) => format!("{}({a})", helper("absolute")),
             Op::Exponent(a) => format!("{}({a})", helper("exponent")),
             Op::PowerOfTwo(a) => format!("{}({a})", helper("power_of_two")),
+            Op::Nearest(a) => format!("{}({a})", helper("nearest")),
+            Op::Load { ref table, index, offset } => {
+                let place = tables.iter().position(|it| *it == table).expect("it is one of the tape's tables");
+                let masked = format!("{}({index}) & {}U", helper("whole"), table.mask);
+                if offset == 0 { format!("rsm_t{place}[{masked}]") } else { format!("rsm_t{place}[({masked}) + {offset}U]") }
+            }
             // gcc changes it to 2 a, a product that it would fuse.
             Op::Add(a, b) if a == b => format!("{}({a} + {b})", helper("keep")),
             Op::Add(a, b) => format!("{a} + {b}"),
@@ -293,6 +305,21 @@ pub(super) fn body(model: &str, tape: &Tape, fields: &[String]) -> String {
         };
         let note = terms_behind(tape, reg).map_or(String::new(), |terms| format!(" /* {terms} */"));
         text.push_str(&format!("    const {float} {reg} = {value};{note}\n"));
+    }
+    text
+}
+
+/// The tables of a tape as arrays, eight numbers in a line. No input has a name that begins with `rsm_`.
+fn tables_of(tape: &Tape, tables: &[&Arc<Table>]) -> String {
+    let mut text = String::new();
+    for (k, table) in tables.iter().enumerate() {
+        let float = c_type(tape.precision);
+        text.push_str(&format!("    static const {float} rsm_t{k}[{}] = {{\n", table.entries.len()));
+        for line in table.entries.chunks(8) {
+            let numbers: Vec<String> = line.iter().map(|entry| c_literal(entry.value, tape.precision)).collect();
+            text.push_str(&format!("        {},\n", numbers.join(", ")));
+        }
+        text.push_str("    };\n");
     }
     text
 }

@@ -39,6 +39,8 @@ pub(super) struct Needs {
     pub absolute: bool,
     pub exponent: bool,
     pub power_of_two: bool,
+    pub nearest: bool,
+    pub whole: bool,
     pub at_least: bool,
     pub at_most: bool,
     pub select: bool,
@@ -69,7 +71,7 @@ pub(super) fn refusals(model: &str, f64_functions: bool, f32_functions: bool) ->
 /// The macros that identify the machine; every helper below uses them.
 pub(super) fn machine(needs: &[Needs]) -> String {
     let mut text = String::new();
-    if needs.iter().any(|needs| needs.keep || needs.hide || needs.any_choice()) {
+    if needs.iter().any(|needs| needs.keep || needs.hide || needs.nearest || needs.whole || needs.any_choice()) {
         text.push_str(MACHINE);
     }
     text
@@ -84,12 +86,14 @@ pub(super) fn helpers(model: &str, needs: Needs, precision: Precision) -> String
             text.push_str(&filled.replace("@m", model));
         }
     };
-    put(needs.keep || needs.hide, KEEP);
+    put(needs.keep || needs.hide || needs.nearest || needs.whole, KEEP);
     put(needs.hide, HIDE);
     put(needs.absolute, ABSOLUTE);
-    put(needs.exponent || needs.power_of_two, COPY);
+    put(needs.exponent || needs.power_of_two || needs.whole, COPY);
     put(needs.exponent, EXPONENT);
     put(needs.power_of_two, POWER_OF_TWO);
+    put(needs.nearest, NEAREST);
+    put(needs.whole, WHOLE);
     put(needs.any_choice(), CHOOSE);
     put(needs.select, SELECT);
     put(needs.at_least, AT_LEAST);
@@ -99,7 +103,7 @@ pub(super) fn helpers(model: &str, needs: Needs, precision: Precision) -> String
 
 /// Inserts the type, the suffixes and the register classes of a precision into a template.
 fn fill(template: &str, precision: Precision) -> String {
-    let words: [(&str, &str, &str); 17] = [
+    let words: [(&str, &str, &str); 18] = [
         // Before @s, because it begins with it.
         ("@suffix", "", "_f32"),
         ("@type", "double", "float"),
@@ -119,6 +123,8 @@ fn fill(template: &str, precision: Precision) -> String {
         ("@biased", "4503599627371519.0", "8388735.0f"),
         ("@lifted", "6755399441056767.0", "12583039.0f"),
         ("@length", "64", "32"),
+        // 1.5 times 2^52 and 2^23.
+        ("@half_up", "6755399441055744.0", "12582912.0f"),
     ];
     let mut text = template.to_string();
     for (word, f64_form, f32_form) in words {
@@ -333,6 +339,27 @@ static inline @type @m_rsm_power_of_two@suffix(@type value)
     bits <<= @digits;
     RSM_COPY(&lifted, &bits);
     return lifted;
+}
+";
+
+// The sum is kept from compilers that would simplify it whatever the pragma says.
+const NEAREST: &str = r"
+/* The nearest integer, of two the even one: from 2^52, in f32 2^23, a sum is rounded to an integer. */
+static inline @type @m_rsm_nearest@suffix(@type value)
+{
+@order    return @m_rsm_keep@suffix(value + @half_up) - @half_up;
+}
+";
+
+// No conversion: it would be a call on some machines, and is undefined for a NaN.
+const WHOLE: &str = r"
+/* The low bits of an integer that is not negative. */
+static inline uint32_t @m_rsm_whole@suffix(@type value)
+{
+@order    const @type lifted = @m_rsm_keep@suffix(value + @half_up);
+    @bits bits;
+    RSM_COPY(&bits, &lifted);
+    return (uint32_t)bits;
 }
 ";
 

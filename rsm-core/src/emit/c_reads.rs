@@ -23,7 +23,7 @@ impl Reads {
                     reads.feeds_sum[b.0 as usize] = true;
                 }
                 // Its code contains a sum.
-                Op::PowerOfTwo(a) => reads.feeds_sum[a.0 as usize] = true,
+                Op::PowerOfTwo(a) | Op::Nearest(a) | Op::Load { index: a, .. } => reads.feeds_sum[a.0 as usize] = true,
                 // A compiler may treat the magnitude of a square as the square itself.
                 Op::Negate(a) | Op::Absolute(a) => {
                     reads.feeds_sum[a.0 as usize] |= reads.feeds_sum[k];

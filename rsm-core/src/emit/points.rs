@@ -184,6 +184,8 @@ fn fused<T: Fused>(tape: &Tape, states: &[T], arguments: &[T], left_first: bool)
             Op::Absolute(a) => r(a).absolute(),
             Op::Exponent(a) => r(a).exponent(),
             Op::PowerOfTwo(a) => r(a).power_of_two(),
+            Op::Nearest(a) => r(a).to_nearest_whole(),
+            Op::Load { ref table, index, offset } => T::from_constant(table.at(r(index).whole(), offset)),
             Op::Add(a, b) => sum(a, b, false),
             Op::Subtract(a, b) => sum(a, b, true),
             Op::Multiply(a, b) => r(a) * r(b),

@@ -61,6 +61,8 @@ pub(super) fn helpers(functions: &str, precisions: &[Precision]) -> String {
             ("select", SELECT),
             ("exponent", EXPONENT),
             ("power_of_two", POWER_OF_TWO),
+            ("nearest", NEAREST),
+            ("whole", WHOLE),
         ] {
             let name = format!("rsm_{name}_{}", precision.name());
             if functions.contains(&format!("{name}(")) {
@@ -132,6 +134,15 @@ pub(super) fn body(tape: &Tape, fields: &[String]) -> String {
     for input in unused_inputs(tape, &live) {
         text.push_str(&format!("    let _ = {input};\n"));
     }
+    let tables = tape.tables();
+    for (k, table) in tables.iter().enumerate() {
+        text.push_str(&format!("    static RSM_T{k}: [{float}; {}] = [\n", table.entries.len()));
+        for line in table.entries.chunks(8) {
+            let numbers: Vec<String> = line.iter().map(|entry| literal(entry.value, tape.precision)).collect();
+            text.push_str(&format!("        {},\n", numbers.join(", ")));
+        }
+        text.push_str("    ];\n");
+    }
     for (reg, op) in tape.iter().filter(|(reg, _)| live[reg.0 as usize]) {
         let value = match *op {
             Op::Less(..) => continue,
@@ -142,6 +153,13 @@ pub(super) fn body(tape: &Tape, fields: &[String]) -> String {
             Op::Absolute(a) => format!("{a}.abs()"),
             Op::Exponent(a) => format!("rsm_exponent_{float}({a})"),
             Op::PowerOfTwo(a) => format!("rsm_power_of_two_{float}({a})"),
+            Op::Nearest(a) => format!("rsm_nearest_{float}({a})"),
+            Op::Load { ref table, index, offset } => {
+                let place = tables.iter().position(|it| *it == table).expect("it is one of the tape's tables");
+                let masked = format!("(rsm_whole_{float}({index}) & {}) as usize", table.mask);
+                // The mask and the length of the table show the compiler that no index is outside.
+                if offset == 0 { format!("RSM_T{place}[{masked}]") } else { format!("RSM_T{place}[{masked} + {offset}]") }
+            }
             Op::Add(a, b) => format!("{a} + {b}"),
             Op::Subtract(a, b) => format!("{a} - {b}"),
             Op::Multiply(a, b) => format!("{a} * {b}"),
@@ -200,12 +218,12 @@ fn fill(helper: &str, precision: Precision) -> String {
         Precision::F32 => ("ss", "ps"),
     };
     // 2^52 or 2^23 as bits; then as a number with the bias added; then with the bias and 2^51 or 2^22 added.
-    let (digits, whole, biased, lifted) = match precision {
-        Precision::F64 => ("52", "0x4330_0000_0000_0000", "4503599627371519.0", "6755399441056767.0"),
-        Precision::F32 => ("23", "0x4b00_0000", "8388735.0", "12583039.0"),
+    let (digits, whole, biased, lifted, half_up) = match precision {
+        Precision::F64 => ("52", "0x4330_0000_0000_0000", "4503599627371519.0", "6755399441056767.0", "6755399441055744.0"),
+        Precision::F32 => ("23", "0x4b00_0000", "8388735.0", "12583039.0", "12582912.0"),
     };
     let helper = helper.replace("@digits", digits).replace("@whole", whole);
-    let helper = helper.replace("@biased", biased).replace("@lifted", lifted);
+    let helper = helper.replace("@biased", biased).replace("@lifted", lifted).replace("@half_up", half_up);
     let body = helper.replace("@float", precision.name()).replace("@s", scalar).replace("@p", packed);
     let (comment, function) = body.split_once('\n').expect("a helper begins with a comment");
     format!("\n{comment}\n{ALLOW}#[allow(unsafe_code, unused_unsafe)]\n#[inline(always)]\n{function}")
@@ -273,5 +291,17 @@ fn rsm_exponent_@float(value: @float) -> @float {
 const POWER_OF_TWO: &str = r#"// 2 to a whole number, which moves into the place of the exponent.
 fn rsm_power_of_two_@float(value: @float) -> @float {
     @float::from_bits((value + @lifted).to_bits() << @digits)
+}
+"#;
+
+const NEAREST: &str = r#"// The nearest integer, of two the even one: from 2^52, in f32 2^23, a sum is rounded to an integer.
+fn rsm_nearest_@float(value: @float) -> @float {
+    (value + @half_up) - @half_up
+}
+"#;
+
+const WHOLE: &str = r#"// The low bits of an integer that is not negative.
+fn rsm_whole_@float(value: @float) -> u32 {
+    (value + @half_up).to_bits() as u32
 }
 "#;

@@ -5,10 +5,10 @@
 //! number, is added to every derivative.
 
 use crate::check::Checked;
-use crate::model::Surface;
+use crate::model::{Input, Surface};
 use crate::number::Precision;
 use crate::tangent::{self, Variable};
-use crate::tape::{Reg, Tape, TapeBuilder};
+use crate::tape::{Reg, Seam, Tape, TapeBuilder};
 
 /// The tape of a surface's gradient, by the surface's index in the model.
 ///
@@ -30,7 +30,12 @@ use crate::tape::{Reg, Tape, TapeBuilder};
 /// ```
 #[must_use]
 pub fn gradient(checked: &Checked, index: usize, precision: Precision) -> Tape {
-    of(&super::surface(checked, index, precision), &checked.model().surfaces[index])
+    let surface = &checked.model().surfaces[index];
+    of(&super::surface(checked, index, precision), surface, &ranges_of(&checked.inputs_of(surface)))
+}
+
+fn ranges_of(inputs: &[Input]) -> Vec<[f64; 2]> {
+    inputs.iter().map(|input| input.range).collect()
 }
 
 /// The gradient before `output_range`, valid where the result does not saturate.
@@ -40,10 +45,10 @@ pub(crate) fn gradient_before_saturation(checked: &Checked, index: usize, precis
     let mut tape = TapeBuilder::new(precision);
     let arguments = super::arguments(&mut tape, inputs.len());
     let output = super::unsaturated(&mut tape, surface, &inputs, arguments);
-    of(&tape.finish(&surface.name, surface.inputs.clone(), output), surface)
+    of(&tape.finish(&surface.name, surface.inputs.clone(), output), surface, &ranges_of(&inputs))
 }
 
-fn of(tape: &Tape, surface: &Surface) -> Tape {
+fn of(tape: &Tape, surface: &Surface, ranges: &[[f64; 2]]) -> Tape {
     let mut builder = TapeBuilder::sharing(tape.precision);
     let inputs = super::arguments(&mut builder, surface.inputs.len());
     let variables: Vec<Variable> = (0..inputs.len()).map(Variable::Input).collect();
@@ -51,6 +56,15 @@ fn of(tape: &Tape, surface: &Surface) -> Tape {
     let value = written.values[0];
     let nothing = builder.subtract(value, value);
     let derivatives: Vec<Reg> = written.derivatives[0].iter().map(|derivative| builder.add(*derivative, nothing)).collect();
+    if let Some(spline) = &surface.spline {
+        let arguments: Vec<Reg> = builder.seams().iter().map(|seam| seam.argument).collect();
+        let sizes = super::spline::jumps_of_derivatives(spline, ranges);
+        for (result, sizes) in derivatives.iter().zip(sizes) {
+            for (argument, (power, size)) in arguments.iter().zip(sizes) {
+                builder.add_seam(Seam { result: *result, argument: *argument, power, size });
+            }
+        }
+    }
     let outputs = surface.inputs.iter().cloned().zip(derivatives);
     builder.finish_with_results(format!("{}_gradient", surface.name), surface.inputs.clone(), outputs, [] as [(String, Reg); 0])
 }

@@ -22,6 +22,7 @@ mod polynomial;
 mod recursive;
 mod saturation;
 mod scheme;
+mod spline;
 mod variables;
 
 use crate::check::Checked;
@@ -82,6 +83,9 @@ fn unsaturated(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], argu
 
 /// The polynomial of these variables, with the sign of odd inputs.
 fn polynomial_of(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], variables: &mut Variables<'_>) -> Reg {
+    if let Some(spline) = &surface.spline {
+        return spline::lower(tape, variables, spline, inputs);
+    }
     let terms = polynomial::terms(surface);
     let polynomial = polynomial::lower(tape, variables, surface, &terms);
     let guarded = pass_nan_of_unused_inputs(tape, variables, inputs, polynomial);

@@ -106,6 +106,9 @@ impl Recursive {
                 "its variables are natural (`coding = \"none\"`), expected coded ones: one limit holds for all coefficients";
             return Some(what.to_string());
         }
+        if surface.spline.is_some() {
+            return Some("it is a spline, and only the coefficients of terms can follow measured responses".to_string());
+        }
         if surface.terms.is_empty() || surface.terms.len() > MOST_TERMS {
             return Some(format!("found {} terms, expected 1 to {MOST_TERMS}", surface.terms.len()));
         }

@@ -3,7 +3,9 @@
 mod read;
 mod write;
 
-pub use read::{Basis, HIGHEST_ORDER, HIGHEST_POWER, Located, read, read_basis, read_format};
+pub use read::{
+    Basis, HIGHEST_ORDER, HIGHEST_POWER, Located, MOST_CELLS, read, read_basis, read_cells, read_degree, read_format,
+};
 pub use write::{quoted, write};
 
 /// The format number that this version reads and writes.

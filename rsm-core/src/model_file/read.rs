@@ -6,7 +6,8 @@ use toml::de::DeValue;
 
 use super::FORMAT;
 use crate::model::{
-    Coding, Compensator, Evidence, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Surface, Symmetry, Term, Wave,
+    Coding, Compensator, Evidence, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Spline, Surface, Symmetry, Term,
+    Wave,
 };
 use crate::places::Places;
 use crate::source::{Collector, Source};
@@ -116,14 +117,23 @@ fn read_surface(name: &str, path: &str, reader: &mut TableReader<'_>, places: &m
         surface.waves = basis.waves;
         surface.reciprocal = basis.reciprocal;
     }
-    if let Some(value) = reader.required("terms", faults) {
+    let terms = match reader.optional("spline") {
+        Some(value) => {
+            places.note(format!("{path}.spline"), value.span());
+            let spline = read_spline(path, value, reader, places, faults);
+            surface.spline = places.part(path, "spline", spline);
+            reader.optional("terms")
+        }
+        None => reader.required("terms", faults),
+    };
+    if let Some(value) = terms {
         places.note(format!("{path}.terms"), value.span());
         let terms = read_list("`terms`", "term", value, reader, faults, |k, reader, faults| {
             places.note(format!("{path}.terms.{k}"), reader.span());
             read_term(reader, faults)
         });
         surface.terms = places.part(path, "terms", terms).unwrap_or_default();
-    } else {
+    } else if !places.has(&format!("{path}.spline")) {
         places.refuse(format!("{path}.terms"));
     }
     if let Some(value) = reader.optional("support") {
@@ -262,6 +272,45 @@ fn read_list<'a, T>(
         made.push(element);
     }
     made.into_iter().collect()
+}
+
+/// A spline: its degree, its cells and its coefficients.
+fn read_spline<'a>(
+    path: &str,
+    value: Value<'a>,
+    reader: &TableReader<'a>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<Spline> {
+    let mut table = TableReader::of(reader.source(), value, format!("{}: `spline`", reader.who()), faults)?;
+    let degree = table.required("degree", faults).and_then(|value| read_degree(&table, value, faults));
+    let cells = table.required("cells", faults).and_then(|value| read_cells(&table, value, faults));
+    let coefficients = table.required("coefficients", faults).and_then(|value| {
+        places.note(format!("{path}.spline.coefficients"), value.span());
+        table.numbers("`coefficients`", value, faults)
+    });
+    table.finish(faults);
+    Some(Spline { degree: degree?, cells: cells?, coefficients: coefficients? })
+}
+
+/// The most cells along one input: see docs/decisions/086-splines.md.
+pub const MOST_CELLS: u32 = 200;
+
+/// The degree of a spline; the fit specification has the same.
+pub fn read_degree<'a>(table: &TableReader<'a>, value: Value<'a>, faults: &mut Collector) -> Option<u32> {
+    let degree = table.whole("`degree`", value, 1, 3, faults)?;
+    if degree == 2 {
+        faults.push(table.fault(value.span(), "`degree`: found 2, expected 1 or 3"));
+        return None;
+    }
+    Some(degree as u32)
+}
+
+/// The cells of a spline along each input; the fit specification has the same.
+pub fn read_cells<'a>(table: &TableReader<'a>, value: Value<'a>, faults: &mut Collector) -> Option<Vec<u32>> {
+    let items = table.array("`cells`", value, faults)?;
+    let each: Vec<_> = items.iter().map(|item| table.whole("`cells`", item, 1, i64::from(MOST_CELLS), faults)).collect();
+    each.into_iter().map(|cells| cells.map(|cells| cells as u32)).collect()
 }
 
 /// Reads a term completely or not at all.

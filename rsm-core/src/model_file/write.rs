@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use super::FORMAT;
 use crate::model::{
-    Coding, Compensator, Evidence, HalfSpace, Knot, Model, Outside, Scheduled, Sigmoid, Surface, Symmetry, Wave,
+    Coding, Compensator, Evidence, HalfSpace, Knot, Model, Outside, Scheduled, Sigmoid, Spline, Surface, Symmetry, Wave,
 };
 use crate::number::decimal;
 
@@ -88,12 +88,20 @@ fn write_surface(out: &mut String, surface: &Surface) {
     if !surface.reciprocal.is_empty() {
         let _ = writeln!(out, "reciprocal = {}", texts(&surface.reciprocal));
     }
-    let _ = writeln!(out, "terms = [");
-    for term in &surface.terms {
-        let powers: Vec<_> = term.powers.iter().map(u32::to_string).collect();
-        let _ = writeln!(out, "  {{ powers = [{}], coefficient = {} }},", powers.join(", "), decimal(term.coefficient));
+    if let Some(Spline { degree, cells, coefficients }) = &surface.spline {
+        let counts: Vec<_> = cells.iter().map(u32::to_string).collect();
+        let _ = writeln!(out, "spline = {{ degree = {degree}, cells = [{}], coefficients = [", counts.join(", "));
+        // One line for each coefficient along the inputs before the last.
+        let last = cells.last().map_or(1, |cells| (cells + degree) as usize);
+        for row in coefficients.chunks(last.max(1)) {
+            let row: Vec<_> = row.iter().copied().map(decimal).collect();
+            let _ = writeln!(out, "  {},", row.join(", "));
+        }
+        let _ = writeln!(out, "] }}");
     }
-    let _ = writeln!(out, "]");
+    if !surface.terms.is_empty() || surface.spline.is_none() {
+        write_terms(out, surface);
+    }
     if !surface.support.is_empty() {
         let _ = writeln!(out, "support = [");
         for HalfSpace { normal, bound } in &surface.support {
@@ -108,6 +116,15 @@ fn write_surface(out: &mut String, surface: &Surface) {
             let _ = writeln!(out, "{} = {}", key_text(key), evidence_text(value));
         }
     }
+}
+
+fn write_terms(out: &mut String, surface: &Surface) {
+    let _ = writeln!(out, "terms = [");
+    for term in &surface.terms {
+        let powers: Vec<_> = term.powers.iter().map(u32::to_string).collect();
+        let _ = writeln!(out, "  {{ powers = [{}], coefficient = {} }},", powers.join(", "), decimal(term.coefficient));
+    }
+    let _ = writeln!(out, "]");
 }
 
 fn scheduled_text(scheduled: &Scheduled) -> String {
@@ -184,6 +201,7 @@ mod tests {
             knots: vec![knot],
             sigmoids: vec![Sigmoid { input: "a".into(), at: -0.1, width: 1.0 / 3.0 }],
             waves: vec![Wave { input: "b".into(), period: 0.1, order: 12 }],
+            spline: Some(Spline { degree: 3, cells: vec![1, 2], coefficients: vec![1.0 / 3.0, -0.0, 5e-324, 1e300, -2.5] }),
             reciprocal: vec!["b".into()],
             terms: vec![
                 Term { powers: vec![0, 1, 0, 0, 0, 0], coefficient: -0.0 },

@@ -331,6 +331,8 @@ impl Writing<'_> {
         }
         match self.series.rates.op(reg).clone() {
             Op::Constant(_) | Op::State(_) | Op::Less(..) | Op::Exponent(_) | Op::PowerOfTwo(_) => None,
+            // The piece of a spline is that of the start of the step.
+            Op::Nearest(_) | Op::Load { .. } => None,
             Op::Input(port) => match self.series.arguments[port.0 as usize] {
                 Argument::Time(_) if k == 1 => Some(self.slot(self.series.step)),
                 // For a state it was written with its rate.

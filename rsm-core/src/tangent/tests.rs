@@ -58,7 +58,9 @@ fn dual(tape: &Tape, point: &[Rational], variable: usize) -> Option<Vec<(Rationa
                     r(otherwise)
                 }
             }
-            Op::State(_) | Op::Exponent(_) | Op::PowerOfTwo(_) => unreachable!("not written here"),
+            Op::State(_) | Op::Exponent(_) | Op::PowerOfTwo(_) | Op::Nearest(_) | Op::Load { .. } => {
+                unreachable!("not written here")
+            }
         });
     }
     Some(registers)

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use crate::number::{Precision, Rational, integer};
 
-use super::{Computed, Constant, Named, Note, Op, Port, Reg, State, Tape};
+use super::{Computed, Constant, Named, Note, Op, Port, Reg, Seam, State, Tape};
 
 /// Writes a tape operation by operation: of a surface, or of any computation that needs the same bits on every machine.
 ///
@@ -40,6 +40,7 @@ pub struct TapeBuilder {
     places: HashMap<Key, Reg>,
     notes: Vec<(Reg, Note)>,
     computed: Vec<Computed>,
+    seams: Vec<Seam>,
 }
 
 /// The identity of an operation.
@@ -47,6 +48,8 @@ pub struct TapeBuilder {
 enum Key {
     /// The bits of the value, and the number before rounding.
     Constant(u64, Rational),
+    /// The address of the table, the index and the offset.
+    Load(usize, u32, u32),
     /// The kind of the operation, and its operands, port or state.
     Other(std::mem::Discriminant<Op>, Vec<u32>),
 }
@@ -58,6 +61,10 @@ impl Key {
             Op::Constant(constant) => return Key::Constant((constant.value + 0.0).to_bits(), constant.exact.clone()),
             Op::Input(port) => vec![port.0],
             Op::State(state) => vec![state.0],
+            // One table is one allocation: two equal tables only lose the sharing of their loads.
+            Op::Load { table, index, offset } => {
+                return Key::Load(std::sync::Arc::as_ptr(table) as usize, index.0, *offset);
+            }
             _ => op.operands().iter().map(|operand| operand.0).collect(),
         };
         Key::Other(std::mem::discriminant(op), numbers)
@@ -75,6 +82,7 @@ impl TapeBuilder {
             places: HashMap::new(),
             notes: Vec::new(),
             computed: Vec::new(),
+            seams: Vec::new(),
         }
     }
 
@@ -169,6 +177,18 @@ impl TapeBuilder {
         if !self.computed.contains(&computed) {
             self.computed.push(computed);
         }
+    }
+
+    /// Records where a tape may select another piece than the ideal.
+    pub(crate) fn add_seam(&mut self, seam: Seam) {
+        if !self.seams.contains(&seam) {
+            self.seams.push(seam);
+        }
+    }
+
+    /// The seams so far.
+    pub(crate) fn seams(&self) -> &[Seam] {
+        &self.seams
     }
 
     /// An argument, counted from 0 in the order in which `finish` names them.
@@ -288,6 +308,10 @@ impl TapeBuilder {
             let arguments = row.arguments.iter().map(place).collect();
             self.mark(Computed { function: row.function, arguments, result: place(&row.result) });
         }
+        for seam in &tape.seams {
+            let place = |reg: Reg| places[reg.0 as usize];
+            self.add_seam(Seam { result: place(seam.result), argument: place(seam.argument), ..seam.clone() });
+        }
         places
     }
 
@@ -338,7 +362,9 @@ impl TapeBuilder {
         notes.sort_by_key(|(reg, _)| *reg);
         let mut computed = self.computed;
         computed.sort_by_key(|row| row.result);
-        Tape { name: name.into(), precision: self.precision, inputs, ops: self.ops, outputs, states, notes, computed }
+        let mut seams = self.seams;
+        seams.sort_by_key(|seam| seam.result);
+        Tape { name: name.into(), precision: self.precision, inputs, ops: self.ops, outputs, states, notes, computed, seams }
     }
 }
 

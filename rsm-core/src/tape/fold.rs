@@ -100,6 +100,8 @@ fn of_numbers<T: Scalar>(op: &Op, values: &[f64]) -> Option<T> {
         Op::Absolute(_) => of(0).absolute(),
         Op::Exponent(_) => of(0).exponent(),
         Op::PowerOfTwo(_) => of(0).power_of_two(),
+        Op::Nearest(_) => of(0).to_nearest_whole(),
+        Op::Load { table, offset, .. } => T::from_constant(table.at(of(0).whole(), *offset)),
         Op::Add(..) => of(0) + of(1),
         Op::Subtract(..) => of(0) - of(1),
         Op::Multiply(..) => of(0) * of(1),
@@ -179,6 +181,11 @@ impl Tape {
         let named = |list: &[super::Named]| -> Vec<(String, Reg)> {
             list.iter().map(|it| (it.name.clone(), of(it.reg).expect("a result is live"))).collect()
         };
+        for seam in &self.seams {
+            if let (Some(result), Some(argument)) = (of(seam.result), of(seam.argument)) {
+                tape.add_seam(super::Seam { result, argument, ..seam.clone() });
+            }
+        }
         tape.finish_with_results(self.name.clone(), self.inputs.clone(), named(&self.outputs), named(&self.states))
     }
 }

@@ -14,3 +14,4 @@ mod recursive;
 mod refused;
 mod rejected;
 mod saturation;
+mod spline;

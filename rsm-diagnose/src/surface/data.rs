@@ -119,6 +119,20 @@ impl NewData {
             });
             return Err(Refused(found.collect()));
         }
+        // The causes are columns of terms.
+        let splines: Vec<String> = compared
+            .iter()
+            .map(|index| &model.surfaces[*index])
+            .filter(|surface| surface.spline.is_some())
+            .map(|surface| format!("`{}`", surface.name))
+            .collect();
+        if !splines.is_empty() {
+            let what = format!("the surface {} is a spline; only surfaces with terms can be diagnosed", splines.join(", "));
+            let file = headers.first().map_or("", |table| &table.file);
+            let fault = Fault::whole_file(file, what);
+            let help = "compare it with new data by `rsm eval`, or fit terms to the old data and diagnose these";
+            return Err(Refused(vec![Faults::one(fault.help(help))]));
+        }
         let used = |name: &String| compared.iter().any(|index| model.surfaces[*index].inputs.contains(name));
         let mut data = NewData {
             inputs: vec![Vec::new(); model.inputs.len()],

@@ -6,6 +6,7 @@
 //! clearly smaller. Test rows are not used.
 
 mod sigmoids;
+pub(crate) mod splines;
 mod waves;
 
 use nalgebra::DVector;
@@ -129,7 +130,7 @@ impl Forms<'_> {
     ) -> (Option<Taken>, FormsReport) {
         let orders: Vec<u32> = found.waves.iter().map(|wave| wave.order).collect();
         let taken = |judged| Taken { sigmoids: found.sigmoids.clone(), waves: found.waves.clone(), order, judged };
-        let tried = |rmse| Tried { form, sigmoids: found.sigmoids.len(), orders: orders.clone(), rmse };
+        let tried = |rmse| Tried { form, sigmoids: found.sigmoids.len(), orders: orders.clone(), cells: vec![], rmse };
         let Some(parts) = self.judged(order, again) else {
             if is_only {
                 let why = "it was the only requested form".to_string();
@@ -141,7 +142,7 @@ impl Forms<'_> {
         let rmse = |judged: Judged| judged.statistics().map(|statistics| statistics.rmse);
         let [powers, other] = [0, 1].map(|which| rmse(total(which)).unwrap_or(f64::INFINITY));
         let better = parts.iter().filter(|[powers, other]| rmse(*other) < rmse(*powers)).count();
-        let alone = Tried { form: Form::Polynomial, sigmoids: 0, orders: vec![], rmse: Some(powers) };
+        let alone = Tried { form: Form::Polynomial, sigmoids: 0, orders: vec![], cells: vec![], rmse: Some(powers) };
         let tried = vec![alone, tried(Some(other))];
         let percent = 100.0 * (1.0 - other / powers);
         let what = match (form, &orders[..]) {
@@ -163,6 +164,60 @@ impl Forms<'_> {
         }
         let least = 100.0 * (1.0 - CLEAR);
         (None, self.kept(tried, format!("{gain}: a clear gain is {least:.0} % and {MOST_PARTS} parts")))
+    }
+
+    /// Compares a spline with the form that was accepted so far, which is better by cross-validation than the others. Returns whether the spline is
+    /// accepted, its errors on each part, and the report.
+    pub(crate) fn with_spline(
+        &self,
+        search: &splines::Search<'_>,
+        report: Option<FormsReport>,
+    ) -> (Option<Vec<Judged>>, FormsReport) {
+        let before = report.unwrap_or_else(|| self.kept(vec![], String::new()));
+        let refused = |why: &str| {
+            let why = if before.why.is_empty() { why.to_string() } else { format!("{}; {why}", before.why) };
+            (None, FormsReport { why, ..before.clone() })
+        };
+        if self.fit.rows() < LEAST_ROWS {
+            return refused(&format!("a spline is not tried with fewer than {LEAST_ROWS} rows"));
+        }
+        let (Some(spline), Some(powers)) = (search.left_out(self.fit), self.powers_left_out()) else {
+            return refused("the rows are too few, or too much on a line, for a spline");
+        };
+        let rmse = |judged: Judged| judged.statistics().map_or(f64::INFINITY, |statistics| statistics.rmse);
+        let total = |parts: &[Judged]| rmse(parts.iter().fold(Judged::NOTHING, |sum, part| sum.and(*part)));
+        let (own, alone) = (total(&spline), total(&powers));
+        let better = spline.iter().zip(&powers).filter(|(spline, powers)| rmse(**spline) < rmse(**powers)).count();
+        let mut tried = before.tried.clone();
+        if tried.is_empty() {
+            tried.push(Tried { form: Form::Polynomial, sigmoids: 0, orders: vec![], cells: vec![], rmse: Some(alone) });
+        }
+        let best = tried.iter().filter_map(|one| one.rmse).fold(f64::INFINITY, f64::min);
+        let cells = search.run(self.fit).map_or_else(Vec::new, |(fitted, _)| fitted.spline.cells);
+        tried.push(Tried { form: Form::Spline, sigmoids: 0, orders: vec![], cells, rmse: Some(own) });
+        let count = spline.len();
+        let percent = 100.0 * (1.0 - own / best);
+        let gain = format!(
+            "on rows left out in {count} parts in turn a spline leaves {percent:.0} % less error than the best other form, better than powers in {better} parts"
+        );
+        if own <= CLEAR * best && better >= MOST_PARTS.min(count) {
+            return (Some(spline), FormsReport { tried, chosen: Form::Spline, why: gain });
+        }
+        let least = 100.0 * (1.0 - CLEAR);
+        let why = format!("{gain}: a clear gain is {least:.0} % and {MOST_PARTS} parts");
+        let why = if before.why.is_empty() { why } else { format!("{}; {why}", before.why) };
+        (None, FormsReport { tried, chosen: before.chosen, why })
+    }
+
+    /// The errors of powers alone on each part.
+    fn powers_left_out(&self) -> Option<Vec<Judged>> {
+        let part_of = split::parts(&self.fit.groups, PARTS, 3);
+        let count = part_of.iter().max().map_or(0, |most| most + 1);
+        let round = |part: usize| {
+            let (rest, out) = (self.fit.chosen(|row| part_of[row] != part), self.fit.chosen(|row| part_of[row] == part));
+            self.errors(self.surface, self.highest_order()?, &rest, &out)
+        };
+        if count < 2 { None } else { (0..count).map(round).collect() }
     }
 
     fn kept(&self, tried: Vec<Tried>, why: String) -> FormsReport {

@@ -5,7 +5,9 @@
 use rsm_core::model::{Coding, Knot, Outside, Sigmoid, Surface, Symmetry, Wave};
 
 use super::Select;
-use crate::spec::{Constraint, FACES, Form, InputSpec, Loss, MOST_FACES, ResponseSpec, SupportSpec, Weights};
+use crate::spec::{
+    Constraint, FACES, Form, InputSpec, Loss, MOST_FACES, Method, ResponseSpec, SplineSpec, SupportSpec, Weights,
+};
 
 /// An input: one value for each row, and its properties.
 ///
@@ -106,6 +108,7 @@ pub struct Response {
     constraints: Vec<Constraint>,
     support: Option<SupportSpec>,
     forms: Option<Vec<Form>>,
+    spline: Option<SplineSpec>,
     loss: Loss,
 }
 
@@ -135,6 +138,7 @@ impl Response {
             constraints: Vec::new(),
             support: None,
             forms: None,
+            spline: None,
             loss: Loss::default(),
         }
     }
@@ -199,6 +203,23 @@ impl Response {
     #[must_use]
     pub fn forms(mut self, forms: impl IntoIterator<Item = Form>) -> Self {
         self.forms = Some(forms.into_iter().collect());
+        self
+    }
+
+    /// A tensor spline over all inputs is the whole surface, in place of terms.
+    ///
+    /// ```
+    /// use rsm_fit::{Fit, Response, spec::SplineSpec};
+    ///
+    /// let x: Vec<f64> = (0..60).map(|k| f64::from(k) / 59.0).collect();
+    /// let y: Vec<f64> = x.iter().map(|x| (9.0 * x).sin()).collect();
+    /// let outcome = Fit::new(&x, Response::new("y", y).spline(SplineSpec::default())).fit()?;
+    /// assert_eq!(outcome.model.surfaces[0].spline.as_ref().map(|spline| spline.degree), Some(3));
+    /// # Ok::<(), rsm_fit::Refused>(())
+    /// ```
+    #[must_use]
+    pub fn spline(mut self, spline: SplineSpec) -> Self {
+        self.spline = Some(spline);
         self
     }
 
@@ -277,7 +298,10 @@ impl Response {
             column: name.to_string(),
             unit: Some(self.unit.clone()),
             surface,
-            method: self.select.as_ref().unwrap_or(select).method()?,
+            method: match (&self.spline, &self.select) {
+                (Some(_), None) => Method::Fixed(vec![]),
+                _ => self.select.as_ref().unwrap_or(select).method()?,
+            },
             weights: self.weights.as_ref().map(|weights| match weights {
                 RowWeights::Weights(_) => Weights::Weight("weights in memory".to_string()),
                 RowWeights::StandardErrors(_) => Weights::StandardError("standard errors in memory".to_string()),
@@ -286,6 +310,7 @@ impl Response {
             constraints: self.constraints.clone(),
             support: self.support,
             forms: self.forms.clone(),
+            spline: self.spline.clone(),
         })
     }
 

@@ -60,13 +60,17 @@ fn check_response(specification: &Specification, response: &ResponseSpec, faults
         }
         _ => {}
     }
+    if response.spline.is_some() {
+        let what = "the penalty of a spline is chosen on rows, and a part holds only sums".to_string();
+        faults.push(fault("spline", what).help("give `terms` or `order` with `select = { method = \"fixed\" }`"));
+    }
     let tries = |form| match &response.forms {
         Some(forms) => forms.contains(&form),
         // A search tries sigmoids without a request.
         None => form == Form::Sigmoid && matches!(response.method, Method::Search(_)),
     };
-    if tries(Form::Sigmoid) || tries(Form::Wave) {
-        let what = "sigmoids and waves are found on rows, and a part holds only sums".to_string();
+    if tries(Form::Sigmoid) || tries(Form::Wave) || tries(Form::Spline) {
+        let what = "sigmoids, waves and splines are found on rows, and a part holds only sums".to_string();
         faults.push(fault("forms", what).help("write `forms = [\"polynomial\"]`; `sigmoids` and `waves` may be given"));
     }
     if response.loss != Loss::LeastSquares {

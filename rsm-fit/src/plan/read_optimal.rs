@@ -153,6 +153,13 @@ impl File {
         if !(surface.knots.is_empty() && surface.sigmoids.is_empty() && surface.waves.is_empty()) {
             return Err("the surface has hinges, sigmoids or waves; an optimal design is for powers only".to_string());
         }
+        let is_spline = match self {
+            File::Surface(_) => surface.spline.is_some(),
+            File::Response(specification, place) => specification.responses[*place].spline.is_some(),
+        };
+        if is_spline {
+            return Err("the surface is a spline; an optimal design is for powers only, and design = \"latin-hypercube\" fills the cells of a spline".to_string());
+        }
         let places: Vec<usize> = inputs.iter().map(|name| around.factor("`terms_of`", name)).collect::<Result<_, _>>()?;
         let own = match self {
             File::Surface(_) => surface.terms.iter().map(|term| term.powers.clone()).collect(),

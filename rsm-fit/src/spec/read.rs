@@ -230,6 +230,7 @@ fn read_response(
     });
     let output_range = optional_range("output_range", path, reader, places, faults);
     let basis = model_file::read_basis(path, reader, places, faults);
+    let spline = shape::read_spline(path, reader, places, faults);
     let terms = match reader.optional("terms") {
         None => Some(None),
         Some(value) => {
@@ -239,7 +240,8 @@ fn read_response(
     };
     let select = reader.required("select", faults).and_then(|value| {
         places.note(format!("{path}.select"), value.span());
-        read_select(value, terms.clone().flatten(), terms.is_none(), path, reader, places, faults)
+        let given = (terms.clone().flatten(), terms.is_none(), !matches!(spline, Some(None)));
+        read_select(value, given, path, reader, places, faults)
     });
     let constraints = shape::read_constraints(path, reader, places, faults);
     let support = shape::read_support(path, reader, places, faults);
@@ -272,6 +274,7 @@ fn read_response(
         constraints: constraints?,
         support: support?,
         forms: forms?,
+        spline: spline?,
     })
 }
 
@@ -325,11 +328,10 @@ fn read_terms<'a>(
     terms.into_iter().collect()
 }
 
-/// `terms`: those of the response, if there are any; `terms_broken`: they have the wrong shape.
+/// `terms`: those of the response, if there are any; `terms_broken`: they have the wrong shape; `has_spline`: a spline takes their place.
 fn read_select<'a>(
     value: Value<'a>,
-    terms: Option<Vec<Vec<u32>>>,
-    terms_broken: bool,
+    (terms, terms_broken, has_spline): (Option<Vec<Vec<u32>>>, bool, bool),
     path: &str,
     response: &TableReader<'a>,
     places: &mut Places,
@@ -371,6 +373,7 @@ fn read_select<'a>(
                 (Some(terms), None) => Some(Method::Fixed(terms)),
                 (None, Some(order)) if !terms_broken => order.map(Method::FixedOrder),
                 (None, None) if terms_broken => None,
+                (None, None) if has_spline => Some(Method::Fixed(vec![])),
                 (None, None) => {
                     let what = "method \"fixed\" needs `terms = [[0, 0], ...]` beside `select`, or `order` in it";
                     faults.push(reader.fault(method_place.clone(), what));

@@ -203,6 +203,7 @@ fn check_method(specification: &Specification, faults: &mut Collector) {
         let path = format!("responses.{}", response.surface.name);
         let who = format!("response `{}`", response.surface.name);
         match &response.method {
+            Method::Fixed(_) if response.spline.is_some() => {}
             Method::Fixed(terms) => check_terms(specification, response, terms, faults),
             Method::FixedOrder(order) => check_count(specification, response, *order, &format!("{path}.select.order"), faults),
             Method::Ladder { max_order, confidence } => {

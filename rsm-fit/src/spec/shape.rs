@@ -3,13 +3,14 @@
 //! In: the table of a response. Out: [`Constraint`]s and a [`SupportSpec`] of the right shape; then, with the response, faults if they do not fit it.
 //! Data are not used.
 
-use rsm_core::model::Symmetry;
+use rsm_core::model::{Coding, Input, Symmetry};
+use rsm_core::model_file;
 use rsm_core::places::Places;
 use rsm_core::source::Collector;
 use rsm_core::toml_reader::{TableReader, Value, describe};
 use toml::de::DeValue;
 
-use super::{Form, Method, ResponseSpec, Specification};
+use super::{Form, Loss, Method, ResponseSpec, Specification, SplineSpec};
 
 /// The default number of half-spaces of a support: those of a box and of four cut corners.
 pub(crate) const FACES: usize = 8;
@@ -165,9 +166,10 @@ pub(super) fn read_forms(
             "polynomial" => forms.push(Form::Polynomial),
             "sigmoid" => forms.push(Form::Sigmoid),
             "wave" => forms.push(Form::Wave),
+            "spline" => forms.push(Form::Spline),
             other => {
                 let fault = reader.fault(span, format!("`forms`: found \"{other}\""));
-                faults.push(fault.help("accepted: \"polynomial\", \"sigmoid\", \"wave\""));
+                faults.push(fault.help("accepted: \"polynomial\", \"sigmoid\", \"wave\", \"spline\""));
                 return None;
             }
         }
@@ -177,6 +179,100 @@ pub(super) fn read_forms(
         return None;
     }
     Some(Some(forms))
+}
+
+/// Reads `spline`. `Some(None)` if absent.
+pub(super) fn read_spline(
+    path: &str,
+    reader: &mut TableReader<'_>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<Option<SplineSpec>> {
+    let Some(value) = reader.optional("spline") else { return Some(None) };
+    places.note(format!("{path}.spline"), value.span());
+    let mut table = TableReader::of(reader.source(), value, format!("{}: `spline`", reader.who()), faults)?;
+    let degree = match table.optional("degree") {
+        None => Some(SplineSpec::default().degree),
+        Some(value) => model_file::read_degree(&table, value, faults),
+    };
+    let cells = match table.optional("cells") {
+        None => Some(None),
+        Some(value) => model_file::read_cells(&table, value, faults).map(Some),
+    };
+    let penalty = match table.optional("penalty") {
+        None => Some(None),
+        Some(value) => table.number("`penalty`", value, faults).map(Some),
+    };
+    table.finish(faults);
+    Some(Some(SplineSpec { degree: degree?, cells: cells?, penalty: penalty? }))
+}
+
+/// The smallest and the largest accepted penalty: far below and above what cross-validation tries.
+const PENALTIES: [f64; 2] = [1e-9, 1e6];
+
+/// A spline is the whole surface: of few inputs that clamp, without other forms and without proofs of constraints.
+fn check_spline(specification: &Specification, response: &ResponseSpec, faults: &mut Collector) {
+    let is_form = response.forms.as_ref().is_some_and(|forms| forms.contains(&Form::Spline));
+    if response.spline.is_none() && !is_form {
+        return;
+    }
+    let surface = &response.surface;
+    let key = if response.spline.is_some() { "spline" } else { "forms" };
+    let mut refuse = |what: String, help: &str| {
+        let place = format!("responses.{}.{key}", surface.name);
+        faults.push(specification.fault(&place, format!("response `{}`: `{key}`: {what}", surface.name)).help(help));
+    };
+    let others = [
+        ("symmetry", !surface.symmetry.is_empty()),
+        ("knots", !surface.knots.is_empty()),
+        ("sigmoids", !surface.sigmoids.is_empty()),
+        ("waves", !surface.waves.is_empty()),
+        ("reciprocal", !surface.reciprocal.is_empty()),
+        ("coding", surface.coding != Coding::default()),
+        ("constraints", !response.constraints.is_empty()),
+        ("loss", response.loss != Loss::LeastSquares),
+        ("forms", response.spline.is_some() && response.forms.is_some()),
+    ];
+    for (other, _) in others.iter().filter(|(_, is_there)| *is_there) {
+        let help = "a spline is the whole surface, of natural variables, by least squares: leave out one of the two";
+        refuse(format!("a spline cannot be combined with `{other}`"), help);
+    }
+    let is_fixed = matches!(&response.method, Method::Fixed(terms) if terms.is_empty());
+    if response.spline.is_some() && !is_fixed {
+        refuse(
+            "a spline has no terms to choose".to_string(),
+            "use `select = { method = \"fixed\" }`, without `order` and `terms`",
+        );
+    }
+    if is_form && matches!(response.method, Method::Fixed(_)) {
+        refuse(
+            "\"spline\" is not accepted with `terms`: the given terms fix the form".to_string(),
+            "leave `forms` out, or `terms`",
+        );
+    }
+    let of_input = |name: &String| {
+        let known = specification.input(name)?;
+        // Any range: only the shape is checked here.
+        Some(Input { name: name.clone(), unit: String::new(), range: [0.0, 1.0], outside: known.outside })
+    };
+    let inputs: Vec<Input> = surface.inputs.iter().filter_map(of_input).collect();
+    if let Some(name) = surface.inputs.iter().find(|name| specification.input(name).is_some_and(|it| it.period.is_some())) {
+        refuse(format!("`{name}` has a period, and a spline would jump at its end"), "leave `period` out, or use waves");
+    }
+    if inputs.len() != surface.inputs.len() || inputs.is_empty() {
+        return;
+    }
+    let one = vec![1; inputs.len()];
+    let (degree, cells) = response.spline.as_ref().map_or((3, &one), |it| (it.degree, it.cells.as_ref().unwrap_or(&one)));
+    if let Err((what, help)) = rsm_core::check::spline_fits(degree, cells, &inputs.iter().collect::<Vec<_>>()) {
+        refuse(what, help);
+    }
+    if let Some(penalty) = response.spline.as_ref().and_then(|it| it.penalty)
+        && !(PENALTIES[0]..=PENALTIES[1]).contains(&penalty)
+    {
+        let what = format!("`penalty`: found {penalty}, expected {:e} to {:e}", PENALTIES[0], PENALTIES[1]);
+        refuse(what, "leave it out: cross-validation chooses it");
+    }
 }
 
 /// Reads `support`. `Some(None)` if absent.
@@ -230,6 +326,7 @@ pub(super) fn check(specification: &Specification, faults: &mut Collector) {
             let what = format!("response `{}`: `faces` belongs to responses of two inputs", response.surface.name);
             faults.push(specification.fault(&faces, what).help("leave it out: directions of -1, 0 and 1 are taken"));
         }
+        check_spline(specification, response, faults);
         if let Some((what, help)) = unwanted_form(response) {
             let place = format!("responses.{}.forms", response.surface.name);
             let what = format!("response `{}`: `forms`: {what}", response.surface.name);

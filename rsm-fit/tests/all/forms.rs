@@ -139,6 +139,25 @@ fn dry_friction_and_a_throttle_are_found_to_bend() {
     }
 }
 
+/// The reversal of friction is within 0.004 m/s of 0, a hundredth of the range: the cells are as narrow. A Gaussian process has errors of 0.34 %
+/// and of 0.9 to 1.2 %; the goal is an error of at most 1.5 times that.
+#[test]
+fn a_spline_of_friction_and_of_a_throttle() {
+    let mut errors = [vec![], vec![]];
+    for seed in [1, 2, 3] {
+        let (rough, outcome) = known(friction, [[-0.3, 0.3]], (400, 0.2), seed, Some(vec![Form::Spline]));
+        let cells = |outcome: &rsm_fit::Outcome| outcome.model.surfaces[0].spline.as_ref().unwrap().cells.clone();
+        println!("friction {seed}: spline {rough:.2} %, cells {:?}", cells(&outcome));
+        let (smooth, outcome) = known(engine, [[0.0, 1.0], [0.8, 6.0]], (300, 1.0), seed, Some(vec![Form::Spline]));
+        println!("engine {seed}: spline {smooth:.2} %, cells {:?}", cells(&outcome));
+        errors[0].push(rough);
+        errors[1].push(smooth);
+    }
+    errors.iter_mut().for_each(|list| list.sort_by(f64::total_cmp));
+    let [rough, smooth] = [errors[0][1], errors[1][1]];
+    assert!(rough <= 1.5 * 0.34 && smooth <= 1.5 * 0.9, "{rough} {smooth}");
+}
+
 /// If the true function is a polynomial, nothing is added, and the same terms with the same bits are chosen as without the other forms.
 #[test]
 fn where_powers_are_the_truth_they_stay() {

@@ -24,6 +24,7 @@ mod rejected;
 mod robust;
 mod selection;
 mod serial;
+mod splines;
 mod splits;
 mod support;
 mod textbook;

@@ -62,6 +62,8 @@ impl Interpreted {
                 Op::Absolute(a) => one(a, f64::abs),
                 Op::Exponent(a) => one(a, Scalar::exponent),
                 Op::PowerOfTwo(a) => one(a, Scalar::power_of_two),
+                Op::Nearest(a) => one(a, Scalar::to_nearest_whole),
+                Op::Load { ref table, index, offset } => r(index).map(|index| table.at(index.whole(), offset)),
                 Op::Add(a, b) => two(a, b, |a, b| a + b),
                 Op::Subtract(a, b) => two(a, b, |a, b| a - b),
                 Op::Multiply(a, b) => two(a, b, |a, b| a * b),

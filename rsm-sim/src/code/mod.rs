@@ -81,7 +81,9 @@ impl Code {
         let interpreted = Interpreted::new(tape, arguments, results);
         #[cfg(target_arch = "x86_64")]
         {
-            let native = (way == Way::Fastest).then(|| native::Native::new(&interpreted, lanes)).flatten();
+            // Machine code has no instruction for the tables of a spline.
+            let has_tables = tape.ops.iter().any(|op| matches!(op, Op::Nearest(_) | Op::Load { .. }));
+            let native = (way == Way::Fastest && !has_tables).then(|| native::Native::new(&interpreted, lanes)).flatten();
             Code { native, slots: interpreted.slots(), interpreted }
         }
         #[cfg(not(target_arch = "x86_64"))]

@@ -209,7 +209,7 @@ impl Compiler<'_> {
                 self.registers.set_memory(k, Memory::Slot(self.source.arguments[port.0 as usize]));
                 self.copied(k);
             }
-            Op::State(_) => unreachable!("a tape without states"),
+            Op::State(_) | Op::Nearest(_) | Op::Load { .. } => unreachable!("a tape without states and tables"),
             Op::Negate(a) => self.with_bits(k, a, Instruction::Xor, 1 << 63),
             Op::Absolute(a) => self.with_bits(k, a, Instruction::And, !(1 << 63)),
             Op::Exponent(a) => {

@@ -5,12 +5,17 @@
 // A tape as a function of its arguments.
 rsm.evaluator = (tape) => (point) => {
   const at = new Array(tape.ops.length);
+  const lift = tape.single ? 12582912 : 6755399441055744;
   const kept = tape.single ? Math.fround : (value) => value;
   tape.ops.forEach(([name, a, b, c], k) => {
     switch (name) {
       case "constant": at[k] = a; break;
       case "input": at[k] = kept(point[a]); break;
       case "negate": at[k] = -at[a]; break;
+      // (a + 1.5 2^52) - 1.5 2^52, in single precision with 2^23.
+      case "nearest": at[k] = kept(kept(at[a] + lift) - lift); break;
+      // NaN only with a NaN argument: then the result is NaN, whatever is read.
+      case "load": at[k] = tape.tables[a][(at[b] || 0) + c]; break;
       case "absolute": at[k] = Math.abs(at[a]); break;
       case "add": at[k] = kept(at[a] + at[b]); break;
       case "subtract": at[k] = kept(at[a] - at[b]); break;

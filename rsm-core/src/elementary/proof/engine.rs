@@ -345,8 +345,8 @@ impl<'t> Run<'t> {
             }
             // Used only by a select.
             Op::Less(..) => Value::constant(0.0),
-            Op::Constant(_) | Op::Input(_) | Op::State(_) | Op::Select { .. } => {
-                unreachable!("no state, and the others before")
+            Op::Constant(_) | Op::Input(_) | Op::State(_) | Op::Select { .. } | Op::Nearest(_) | Op::Load { .. } => {
+                unreachable!("no state, no table, and the others before")
             }
         }
     }
