@@ -35,7 +35,7 @@ usage: cargo xtask test     everything that must hold, the same commands as cont
        cargo xtask hidden-effects coverage [--seed N] [--seeds COUNT] [--rows N]      how often intervals hold the truth
        cargo xtask hidden-effects verify [--seed N] [--quick]
                             compares `rsm simulate` with other code for the same plants, an effect a line
-       cargo xtask hidden-effects surfaces [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside|swept] [--case NAME] [--quick]
+       cargo xtask hidden-effects surfaces [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside|swept|stuck|clipped|quantised|duplicated|scaled|direction] [--case NAME] [--quick]
                             surfaces against new data with something hidden in them
        cargo xtask mutants [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--seed N] [--unit] [--near] [--within SECONDS] [--optimised] [--list]
                             changes the meaning of the code place by place, and names the changes that no test of the package notices

@@ -130,7 +130,8 @@ fn judge(nominal: (&Surface, &[Input]), extension: &Extension, rows: &Rows<'_>) 
 /// If a column is missing that the extension needs, or if no row is inside; as a sentence.
 pub fn on_files(model: &Model, index: usize, extension: &Extension, data: &NewData) -> Result<HoldoutRows, String> {
     let response = data.responses[index].as_ref().ok_or("found no column of the response")?;
-    let sample = Sample::new(model, index, &data.inputs, response, &data.extras, RowSet::Inside);
+    let all = vec![true; response.len()];
+    let sample = Sample::new(model, index, &data.inputs, (response, &all), &data.extras, RowSet::Inside);
     if sample.rows() == 0 {
         return Err("no row is inside the ranges and the support of the surface".to_string());
     }

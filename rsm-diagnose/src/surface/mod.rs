@@ -1,7 +1,8 @@
 //! Diagnosis of a fitted surface with new data: its error by region, the causes with their confidence, and the extended surface.
 //!
 //! ```text
-//!   model.toml, new.csv --data--> NewData --sample--> Sample (rows inside box and support)
+//!   model.toml, new.csv --data--> NewData --faults: readings, proven_faults--> rows without faulty readings
+//!                                         --sample--> Sample (rows inside box and support)
 //!       hypotheses: every cause as columns ----+
 //!       null: distribution of chance alone ----+--explain, choice--> causes, outlying runs, noise
 //!                                                 |  residual_tests: are the residuals noise?
@@ -22,11 +23,14 @@ mod estimate;
 mod explain;
 mod explained;
 mod extension;
+pub mod faults;
 pub mod holdout;
 mod hypotheses;
 mod narrative;
 mod noise;
 mod null;
+mod proven_faults;
+mod readings;
 pub mod regions;
 mod residual_tests;
 mod sample;
@@ -44,6 +48,7 @@ use data::NewData;
 use estimate::Estimates;
 use explained::Explained;
 use extension::Extension;
+use faults::{CheckedRows, Fault};
 use holdout::{Errors, HoldoutRows};
 use hypotheses::Hypothesis;
 use null::Thresholds;
@@ -98,6 +103,10 @@ pub struct ResponseDiagnosis {
     pub rows: usize,
     /// Indices in the run order of the rows that are outside and left out.
     pub outside: Vec<usize>,
+    /// The faults of the data.
+    pub faults: Vec<Fault>,
+    /// The number of rows that are left out because of them.
+    pub left_out: usize,
     /// The number of rows from which the file was made, from its evidence. `None` if the file does not state it; then the number of new rows is used.
     pub rows_of_file: Option<usize>,
     /// The noise.
@@ -147,6 +156,8 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// One entry for each response, in the order of the model.
     pub responses: Vec<ResponseDiagnosis>,
+    /// Responses that are not diagnosed because they have one value in all rows: the index of the surface, and the fault.
+    pub constant: Vec<(usize, Fault)>,
     /// The model with the extended surfaces.
     pub extended: Model,
     /// The gain over all responses together.
@@ -189,7 +200,13 @@ pub fn diagnose_and_test(
     progress: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, String> {
     let model = checked.model();
-    let compared: Vec<usize> = (0..model.surfaces.len()).filter(|index| data.responses[*index].is_some()).collect();
+    let mut compared: Vec<usize> = (0..model.surfaces.len()).filter(|index| data.responses[*index].is_some()).collect();
+    // A sensor that reads one value leaves the other responses as they are.
+    let constant: Vec<(usize, Fault)> =
+        compared.iter().filter_map(|index| Some((*index, CheckedRows::new(model, *index, data).constant()?))).collect();
+    if constant.len() < compared.len() {
+        compared.retain(|index| !constant.iter().any(|it| it.0 == *index));
+    }
     let alpha = FALSE_ALARMS / compared.len().max(1) as f64;
     let mut responses = Vec::new();
     let mut extended = model.clone();
@@ -231,7 +248,7 @@ pub fn diagnose_and_test(
         responses.iter().map(of).map(|it| it.rows as f64 / rows * it.excess()).sum()
     };
     let gain = holdout::removed_share(mean(|it| &it.nominal), mean(|it| &it.extended));
-    Ok(Diagnosis { verdict, responses, extended, gain })
+    Ok(Diagnosis { verdict, responses, constant, extended, gain })
 }
 
 /// Two surfaces may lack the same input. The file then contains it once, with its range in all the data.
@@ -323,8 +340,9 @@ fn of_response(
     progress: &mut dyn FnMut(&str),
 ) -> Result<(ResponseDiagnosis, Extension), String> {
     let surface = &model.surfaces[index];
-    let response = data.responses[index].as_ref().expect("a compared surface has a response");
-    let sample_of = |taken: RowSet<'_>| Sample::new(model, index, &data.inputs, response, &data.extras, taken);
+    let checked = CheckedRows::new(model, index, data);
+    let response = &checked.response;
+    let sample_of = |taken: RowSet<'_>| Sample::new(model, index, &data.inputs, (response, &checked.used), &data.extras, taken);
     let inside = sample_of(RowSet::Inside);
     if let Some(beyond) = inside.nominal.iter().find(|value| value.is_nan() || value.abs() > MAGNITUDES[1]) {
         return Err(format!(
@@ -334,8 +352,12 @@ fn of_response(
     }
     let rows_inside = inside.rows();
     if rows_inside < LEAST_ROWS {
+        let faulty = match checked.left_out() {
+            0 => String::new(),
+            count => format!(", {count} have faulty readings ({})", checked.names()),
+        };
         return Err(format!(
-            "`{}`: {rows_inside} of {} rows are inside the ranges and the support of the surface, and a diagnosis needs {LEAST_ROWS}",
+            "`{}`: {rows_inside} of {} rows are inside the ranges and the support of the surface{faulty}, and a diagnosis needs {LEAST_ROWS}",
             surface.name,
             response.len()
         ));
@@ -406,6 +428,8 @@ fn of_response(
         verdict,
         rows: sample.rows(),
         outside: sample.outside.clone(),
+        left_out: checked.left_out(),
+        faults: checked.faults,
         rows_of_file: surface.evidence.iter().find_map(|(name, value)| match value {
             Evidence::Whole(rows) if name == "rows" => usize::try_from(*rows).ok(),
             _ => None,

@@ -98,12 +98,13 @@ const SPREAD: usize = 2000;
 const ROUNDING: f64 = 1e-9;
 
 impl Sample {
-    /// The sample for surface `index` of a model. `points` and `extras` are of all rows.
+    /// The sample for surface `index` of a model. `points`, the response and `extras` are of all rows. A row that is not `used` is neither in the
+    /// sample nor outside.
     pub fn new(
         model: &Model,
         index: usize,
         points: &[Vec<f64>],
-        response: &[f64],
+        (response, used): (&[f64], &[bool]),
         extras: &[ExtraColumn],
         taken: RowSet<'_>,
     ) -> Self {
@@ -120,7 +121,7 @@ impl Sample {
         let mut places = Vec::new();
         let mut outside = Vec::new();
         let reach = if matches!(taken, RowSet::Inside) { 0.0 } else { REACH };
-        for row in 0..response.len() {
+        for row in (0..response.len()).filter(|row| used[*row]) {
             let point: Vec<f64> = columns.iter().map(|column| column[row]).collect();
             let wanted = if let RowSet::Places(wanted) = taken { wanted.binary_search(&row).is_ok() } else { true };
             if wanted && is_inside(&surface, &inputs, &region, &point, reach) { places.push(row) } else { outside.push(row) }

@@ -34,7 +34,7 @@ usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] 
        hidden-effects examples --out DIR      writes the records of the examples: DIR is examples/plants
        hidden-effects coverage --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [the same]
            how often intervals of 95 % hold the truth: parameters are off as their tolerances say; of every seed the nulls, the symmetries and a tenth of the singles
-       hidden-effects surfaces --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside|swept] [--case NAME] [--quick]
+       hidden-effects surfaces --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|triples|outside|swept|stuck|clipped|quantised|duplicated|scaled|direction] [--case NAME] [--quick]
            surfaces against new data with something hidden in them, as many seeds from the first on";
 
 /// The arguments.

@@ -12,6 +12,7 @@ use rsm_core::model_file;
 use rsm_core::source::Source;
 use rsm_diagnose::surface::causes::{Cause, OutlyingRun};
 use rsm_diagnose::surface::data::NewData;
+use rsm_diagnose::surface::faults::Fault;
 use rsm_diagnose::surface::holdout::Errors;
 use rsm_diagnose::surface::regions::Region;
 use rsm_diagnose::surface::{Diagnosis, ResponseDiagnosis, Tested};
@@ -79,10 +80,38 @@ pub fn run(task: &Task<'_>) -> Outcome {
     Ok(Answer::Positive)
 }
 
+/// Faults with one sentence, in their order: the sentence, and the ranges of rows.
+pub(super) fn told(faults: &[Fault]) -> Vec<(&str, Vec<(usize, usize)>)> {
+    let mut told: Vec<(&str, Vec<(usize, usize)>)> = Vec::new();
+    for fault in faults {
+        match told.iter_mut().find(|it| it.0 == fault.sentence) {
+            Some(it) => it.1.push(fault.rows),
+            None => told.push((&fault.sentence, vec![fault.rows])),
+        }
+    }
+    told
+}
+
+/// At most this many ranges of rows are listed.
+const MOST_RANGES: usize = 5;
+
+/// "runs 3 to 9, 12": runs are counted from 1.
+pub(super) fn runs(ranges: &[(usize, usize)]) -> String {
+    let one = |(first, last): &(usize, usize)| {
+        if first == last { format!("{}", first + 1) } else { format!("{} to {}", first + 1, last + 1) }
+    };
+    let listed: Vec<String> = ranges.iter().take(MOST_RANGES).map(one).collect();
+    let more = if ranges.len() > MOST_RANGES { ", ..." } else { "" };
+    format!("runs {}{more}", listed.join(", "))
+}
+
 /// Prints verdict and causes on standard error.
 fn print(model: &Model, data: &NewData, found: &Diagnosis) {
     for (column, why) in &data.ignored {
         stderr_line!("column `{column}` is not used: {why}");
+    }
+    for (_, fault) in &found.constant {
+        stderr_line!("Data: {} It is not diagnosed.", fault.sentence);
     }
     stderr_line!("{}", found.verdict.name());
     for response in &found.responses {
@@ -97,6 +126,12 @@ fn print(model: &Model, data: &NewData, found: &Diagnosis) {
                 response.outside.len(),
                 places.join(", ")
             );
+        }
+        for (sentence, ranges) in told(&response.faults) {
+            stderr_line!("  Data: {sentence} {}.", runs(&ranges).replacen('r', "R", 1));
+        }
+        if response.left_out > 0 {
+            stderr_line!("  {} rows are left out because of their data", response.left_out);
         }
         for cause in &response.causes {
             stderr_line!("  {} Confidence {:.2}.", cause.sentence, cause.confidence);
@@ -162,12 +197,35 @@ pub fn value(model: &Model, data: &NewData, found: &Diagnosis) -> Value {
         "extended": errors(|response| &response.extended, Some(|it| &it.extended)),
         "extended_file": errors(|response| &response.extended_file, None),
         "gain": output::finite(found.gain),
+        "data": faults(model, data, found),
         "where": regions(|response| &response.regions),
         "left": regions(|response| &response.regions_left),
         "responses": responses.collect::<Map<String, Value>>(),
         "run_order": data.ordered_by.as_deref().unwrap_or("the order of the rows"),
         "ignored_columns": data.ignored.iter().map(|(column, why)| json!({ "column": column, "why": why })).collect::<Vec<Value>>(),
     })
+}
+
+/// The faults of the data, with the keys of the faults of a record.
+fn faults(model: &Model, data: &NewData, found: &Diagnosis) -> Vec<Value> {
+    let one = |surface: usize, fault: &Fault| {
+        let (first, last) = (data.lines[fault.rows.0], data.lines[fault.rows.1]);
+        let mut value = json!({
+            "kind": "data-fault", "what": fault.what, "column": fault.column, "channel": fault.column,
+            "response": model.surfaces[surface].name, "record": data.files[first.0].name,
+            "rows": [fault.rows.0, fault.rows.1], "lines": [first.1, last.1], "left_out": fault.is_left_out, "words": fault.sentence,
+        });
+        if let Some(input) = &fault.input {
+            value["input"] = json!(input);
+        }
+        for (name, number) in &fault.numbers {
+            value[*name] = json!(output::finite(*number));
+        }
+        value
+    };
+    let of_responses = found.responses.iter().flat_map(|it| it.faults.iter().map(|fault| (it.surface, fault)));
+    let constant = found.constant.iter().map(|(surface, fault)| (*surface, fault));
+    constant.chain(of_responses).map(|(surface, fault)| one(surface, fault)).collect()
 }
 
 fn cause_value(response: &str, data: &NewData, cause: &Cause) -> Value {
@@ -215,6 +273,7 @@ fn response_value(data: &NewData, response: &ResponseDiagnosis) -> Value {
         "verdict": response.verdict.name(),
         "rows": response.rows,
         "rows_outside": response.outside.iter().map(|row| data.place_of(*row)).collect::<Vec<String>>(),
+        "rows_left_out": response.left_out,
         "rows_of_file": response.rows_of_file,
         "noise": { "sd": output::finite(response.floor.sd), "from": response.floor.from },
         "gain": output::finite(response.gain),

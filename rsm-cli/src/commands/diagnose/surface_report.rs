@@ -13,6 +13,7 @@ use rsm_diagnose::surface::data::NewData;
 use rsm_diagnose::surface::regions::Region;
 use rsm_diagnose::surface::{Diagnosis, ResponseDiagnosis, Verdict};
 
+use super::surface::{runs, told};
 use crate::outcome::Refusal;
 use crate::page::summary::{self, Number, Tone};
 use crate::page::{escaped, known, page, short};
@@ -72,6 +73,12 @@ fn of_response(body: &mut String, model: &Model, data: &NewData, response: &Resp
             response.outside.len(),
             places.join(", ")
         );
+    }
+    for (sentence, ranges) in told(&response.faults) {
+        let _ = writeln!(body, "<p><b>Data:</b> {} {}.</p>", escaped(sentence), runs(&ranges).replacen('r', "R", 1));
+    }
+    if response.left_out > 0 {
+        let _ = writeln!(body, "<p>{} rows are left out because of their data.</p>", response.left_out);
     }
     body.push_str("<div class=\"columns\">\n");
     for cause in &response.causes {

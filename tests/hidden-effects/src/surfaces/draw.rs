@@ -8,7 +8,7 @@ use super::polynomial::{Input, Powers, fit, monomial, up_to, value};
 use super::{Case, Hidden, Truth};
 use crate::random::Random;
 
-const NAMES: [(&str, &str, f64, f64); 5] = [
+pub(super) const NAMES: [(&str, &str, f64, f64); 5] = [
     ("torque", "N*m", 0.0, 21.6),
     ("speed", "rad/s", 50.0, 800.0),
     ("current", "A", -30.0, 40.0),
@@ -17,7 +17,7 @@ const NAMES: [(&str, &str, f64, f64); 5] = [
 ];
 
 /// A design in coded inputs: random points, a grid with replicates, or a composite design with centre points, in random order.
-fn design(random: &mut Random, inputs: usize, rows: usize) -> Vec<Vec<f64>> {
+pub(super) fn design(random: &mut Random, inputs: usize, rows: usize) -> Vec<Vec<f64>> {
     let kind = random.whole(0, 2);
     let mut points: Vec<Vec<f64>> = match kind {
         0 => (0..rows).map(|_| (0..inputs).map(|_| random.uniform(-1.0, 1.0)).collect()).collect(),
@@ -60,7 +60,7 @@ fn levels_to(levels: usize, power: usize) -> usize {
     (0..power).fold(1, |product, _| product * levels)
 }
 
-fn root_mean_square(values: impl Iterator<Item = f64> + Clone) -> f64 {
+pub(super) fn root_mean_square(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let count = values.clone().count().max(1) as f64;
     (values.map(|x| x * x).sum::<f64>() / count).sqrt()
 }
@@ -344,5 +344,6 @@ pub fn make(seed: u64, name: &str, hidden: &[Hidden]) -> Case {
         nominal: unseen_read.iter().map(|natural| value(&nominal, &coded(natural))).collect(),
         exact,
         in_file,
+        fault: None,
     }
 }

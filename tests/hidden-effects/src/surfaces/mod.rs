@@ -11,12 +11,14 @@
 //! reaches to the end is the offset of that block: both have the same column. Only in the last case a rival in `indistinguishable_from` counts as
 //! correct, because it is one cause for one. The others are about one of 100 pairs, and count as misses in the table.
 
+mod bench;
 mod draw;
 mod files;
 pub mod judge;
 pub mod polynomial;
 mod swept;
 
+pub use bench::{Fault, FaultKind};
 use draw::make;
 use swept::Lack;
 
@@ -54,7 +56,31 @@ pub enum Hidden {
 }
 
 /// The families of cases.
-pub const FAMILIES: [&str; 6] = ["singles", "nulls", "pairs", "triples", "outside", "swept"];
+pub const FAMILIES: [&str; 12] = [
+    "singles",
+    "nulls",
+    "pairs",
+    "triples",
+    "outside",
+    "swept",
+    "stuck",
+    "clipped",
+    "quantised",
+    "duplicated",
+    "scaled",
+    "direction",
+];
+
+/// The families of data faults, and the cases of each.
+const FAULTS: [(&str, FaultKind); 6] = [
+    ("stuck", FaultKind::Stuck),
+    ("clipped", FaultKind::Clipped),
+    ("quantised", FaultKind::Quantised),
+    ("duplicated", FaultKind::Duplicated),
+    ("scaled", FaultKind::Scaled),
+    ("direction", FaultKind::Direction),
+];
+const FAULTS_OF_A_KIND: usize = 5;
 
 const SINGLES: [(&str, Hidden); 12] = [
     ("missing-term", Hidden::MissingTerm),
@@ -101,6 +127,8 @@ pub struct Case {
     pub nominal: Vec<f64>,
     /// Whether an extended model file can be better than the nominal one.
     pub in_file: bool,
+    /// The fault of the new data.
+    pub fault: Option<Fault>,
 }
 
 /// The cases of a seed.
@@ -128,6 +156,9 @@ pub fn cases(seed: u64, family: Option<&str>) -> Vec<Case> {
     if wanted("swept") {
         let lacks = [Lack::Teeth, Lack::Order, Lack::Trip, Lack::Nothing, Lack::Noise];
         cases.extend(lacks.map(|lack| swept::make(seed, &format!("swept-{lack:?}").to_lowercase(), lack)));
+    }
+    for (family, kind) in FAULTS.into_iter().filter(|(family, _)| wanted(family)) {
+        cases.extend((0..FAULTS_OF_A_KIND).map(|k| bench::make(seed, &format!("{family}-{k}"), kind)));
     }
     cases
 }

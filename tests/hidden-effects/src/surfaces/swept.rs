@@ -29,7 +29,7 @@ const ANGLE: Input = Input { name: "angle", unit: "rad", range: [0.0, TAU] };
 const CURRENT: Input = Input { name: "current", unit: "A", range: [-12.0, 20.0] };
 
 /// Coded points in the order of the runs: the first input passes through its range repeatedly, or both change slowly.
-fn way(random: &mut Random, lack: Lack) -> Vec<Vec<f64>> {
+pub(super) fn way(random: &mut Random, lack: Lack) -> Vec<Vec<f64>> {
     let kind = match lack {
         Lack::Teeth => 0,
         Lack::Order => 1,
@@ -129,5 +129,6 @@ pub fn make(seed: u64, name: &str, lack: Lack) -> Case {
         nominal: points.iter().map(|x| value(&truth, x)).collect(),
         exact,
         in_file: false,
+        fault: None,
     }
 }
