@@ -176,8 +176,8 @@ pub fn in_words(fitted: &Fitted) -> String {
         };
         if let Some(validation) = &statistics.validation {
             text += &match response.chosen_by {
-                ChosenBy::Nobody => errors("holdout", validation, "(not used for the fit)"),
-                _ => errors("validation", validation, "(these rows chose the terms)"),
+                ChosenBy::Validation => errors("validation", validation, "(these rows chose the terms)"),
+                _ => errors("holdout", validation, "(not used for the fit)"),
             };
         }
         if let Some(test) = &statistics.test {

@@ -109,7 +109,9 @@ fn error_estimate(response: &ResponseOutcome, statistics: &ResponseStatistics) -
     let test = statistics.test.as_ref().map(|it| on(it, "test rows"));
     let cross = statistics.cross_validation.as_ref().map(|it| on(&it.errors, "rows, each left out in turn"));
     let validation = statistics.validation.as_ref().map(|it| {
-        on(it, if response.chosen_by == ChosenBy::Nobody { "holdout rows" } else { "validation rows, which chose the terms" })
+        let of =
+            if response.chosen_by == ChosenBy::Validation { "validation rows, which chose the terms" } else { "holdout rows" };
+        on(it, of)
     });
     let residual = statistics.residual_sd.map(|sd| (sd, format!("on the {} fitted rows", statistics.rows)));
     test.or(cross).or(validation).or(residual)
@@ -174,7 +176,7 @@ fn of_response(
         }
     };
     let fitted = pairs(&outcome.fitted);
-    let is_unseen = response.chosen_by == ChosenBy::Nobody;
+    let is_unseen = response.chosen_by != ChosenBy::Validation;
     let of_validation = if is_unseen { "holdout rows" } else { "validation rows" };
     let apart: Vec<(&str, Pairs)> = [(of_validation, &outcome.validation), ("test rows", &outcome.test)]
         .into_iter()

@@ -41,9 +41,9 @@ fn every_command_works_with_a_spline_or_refuses_it() {
     assert!(page.contains("<h3>Spline</h3>") && page.contains("\"tables\""));
     let words = run(&["fit", "fit.toml", "--out", "again.toml"]);
     assert!(
-        text(&words.stderr).contains("tensor product of cubic splines, 2 x 6 cells, 45 coefficients"),
+        text(&words.stdout).contains("tensor product of cubic splines, 2 x 6 cells, 45 coefficients"),
         "{}",
-        text(&words.stderr)
+        text(&words.stdout)
     );
 
     let checked = json(&run(&["check", "bench.toml", "--json"]));
