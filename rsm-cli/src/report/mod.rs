@@ -4,6 +4,8 @@
 
 mod surface;
 
+use std::collections::BTreeMap;
+
 use rsm_core::check::Checked;
 use rsm_core::lower;
 use rsm_core::model::{Input, Surface};
@@ -386,6 +388,33 @@ fn over_rows(fitted: &Pairs, apart: &[(&str, Pairs)], brackets: &str) -> Result<
 /// Points of holdout rows, with the name of their set.
 type NamedPoints<'a> = Vec<(&'a str, Vec<(f64, f64)>)>;
 
+/// Up to this many points of a set, a plot has a mark for each.
+const MOST_MARKS: usize = 2000;
+
+/// Cells across and down for more points.
+const CELLS: [usize; 2] = [40, 24];
+
+/// The points of a set; of many points, the mean of those in each cell of the plot. Every cell with a point has a mark, so no outlier is lost.
+fn condensed(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    if points.len() <= MOST_MARKS {
+        return points;
+    }
+    let range = |of: fn(&(f64, f64)) -> f64| {
+        let finite = points.iter().map(of).filter(|value| value.is_finite());
+        finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+    };
+    let cell = |value: f64, (low, high): (f64, f64), cells: usize| {
+        (((value - low) / (high - low).max(f64::MIN_POSITIVE) * cells as f64) as usize).min(cells - 1)
+    };
+    let (across, down) = (range(|point| point.0), range(|point| point.1));
+    let mut sums: BTreeMap<[usize; 2], (f64, f64, f64)> = BTreeMap::new();
+    for (x, y) in points.iter().filter(|(x, y)| x.is_finite() && y.is_finite()) {
+        let sum = sums.entry([cell(*x, across, CELLS[0]), cell(*y, down, CELLS[1])]).or_default();
+        *sum = (sum.0 + x, sum.1 + y, sum.2 + 1.0);
+    }
+    sums.into_values().map(|(x, y, count)| (x / count, y / count)).collect()
+}
+
 /// Adds the line on which the points of a perfect model would be.
 fn with_rule(
     words: &Words<'_>,
@@ -393,8 +422,26 @@ fn with_rule(
     fitted: Vec<(f64, f64)>,
     apart: NamedPoints<'_>,
 ) -> Result<String, Refusal> {
-    let mut series = vec![Series::new("", GREY, Mark::Line, rule), Series::new("fitted rows", BLUE, Mark::Circle, fitted)];
+    let fitted = Series::new("fitted rows", BLUE, Mark::Circle, condensed(fitted));
+    let mut series = vec![Series::new("", GREY, Mark::Line, rule), fitted];
+    let apart = apart.into_iter().map(|(name, rows)| (name, condensed(rows)));
     let colours = [ORANGE, BLACK];
-    series.extend(apart.into_iter().zip(colours).map(|((name, rows), colour)| Series::new(name, colour, Mark::Cross, rows)));
+    series.extend(apart.zip(colours).map(|((name, rows), colour)| Series::new(name, colour, Mark::Cross, rows)));
     plot::curves(words, &series)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_points_become_a_mark_for_each_cell_and_an_outlier_keeps_its_own() {
+        let few = vec![(0.0, 1.0), (2.0, 3.0)];
+        assert_eq!(condensed(few.clone()), few);
+        let mut many: Vec<(f64, f64)> = (0..100_000).map(|k| (f64::from(k), f64::from(k % 7))).collect();
+        many[500].1 = 90.0;
+        let marks = condensed(many);
+        assert!(marks.len() <= CELLS[0] * CELLS[1]);
+        assert!(marks.contains(&(500.0, 90.0)));
+    }
 }

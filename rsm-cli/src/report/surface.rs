@@ -173,7 +173,7 @@ fn plane(
     let points = |records: &Records| {
         let [x, y] = [columns[0], columns[1]].map(|column| &records.inputs[column]);
         let complete = records.complete(&columns, shown.response);
-        complete.iter().map(|row| (x[*row], y[*row])).collect::<Vec<_>>()
+        super::condensed(complete.iter().map(|row| (x[*row], y[*row])).collect::<Vec<_>>())
     };
     let outcome = shown.outcome;
     let mut series = vec![Series::new("fitted rows", PINK, Mark::Circle, points(&outcome.fitted))];

@@ -267,7 +267,8 @@ pub(super) fn studentised(sample: &Sample, set: &[Hypothesis], space: &Space) ->
     let of_row = |row: usize| {
         let own = (1.0 - basis.iter().map(|direction| direction[row] * direction[row]).sum::<f64>()).max(1e-9);
         let e = solved.residual[row];
-        let without = (square - e * e / own).max(1e-12 * square) / freedom;
+        // Rows at rest have no error at all: zero by a number that is not zero.
+        let without = (square - e * e / own).max(1e-12 * square).max(f64::MIN_POSITIVE) / freedom;
         e / (without * own).sqrt()
     };
     ((0..space.rows()).map(of_row).collect(), freedom)

@@ -244,6 +244,17 @@ terms = [
     }
 
     #[test]
+    fn rows_without_any_scatter_are_no_outliers() {
+        // A machine at rest: one point, one reading.
+        let model = Checked::read(&Source::new("bench.toml", MODEL.to_string())).unwrap();
+        let columns = [("x", vec![0.0; 60]), ("w", vec![0.0; 60]), ("y", vec![5.5; 60])];
+        let columns: Vec<(&str, &[f64])> = columns.iter().map(|(name, values)| (*name, values.as_slice())).collect();
+        let data = NewData::in_memory(model.model(), &columns).unwrap();
+        let found = crate::surface::diagnose(&model, &data, None, &mut |_progress| {}).unwrap();
+        assert!(found.responses[0].causes.iter().all(|cause| cause.kind != "outlying-runs"));
+    }
+
+    #[test]
     fn a_held_input_whose_response_agrees_is_no_fault() {
         let mut rows = Rows::new();
         for row in 40..60 {

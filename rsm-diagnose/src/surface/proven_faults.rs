@@ -161,7 +161,8 @@ impl Predicted {
         f >= INFLATED && ln_upper_f(f, count, self.freedom) + (trials as f64).ln() < CHANCE.ln()
     }
 
-    /// The part with the large errors, first and last: a stuck sensor may repeat a level that it had before.
+    /// The part with the large errors, first and last: a stuck sensor may repeat a level that it had before. If that is nearly the whole, it is the
+    /// whole: some errors are small by chance.
     fn largest_part(&self) -> (usize, usize) {
         let (mut best, mut sum, mut first) = ((0.0, 0, self.errors.len() - 1), 0.0, 0);
         for (k, error) in self.errors.iter().enumerate() {
@@ -174,7 +175,7 @@ impl Predicted {
                 best = (sum, first, k);
             }
         }
-        (best.1, best.2)
+        if 3 * (best.2 - best.1 + 1) >= 2 * self.errors.len() { (0, self.errors.len() - 1) } else { (best.1, best.2) }
     }
 
     /// Whether their scatter about their mean is too.
