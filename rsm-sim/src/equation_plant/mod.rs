@@ -160,13 +160,16 @@ fn described(
     let start_values = starts_of_text(&mut machine, &file, &starts);
     let places = file.places_of_effects()?;
     let decisions = decisions(&file);
+    // Variables whose start no reading determines.
+    let by_text = machine.start_by(&|_| true).map(|it| it.1).unwrap_or_default();
     let value = |name: &str| {
         let symbol = machine.system().find(name)?;
         machine.system().parameter_value(symbol)
     };
     let parameters = nominals(&machine, &decisions, first.is_some());
     let list = places.list;
-    let start_columns = starts.iter().filter(|it| !outputs.contains(it)).copied().collect();
+    let is_column = |it: &&Signal| !outputs.contains(it) && by_text.iter().any(|name| name == it.name);
+    let start_columns = starts.iter().filter(is_column).copied().collect();
     let plant = Plant { places: list, descriptions: OnceLock::new(), models: run::Models::default(), given, file };
     let kind: &'static Described = Box::leak(Box::new(Described {
         name: first.as_ref().map_or_else(|| kept(&machine.system().flat().name), |it| it.name),
