@@ -187,6 +187,12 @@ pub fn starting(record: &Record, kind: PlantKind) -> Vec<usize> {
     match kind {
         PlantKind::Driveline => vec![1, 3, 4, 5],
         PlantKind::ServoAxis => vec![0, 1],
+        // Every output that the run computes has a start, also without a reading.
+        PlantKind::Equations(plant) if plant.is_first_format => {
+            let shown = shown(kind, record);
+            let counts = |it: &usize| [&shown, &plant.start_columns].iter().any(|list| list.contains(&plant.starts[*it]));
+            (0..plant.starts.len()).filter(counts).collect()
+        }
         PlantKind::Equations(kind) => equation_plant::starting(kind, record),
     }
 }

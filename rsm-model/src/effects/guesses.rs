@@ -44,8 +44,8 @@ pub struct Start {
 impl Effect {
     /// The starting points on a kind of site: every combination of the guesses in its file. `scales` gives [`SCALES`] and the roles of the site.
     ///
-    /// Numbers with a default are omitted first. If some of them have guesses too, further starting points give all of these numbers. They are left out
-    /// if the site lacks a role that a guess needs.
+    /// Numbers with a default are omitted first. If some of them have guesses too, further starting points give all of these numbers. They are
+    /// left out if the site lacks a role that a guess needs.
     ///
     /// ```
     /// use rsm_model::effects::{Catalogue, SiteKind};

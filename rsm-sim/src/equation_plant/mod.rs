@@ -238,7 +238,8 @@ fn decisions(file: &EquationFile) -> Vec<Decision> {
 /// The parameters of a plant that may be set: those that do not change the structure of the equations and are not determined by a record or by the
 /// start.
 ///
-/// Bounds follow from `min`. In a user's text, a parameter with `min = 0` and a value above 0 stays above 0. A plant file of format 1 may set it to 0.
+/// Bounds follow from `min`. In a user's text, a parameter with `min = 0` and a value above 0 stays above 0. A plant file of format 1 may set it to
+/// 0.
 fn nominals(machine: &Machine, decisions: &[Decision], is_first_format: bool) -> Vec<Nominal> {
     let system = machine.system();
     let of_start = of_start_alone(machine);
