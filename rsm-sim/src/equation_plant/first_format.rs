@@ -33,7 +33,7 @@ fn read(name: &'static str) -> Result<&'static Described, Faults> {
     let catalogue = Arc::new(Catalogue::shipped());
     let file = EquationFile::read_with(&source, &open, &catalogue)?;
     let effects = effects(&file.system.flat().name)?;
-    described(&source, RefCell::new(Vec::new()), file, catalogue, Some(FirstFormat { name, effects }))
+    described(&source, RefCell::new(Vec::new()), file, catalogue, Some(&FirstFormat { name, effects }))
 }
 
 /// The properties of a plant of format 1 that its text does not contain.

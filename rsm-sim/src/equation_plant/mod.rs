@@ -141,7 +141,7 @@ fn described(
     opened: RefCell<Vec<(String, String)>>,
     file: EquationFile,
     given: added::Given,
-    first: Option<FirstFormat>,
+    first: Option<&FirstFormat>,
 ) -> Result<&'static Described, Faults> {
     let mut machine = Machine::new(&file)?;
     let outputs: Vec<Signal> = machine.outputs().iter().map(signal).collect();
@@ -172,7 +172,7 @@ fn described(
     let start_columns = starts.iter().filter(is_column).copied().collect();
     let plant = Plant { places: list, descriptions: OnceLock::new(), models: run::Models::default(), given, file };
     let kind: &'static Described = Box::leak(Box::new(Described {
-        name: first.as_ref().map_or_else(|| kept(&machine.system().flat().name), |it| it.name),
+        name: first.map_or_else(|| kept(&machine.system().flat().name), |it| it.name),
         is_first_format: first.is_some(),
         inputs: machine.inputs().iter().map(signal).collect(),
         outputs,
@@ -187,7 +187,7 @@ fn described(
         equations: Box::new(plant),
     }));
     let plant = plant_of(kind);
-    plant.descriptions.get_or_init(|| match &first {
+    plant.descriptions.get_or_init(|| match first {
         None => describe::all(&plant.places, plant.file.catalogue()),
         Some(first) => describe::of_first_format(&plant.places, plant.file.catalogue(), &first.effects),
     });
