@@ -34,7 +34,7 @@ pub struct Described {
     pub starts: Vec<Signal>,
     /// Their start values from the text alone.
     pub start_values: Vec<f64>,
-    /// Start variables that are no outputs. A record may have a column for each; its first value is the start.
+    /// Start variables that no reading of an output determines. A record may have a column for each; its first value is the start.
     pub start_columns: Vec<Signal>,
     /// The parameters that may be set.
     pub parameters: Vec<Nominal>,

@@ -83,12 +83,12 @@ impl Simulator {
     /// # Errors
     /// A fault if the start is neither in the record nor in `[initial]`, if the effects cannot be combined, or if the start has no solution.
     pub fn new(file: &PlantFile, record: &Record) -> Result<Simulator, Faults> {
-        if file.kind.is_first_format() {
-            if let Some(name) = without_start(file, record) {
-                let what = format!("nothing says where `{name}` starts");
-                let help = format!("give the column `{name}` in the record, or a value under [initial] of the plant file");
-                return Err(Faults::one(Fault::whole_file(&record.file, what).help(help)));
-            }
+        if file.kind.is_first_format()
+            && let Some(name) = without_start(file, record)
+        {
+            let what = format!("nothing says where `{name}` starts");
+            let help = format!("give the column `{name}` in the record, or a value under [initial] of the plant file");
+            return Err(Faults::one(Fault::whole_file(&record.file, what).help(help)));
         }
         Ok(Simulator(Box::new(equation_plant::Run::new(file, record)?)))
     }
@@ -187,6 +187,12 @@ pub fn starting(record: &Record, kind: PlantKind) -> Vec<usize> {
     match kind {
         PlantKind::Driveline => vec![1, 3, 4, 5],
         PlantKind::ServoAxis => vec![0, 1],
+        // Every output that the run computes has a start, also without a reading.
+        PlantKind::Equations(plant) if plant.is_first_format => {
+            let shown = shown(kind, record);
+            let counts = |it: &usize| [&shown, &plant.start_columns].iter().any(|list| list.contains(&plant.starts[*it]));
+            (0..plant.starts.len()).filter(counts).collect()
+        }
         PlantKind::Equations(kind) => equation_plant::starting(kind, record),
     }
 }

@@ -8,7 +8,6 @@ use std::fmt::Write as _;
 
 use rsm_core::source::{Collector, Fault, Faults};
 use rsm_fit::random::Random;
-use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use sha2::{Digest as _, Sha256};
 
@@ -128,9 +127,9 @@ pub(crate) fn set(plant: &Plant, values: &[f64]) -> PlantFile {
     file
 }
 
-/// For built-in plants: the share of the inertia that the effects take. A share of 1 is an error, in a plant file and in a setting.
+/// For plants of format 1: the share of the inertia that the effects take. A share of 1 is an error, in a plant file and in a setting.
 fn split(file: &PlantFile) -> f64 {
-    if matches!(file.kind, PlantKind::Equations(_)) {
+    if !file.kind.is_first_format() {
         return 0.0;
     }
     file.effects.iter().filter_map(|it| (it.description.build)(&it.arguments).split()).sum()

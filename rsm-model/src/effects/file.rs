@@ -34,8 +34,33 @@ pub struct Number {
     pub(crate) neutral: Option<Expression>,
     /// Whether it is a phase: then a shift by a quarter period gives an independent effect.
     pub is_phase: bool,
+    /// Whether it is a level of friction. The special case of the effect has one such level.
+    pub is_level: bool,
     /// First guesses on a kind of site, or on all, in scales of the records.
     pub(crate) guesses: Vec<(Option<SiteKind>, Expression)>,
+}
+
+/// The trace of an effect that a search knows by another means than its numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TraceRole {
+    /// A reading is a multiple of the true value.
+    ReadingGain,
+    /// A reading follows the true value with a time constant.
+    ReadingLag,
+    /// A signal is delayed.
+    Delay,
+    /// A periodic effort over the position.
+    Waves,
+}
+
+impl TraceRole {
+    /// The names in a file.
+    pub(crate) const NAMES: [(&'static str, TraceRole); 4] = [
+        ("reading-gain", TraceRole::ReadingGain),
+        ("reading-lag", TraceRole::ReadingLag),
+        ("delay", TraceRole::Delay),
+        ("waves", TraceRole::Waves),
+    ];
 }
 
 /// A state of an effect.
@@ -112,6 +137,8 @@ pub struct Effect {
     pub words: Words,
     /// The effect that it contains as a special case, if the file names one.
     pub generalises: Option<String>,
+    /// How a search treats the effect, if it differs from other effects.
+    pub role: Option<TraceRole>,
     /// Whether it acts after all other effects on its kind of site.
     pub is_outermost: bool,
     /// Whether the true value can be computed from a reading. If not, because it is rounded or clipped, the reading is used as the true value.
@@ -152,6 +179,7 @@ impl Effect {
         let sites = sites(&mut top, &mut faults);
         let reference = top.text("source", &mut faults);
         let generalises = top.optional_text("generalises", &mut faults);
+        let role = top.choice("role", &TraceRole::NAMES, &mut faults);
         let reads_back = top.optional("reads_back").and_then(|it| it.get_ref().as_bool()).unwrap_or(true);
         let is_outermost = top.optional("outermost").and_then(|it| it.get_ref().as_bool()).unwrap_or(false);
         let rounds_to = top.optional_text("rounds_to", &mut faults);
@@ -187,6 +215,7 @@ impl Effect {
             numbers,
             words,
             generalises,
+            role,
             is_outermost,
             reads_back,
             rounds_to,
@@ -362,7 +391,7 @@ fn number(source: &Source, name: &str, value: Value<'_>, faults: &mut Collector)
     };
     let (min, max, above) = (bound(&mut table, "min"), bound(&mut table, "max"), bound(&mut table, "above"));
     let mut flag = |key: &'static str| table.optional(key).and_then(|it| it.get_ref().as_bool()).unwrap_or(false);
-    let (is_whole, is_phase) = (flag("whole"), flag("phase"));
+    let (is_whole, is_phase, is_level) = (flag("whole"), flag("phase"), flag("level"));
     let written = |table: &mut TableReader<'_>, key: &'static str, faults: &mut Collector| {
         table.optional(key).and_then(|it| expression(source, it, faults))
     };
@@ -380,6 +409,7 @@ fn number(source: &Source, name: &str, value: Value<'_>, faults: &mut Collector)
         default,
         neutral,
         is_phase,
+        is_level,
         guesses,
     })
 }

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use rsm_core::source::{Faults, Source};
 
-use super::file::Effect;
+use super::file::{Effect, Number};
 use super::site::SiteKind;
 use crate::flat::{Basic, Flat, Options, Value};
 use crate::syntax::tree::Expression;
@@ -44,6 +44,9 @@ pub struct Start {
 impl Effect {
     /// The starting points on a kind of site: every combination of the guesses in its file. `scales` gives [`SCALES`] and the roles of the site.
     ///
+    /// Numbers with a default are omitted first. If some of them have guesses too, further starting points give all of these numbers. They are
+    /// left out if the site lacks a role that a guess needs.
+    ///
     /// ```
     /// use rsm_model::effects::{Catalogue, SiteKind};
     ///
@@ -59,10 +62,21 @@ impl Effect {
     /// # Errors
     /// If a guess uses a name that is not given, or has no finite value.
     pub fn starts(&self, kind: SiteKind, scales: &[(&str, f64)]) -> Result<Vec<Start>, Faults> {
+        let required: Vec<&Number> = self.numbers_on(kind).filter(|it| it.default.is_none()).collect();
+        let all: Vec<&Number> = self.numbers_on(kind).filter(|it| it.default.is_none() || !it.guesses.is_empty()).collect();
+        let mut starts = self.starts_of(&required, kind, scales)?;
+        if all.len() > required.len() {
+            starts.extend(self.starts_of(&all, kind, scales).unwrap_or_default());
+        }
+        Ok(starts)
+    }
+
+    /// Every combination of the guesses of some numbers.
+    fn starts_of(&self, of: &[&Number], kind: SiteKind, scales: &[(&str, f64)]) -> Result<Vec<Start>, Faults> {
         let mut scratch = Flat::read(&Source::new("", "model Scales\nend Scales;\n"), &Options::default())?;
         let given: HashMap<String, f64> = scales.iter().map(|(name, value)| ((*name).to_string(), *value)).collect();
         let mut open = vec![(Vec::new(), given)];
-        for number in self.numbers_on(kind).filter(|it| it.default.is_none()) {
+        for number in of {
             let mut longer = Vec::new();
             for (numbers, known) in open {
                 for (_, guess) in number.guesses.iter().filter(|it| it.0.is_none_or(|on| on == kind)) {
@@ -78,8 +92,7 @@ impl Effect {
         }
         let mut starts = Vec::new();
         for (numbers, known) in open {
-            let own: Vec<_> = self.numbers_on(kind).filter(|it| it.default.is_none()).collect();
-            let neutral = match own.iter().enumerate().find_map(|(k, it)| it.neutral.as_ref().map(|it| (k, it))) {
+            let neutral = match of.iter().enumerate().find_map(|(k, it)| it.neutral.as_ref().map(|it| (k, it))) {
                 Some((k, law)) => {
                     let mut before: HashMap<String, f64> =
                         scales.iter().map(|(name, value)| ((*name).to_string(), *value)).collect();
@@ -90,7 +103,7 @@ impl Effect {
                 }
                 None => None,
             };
-            starts.push(Start { numbers, neutral, phase: own.iter().position(|it| it.is_phase) });
+            starts.push(Start { numbers, neutral, phase: of.iter().position(|it| it.is_phase) });
         }
         Ok(starts)
     }

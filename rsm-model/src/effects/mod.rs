@@ -17,7 +17,7 @@ mod shipped;
 mod site;
 mod terms;
 
-pub use file::{Effect, Number, Words};
+pub use file::{Effect, Number, TraceRole, Words};
 pub use guesses::{SCALES, Start};
 pub use offers::{Offer, Place, Places, RoleValue};
 pub use propose::{Proposal, Room, propose, rooms};

@@ -2,7 +2,7 @@
 //!
 //! In: the places of a plant, a catalogue. Out: [`Description`]s. This file contains no name of an effect.
 
-use rsm_model::effects::{Catalogue, Effect as File, Number, Place, SiteKind, Start};
+use rsm_model::effects::{Catalogue, Effect as File, Number, Place, SiteKind, Start, TraceRole};
 
 use super::kept;
 use crate::effect::declared::{Argument, Declared, Plausible, Role, Step, Unit};
@@ -35,9 +35,8 @@ pub(super) fn all(places: &[Place], catalogue: &Catalogue) -> Vec<&'static Descr
     list
 }
 
-/// The descriptions of a plant of format 1, in the order of its list of effects. An effect acts at one place, which the plant file does not name, except
-/// for outputs and parameters. What a search uses beyond the file of the effect, its hooks and its roles, comes from the effect in code of the same
-/// kind.
+/// The descriptions of a plant of format 1, in the order of its list of effects. An effect acts at one place, which the plant file does not name,
+/// except for outputs and parameters. Its hooks and its simpler forms are those of the effect in code of the same kind.
 pub(super) fn of_first_format(places: &[Place], catalogue: &Catalogue, kinds: &[String]) -> Vec<&'static Description> {
     let mut list: Vec<&'static Description> = Vec::new();
     for kind in kinds {
@@ -54,15 +53,12 @@ pub(super) fn of_first_format(places: &[Place], catalogue: &Catalogue, kinds: &[
                 let prefix = format!("At {}: ", place.at);
                 found.sentence = found.sentence.strip_prefix(prefix.as_str()).unwrap_or(found.sentence);
             }
+            if file.role == Some(TraceRole::Waves) {
+                found.declared.role = Role::Waves;
+            }
             if let Some(code) = effects::of(kind) {
                 found.build = code.build;
-                found.declared =
-                    Declared { role: code.declared.role, generalises: code.declared.generalises, forms: code.declared.forms };
-                let numbers = found.arguments.iter().map(|it| Argument {
-                    is_level: code.arguments.iter().any(|own| own.name == it.name && own.is_level),
-                    ..*it
-                });
-                found.arguments = Box::leak(numbers.collect());
+                found.declared.forms = code.declared.forms;
             }
             list.push(Box::leak(Box::new(found)));
         }
@@ -83,8 +79,14 @@ fn one(place: &Place, file: &File, units: &[String]) -> Description {
         .zip(units)
         .map(|(number, unit)| argument(number, unit, is_value, file.has_default(&number.name)))
         .collect();
-    let rounds = file.rounds_to.is_some();
-    let role = if rounds { Role::Rounding } else { Role::Ordinary };
+    let role = match file.role {
+        _ if file.rounds_to.is_some() => Role::Rounding,
+        Some(TraceRole::ReadingGain) => Role::ReadingGain,
+        Some(TraceRole::ReadingLag) => Role::ReadingLag,
+        Some(TraceRole::Delay) => Role::Delay,
+        // The traces of waves over a position are those of the plants of format 1.
+        Some(TraceRole::Waves) | None => Role::Ordinary,
+    };
     let at = kept(&place.at);
     let (name, kind) = (kept(&file.kind), place.kind);
     let sentence = sentence(file, kind, is_value, at);
@@ -124,6 +126,7 @@ fn argument(number: &Number, unit: &str, is_value: bool, is_optional: bool) -> A
     };
     let unit = if unit.is_empty() { "1".to_string() } else { without_brackets(&spelled(unit)) };
     let mut argument = Argument::new(kept(&number.name), Unit::Is(kept(&unit)), bound);
+    argument.is_level = number.is_level;
     if is_value {
         argument = Argument { unit: Unit::OfSubject, ..argument }.plausible(Plausible::Parameter).step(Step::PerCent);
     } else if unit == "1" && number.scales_from_one() {

@@ -1,7 +1,7 @@
 //! The plants of plant files of format 1 as plants of equations.
 //!
-//! In: a text that is shipped with the project, with its sites. Out: a [`Described`] with the name of format 1, read once a process. All plant files of
-//! a kind share it: their values are numbers, and change no equation.
+//! In: a text that is shipped with the project, with its sites. Out: a [`Described`] with the name of format 1, read once a process. All plant files
+//! of a kind share it: their values are numbers, and change no equation.
 
 use std::cell::RefCell;
 use std::sync::{Arc, OnceLock};
@@ -33,7 +33,7 @@ fn read(name: &'static str) -> Result<&'static Described, Faults> {
     let catalogue = Arc::new(Catalogue::shipped());
     let file = EquationFile::read_with(&source, &open, &catalogue)?;
     let effects = effects(&file.system.flat().name)?;
-    described(&source, RefCell::new(Vec::new()), file, catalogue, Some(FirstFormat { name, effects }))
+    described(&source, RefCell::new(Vec::new()), file, catalogue, Some(&FirstFormat { name, effects }))
 }
 
 /// The properties of a plant of format 1 that its text does not contain.

@@ -141,7 +141,7 @@ fn described(
     opened: RefCell<Vec<(String, String)>>,
     file: EquationFile,
     given: added::Given,
-    first: Option<FirstFormat>,
+    first: Option<&FirstFormat>,
 ) -> Result<&'static Described, Faults> {
     let mut machine = Machine::new(&file)?;
     let outputs: Vec<Signal> = machine.outputs().iter().map(signal).collect();
@@ -160,16 +160,19 @@ fn described(
     let start_values = starts_of_text(&mut machine, &file, &starts);
     let places = file.places_of_effects()?;
     let decisions = decisions(&file);
+    // Variables whose start no reading determines.
+    let by_text = machine.start_by(&|_| true).map(|it| it.1).unwrap_or_default();
     let value = |name: &str| {
         let symbol = machine.system().find(name)?;
         machine.system().parameter_value(symbol)
     };
     let parameters = nominals(&machine, &decisions, first.is_some());
     let list = places.list;
-    let start_columns = starts.iter().filter(|it| !outputs.contains(it)).copied().collect();
+    let is_column = |it: &&Signal| !outputs.contains(it) && by_text.iter().any(|name| name == it.name);
+    let start_columns = starts.iter().filter(is_column).copied().collect();
     let plant = Plant { places: list, descriptions: OnceLock::new(), models: run::Models::default(), given, file };
     let kind: &'static Described = Box::leak(Box::new(Described {
-        name: first.as_ref().map_or_else(|| kept(&machine.system().flat().name), |it| it.name),
+        name: first.map_or_else(|| kept(&machine.system().flat().name), |it| it.name),
         is_first_format: first.is_some(),
         inputs: machine.inputs().iter().map(signal).collect(),
         outputs,
@@ -184,7 +187,7 @@ fn described(
         equations: Box::new(plant),
     }));
     let plant = plant_of(kind);
-    plant.descriptions.get_or_init(|| match &first {
+    plant.descriptions.get_or_init(|| match first {
         None => describe::all(&plant.places, plant.file.catalogue()),
         Some(first) => describe::of_first_format(&plant.places, plant.file.catalogue(), &first.effects),
     });
@@ -235,7 +238,8 @@ fn decisions(file: &EquationFile) -> Vec<Decision> {
 /// The parameters of a plant that may be set: those that do not change the structure of the equations and are not determined by a record or by the
 /// start.
 ///
-/// Bounds follow from `min`. In a user's text, a parameter with `min = 0` and a value above 0 stays above 0. A plant file of format 1 may set it to 0.
+/// Bounds follow from `min`. In a user's text, a parameter with `min = 0` and a value above 0 stays above 0. A plant file of format 1 may set it to
+/// 0.
 fn nominals(machine: &Machine, decisions: &[Decision], is_first_format: bool) -> Vec<Nominal> {
     let system = machine.system();
     let of_start = of_start_alone(machine);

@@ -24,11 +24,14 @@ use crate::record::{Drive, Record};
 /// The number of rows of a record at which sizes are evaluated, evenly spread.
 const ROWS: usize = 400;
 
+/// Whether a record has each output, and the parameters that it sets.
+type Given = (Vec<bool>, String);
+
 /// The compiled models of a plant. They have the lifetime of the kind.
 #[derive(Default)]
 pub(super) struct Models {
     /// The start variables that a record determines, by the set of its outputs and by the parameters that it sets.
-    starting: Mutex<HashMap<(Vec<bool>, String), Vec<usize>>>,
+    starting: Mutex<HashMap<Given, Vec<usize>>>,
     /// Models, by the values that a record determines, and by the effects and their places.
     built: Mutex<HashMap<String, &'static Model>>,
 }

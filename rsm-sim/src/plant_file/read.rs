@@ -7,7 +7,7 @@ use rsm_core::toml_reader::{TableReader, Value, parse};
 
 use super::{Entry, Named, Parameters, PlantFile, Renamed, VelocityFrom};
 use crate::effect::{Arguments, Description, Subject};
-use crate::kind::PlantKind;
+use crate::kind::{PlantKind, Signal};
 use crate::schema::{self, Bound};
 use crate::{effects, equation_plant};
 
@@ -39,7 +39,8 @@ fn read(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<PlantFile> 
     let outputs: Vec<&'static str> = kind.outputs().iter().map(|signal| signal.name).collect();
     let tolerance = named(top, "tolerance", &tolerated, Bound::NotNegative, faults);
     let noise = named(top, "noise", &outputs, Bound::NotNegative, faults);
-    let starts = kind.starts().iter().filter(|it| !matches!(kind, PlantKind::Equations(of) if of.start_columns.contains(it)));
+    let is_state = |it: &Signal| matches!(kind, PlantKind::Equations(of) if !of.outputs.contains(it));
+    let starts = kind.starts().iter().filter(|it| !is_state(it));
     let starts: Vec<&'static str> = starts.map(|signal| signal.name).collect();
     let initial = named(top, "initial", &starts, Bound::Any, faults);
     let effects = entries(kind, top, faults);

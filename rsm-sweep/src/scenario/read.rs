@@ -406,7 +406,7 @@ fn check_outputs(
     top: &TableReader<'_>,
     faults: &mut Collector,
 ) {
-    let shown = simulate::shown(plant.kind, &record);
+    let shown = simulate::shown(plant.kind, record);
     for wanted in outputs {
         let who = format!("`outputs`: `{}`", wanted.name);
         if !shown.iter().any(|it| it.name == wanted.name) {

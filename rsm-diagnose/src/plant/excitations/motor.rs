@@ -144,7 +144,7 @@ impl Motor<'_> {
 
 /// Whether the drive of the records holds i_d at 0.
 fn holds_direct_current(limits: &Limits) -> bool {
-    limits.settings.iter().any(|it| *it == ("holds_i_d", 1.0))
+    limits.settings.contains(&("holds_i_d", 1.0))
 }
 
 /// All excitations of a motor.
