@@ -96,12 +96,6 @@ const fn signal(name: &'static str, unit: &'static str) -> Signal {
 }
 
 impl PlantKind {
-    /// The kinds of plant files of format 1, with their names in a file.
-    #[must_use]
-    pub fn first_format() -> [(&'static str, PlantKind); 3] {
-        [("pmac", crate::equation_plant::pmac()), ("driveline", PlantKind::Driveline), ("servo-axis", PlantKind::ServoAxis)]
-    }
-
     /// Whether it is the kind of format 1 with this name.
     #[must_use]
     pub fn is(self, name: &str) -> bool {

@@ -1,9 +1,8 @@
 //! The plant file (docs/book/src/reference/plants.md 1.1) for the simulation.
 //!
-//! In: a file, by `read`. Out: [`PlantFile`], and, by `write`, its text again with the effects included. All numbers of a [`PlantFile`] that was read
-//! are within their bounds.
+//! In: a file, which `equation_plant` reads. Out: [`PlantFile`], and, by `write`, its text again with the effects included. All numbers of a
+//! [`PlantFile`] that was read are within their bounds.
 
-mod read;
 mod write;
 
 pub use crate::effect::Entry;

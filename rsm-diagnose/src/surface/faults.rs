@@ -9,45 +9,13 @@ use rsm_core::model::Model;
 use rsm_fit::random::Random;
 
 use super::data::NewData;
+use super::fault::{Fault, Found};
 use super::proven_faults::{self, DirectionCorrection};
 use super::readings;
 use super::sample::{RowSet, Sample};
 
 /// With fewer rows than this, no fault is looked for: a fault of a few rows then is a tenth of the data or more, and looks like the process.
 const LEAST_ROWS: usize = 20;
-
-/// A fault of the data.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Fault {
-    /// The kind: "constant", "stuck", "clipped", "quantised", "duplicated row", "duplicated block", "scaled from a run on", "scaled in a range of
-    /// runs", "depends on the direction of approach".
-    pub what: &'static str,
-    /// The column; `row` if all columns are meant.
-    pub column: String,
-    /// First and last row in the run order, from 0.
-    pub rows: (usize, usize),
-    /// Further numbers for JSON: names with values.
-    pub numbers: Vec<(&'static str, f64)>,
-    /// For the direction of approach: the input.
-    pub input: Option<String>,
-    /// Whether its rows are left out.
-    pub is_left_out: bool,
-    /// A sentence.
-    pub sentence: String,
-}
-
-/// What a check found.
-#[derive(Default)]
-pub(super) struct Found {
-    /// The faults.
-    pub faults: Vec<Fault>,
-    /// Further rows that are left out: they have no fault, but their errors are no independent noise. They share a rounding error, are a biased
-    /// sample beside a limit, or may belong to either side of a change.
-    pub doubtful: Vec<usize>,
-    /// The step of the response if equal points share its rounding error, otherwise 0. Few rows on a grid may be fitted without any error, which then
-    /// looks like a noise of zero: a uniform number of one step, added to each reading, makes the errors continuous.
-    pub dither: f64,
-}
 
 /// The rows of a response after the checks.
 pub(super) struct CheckedRows {
@@ -132,18 +100,6 @@ impl CheckedRows {
     pub(super) fn left_out(&self) -> usize {
         self.used.iter().filter(|used| !**used).count()
     }
-}
-
-/// Rows as ranges of neighbours: first and last.
-pub(super) fn ranges(rows: &[usize]) -> Vec<(usize, usize)> {
-    let mut ranges: Vec<(usize, usize)> = Vec::new();
-    for row in rows {
-        match ranges.last_mut() {
-            Some(range) if *row == range.1 + 1 => range.1 = *row,
-            _ => ranges.push((*row, *row)),
-        }
-    }
-    ranges
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use rsm_core::model::Model;
 use rsm_fit::design::{self, terms_up_to};
 
 use super::data::NewData;
-use super::faults::{Fault, Found, ranges};
+use super::fault::{Fault, Found, ranges};
 use super::sample::Sample;
 use crate::engine::columns::{Basis, dot, solve};
 use crate::engine::significance::{ln_p_of_squares, ln_upper_f, median};

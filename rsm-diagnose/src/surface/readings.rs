@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use rsm_core::model::Model;
 
 use super::data::NewData;
-use super::faults::{Fault, Found, ranges};
+use super::fault::{Fault, Found, ranges};
 use super::proven_faults::{Residual, base};
 use super::sample::Sample;
 

@@ -259,7 +259,7 @@ fn every_effect_gives_what_its_equation_gives_by_hand() {
         let [kind, plant, arguments, hook, given, expected] = parts[..] else { panic!("line {}: six parts", k + 1) };
         let description = effects::of(kind).expect("a kind");
         kinds.insert(description.kind);
-        let (_, plant) = PlantKind::first_format().into_iter().find(|(name, _)| *name == plant).expect("a plant");
+        let (_, plant) = crate::equation_plant::first_format().into_iter().find(|(name, _)| *name == plant).expect("a plant");
         let (arguments, given) = (Given::of(arguments), Given::of(given));
         if hook == "guesses" {
             let found = description.guesses.of(&given.survey(plant));
@@ -297,7 +297,7 @@ fn an_effect_takes_the_numbers_of_its_plant_and_no_others() {
     assert_eq!(names("backlash", PlantKind::Driveline), ["gap"]);
     assert_eq!(names("backlash", PlantKind::ServoAxis), ["gap", "mass_ratio", "stiffness", "damping"]);
     // A number without a plant is valid on each plant.
-    for (_, plant) in PlantKind::first_format() {
+    for (_, plant) in crate::equation_plant::first_format() {
         assert_eq!(names("sensor-bias", plant), ["bias"]);
     }
 }

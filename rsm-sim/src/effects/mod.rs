@@ -37,9 +37,7 @@ pub mod tyre_slip;
 pub mod voltage_limit;
 pub mod windage;
 
-use crate::effect::declared::Part;
-use crate::effect::{Arguments, Description, Entry, Role};
-use crate::kind::PlantKind;
+use crate::effect::{Description, Role};
 
 /// All effects.
 pub const ALL: &[&Description] = &[
@@ -88,15 +86,4 @@ pub fn of(kind: &str) -> Option<&'static Description> {
 #[must_use]
 pub fn with(role: Role) -> Option<&'static Description> {
     ALL.iter().copied().find(|description| description.declared.role == role)
-}
-
-impl Part {
-    /// Its entry in a plant file; `None` if there is no such effect.
-    #[must_use]
-    pub fn entry(&self, plant: PlantKind) -> Option<Entry> {
-        let fits = |it: &&Description| it.kind == self.kind && (it.at.is_none() || it.at == self.subject);
-        let description = crate::equation_plant::effects_on(plant).into_iter().find(fits)?;
-        let numbers = description.arguments_on(plant).take(1).map(|it| (it.name, self.value)).collect();
-        Some(Entry { description, arguments: Arguments { plant, subject: self.subject.map(str::to_string), numbers } })
-    }
 }

@@ -17,6 +17,12 @@ use crate::kind::{Described, PlantKind};
 /// The key in a file of sites: the effects of format 1, in the order of docs/book/src/reference/plants.md, section 3.
 const EFFECTS: &str = "effects_of_format_1";
 
+/// The kinds of plant files of format 1, with their names in a file.
+#[must_use]
+pub fn kinds() -> [(&'static str, PlantKind); 3] {
+    [("pmac", pmac()), ("driveline", PlantKind::Driveline), ("servo-axis", PlantKind::ServoAxis)]
+}
+
 /// The kind of plant files with `plant = "pmac"`.
 ///
 /// # Panics

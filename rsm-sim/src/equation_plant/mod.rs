@@ -12,6 +12,7 @@ pub mod added;
 mod built_in;
 mod describe;
 mod first_format;
+mod plant_file;
 mod run;
 mod scales;
 
@@ -24,6 +25,7 @@ use rsm_model::expression::Symbol;
 use rsm_model::flat::Basic;
 
 use self::first_format::FirstFormat;
+use crate::effect::declared::Part;
 use crate::effect::{Arguments, Description, Role, Subject};
 use crate::effects;
 use crate::equations::extended::DeterminedBy;
@@ -37,7 +39,7 @@ use crate::quantity::{Bound, Nominal, Signal};
 use crate::record::Record;
 
 pub use built_in::offset_scales;
-pub use first_format::pmac;
+pub use first_format::{kinds as first_format, pmac};
 pub use run::{Observer, Run, Values, shown, together};
 pub use scales::scales;
 
@@ -287,6 +289,17 @@ pub fn effects_on(kind: PlantKind) -> Vec<&'static Description> {
     match kind {
         PlantKind::Equations(kind) => plant_of(kind).descriptions.get().cloned().unwrap_or_default(),
         _ => effects::ALL.iter().copied().filter(|it| it.plants.iter().any(|name| kind.is(name))).collect(),
+    }
+}
+
+impl Part {
+    /// Its entry in a plant file; `None` if there is no such effect.
+    #[must_use]
+    pub fn entry(&self, plant: PlantKind) -> Option<Entry> {
+        let fits = |it: &&Description| it.kind == self.kind && (it.at.is_none() || it.at == self.subject);
+        let description = effects_on(plant).into_iter().find(fits)?;
+        let numbers = description.arguments_on(plant).take(1).map(|it| (it.name, self.value)).collect();
+        Some(Entry { description, arguments: Arguments { plant, subject: self.subject.map(str::to_string), numbers } })
     }
 }
 

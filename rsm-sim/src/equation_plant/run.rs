@@ -413,8 +413,13 @@ impl Observer {
         let (lane, machine) = (lanes.into_iter().next()?, &slot.machine);
         let time = instants(file.kind, record);
         let every = (record.rows() / ROWS).max(1);
-        let points =
-            lanes::points(machine, lane.start().clone(), Inputs { time: &time, values: &record.inputs }, Setting::default(), every);
+        let points = lanes::points(
+            machine,
+            lane.start().clone(),
+            Inputs { time: &time, values: &record.inputs },
+            Setting::default(),
+            every,
+        );
         let count = machine.states().len();
         let finite = |it: &f64| it.is_finite();
         let largest = |k: usize| points.iter().map(|it| it.states[k].abs()).filter(finite).fold(0.0, f64::max);

@@ -5,9 +5,9 @@
 //!                                            + gain (reading - predicted reading) --> states after row k + 1
 //! ```
 //!
-//! In: a machine; lanes; the inputs at every row; a correction of the states. Out: the predicted outputs at every row, and for one lane the matrices of
-//! the linear model from row to row. Events of a row are executed at the predicted states for the predicted outputs, and again from the same point at
-//! the corrected states. The bits of a lane do not depend on the other lanes.
+//! In: a machine; lanes; the inputs at every row; a correction of the states. Out: the predicted outputs at every row, and for one lane the matrices
+//! of the linear model from row to row. Events of a row are executed at the predicted states for the predicted outputs, and again from the same point
+//! at the corrected states. The bits of a lane do not depend on the other lanes.
 //!
 //! Source: B. D. O. Anderson, J. B. Moore, Optimal Filtering, 1979, section 8.2 (extended Kalman filter); the matrices are finite differences.
 

@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 
 use rsm_core::source::Source;
-use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::{effects, equation_plant};
 
@@ -122,7 +121,7 @@ fn no_plant_knows_an_effect() {
 
 #[test]
 fn a_file_with_effects_is_written_and_read_back_to_the_same_bits() {
-    for (_, kind) in PlantKind::first_format() {
+    for (_, kind) in equation_plant::first_format() {
         let mut text = std::fs::read_to_string(path(&format!("plants/{}.toml", kind.name()))).unwrap();
         for description in equation_plant::effects_on(kind) {
             let subject = match description.subject {

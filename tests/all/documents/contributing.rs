@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use rsm_sim::effects;
-use rsm_sim::kind::PlantKind;
 
 use super::map::{is_path, is_there, quoted};
 use super::{root, tracked};
@@ -69,7 +68,7 @@ fn lacking(computed: &BTreeSet<&str>, section: &str) {
 
 #[test]
 fn every_file_that_it_names_exists() {
-    let plants = PlantKind::first_format().map(|(name, _)| name.replace('-', "_"));
+    let plants = rsm_sim::equation_plant::first_format().map(|(name, _)| name.replace('-', "_"));
     let kinds: Vec<String> = effects::ALL.iter().map(|effect| effect.kind.replace('-', "_")).collect();
     let mut found = 0;
     for name in page().lines().flat_map(quoted).filter(|name| is_path(name)) {
@@ -119,7 +118,7 @@ fn the_files_of_a_plant_hold_all_that_name_every_plant() {
     let is_source = |file: &str| file.contains("/src/") && file.ends_with(".rs") && !file.ends_with("/tests.rs");
     let effects = "rsm-sim/src/effects/";
     let sources = texts.iter().filter(|(file, _)| is_source(file) && !file.starts_with(effects));
-    let know_all = sources.filter(|(_, text)| plants_known(text) == PlantKind::first_format().len());
+    let know_all = sources.filter(|(_, text)| plants_known(text) == rsm_sim::equation_plant::first_format().len());
     lacking(&know_all.map(|(file, _)| file.as_str()).collect(), "A plant");
     // And no file that no longer distinguishes the plants.
     let page = page();

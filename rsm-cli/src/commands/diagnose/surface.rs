@@ -12,7 +12,7 @@ use rsm_core::model_file;
 use rsm_core::source::Source;
 use rsm_diagnose::surface::causes::{Cause, OutlyingRun};
 use rsm_diagnose::surface::data::NewData;
-use rsm_diagnose::surface::faults::Fault;
+use rsm_diagnose::surface::fault::Fault;
 use rsm_diagnose::surface::holdout::Errors;
 use rsm_diagnose::surface::regions::Region;
 use rsm_diagnose::surface::{Diagnosis, ResponseDiagnosis, Tested};

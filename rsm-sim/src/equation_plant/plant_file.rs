@@ -5,11 +5,12 @@
 use rsm_core::source::{Collector, Faults, Source};
 use rsm_core::toml_reader::{TableReader, Value, parse};
 
-use super::{Entry, Named, Parameters, PlantFile, Renamed, VelocityFrom};
+use super::{effects_on, first_format};
 use crate::effect::{Arguments, Description, Subject};
+use crate::effects;
 use crate::kind::{PlantKind, Signal};
+use crate::plant_file::{Entry, Named, Parameters, PlantFile, Renamed, VelocityFrom};
 use crate::schema::{self, Bound};
-use crate::{effects, equation_plant};
 
 impl PlantFile {
     /// Reads a plant file.
@@ -33,7 +34,7 @@ fn read(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<PlantFile> 
         top.whole("`format`", value, 1, 1, faults);
     }
     // Without the kind, no other name can be checked.
-    let kind = required_choice(top, "plant", &PlantKind::first_format(), faults)?;
+    let kind = required_choice(top, "plant", &first_format::kinds(), faults)?;
     let parameters = top.required("parameters", faults).and_then(|value| parameters(kind, top.source(), value, faults));
     let tolerated: Vec<&'static str> = schema::parameters(kind).iter().map(|nominal| nominal.name).collect();
     let outputs: Vec<&'static str> = kind.outputs().iter().map(|signal| signal.name).collect();
@@ -186,7 +187,7 @@ fn entries(kind: PlantKind, top: &mut TableReader<'_>, faults: &mut Collector) -
 fn entry(kind: PlantKind, source: &Source, item: Value<'_>, faults: &mut Collector) -> Option<Entry> {
     let mut table = TableReader::of(source, item, "[[effects]]", faults)?;
     let name = table.text("kind", faults)?;
-    let allowed = equation_plant::effects_on(kind);
+    let allowed = effects_on(kind);
     let Some(&description) = allowed.iter().find(|description| description.kind == name) else {
         let known = effects::ALL.iter().any(|description| description.kind == name);
         let what = if known {
