@@ -256,8 +256,8 @@ fn started(file: &EquationFile, machine: &mut Machine, initial: &[NamedValue], r
     machine.start_along(file, record.first_time(), &inputs, &given, &recorded)
 }
 
-/// The known start values: those of the plant file, then those of the record for variables that are no outputs. A variable that the record determines
-/// by another rule is left out.
+/// The known start values: those of the plant file, then those of the record for variables that are no outputs. A variable that the record
+/// determines by another rule is left out.
 fn initial(file: &PlantFile, record: &Record) -> Vec<NamedValue> {
     let absent = record.absent(file.kind);
     let own = file.initial.iter().filter(|it| !absent.contains(&it.0));
@@ -455,9 +455,9 @@ impl Observer {
         done.is_ok()
     }
 
-    /// Runs plants of one kind side by side along the record. At each row `correct` gets the index of the plant, its predicted outputs and the states of
-    /// this plant, which it may change. The plants have the same effects at the same places; these effects may be others than those of this plant, and
-    /// their own states are not corrected. Returns for each plant whether it reached the last row.
+    /// Runs plants of one kind side by side along the record. At each row `correct` gets the index of the plant, its predicted outputs and the
+    /// states of this plant, which it may change. The plants have the same effects at the same places; these effects may be others than those of
+    /// this plant, and their own states are not corrected. Returns for each plant whether it reached the last row.
     #[must_use]
     pub fn observed(&self, files: &[PlantFile], record: &Record, correct: &mut dyn FnMut(&AtRow<'_>, &mut [f64])) -> Vec<bool> {
         let mut done = vec![false; files.len()];

@@ -6,8 +6,8 @@
 //! ```
 //!
 //! In: a machine; lanes; the inputs at every row; a correction of the states. Out: the predicted outputs at every row, and for one lane the matrices
-//! of the linear model from row to row. Events of a row are executed at the predicted states for the predicted outputs, and again from the same point
-//! at the corrected states. The bits of a lane do not depend on the other lanes.
+//! of the linear model from row to row. Events of a row are executed at the predicted states for the predicted outputs, and again from the same
+//! point at the corrected states. The bits of a lane do not depend on the other lanes.
 //!
 //! Source: B. D. O. Anderson, J. B. Moore, Optimal Filtering, 1979, section 8.2 (extended Kalman filter); the matrices are finite differences.
 
@@ -91,8 +91,8 @@ impl<const L: usize> Walk<'_, L> {
 }
 
 impl Lanes<'_> {
-    /// Runs lanes along inputs. `correct` gets the predicted outputs of each lane at each row and corrects its states. Returns for each lane whether it
-    /// reached the last row.
+    /// Runs lanes along inputs. `correct` gets the predicted outputs of each lane at each row and corrects its states. Returns for each lane whether
+    /// it reached the last row.
     ///
     /// # Panics
     /// If an input has fewer rows than the time.
@@ -200,8 +200,8 @@ impl Lanes<'_> {
         done
     }
 
-    /// Runs one lane along inputs with its linear model from row to row. `correct` gets each row and returns the change of each state. `steps` are the
-    /// steps of the finite differences, one for each state.
+    /// Runs one lane along inputs with its linear model from row to row. `correct` gets each row and returns the change of each state. `steps` are
+    /// the steps of the finite differences, one for each state.
     ///
     /// # Errors
     /// The reason why a row could not be reached; delayed signals.

@@ -4,9 +4,9 @@
 //!   plant + readings --extended Kalman filter--> linear model of each row --energies--> process noise --Riccati--> gains
 //! ```
 //!
-//! In: a prepared record, a plant file, the noise of its readings. Out: a gain for each row. The process noise of a state is chosen so that it is just
-//! visible within the memory of the filter: an error of a rate then grows for about that many rows before the readings correct it, as the noise of the
-//! readings is averaged over as many. States that no reading shows, and positions, whose derivative is another state, have no process noise.
+//! In: a prepared record, a plant file, the noise of its readings. Out: a gain for each row. The process noise of a state is chosen so that it is
+//! just visible within the memory of the filter: an error of a rate then grows for about that many rows before the readings correct it, as the noise
+//! of the readings is averaged over as many. States that no reading shows, and positions, whose derivative is another state, have no process noise.
 //!
 //! Source: B. D. O. Anderson, J. B. Moore, Optimal Filtering, 1979, sections 3.1 (the gains) and 8.2 (the extended filter).
 
@@ -95,8 +95,8 @@ impl Riccati<'_> {
 }
 
 impl Filter {
-    /// The filter of a plant along a record. `noise` is the standard deviation of each output that the record holds. `None` if the plant cannot follow
-    /// the record, or if a signal of it is delayed.
+    /// The filter of a plant along a record. `noise` is the standard deviation of each output that the record holds. `None` if the plant cannot
+    /// follow the record, or if a signal of it is delayed.
     #[must_use]
     pub fn new(prepared: &Prepared, file: &PlantFile, noise: &[f64]) -> Option<Filter> {
         let record = &prepared.record;
@@ -164,8 +164,8 @@ impl Filter {
         done.into_iter().zip(all).map(|(done, missed)| done.then_some(missed)).collect()
     }
 
-    /// The change of the predicted states of each row by an effect that acts in the row before, for plants with the same effects at the same places. The
-    /// states at the beginning of the row are those of the filter. The effects must have no states of their own.
+    /// The change of the predicted states of each row by an effect that acts in the row before, for plants with the same effects at the same places.
+    /// The states at the beginning of the row are those of the filter. The effects must have no states of their own.
     #[must_use]
     pub fn row_responses(&self, files: &[PlantFile]) -> Vec<Option<Vec<Vec<f64>>>> {
         let mut all = vec![Vec::new(); files.len()];
@@ -183,8 +183,8 @@ impl Filter {
     }
 }
 
-/// The process noise with which a state is just visible within the memory: the squared response of all outputs to it, in units of their noise, summed
-/// over the memory and over that many rows of noise, is 1. At most the standard deviation of the start; 0 if no output shows the state.
+/// The process noise with which a state is just visible within the memory: the squared response of all outputs to it, in units of their noise,
+/// summed over the memory and over that many rows of noise, is 1. At most the standard deviation of the start; 0 if no output shows the state.
 fn visible(linear: &[LinearRow], state: usize, noise: &[f64], most: f64) -> f64 {
     let memory = MEMORY.min(linear.len());
     let windows = WINDOWS.min(linear.len() / memory.max(1)).max(1);

@@ -6,10 +6,10 @@
 //! ```
 //!
 //! In: prepared records, the nominal plant, hypotheses. Out: an ordered list of terms with their parameters, chosen by forward selection and
-//! evaluated on blocks of time that were not used to fit them. The readings correct the states at every row, so it does not matter how far a free run
-//! has diverged, or what its rotor angle is. Small effects are harder to see than over a whole free run. Nothing is therefore decided here: the plant
-//! with these terms is a starting point for the free run, and one candidate among others. The guesses of the catalogue stay unchanged, so an equal
-//! hypothesis is found as for any other cause. Only integer parameters, which no fit changes, are added.
+//! evaluated on blocks of time that were not used to fit them. The readings correct the states at every row, so it does not matter how far a free
+//! run has diverged, or what its rotor angle is. Small effects are harder to see than over a whole free run. Nothing is therefore decided here: the
+//! plant with these terms is a starting point for the free run, and one candidate among others. The guesses of the catalogue stay unchanged, so an
+//! equal hypothesis is found as for any other cause. Only integer parameters, which no fit changes, are added.
 //!
 //! Source: L. Ljung, System Identification, 1999, section 7.3 (equation errors and prediction errors); S. A. Billings, Nonlinear System
 //! Identification, 2013, chapter 3 (forward selection).
@@ -47,8 +47,8 @@ const MOST_TERMS: usize = 4;
 /// change within a row, are no causes.
 const LEAST_SHARE: f64 = 0.05;
 
-/// Delays in rows, in addition to those of the catalogue. They are about an octave apart. Between two of them, the trace is proportional to the delay
-/// if the motion is slower than the delay.
+/// Delays in rows, in addition to those of the catalogue. They are about an octave apart. Between two of them, the trace is proportional to the
+/// delay if the motion is slower than the delay.
 const DELAYS: [f64; 7] = [1.0, 2.0, 5.0, 10.0, 20.0, 35.0, 60.0];
 
 /// Of the terms with at least this share of the best gain, the one with the fewest parameters is chosen. A more general law always gains as much;
@@ -61,8 +61,8 @@ const STEP: f64 = 0.1;
 /// Gauss-Newton steps after each term.
 const STEPS: usize = 4;
 
-/// The highest order of a wave. 36 slots with 42 poles have 252 cycles per turn, but at a hundred turns per second even order four is above a third of
-/// a kilohertz. Orders above 120 are beyond what the sampling resolves.
+/// The highest order of a wave. 36 slots with 42 poles have 252 cycles per turn, but at a hundred turns per second even order four is above a third
+/// of a kilohertz. Orders above 120 are beyond what the sampling resolves.
 const MOST_ORDER: usize = 120;
 
 /// The largest number of waves over the travel.

@@ -1,8 +1,8 @@
 //! Waves of effort over a position: for every wave number, the columns that it adds to the prediction errors.
 //!
-//! In: a filter along a record; a plant with one slow wave. Out: two columns for each wave number, a quarter of a wave apart. The position is that of
-//! the filter, so even a wave of 90 cycles per turn stays in phase; the position of a free run would be several cycles off. The effort of the wave
-//! moves the states of the next row, and the linear model of the rows gives all that follows. Fits nothing.
+//! In: a filter along a record; a plant with one slow wave. Out: two columns for each wave number, a quarter of a wave apart. The position is that
+//! of the filter, so even a wave of 90 cycles per turn stays in phase; the position of a free run would be several cycles off. The effort of the
+//! wave moves the states of the next row, and the linear model of the rows gives all that follows. Fits nothing.
 
 use std::f64::consts::TAU;
 
@@ -21,8 +21,8 @@ pub struct Turning<'f> {
 }
 
 impl<'f> Turning<'f> {
-    /// The motion along a position. `waves` are plants with a wave of the amplitude `amplitude`: the slow wave with the phases 0 and a quarter, and a
-    /// wave with twice its number of periods and the phase 0. `None` if they have no effect.
+    /// The motion along a position. `waves` are plants with a wave of the amplitude `amplitude`: the slow wave with the phases 0 and a quarter, and
+    /// a wave with twice its number of periods and the phase 0. `None` if they have no effect.
     #[must_use]
     pub fn new(filter: &'f Filter, waves: &[PlantFile; 3], amplitude: f64) -> Option<Self> {
         let mut found = filter.row_responses(waves).into_iter();
@@ -74,8 +74,8 @@ impl<'f> Turning<'f> {
         (ends.1 - ends.0).max(0.0) / TAU
     }
 
-    /// The columns that a unit wave and the same a quarter further add to the prediction errors, for each output of the record. `number` is the number
-    /// of periods in a period of the slow wave.
+    /// The columns that a unit wave and the same a quarter further add to the prediction errors, for each output of the record. `number` is the
+    /// number of periods in a period of the slow wave.
     #[must_use]
     pub fn wave(&self, number: f64) -> [Vec<Vec<f64>>; 2] {
         let count = self.filter.observer.states.len();
