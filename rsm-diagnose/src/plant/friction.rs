@@ -13,7 +13,7 @@ use rsm_sim::plant_file::Entry;
 
 /// The simpler forms of an entry.
 fn forms(entry: &Entry) -> Forms {
-    (entry.description.declared.forms)(&entry.arguments)
+    entry.description.declared.forms.of(&entry.arguments)
 }
 
 impl Search<'_> {

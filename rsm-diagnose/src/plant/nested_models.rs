@@ -77,6 +77,6 @@ pub fn steps(
 
 /// The special cases of a cause, the simplest first.
 fn special_cases(entry: &Entry) -> Vec<Vec<Entry>> {
-    let forms = (entry.description.declared.forms)(&entry.arguments);
+    let forms = entry.description.declared.forms.of(&entry.arguments);
     forms.special.iter().map(|form| form.iter().filter_map(|part| part.entry(entry.arguments.plant)).collect()).collect()
 }

@@ -207,10 +207,12 @@ pub fn has_whole_period(whitened: &WhitenedResiduals, entry: &Entry) -> bool {
     wave.and_then(|it| of(&it.arguments)).is_none_or(|wave| travel(whitened).is_some_and(|travel| wave.pitch <= travel))
 }
 
-/// Whether an effect is such a wave on a plant: a wave of any length, not an integer order of a rotor.
+/// Whether an effect is such a wave on an axis of format 1: a wave of any length, not an integer order of a rotor. The response to a force that is
+/// used here is that of this axis; waves on other plants are found by the prediction errors.
 #[must_use]
 pub fn is_wave(effect: &Description, plant: PlantKind) -> bool {
-    effect.declared.role == Role::Waves && effect.arguments_on(plant).all(|it| it.bound != Bound::Count)
+    let is_axis = plant == PlantKind::ServoAxis;
+    is_axis && effect.declared.role == Role::Waves && effect.arguments_on(plant).all(|it| it.bound != Bound::Count)
 }
 
 /// The wave of an entry.

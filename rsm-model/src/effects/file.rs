@@ -8,6 +8,7 @@ use std::ops::Range;
 use rsm_core::source::{Collector, Faults, Source};
 use rsm_core::toml_reader::{TableReader, Value, parse};
 
+use super::forms::{Form, forms};
 use super::site::{SiteKind, expression};
 use crate::syntax::tree::{Expression, Kind};
 
@@ -145,6 +146,7 @@ pub struct Effect {
     pub reads_back: bool,
     /// The parameter to whose multiples a reading is rounded. A simulation has no derivative with respect to it.
     pub rounds_to: Option<String>,
+    pub(crate) forms: Vec<Form>,
     pub(crate) helpers: Vec<Helper>,
     pub(crate) states: Vec<State>,
     pub(crate) changes: Vec<Change>,
@@ -187,6 +189,8 @@ impl Effect {
             .into_iter()
             .filter_map(|(name, _, value)| number(source, name, value, &mut faults))
             .collect();
+        let names: Vec<&str> = numbers.iter().map(|it| it.name.as_str()).collect();
+        let forms = forms(&mut top, &names, &mut faults);
         let helpers = entries(&mut top, "helpers", &mut faults)
             .into_iter()
             .filter_map(|(name, _, value)| helper(source, name, value, &mut faults))
@@ -219,6 +223,7 @@ impl Effect {
             is_outermost,
             reads_back,
             rounds_to,
+            forms,
             helpers,
             states,
             changes,

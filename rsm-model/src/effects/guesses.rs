@@ -108,13 +108,14 @@ impl Effect {
         Ok(starts)
     }
 
-    fn number(&self, scratch: &mut Flat, law: &Expression, known: &HashMap<String, f64>) -> Result<f64, Faults> {
+    /// The value of an expression of known names.
+    pub(super) fn number(&self, scratch: &mut Flat, law: &Expression, known: &HashMap<String, f64>) -> Result<f64, Faults> {
         let mut names = HashMap::new();
         for (name, value) in known {
             names.insert(name.clone(), Value::scalar(scratch.pool.number(*value), Basic::Real));
         }
         let value = scratch.expression(&self.source, law, Some(&names))?;
         let found = value.item().and_then(|it| scratch.known(it)).map(|it| it.0).filter(|it| it.is_finite());
-        found.ok_or_else(|| Faults::one(self.source.fault(law.span.clone(), "this guess has no finite value")))
+        found.ok_or_else(|| Faults::one(self.source.fault(law.span.clone(), "this has no finite value")))
     }
 }

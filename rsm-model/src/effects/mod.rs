@@ -9,20 +9,24 @@
 //! effect or a plant.
 
 mod file;
+mod forms;
 mod guesses;
 mod offers;
 mod propose;
 mod rewrite;
 mod shipped;
+mod simpler;
 mod site;
 mod terms;
 
 pub use file::{Effect, Number, TraceRole, Words};
+pub use forms::FormKind;
 pub use guesses::{SCALES, Start};
 pub use offers::{Offer, Place, Places, RoleValue};
 pub use propose::{Proposal, Room, propose, rooms};
 pub use rewrite::{Delay, Extended, LateReading, Placed, extend};
 pub use shipped::{Catalogue, shipped_file, sites_of};
+pub use simpler::SimplerForm;
 pub use site::{Site, SiteKind};
 
 #[cfg(test)]

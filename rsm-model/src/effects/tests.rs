@@ -303,3 +303,24 @@ fn an_effect_of_a_user_is_one_of_the_catalogue_and_its_faults_are_told_at_once()
         assert!(told.contains(words), "{words}\n{told}");
     }
 }
+
+#[test]
+fn faults_of_simpler_forms_are_at_their_places() {
+    let file = |forms: &str| {
+        let text = format!(
+            "format = 1\nkind = \"bell-drag\"\nsites = [\"translation\"]\nsource = \"ours\"\n[numbers]\nlevel = {{ unit = \"N\" }}\n\
+             {forms}\n[changes]\neffort = \"-level\"\n[words]\nsentence = \"It drags.\"\ncheck = \"Look.\"\n"
+        );
+        crate::effects::Effect::read(&Source::new("bell-drag.toml", text))
+    };
+    let told = |forms: &str| file(forms).unwrap_err().to_string();
+    let found = told("[[forms]]\nis = \"special\"\ngiven = [\"height\"]\nsum = { coulomb-friction = \"level\" }");
+    assert!(found.contains("bell-drag.toml:9:10") && found.contains("`height`, which is no number"), "{found}");
+    let found = told("[[forms]]\nis = \"plain\"\nsum = { coulomb-friction = \"level\" }");
+    assert!(found.contains("bell-drag.toml:8:6") && found.contains("special") && found.contains("alike"), "{found}");
+    let found = told("[[forms]]\nis = \"special\"");
+    assert!(found.contains("`sum`"), "{found}");
+    // A name that is no number of the effect has no value.
+    let whole = file("[[forms]]\nis = \"special\"\nsum = { coulomb-friction = \"height\" }").unwrap();
+    assert!(whole.forms(&[("level", 2.0)]).is_err());
+}

@@ -226,12 +226,43 @@ pub struct Declared {
     /// The effect that is a special case of this one. This effect then always fits at least as well, so a good fit is no evidence for it.
     pub generalises: Option<&'static str>,
     /// Its simpler forms.
-    pub forms: fn(&Arguments) -> Forms,
+    pub forms: FormsOf,
+}
+
+/// The simpler forms of an effect as a function of its arguments.
+pub enum FormsOf {
+    /// It has none.
+    None,
+    /// Computed by code.
+    Code(fn(&Arguments) -> Forms),
+    /// Computed from the file of the effect, at one place of a plant.
+    File(Box<FormsFromFile>),
+}
+
+/// A function that computes simpler forms.
+pub type FormsFromFile = dyn Fn(&Arguments) -> Forms + Send + Sync;
+
+impl FormsOf {
+    /// The simpler forms.
+    #[must_use]
+    pub fn of(&self, arguments: &Arguments) -> Forms {
+        match self {
+            FormsOf::None => Forms::default(),
+            FormsOf::Code(code) => code(arguments),
+            FormsOf::File(file) => file(arguments),
+        }
+    }
+}
+
+impl std::fmt::Debug for FormsOf {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("FormsOf")
+    }
 }
 
 impl Declared {
     /// The declaration of an effect without a special role.
-    pub const NOTHING: Declared = Declared { role: Role::Ordinary, generalises: None, forms: |_| Forms::default() };
+    pub const NOTHING: Declared = Declared { role: Role::Ordinary, generalises: None, forms: FormsOf::None };
 
     /// The declaration of an effect with a role.
     #[must_use]

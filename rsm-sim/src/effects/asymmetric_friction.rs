@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
-use crate::effect::declared::{Forms, Level, Part};
+use crate::effect::declared::{Forms, FormsOf, Level, Part};
 use crate::effect::{
     Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, Scale, Subject, Survey, Unit, sign_width,
     smooth_sign, smooth_sign_rate,
@@ -32,7 +32,7 @@ pub const DESCRIPTION: Description = Description {
     check: "Drive slowly at the same speed both ways and compare the efforts, level by level; look at seals, guides and anything that wears on one side.",
     build,
     guesses: crate::effect::Guesses::Code(guesses),
-    declared: Declared { generalises: Some("coulomb-friction"), forms, ..Declared::NOTHING },
+    declared: Declared { generalises: Some("coulomb-friction"), forms: FormsOf::Code(forms), ..Declared::NOTHING },
 };
 
 /// Levels F + c forward and F - c backward are equivalent to a dry friction F and a constant load c. Without a difference only F remains, and the two

@@ -9,7 +9,7 @@
 //!
 //! In: its arguments. Out: the changes of its hooks. It changes nothing else.
 
-use crate::effect::declared::{Forms, Part};
+use crate::effect::declared::{Forms, FormsOf, Part};
 use crate::effect::{
     Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, Scale, Subject, Survey, Unit, sign_width,
     smooth_sign, smooth_sign_rate,
@@ -31,7 +31,7 @@ pub const DESCRIPTION: Description = Description {
     check: "Drive at several constant speeds around the Stribeck velocity: the effort must fall as the speed rises.",
     build,
     guesses: crate::effect::Guesses::Code(guesses),
-    declared: Declared { generalises: Some("coulomb-friction"), forms, ..Declared::NOTHING },
+    declared: Declared { generalises: Some("coulomb-friction"), forms: FormsOf::Code(forms), ..Declared::NOTHING },
 };
 
 /// At high speed it is a dry friction with the Coulomb level.

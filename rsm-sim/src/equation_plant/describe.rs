@@ -2,10 +2,10 @@
 //!
 //! In: the places of a plant, a catalogue. Out: [`Description`]s. This file contains no name of an effect.
 
-use rsm_model::effects::{Catalogue, Effect as File, Number, Place, SiteKind, Start, TraceRole};
+use rsm_model::effects::{Catalogue, Effect as File, FormKind, Number, Place, SiteKind, Start, TraceRole};
 
 use super::kept;
-use crate::effect::declared::{Argument, Declared, Plausible, Role, Step, Unit};
+use crate::effect::declared::{Argument, Declared, Forms, FormsOf, Level, Part, Plausible, Role, Step, Unit};
 use crate::effect::{Arguments, Description, Effect, FromFile, Guess, Guesses, Scales, Subject, Survey};
 use crate::effects;
 use crate::equations::signals::spelled;
@@ -20,7 +20,7 @@ const TIMES_THE_GUESS: f64 = 100.0;
 const SHARES: [f64; 4] = [0.01, 0.025, 0.06, 0.2];
 
 /// All descriptions of a plant.
-pub(super) fn all(places: &[Place], catalogue: &Catalogue) -> Vec<&'static Description> {
+pub(super) fn all(places: &[Place], parameters: &ParameterRoles, catalogue: &Catalogue) -> Vec<&'static Description> {
     let mut list: Vec<&'static Description> = Vec::new();
     for place in places {
         for offer in &place.effects {
@@ -29,7 +29,7 @@ pub(super) fn all(places: &[Place], catalogue: &Catalogue) -> Vec<&'static Descr
             if file.is_value() && list.iter().any(|it| it.kind == file.kind) {
                 continue;
             }
-            list.push(Box::leak(Box::new(one(place, file, &offer.units))));
+            list.push(Box::leak(Box::new(one(place, file, &offer.units, parameters, true))));
         }
     }
     list
@@ -37,7 +37,12 @@ pub(super) fn all(places: &[Place], catalogue: &Catalogue) -> Vec<&'static Descr
 
 /// The descriptions of a plant of format 1, in the order of its list of effects. An effect acts at one place, which the plant file does not name,
 /// except for outputs and parameters. Its hooks and its simpler forms are those of the effect in code of the same kind.
-pub(super) fn of_first_format(places: &[Place], catalogue: &Catalogue, kinds: &[String]) -> Vec<&'static Description> {
+pub(super) fn of_first_format(
+    places: &[Place],
+    parameters: &ParameterRoles,
+    catalogue: &Catalogue,
+    kinds: &[String],
+) -> Vec<&'static Description> {
     let mut list: Vec<&'static Description> = Vec::new();
     for kind in kinds {
         let Some(file) = catalogue.find(kind) else { continue };
@@ -47,18 +52,14 @@ pub(super) fn of_first_format(places: &[Place], catalogue: &Catalogue, kinds: &[
             if is_one_place && list.iter().any(|it| it.kind == *kind) {
                 continue;
             }
-            let mut found = one(place, file, &offer.units);
+            let mut found = one(place, file, &offer.units, parameters, false);
             if found.subject == Subject::Site {
                 (found.subject, found.at) = (Subject::None, None);
                 let prefix = format!("At {}: ", place.at);
                 found.sentence = found.sentence.strip_prefix(prefix.as_str()).unwrap_or(found.sentence);
             }
-            if file.role == Some(TraceRole::Waves) {
-                found.declared.role = Role::Waves;
-            }
             if let Some(code) = effects::of(kind) {
                 found.build = code.build;
-                found.declared.forms = code.declared.forms;
             }
             list.push(Box::leak(Box::new(found)));
         }
@@ -66,7 +67,51 @@ pub(super) fn of_first_format(places: &[Place], catalogue: &Catalogue, kinds: &[
     list
 }
 
-fn one(place: &Place, file: &File, units: &[String]) -> Description {
+/// The roles of sites that are a parameter of the plant.
+pub(super) struct ParameterRoles {
+    /// For each the site, the role and the name of the parameter.
+    pub(super) roles: Vec<(String, String, &'static str)>,
+    /// The effect that changes the value of a parameter.
+    pub(super) error: &'static str,
+}
+
+/// The simpler forms of an effect at a place. With `names_place` its parts name the place.
+fn forms(file: &File, at: &'static str, parameters: &ParameterRoles, names_place: bool) -> FormsOf {
+    if !file.has_forms() {
+        return FormsOf::None;
+    }
+    let kinds: Vec<&'static str> = file.kinds_in_forms().map(kept).collect();
+    let own: Vec<_> = parameters.roles.iter().filter(|it| it.0 == at).cloned().collect();
+    let error_of_parameter = parameters.error;
+    let file = file.clone();
+    let of = move |arguments: &Arguments| -> Forms {
+        let mut found = Forms::default();
+        for form in file.forms(&arguments.numbers).unwrap_or_default() {
+            let part = |(kind, value): &(String, f64)| {
+                let kind = kinds.iter().find(|it| *it == kind)?;
+                Some(Part { kind, subject: names_place.then_some(at), value: *value })
+            };
+            let Some(parts) = form.parts.iter().map(part).collect::<Option<Vec<Part>>>() else { continue };
+            let error = |(role, value): &(String, f64)| {
+                let parameter = own.iter().find(|it| it.1 == *role)?.2;
+                Some(Part { kind: error_of_parameter, subject: Some(parameter), value: *value })
+            };
+            match form.is {
+                FormKind::Special => found.special.push(parts),
+                FormKind::Alike => found.alike = Some(parts),
+                // A role that is no parameter has no error.
+                FormKind::Level => {
+                    let errors = form.values.iter().map(error).collect::<Option<Vec<Part>>>();
+                    found.level = parts.first().zip(errors).map(|(of, errors)| Level { of: *of, errors });
+                }
+            }
+        }
+        found
+    };
+    FormsOf::File(Box::new(of))
+}
+
+fn one(place: &Place, file: &File, units: &[String], parameters: &ParameterRoles, names_place: bool) -> Description {
     let subject = match place.kind {
         SiteKind::Parameter => Subject::Parameter,
         SiteKind::Output => Subject::Output,
@@ -84,8 +129,8 @@ fn one(place: &Place, file: &File, units: &[String]) -> Description {
         Some(TraceRole::ReadingGain) => Role::ReadingGain,
         Some(TraceRole::ReadingLag) => Role::ReadingLag,
         Some(TraceRole::Delay) => Role::Delay,
-        // The traces of waves over a position are those of the plants of format 1.
-        Some(TraceRole::Waves) | None => Role::Ordinary,
+        Some(TraceRole::Waves) => Role::Waves,
+        None => Role::Ordinary,
     };
     let at = kept(&place.at);
     let (name, kind) = (kept(&file.kind), place.kind);
@@ -106,7 +151,11 @@ fn one(place: &Place, file: &File, units: &[String]) -> Description {
         check: kept(&file.words.check),
         build: if is_value { value } else { nothing },
         guesses: Guesses::File(guesses),
-        declared: Declared { role, generalises: file.generalises.as_deref().map(kept), ..Declared::NOTHING },
+        declared: Declared {
+            role,
+            generalises: file.generalises.as_deref().map(kept),
+            forms: forms(file, at, parameters, names_place),
+        },
     }
 }
 

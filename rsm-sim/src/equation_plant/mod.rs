@@ -20,8 +20,8 @@ use std::cell::RefCell;
 use std::sync::{Arc, OnceLock};
 
 use rsm_core::source::{Fault, Faults, Source};
-use rsm_model::effects::{Catalogue, Place};
-use rsm_model::expression::Symbol;
+use rsm_model::effects::{Catalogue, Place, Places, RoleValue};
+use rsm_model::expression::{Node, Symbol};
 use rsm_model::flat::Basic;
 
 use self::first_format::FirstFormat;
@@ -169,6 +169,7 @@ fn described(
         machine.system().parameter_value(symbol)
     };
     let parameters = nominals(&machine, &decisions, first.is_some());
+    let parameter_roles = parameter_roles(&places, &parameters, file.catalogue());
     let list = places.list;
     let is_column = |it: &&Signal| !outputs.contains(it) && by_text.iter().any(|name| name == it.name);
     let start_columns = starts.iter().filter(is_column).copied().collect();
@@ -190,10 +191,25 @@ fn described(
     }));
     let plant = plant_of(kind);
     plant.descriptions.get_or_init(|| match first {
-        None => describe::all(&plant.places, plant.file.catalogue()),
-        Some(first) => describe::of_first_format(&plant.places, plant.file.catalogue(), &first.effects),
+        None => describe::all(&plant.places, &parameter_roles, plant.file.catalogue()),
+        Some(first) => describe::of_first_format(&plant.places, &parameter_roles, plant.file.catalogue(), &first.effects),
     });
     Ok(kind)
+}
+
+/// The roles of sites that are a parameter that may be set.
+fn parameter_roles(places: &Places, parameters: &[Nominal], catalogue: &Catalogue) -> describe::ParameterRoles {
+    let roles = places.list.iter().flat_map(|place| place.roles.iter().map(move |role| (place, role)));
+    let one = |(place, role): (&Place, &RoleValue)| {
+        let [part] = role.parts[..] else { return None };
+        let Node::Symbol(symbol) = places.flat.pool.node(part) else { return None };
+        let name = &places.flat.variable(symbol).name;
+        let parameter = parameters.iter().find(|it| it.name == name)?;
+        Some((place.at.clone(), role.role.clone(), parameter.name))
+    };
+    let mut offers = places.list.iter().flat_map(|it| &it.effects);
+    let error = offers.find(|it| catalogue.find(&it.kind).is_some_and(rsm_model::effects::Effect::is_value));
+    describe::ParameterRoles { roles: roles.filter_map(one).collect(), error: error.map_or("", |it| kept(&it.kind)) }
 }
 
 impl Described {

@@ -3,6 +3,9 @@
 use std::collections::BTreeSet;
 
 use rsm_core::source::Source;
+use rsm_sim::effect::declared::Part;
+use rsm_sim::effect::{Arguments, Description};
+use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::{effects, equation_plant};
 
@@ -145,5 +148,37 @@ fn a_file_with_effects_is_written_and_read_back_to_the_same_bits() {
         let second = read(&written);
         assert_eq!(first.parameters, second.parameters);
         assert_eq!((first.effects.len(), written), (second.effects.len(), second.write()));
+    }
+}
+
+#[test]
+fn simpler_forms_in_files_are_those_in_code() {
+    let text = "format = 2\nmodel = \"rsm:servo-axis#ServoAxis\"\n";
+    let open = |name: &str| Ok::<_, rsm_core::source::Faults>(Source::new(name, ""));
+    let axis = equation_plant::read(&Source::new("axis.toml", text), &open).unwrap().kind;
+    let levels = [("forward", 30.0), ("backward", 20.0)];
+    let viscous = [("viscous_forward", 100.0), ("viscous_backward", 140.0)];
+    let cases = [
+        ("asymmetric-friction", levels.to_vec()),
+        ("asymmetric-friction", [levels, viscous].concat()),
+        ("stribeck-friction", vec![("coulomb", 5.0), ("static", 9.0), ("stribeck_velocity", 0.1)]),
+    ];
+    for (kind, numbers) in cases {
+        let by_code = effects::of(kind).unwrap();
+        let by_file = equation_plant::effects_on(axis).into_iter().find(|it| it.kind == kind).unwrap();
+        let forms = |of: &Description, plant, subject: Option<&str>| {
+            let subject = subject.map(str::to_string);
+            of.declared.forms.of(&Arguments { plant, subject, numbers: numbers.clone() })
+        };
+        let (code, file) = (forms(by_code, PlantKind::ServoAxis, None), forms(by_file, axis, Some("carriage")));
+        // The parts of a file name their place.
+        let plain = |part: &Part| Part { subject: part.subject.filter(|it| *it != "carriage"), ..*part };
+        let list = |parts: &Vec<Part>| parts.iter().map(plain).collect::<Vec<Part>>();
+        assert_eq!(file.special.iter().map(list).collect::<Vec<_>>(), code.special, "{kind}");
+        assert_eq!(file.alike.as_ref().map(list), code.alike, "{kind}");
+        let level = file.level.map(|it| (plain(&it.of), it.errors));
+        assert_eq!(level, code.level.map(|it| (it.of, it.errors)), "{kind}");
+        assert!(file.special.iter().flatten().all(|it| it.subject == Some("carriage")));
+        assert!(file.special.iter().flatten().all(|it| it.entry(axis).is_some()));
     }
 }
