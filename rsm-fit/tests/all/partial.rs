@@ -273,7 +273,11 @@ fn what_needs_rows_is_refused_with_what_is_possible() {
         ),
         (
             response("select = { method = \"lasso\", max_order = 2, criterion = \"aicc\" }"),
-            "sigmoids and waves are found on rows",
+            "sigmoids, waves and splines are found on rows",
+        ),
+        (
+            response("select = { method = \"fixed\" }\nspline = { degree = 1, cells = [2, 2] }"),
+            "the penalty of a spline is chosen on rows",
         ),
         (response(&format!("{fixed}loss = \"huber\"")), "`loss = \"huber\"` weights each row"),
         (response(&format!("{fixed}support = \"data\"")), "`support` is found on rows"),
