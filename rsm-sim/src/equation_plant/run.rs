@@ -483,14 +483,18 @@ impl Observer {
     }
 }
 
-/// The outputs of a run along a record with this drive, in the order of the plant.
+/// The outputs of a run along a record, in the order of the plant.
 ///
 /// ```
-/// use rsm_sim::{kind::PlantKind, record::Drive, simulate::shown};
+/// use rsm_core::source::Source;
+/// use rsm_sim::{plant_file::PlantFile, record::Record, simulate::shown};
 ///
-/// // The command of an axis is an output of its controller.
-/// assert_eq!(shown(PlantKind::ServoAxis, Drive::Open).len(), 1);
-/// assert_eq!(shown(PlantKind::ServoAxis, Drive::Closed).len(), 2);
+/// let axis = "format = 1\nplant = \"servo-axis\"\n[parameters]\nmass = 2.0\nforce_gain = 4.0\nviscous_friction = 0.0\ncommand_limit = 10.0\n";
+/// let plant = PlantFile::read(&Source::new("axis.toml", axis))?;
+/// let record = Record::in_memory(&plant, &[("time", &[0.0, 0.5]), ("command", &[1.0, 1.0]), ("position", &[0.0, 0.0])])?;
+/// // The command of an axis is an output of its controller, and this record has none.
+/// assert_eq!(shown(plant.kind, &record).len(), 1);
+/// # Ok::<(), rsm_core::source::Faults>(())
 /// ```
 #[must_use]
 pub fn shown(kind: PlantKind, record: &Record) -> Vec<Signal> {
