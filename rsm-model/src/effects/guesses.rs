@@ -1,7 +1,7 @@
 //! First guesses for the parameters of an effect.
 //!
-//! In: an effect, scales of the records and of the site. Out: lists of its parameters, and the values at which it has no effect. This module reads no
-//! records.
+//! In: an effect, scales of the records and of the site. Out: lists of its parameters, and the values at which it has no effect. This module reads
+//! no records.
 
 use std::collections::HashMap;
 

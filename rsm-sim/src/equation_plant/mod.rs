@@ -12,6 +12,7 @@ pub mod added;
 mod built_in;
 mod describe;
 mod first_format;
+mod observer;
 mod plant_file;
 mod run;
 mod scales;
@@ -40,7 +41,8 @@ use crate::record::Record;
 
 pub use built_in::offset_scales;
 pub use first_format::{kinds as first_format, pmac};
-pub use run::{Observer, Run, Values, shown, together};
+pub use observer::Observer;
+pub use run::{Run, Values, shown, together};
 pub use scales::scales;
 
 /// The number of plants that run side by side at no additional cost: the number of lanes in a vector register.
@@ -342,8 +344,8 @@ fn placed(kind: &'static Described, entry: &equations::Entry, at: &str, source: 
     Ok(Entry { description, arguments: Arguments { plant: PlantKind::Equations(kind), subject, numbers: numbers.collect() } })
 }
 
-/// The indices in [`PlantKind::starts`] that determine the start of a record: the recorded outputs that give independent information about the start,
-/// and the variables whose start is that of the text.
+/// The indices in [`PlantKind::starts`] that determine the start of a record: the recorded outputs that give independent information about the
+/// start, and the variables whose start is that of the text.
 pub(crate) fn starting(kind: &'static Described, record: &Record) -> Vec<usize> {
     plant_of(kind).models.starting(kind, record)
 }

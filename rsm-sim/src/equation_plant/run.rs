@@ -14,7 +14,6 @@ use super::{built_in, plant_of};
 use crate::effect::Subject;
 use crate::equations::file::{EquationFile, NamedValue, of_rows};
 use crate::equations::lanes::Controller;
-use crate::equations::observed::{AtRow, PredictedRow, places_of_states};
 use crate::equations::{self, Inputs, Lane, Lanes, Machine, Method, Point, Setting, Signals, Starts, Stopped, lanes};
 use crate::kind::{Described, PlantKind};
 use crate::plant_file::{Entry, PlantFile};
@@ -22,7 +21,7 @@ use crate::quantity::Signal;
 use crate::record::{Drive, Record};
 
 /// The number of rows of a record at which sizes are evaluated, evenly spread.
-const ROWS: usize = 400;
+pub(super) const ROWS: usize = 400;
 
 /// Whether a record has each output, and the parameters that it sets.
 type Given = (Vec<bool>, String);
@@ -37,25 +36,25 @@ pub(super) struct Models {
 }
 
 /// Compiled equations with effects.
-struct Model {
+pub(super) struct Model {
     file: EquationFile,
-    machine: Machine,
+    pub(super) machine: Machine,
     /// The indices of the parameters that can be set, by name.
     places: HashMap<String, usize>,
     /// Programs of the start, by the names of the given and of the recorded variables.
     starts: Mutex<HashMap<[Vec<String>; 2], Arc<Starts>>>,
     /// Memory and code for runs in parallel threads.
-    slots: Mutex<Vec<Slot>>,
+    pub(super) slots: Mutex<Vec<Slot>>,
 }
 
 /// The data of one run.
-struct Slot {
+pub(super) struct Slot {
     /// A copy with the parameters of the run.
-    machine: Machine,
-    lanes: Lanes<'static>,
+    pub(super) machine: Machine,
+    pub(super) lanes: Lanes<'static>,
 }
 
-fn open<T>(it: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(super) fn open<T>(it: &Mutex<T>) -> MutexGuard<'_, T> {
     it.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -232,7 +231,7 @@ fn models(kind: PlantKind) -> &'static Models {
 
 /// The instants of a record's rows. For plants of format 1 they are multiples of the period, as for their controllers: jitter of less than a
 /// hundredth of the period has no effect, and a gap that has not been cut out counts as one row.
-fn instants(kind: PlantKind, record: &Record) -> Cow<'_, [f64]> {
+pub(super) fn instants(kind: PlantKind, record: &Record) -> Cow<'_, [f64]> {
     if matches!(kind, PlantKind::Equations(_)) { Cow::Borrowed(&record.time) } else { built_in::instants(record) }
 }
 
@@ -278,7 +277,7 @@ fn start_of(
 
 impl Model {
     /// Memory and code for a run.
-    fn slot(&'static self) -> Slot {
+    pub(super) fn slot(&'static self) -> Slot {
         let free = open(&self.slots).pop();
         free.unwrap_or_else(|| Slot { machine: self.machine.clone(), lanes: Lanes::new(&self.machine) })
     }
@@ -332,7 +331,7 @@ impl Model {
 pub type Values = Vec<Vec<f64>>;
 
 /// The settings of a run with a limit on its steps per row, on average over its record.
-fn setting(record: &Record, method: Method, tolerance: f64, steps_a_row: usize) -> Setting {
+pub(super) fn setting(record: &Record, method: Method, tolerance: f64, steps_a_row: usize) -> Setting {
     let steps = u64::try_from(steps_a_row.saturating_mul(record.rows())).unwrap_or(u64::MAX);
     Setting { method, tolerance, steps }
 }
@@ -360,16 +359,16 @@ pub fn together(files: &[PlantFile], record: &Record, steps_a_row: usize) -> (Ve
 }
 
 /// Plants with the same effects at the same places, at their start along one record.
-struct Group {
-    model: &'static Model,
-    slot: Slot,
+pub(super) struct Group {
+    pub(super) model: &'static Model,
+    pub(super) slot: Slot,
     /// The index of each lane in the list of plants. A plant whose start has no solution has no lane.
-    places: Vec<usize>,
-    lanes: Vec<Lane>,
+    pub(super) places: Vec<usize>,
+    pub(super) lanes: Vec<Lane>,
 }
 
 impl Group {
-    fn of(files: &[PlantFile], record: &Record) -> Option<Group> {
+    pub(super) fn of(files: &[PlantFile], record: &Record) -> Option<Group> {
         let first = files.first()?;
         let model = models(first.kind).of(first, record).ok()?;
         let mut slot = model.slot();
@@ -382,104 +381,6 @@ impl Group {
         }
         let (places, lanes) = lanes.into_iter().unzip();
         Some(Group { model, slot, places, lanes })
-    }
-}
-
-/// A plant that readings correct along one record: its states, for gains.
-pub struct Observer {
-    model: &'static Model,
-    /// The names of its states.
-    pub states: Vec<String>,
-    /// For each state, whether its derivative is another state. Then no effect acts on it directly.
-    pub is_kinematic: Vec<bool>,
-    lane: Lane,
-    steps: Vec<f64>,
-    /// The mean magnitude of the change of each state in a row of the simulation.
-    pub changes: Vec<f64>,
-}
-
-/// The step of a finite difference, as a share of the largest magnitude of a state. The permitted error of a step of the simulation is 1e-8 of that
-/// magnitude, so a derivative is accurate to 1e-5.
-const DIFFERENCE: f64 = 1e-3;
-
-/// The number of steps per row at which a run that readings correct is stopped: ten turns of the fastest motion between two rows.
-const OBSERVED_STEPS_A_ROW: usize = 250;
-
-impl Observer {
-    /// The plant of a file along a record. `None` if its start has no solution.
-    #[must_use]
-    pub fn new(file: &PlantFile, record: &Record) -> Option<Observer> {
-        let Group { model, slot, lanes, .. } = Group::of(std::slice::from_ref(file), record)?;
-        let (lane, machine) = (lanes.into_iter().next()?, &slot.machine);
-        let time = instants(file.kind, record);
-        let every = (record.rows() / ROWS).max(1);
-        let points = lanes::points(
-            machine,
-            lane.start().clone(),
-            Inputs { time: &time, values: &record.inputs },
-            Setting::default(),
-            every,
-        );
-        let count = machine.states().len();
-        let finite = |it: &f64| it.is_finite();
-        let largest = |k: usize| points.iter().map(|it| it.states[k].abs()).filter(finite).fold(0.0, f64::max);
-        let change = |k: usize| {
-            let all: Vec<f64> =
-                points.windows(2).map(|pair| (pair[1].states[k] - pair[0].states[k]).abs()).filter(finite).collect();
-            all.iter().sum::<f64>() / (all.len().max(1) * every) as f64
-        };
-        let changes: Vec<f64> = (0..count).map(change).collect();
-        // An angle grows without bound, but a row changes it little.
-        let step = |k: usize| {
-            let size = DIFFERENCE * largest(k);
-            let limited = if changes[k] > 0.0 { size.min(changes[k]) } else { size };
-            if limited > 0.0 { limited } else { DIFFERENCE * DIFFERENCE }
-        };
-        let (states, is_kinematic) = (machine.states().into_iter().map(|it| it.0).collect(), machine.kinematic_states());
-        let steps = (0..count).map(step).collect();
-        open(&model.slots).push(slot);
-        Some(Observer { model, states, is_kinematic, lane, steps, changes })
-    }
-
-    /// Runs the plant along its record with the linear model of each row. `correct` gets each row and returns the change of each state. Returns
-    /// whether the last row was reached.
-    #[must_use]
-    pub fn rows(&self, kind: PlantKind, record: &Record, correct: &mut dyn FnMut(&PredictedRow<'_>) -> Vec<f64>) -> bool {
-        let mut slot = self.model.slot();
-        let time = instants(kind, record);
-        let inputs = Inputs { time: &time, values: &record.inputs };
-        let default = Setting::default();
-        let setting = setting(record, default.method, default.tolerance, OBSERVED_STEPS_A_ROW);
-        let done = slot.lanes.linearised_rows(&self.lane, inputs, setting, &self.steps, correct);
-        open(&self.model.slots).push(slot);
-        done.is_ok()
-    }
-
-    /// Runs plants of one kind side by side along the record. At each row `correct` gets the index of the plant, its predicted outputs and the
-    /// states of this plant, which it may change. The plants have the same effects at the same places; these effects may be others than those of
-    /// this plant, and their own states are not corrected. Returns for each plant whether it reached the last row.
-    #[must_use]
-    pub fn observed(&self, files: &[PlantFile], record: &Record, correct: &mut dyn FnMut(&AtRow<'_>, &mut [f64])) -> Vec<bool> {
-        let mut done = vec![false; files.len()];
-        let Some(Group { model, mut slot, places, lanes }) = Group::of(files, record) else { return done };
-        if let Some(states) = places_of_states(&self.model.machine, &model.machine) {
-            let time = instants(files[0].kind, record);
-            let inputs = Inputs { time: &time, values: &record.inputs };
-            let default = Setting::default();
-            let setting = setting(record, default.method, default.tolerance, OBSERVED_STEPS_A_ROW);
-            let mut own = vec![0.0; states.len()];
-            let mut of_all = |at: &AtRow<'_>, all: &mut [f64]| {
-                own.iter_mut().zip(&states).for_each(|(to, place)| *to = all[*place]);
-                correct(&AtRow { lane: places[at.lane], ..*at }, &mut own);
-                own.iter().zip(&states).for_each(|(from, place)| all[*place] = *from);
-            };
-            let found = slot.lanes.observed(&lanes, inputs, setting, &mut of_all);
-            for (place, found) in places.iter().zip(found) {
-                done[*place] = found.is_ok();
-            }
-        }
-        open(&model.slots).push(slot);
-        done
     }
 }
 

@@ -21,8 +21,8 @@ use rsm_sim::plant_file::PlantFile;
 /// errors.
 pub const MEMORY: usize = 100;
 
-/// The process noise of the first filter, which finds the states along the readings: this many times the mean change of a state in a row. With less, an
-/// error of a rate holds the states back, and an angle that no sensor reads is soon off by a period of a wave.
+/// The process noise of the first filter, which finds the states along the readings: this many times the mean change of a state in a row. With less,
+/// an error of a rate holds the states back, and an angle that no sensor reads is soon off by a period of a wave.
 const FIRST_NOISE: f64 = 3.0;
 
 /// The standard deviation of a state at the start, in mean changes in a row.
