@@ -28,7 +28,7 @@ use rsm_sim::threads::in_threads;
 pub const MOST: usize = 400;
 
 /// The longest wave, in lines: one wave over the travel.
-const LONGEST_WAVE: usize = 2;
+pub(super) const LONGEST_WAVE: usize = 2;
 
 /// The number of lines that are refined. Half a line beside its optimum, a wave still has three quarters of its gain.
 const MOST_LINES_REFINED: usize = 8;
@@ -128,25 +128,41 @@ impl<'k> Waves<'k> {
 
     /// The best wave number between two, by golden section (J. Kiefer, 1953).
     fn best_between(&self, low: f64, high: f64) -> f64 {
-        let share = 0.5 * (5.0_f64.sqrt() - 1.0);
-        let (mut low, mut high) = (low, high);
-        let mut inner = [high - share * (high - low), low + share * (high - low)];
-        let mut gains = inner.map(|number| self.gain(number).0);
-        for _ in 0..REFINED {
-            if gains[0] > gains[1] {
-                high = inner[1];
-                (inner[1], gains[1]) = (inner[0], gains[0]);
-                inner[0] = high - share * (high - low);
-                gains[0] = self.gain(inner[0]).0;
-            } else {
-                low = inner[0];
-                (inner[0], gains[0]) = (inner[1], gains[1]);
-                inner[1] = low + share * (high - low);
-                gains[1] = self.gain(inner[1]).0;
-            }
-        }
-        0.5 * (low + high)
+        largest_between([low, high], &|number| self.gain(number).0)
     }
+}
+
+/// The place of the largest value between two ends, by golden section (J. Kiefer, 1953).
+pub(super) fn largest_between([low, high]: [f64; 2], value: &dyn Fn(f64) -> f64) -> f64 {
+    let share = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let (mut low, mut high) = (low, high);
+    let mut inner = [high - share * (high - low), low + share * (high - low)];
+    let mut values = inner.map(value);
+    for _ in 0..REFINED {
+        if values[0] > values[1] {
+            high = inner[1];
+            (inner[1], values[1]) = (inner[0], values[0]);
+            inner[0] = high - share * (high - low);
+            values[0] = value(inner[0]);
+        } else {
+            low = inner[0];
+            (inner[0], values[0]) = (inner[1], values[1]);
+            inner[1] = low + share * (high - low);
+            values[1] = value(inner[1]);
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// The lines of a spectrum with more gain than their neighbours, the largest first. The first line may be the longest wave, because longer waves do
+/// not repeat; at the other end there is only noise.
+pub(super) fn peaks(gains: &[f64], most: usize) -> Vec<usize> {
+    let at = |k: usize| gains.get(k).copied().unwrap_or(0.0);
+    let mut peaks: Vec<usize> =
+        (0..gains.len()).filter(|&k| at(k) > 0.0 && (k == 0 || at(k) >= at(k - 1)) && at(k) > at(k + 1)).collect();
+    peaks.sort_by(|a, b| at(*b).total_cmp(&at(*a)));
+    peaks.truncate(most);
+    peaks
 }
 
 fn project_out(column: &mut [f64], direction: &[f64]) {
@@ -164,14 +180,8 @@ pub fn waves(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Wave> {
     let numbers: Vec<f64> =
         (LONGEST_WAVE..2 * MOST).map(|half| half as f64 * line).take_while(|number| *number < finest).collect();
     let gains = waves.gains(&numbers);
-    // The longest wave may be at the end of the list. Longer waves do not repeat; at the other end there is only noise.
-    let at = |k: usize| gains.get(k).copied().unwrap_or(0.0);
-    let mut peaks: Vec<usize> =
-        (0..gains.len()).filter(|&k| at(k) > 0.0 && (k == 0 || at(k) >= at(k - 1)) && at(k) > at(k + 1)).collect();
-    peaks.sort_by(|a, b| at(*b).total_cmp(&at(*a)));
-    peaks.truncate(MOST_LINES_REFINED);
     let mut found: Vec<(f64, Wave)> = Vec::new();
-    for k in peaks {
+    for k in peaks(&gains, MOST_LINES_REFINED) {
         let number = waves.best_between((numbers[k] - line).max(LONGEST_WAVE as f64 * line), numbers[k] + line);
         let (gain, factors) = waves.gain(number);
         if gain > 0.0 {

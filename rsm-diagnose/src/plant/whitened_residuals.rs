@@ -140,7 +140,7 @@ impl SimulationWork {
 }
 
 /// The indices of jobs that can run side by side: plants with the same effects in the same order, on one record.
-pub(super) fn joint_jobs(jobs: &[(usize, &Model)]) -> Vec<Vec<usize>> {
+fn joint_jobs(jobs: &[(usize, &Model)]) -> Vec<Vec<usize>> {
     let is_like = |one: &(usize, &Model), other: &(usize, &Model)| {
         let (mut a, mut b) = (one.1.file.acting(), other.1.file.acting());
         let is_one = |a: &Entry, b: &Entry| {
@@ -167,6 +167,21 @@ pub(super) fn joint_jobs(jobs: &[(usize, &Model)]) -> Vec<Vec<usize>> {
     groups
 }
 
+/// Runs jobs on all threads, those that can run side by side together. `run` gets the indices of such jobs, and returns their results in this order.
+pub(super) fn side_by_side<T: Clone + Send>(
+    jobs: &[(usize, &Model)],
+    threads: usize,
+    run: impl Fn(&[usize]) -> Vec<Option<T>> + Sync,
+) -> Vec<Option<T>> {
+    let groups = joint_jobs(jobs);
+    let done = in_threads(&groups, threads, |group| run(group));
+    let mut all: Vec<Option<T>> = vec![None; jobs.len()];
+    for (place, found) in groups.into_iter().flatten().zip(done.into_iter().flatten()) {
+        all[place] = found;
+    }
+    all
+}
+
 impl WhitenedResiduals {
     /// Records without a simulation yet.
     #[must_use]
@@ -183,13 +198,7 @@ impl WhitenedResiduals {
     /// Runs jobs on all threads; `None` for a job whose simulation failed.
     #[must_use]
     pub fn simulate(&self, jobs: &[(usize, &Model)]) -> Vec<Option<Simulated>> {
-        let groups = joint_jobs(jobs);
-        let done = in_threads(&groups, self.threads, |group| self.group(jobs, group));
-        let mut answers: Vec<Option<Simulated>> = vec![None; jobs.len()];
-        for (place, answer) in groups.into_iter().flatten().zip(done.into_iter().flatten()) {
-            answers[place] = answer;
-        }
-        answers
+        side_by_side(jobs, self.threads, |group| self.group(jobs, group))
     }
 
     /// Runs jobs on one record whose plants run side by side.

@@ -22,6 +22,13 @@ pub struct Fault {
     pub sentence: String,
 }
 
+impl Fault {
+    /// A fault whose rows are left out, without further numbers.
+    pub(super) fn new(what: &'static str, column: &str, rows: (usize, usize), sentence: String) -> Self {
+        Fault { what, column: column.to_string(), rows, numbers: Vec::new(), input: None, is_left_out: true, sentence }
+    }
+}
+
 /// What a check found.
 #[derive(Default)]
 pub(super) struct Found {

@@ -202,18 +202,19 @@ pub fn diagnose_and_test(
     progress: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, String> {
     let model = checked.model();
-    let mut compared: Vec<usize> = (0..model.surfaces.len()).filter(|index| data.responses[*index].is_some()).collect();
+    let compared = (0..model.surfaces.len()).filter(|index| data.responses[*index].is_some());
+    let mut compared: Vec<(usize, CheckedRows)> = compared.map(|index| (index, CheckedRows::new(model, index, data))).collect();
     // A sensor that reads one value leaves the other responses as they are.
     let constant: Vec<(usize, Fault)> =
-        compared.iter().filter_map(|index| Some((*index, CheckedRows::new(model, *index, data).constant()?))).collect();
+        compared.iter().filter_map(|(index, checked)| Some((*index, checked.constant()?))).collect();
     if constant.len() < compared.len() {
-        compared.retain(|index| !constant.iter().any(|it| it.0 == *index));
+        compared.retain(|it| !constant.iter().any(|other| other.0 == it.0));
     }
     let alpha = FALSE_ALARMS / compared.len().max(1) as f64;
     let mut responses = Vec::new();
     let mut extended = model.clone();
-    for index in compared {
-        let (response, extension) = of_response(model, index, (data, unseen, test), &model.inputs, alpha, progress)?;
+    for (index, checked) in compared {
+        let (response, extension) = of_response(model, (index, checked), (data, unseen, test), &model.inputs, alpha, progress)?;
         if response.verdict != Verdict::NoDiscrepancy {
             let mut attempt = extended.clone();
             attempt.surfaces[index] = extension.surface.clone();
@@ -335,14 +336,13 @@ fn explained_sample(sample_of: &dyn Fn(RowSet<'_>) -> Sample, alpha: f64, progre
 
 fn of_response(
     model: &Model,
-    index: usize,
+    (index, checked): (usize, CheckedRows),
     (data, unseen, test): (&NewData, Option<&NewData>, Option<&NewData>),
     taken: &[Input],
     alpha: f64,
     progress: &mut dyn FnMut(&str),
 ) -> Result<(ResponseDiagnosis, Extension), String> {
     let surface = &model.surfaces[index];
-    let checked = CheckedRows::new(model, index, data);
     let response = &checked.response;
     let sample_of = |taken: RowSet<'_>| Sample::new(model, index, &data.inputs, (response, &checked.used), &data.extras, taken);
     let inside = sample_of(RowSet::Inside);

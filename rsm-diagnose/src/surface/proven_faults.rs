@@ -215,10 +215,6 @@ fn is_limit(values: &[f64], (first, last): (usize, usize)) -> bool {
     jump <= JUMP * usual || elsewhere
 }
 
-fn fault(what: &'static str, column: &str, rows: (usize, usize), sentence: String) -> Fault {
-    Fault { what, column: column.to_string(), rows, numbers: Vec::new(), input: None, is_left_out: true, sentence }
-}
-
 /// Four significant digits.
 fn number(value: f64) -> String {
     let digits = if value == 0.0 { 0 } else { 3 - value.abs().log10().floor() as i32 };
@@ -259,7 +255,7 @@ pub(super) fn inputs(sample: &Sample) -> Found {
                     input.name,
                     with_unit(values[longest.0], &input.unit)
                 );
-                found.faults.push(fault("stuck", &input.name, places, sentence));
+                found.faults.push(Fault::new("stuck", &input.name, places, sentence));
                 // Small errors at the ends of the run may be of either kind.
                 found.doubtful.extend(rows.iter().map(|row| sample.places[*row]));
                 continue;
@@ -280,7 +276,7 @@ pub(super) fn inputs(sample: &Sample) -> Found {
                 );
                 found
                     .faults
-                    .extend(ranges(&places).into_iter().map(|rows| fault("clipped", &input.name, rows, sentence.clone())));
+                    .extend(ranges(&places).into_iter().map(|rows| Fault::new("clipped", &input.name, rows, sentence.clone())));
             }
         }
     }
@@ -534,7 +530,7 @@ pub(super) fn scales(sample: &Sample, all_rows: usize) -> Found {
         let first = if from == 0 { 0 } else { sample.places[from] };
         let last = if to == rows { all_rows - 1 } else { sample.places[to] - 1 };
         let sentence = format!("The reading of `{column}` is {} times the true value.", number(scale.factor));
-        let mut fault = fault(what, column, (first, last), sentence);
+        let mut fault = Fault::new(what, column, (first, last), sentence);
         fault.numbers = vec![("factor", scale.factor)];
         fault
     };

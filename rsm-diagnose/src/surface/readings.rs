@@ -10,7 +10,7 @@ use rsm_core::model::Model;
 
 use super::data::NewData;
 use super::fault::{Fault, Found, ranges};
-use super::proven_faults::{Residual, base};
+use super::proven_faults::{Residual, base, equal_runs};
 use super::sample::Sample;
 
 /// A response has a fine resolution if at most this share of its readings has a value that occurs three times or more, apart from the two most
@@ -84,15 +84,10 @@ pub(super) fn faults(model: &Model, index: usize, data: &NewData, sample: &Sampl
     let inputs: Vec<&Vec<f64>> = data.inputs.iter().filter(|column| !column.is_empty()).collect();
     let same_point = |a: usize, b: usize| inputs.iter().all(|column| column[a] == column[b]);
     let mut found = Found::default();
-    let add = |found: &mut Found, what: &'static str, column: &str, rows: (usize, usize), sentence: String| {
-        let fault =
-            Fault { what, column: column.to_string(), rows, numbers: Vec::new(), input: None, is_left_out: true, sentence };
-        found.faults.push(fault);
-    };
     let moves = sample.nominal.iter().any(|value| *value != sample.nominal[0]);
     if moves && values.iter().all(|value| *value == values[0]) {
         let sentence = format!("The sensor of `{name}` reads {}{} in all rows.", values[0], unit(&surface.unit));
-        add(&mut found, "constant", name, (0, rows - 1), sentence);
+        found.faults.push(Fault::new("constant", name, (0, rows - 1), sentence));
         return found;
     }
     let noise = Residual::new(sample, &base(sample)).noise;
@@ -135,27 +130,26 @@ pub(super) fn faults(model: &Model, index: usize, data: &NewData, sample: &Sampl
             found.doubtful.extend(near.map(|(row, _)| *row));
             for range in ranges(&at) {
                 let unit = unit(&surface.unit);
-                add(&mut found, "clipped", name, range, format!("The sensor of `{name}` does not read {words} {limit}{unit}."));
+                found.faults.push(Fault::new(
+                    "clipped",
+                    name,
+                    range,
+                    format!("The sensor of `{name}` does not read {words} {limit}{unit}."),
+                ));
             }
         }
     }
-    let mut first = 0;
-    for row in 1..=rows {
-        if row < rows && values[row] == values[first] {
-            continue;
-        }
-        let is_stuck = row - first >= STUCK && !faulty[first] && (first..row).any(|row| !same_point(row, first));
-        if is_stuck {
-            faulty[first..row].fill(true);
+    for (first, last) in equal_runs(values) {
+        if last - first + 1 >= STUCK && !faulty[first] && (first..=last).any(|row| !same_point(row, first)) {
+            faulty[first..=last].fill(true);
             let sentence = format!("The sensor of `{name}` repeats {}{}.", values[first], unit(&surface.unit));
-            add(&mut found, "stuck", name, (first, row - 1), sentence);
+            found.faults.push(Fault::new("stuck", name, (first, last), sentence));
         }
-        first = row;
     }
     let again = written_twice(values, &inputs, &faulty, step.map_or(0.0, |step| step / noise), &counts);
     for range in again {
         let what = if range.1 - range.0 + 1 >= BLOCK { "duplicated block" } else { "duplicated row" };
-        add(&mut found, what, "row", range, "All readings repeat those of an earlier row.".to_string());
+        found.faults.push(Fault::new(what, "row", range, "All readings repeat those of an earlier row.".to_string()));
     }
     found
 }
@@ -166,19 +160,12 @@ fn unit(unit: &str) -> String {
 }
 
 fn quantised(name: &str, unit_of: &str, step: f64, rows: usize, noise: f64) -> Fault {
-    Fault {
-        what: "quantised",
-        column: name.to_string(),
-        rows: (0, rows - 1),
-        numbers: vec![("step", step)],
-        input: None,
-        is_left_out: false,
-        sentence: format!(
-            "`{name}` is rounded to steps of {step:.4}{}, {:.1} standard deviations of the residual.",
-            unit(unit_of),
-            step / noise
-        ),
-    }
+    let sentence = format!(
+        "`{name}` is rounded to steps of {step:.4}{}, {:.1} standard deviations of the residual.",
+        unit(unit_of),
+        step / noise
+    );
+    Fault { numbers: vec![("step", step)], is_left_out: false, ..Fault::new("quantised", name, (0, rows - 1), sentence) }
 }
 
 impl Found {

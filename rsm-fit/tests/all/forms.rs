@@ -9,14 +9,11 @@ use rsm_fit::random::Random;
 use rsm_fit::spec::Form;
 use rsm_fit::{Fit, Input, Response, Select};
 
-/// The median over new splits of the error on test rows, in percent of the sd of the response; the number of operations of the largest evaluator; the
-/// number of sigmoids in the last fit.
-fn flux(folder: &std::path::Path, response: &str, symmetry: &str, rest: &str, seeds: u64) -> (f64, usize, usize) {
-    let mut found = Vec::new();
-    let (mut operations, mut sigmoids) = (0, 0);
-    for seed in 1..=seeds {
-        let text = format!(
-            r#"
+/// A fit of the measured flux map on one split: the error on test rows, in percent of the sd of the response, and the outcome. `rest` are further
+/// lines of the response.
+pub(crate) fn flux_split(folder: &std::path::Path, response: &str, rest: &str, seed: u64) -> (f64, rsm_fit::Outcome) {
+    let text = format!(
+        r#"
 format = 1
 model = "pmsyrm"
 data = ["flux_map.csv"]
@@ -27,17 +24,27 @@ inputs.i_q = {{ column = "i_q_A", unit = "A" }}
 column = "{response}_Vs"
 unit = "V*s"
 inputs = ["i_d", "i_q"]
-symmetry = {{ i_q = "{symmetry}" }}
 {rest}
 "#
-        );
-        let outcome = fitted_in(&text, folder);
+    );
+    let outcome = fitted_in(&text, folder);
+    let all: Vec<f64> =
+        [&outcome.fitted, outcome.test.as_ref().unwrap()].iter().flat_map(|rows| rows.responses[0].clone()).collect();
+    let mean = all.iter().sum::<f64>() / all.len() as f64;
+    let sd = (all.iter().map(|y| (y - mean) * (y - mean)).sum::<f64>() / all.len() as f64).sqrt();
+    let statistics = outcome.responses[0].statistics.as_ref().unwrap();
+    (100.0 * statistics.test.as_ref().unwrap().rmse / sd, outcome)
+}
+
+/// The median over new splits of the error on test rows, in percent of the sd of the response; the number of operations of the largest evaluator; the
+/// number of sigmoids in the last fit.
+fn flux(folder: &std::path::Path, response: &str, symmetry: &str, rest: &str, seeds: u64) -> (f64, usize, usize) {
+    let mut found = Vec::new();
+    let (mut operations, mut sigmoids) = (0, 0);
+    for seed in 1..=seeds {
+        let (error, outcome) = flux_split(folder, response, &format!("symmetry = {{ i_q = \"{symmetry}\" }}\n{rest}"), seed);
         let statistics = outcome.responses[0].statistics.as_ref().unwrap();
-        let all: Vec<f64> =
-            [&outcome.fitted, outcome.test.as_ref().unwrap()].iter().flat_map(|rows| rows.responses[0].clone()).collect();
-        let mean = all.iter().sum::<f64>() / all.len() as f64;
-        let sd = (all.iter().map(|y| (y - mean) * (y - mean)).sum::<f64>() / all.len() as f64).sqrt();
-        found.push(100.0 * statistics.test.as_ref().unwrap().rmse / sd);
+        found.push(error);
         let checked = Checked::from_model(&outcome.model).unwrap();
         operations = operations.max(lower::surface(&checked, 0, Precision::F64).operation_count());
         sigmoids = outcome.model.surfaces[0].sigmoids.len();

@@ -1,6 +1,5 @@
 //! Splines as surfaces: of given cells, of chosen cells, and chosen against other forms; on known functions and on the measured flux map.
 
-use crate::data::fitted_in;
 use crate::folders::shared;
 use rsm_core::check::Checked;
 use rsm_core::lower;
@@ -169,29 +168,10 @@ fn splines_of_the_measured_flux_map() {
         let mut found = Vec::new();
         let mut operations = 0;
         for seed in 1..=5 {
-            let text = format!(
-                r#"
-format = 1
-model = "pmsyrm"
-data = ["flux_map.csv"]
-test = {{ share = 0.3, seed = {seed}, mirror = ["i_q"] }}
-inputs.i_d = {{ column = "i_d_A", unit = "A" }}
-inputs.i_q = {{ column = "i_q_A", unit = "A" }}
-[responses.{response}]
-column = "{response}_Vs"
-unit = "V*s"
-inputs = ["i_d", "i_q"]
-select = {{ method = "fixed" }}
-spline = {{ degree = 3 }}
-"#
-            );
-            let outcome = fitted_in(&text, &folder);
+            let rest = "select = { method = \"fixed\" }\nspline = { degree = 3 }";
+            let (error, outcome) = crate::forms::flux_split(&folder, response, rest, seed);
             let statistics = outcome.responses[0].statistics.as_ref().unwrap();
-            let all: Vec<f64> =
-                [&outcome.fitted, outcome.test.as_ref().unwrap()].iter().flat_map(|rows| rows.responses[0].clone()).collect();
-            let mean = all.iter().sum::<f64>() / all.len() as f64;
-            let sd = (all.iter().map(|y| (y - mean) * (y - mean)).sum::<f64>() / all.len() as f64).sqrt();
-            found.push(100.0 * statistics.test.as_ref().unwrap().rmse / sd);
+            found.push(error);
             let checked = Checked::from_model(&outcome.model).unwrap();
             let certificate = rsm_core::certificate::surface(&checked, 0, &Precision::ALL);
             assert!(certificate.tapes.iter().all(|tape| tape.error.is_finite()));

@@ -1,7 +1,7 @@
 //! Adds effects to the equations of a plant.
 //!
-//! In: flat equations, sites, placed effects. Out: flat equations with the effects, with a parameter for each of their numbers; and the delays,
-//! which equations cannot express.
+//! In: flat equations, sites, placed effects. Out: flat equations with the effects, with a parameter for each of their numbers; and the delays, which
+//! equations cannot express.
 //!
 //! Input signals are changed first, then the inner laws, then the readings. In each group, effects are added in the order of the file. A law that
 //! replaces a role refers to the value before the change, so a later effect acts on the result of the earlier ones.
@@ -101,11 +101,15 @@ struct Rewriter {
 /// use rsm_core::source::Source;
 /// use rsm_model::{effects::{Catalogue, Placed, extend}, flat::{Flat, Options}, system::System};
 ///
-/// let text = "model Cart\n  parameter Real mass = 2;\n  input Real force;\n  output Real speed;\nequation\n  mass*der(speed) = force;\nend
-/// Cart;\n"; let flat = Flat::read(&Source::new("cart.mo", text), &Options::default())?; let catalogue = Catalogue::shipped(); let plant =
-/// Source::new("cart.toml", ""); let effect = catalogue.find("input-gain").expect("a shipped effect"); let placed = Placed { effect, at:
-/// Some("force".to_string()), numbers: vec![("gain".to_string(), 3.0)], source: plant, place: 0..0 }; let extended = extend(&flat, &[], &[placed])?;
-/// let system = System::new(&extended.flat)?; assert_eq!(system.text(system.rates()[0]), "input-gain(force).gain*force/mass");
+/// let text = "model Cart\n  parameter Real mass = 2;\n  input Real force;\n  output Real speed;\nequation\n  mass*der(speed) = force;\nend Cart;\n";
+/// let flat = Flat::read(&Source::new("cart.mo", text), &Options::default())?;
+/// let catalogue = Catalogue::shipped();
+/// let plant = Source::new("cart.toml", "");
+/// let effect = catalogue.find("input-gain").expect("a shipped effect");
+/// let placed = Placed { effect, at: Some("force".to_string()), numbers: vec![("gain".to_string(), 3.0)], source: plant, place: 0..0 };
+/// let extended = extend(&flat, &[], &[placed])?;
+/// let system = System::new(&extended.flat)?;
+/// assert_eq!(system.text(system.rates()[0]), "input-gain(force).gain*force/mass");
 /// # Ok::<(), rsm_core::source::Faults>(())
 /// ```
 ///

@@ -1,7 +1,7 @@
 //! An effect that belongs to one plant: it is added to the plant's catalogue, and its sites are described.
 //!
-//! In: a plant file of format 2, the text of an effect. Out: the same plant, on which the effect is possible; and what a law at a site can depend
-//! on, with its values along a record.
+//! In: a plant file of format 2, the text of an effect. Out: the same plant, on which the effect is possible; and what a law at a site can depend on,
+//! with its values along a record.
 
 use std::sync::Arc;
 

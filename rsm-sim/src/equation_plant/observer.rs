@@ -13,8 +13,6 @@ use crate::record::Record;
 /// A plant that readings correct along one record: its states, for gains.
 pub struct Observer {
     model: &'static Model,
-    /// The names of its states.
-    pub states: Vec<String>,
     /// For each state, whether its derivative is another state. Then no effect acts on it directly.
     pub is_kinematic: Vec<bool>,
     lane: Lane,
@@ -60,10 +58,10 @@ impl Observer {
             let limited = if changes[k] > 0.0 { size.min(changes[k]) } else { size };
             if limited > 0.0 { limited } else { DIFFERENCE * DIFFERENCE }
         };
-        let (states, is_kinematic) = (machine.states().into_iter().map(|it| it.0).collect(), machine.kinematic_states());
+        let is_kinematic = machine.kinematic_states();
         let steps = (0..count).map(step).collect();
         open(&model.slots).push(slot);
-        Some(Observer { model, states, is_kinematic, lane, steps, changes })
+        Some(Observer { model, is_kinematic, lane, steps, changes })
     }
 
     /// Runs the plant along its record with the linear model of each row. `correct` gets each row and returns the change of each state. Returns

@@ -132,13 +132,15 @@ impl Lanes<'_> {
         walk.begin(std::array::from_fn(|place| &lanes[place.min(lanes.len() - 1)]), setting, period(inputs));
         let mut saved = None;
         let (mut outputs, mut states) = (vec![0.0; machine.outputs().len()], vec![0.0; walk.states().len()]);
+        let mut predicted: Vec<[f64; WIDE]> = Vec::new();
         let mut run = |lanes_of: &mut Self| -> Result<(), Stopped> {
             for row in 0..inputs.time.len() {
                 lanes_of.reach_row(&mut walk, lanes, row, inputs, setting)?;
                 walk.saved(&mut saved);
                 walk.set_inputs(inputs.values, row);
                 walk.execute_events(inputs.time[row])?;
-                let predicted: Vec<[f64; WIDE]> = walk.evaluate_outputs().to_vec();
+                predicted.clear();
+                predicted.extend_from_slice(walk.evaluate_outputs());
                 walk.restore(&saved);
                 for lane in 0..lanes.len() {
                     outputs.iter_mut().zip(&predicted).for_each(|(to, from)| *to = from[lane]);
@@ -171,6 +173,7 @@ impl Lanes<'_> {
         walk.begin([lane], setting, period(inputs));
         let mut late = DelayedSignals::new(lane.numbers(), inputs.time, period(inputs));
         let mut saved = None;
+        let (mut predicted, mut states): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         let mut run = || -> Result<(), Stopped> {
             for (row, end) in inputs.time.iter().enumerate() {
                 walk.row = row;
@@ -181,11 +184,13 @@ impl Lanes<'_> {
                 walk.set_inputs(inputs.values, row);
                 walk.exchange(&mut late);
                 walk.execute_events_and_send(*end, &mut late)?;
-                let mut predicted: Vec<f64> = walk.evaluate_outputs().iter().map(|it| it[0]).collect();
+                predicted.clear();
+                predicted.extend(walk.evaluate_outputs().iter().map(|it| it[0]));
                 late.replace(row, *end, &mut predicted);
                 is_finite(machine, row, &predicted)?;
                 walk.restore(&saved);
-                let mut states: Vec<f64> = walk.states().iter().map(|it| it[0]).collect();
+                states.clear();
+                states.extend(walk.states().iter().map(|it| it[0]));
                 correct(&AtRow { row, lane: place, outputs: &predicted }, &mut states);
                 walk.states().iter_mut().zip(&states).for_each(|(to, from)| *to = [*from]);
                 walk.set_inputs(inputs.values, row);

@@ -102,7 +102,7 @@ impl Filter {
     pub fn new(prepared: &Prepared, file: &PlantFile, noise: &[f64]) -> Option<Filter> {
         let record = &prepared.record;
         let observer = Observer::new(file, record)?;
-        let count = observer.states.len();
+        let count = observer.is_kinematic.len();
         let start: Vec<f64> = observer.changes.iter().map(|it| START * it).collect();
         let covariance = || DMatrix::from_diagonal(&start.iter().map(|it| it * it).collect::<Vec<f64>>().into());
         let first = observer.changes.iter().zip(&observer.is_kinematic);

@@ -27,7 +27,7 @@ use super::hypotheses::{Hypothesis, generalises};
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
 use super::screen::scaled;
-use super::whitened_residuals::{WhitenedResiduals, joint_jobs};
+use super::whitened_residuals::{WhitenedResiduals, side_by_side};
 use crate::engine::significance::best_gain_by_chance;
 use cross_validation::{Base, Blocks, Prior, blocks};
 use filter::Filter;
@@ -83,7 +83,7 @@ pub struct Term {
 /// The result of the screen by equation errors.
 #[derive(Debug, Clone)]
 pub struct EquationScreen {
-    /// The names of the equations.
+    /// The names of the outputs whose predictions are compared.
     pub equations: Vec<&'static str>,
     /// The error that calibration leaves, as a share of the nominal plant's error.
     pub calibrated: f64,
@@ -95,7 +95,7 @@ pub struct EquationScreen {
     pub orders: Vec<(usize, Guess)>,
     /// The number of guesses from which terms and orders were chosen.
     pub looks: usize,
-    /// The number of evaluations of a plant's rates.
+    /// The number of predicted rows, of all plants together.
     pub work: u64,
 }
 
@@ -106,7 +106,7 @@ struct Candidate {
     columns: Vec<Blocks>,
 }
 
-/// Tests all causes on the equations; `None` if no record has the columns for an equation.
+/// Tests all causes by prediction errors; `None` if the plant can follow no record.
 #[must_use]
 pub fn screen(whitened: &WhitenedResiduals, nominal: &Model, hypotheses: &[Hypothesis]) -> Option<EquationScreen> {
     let equations = Equations::of(whitened, nominal)?;
@@ -244,8 +244,7 @@ impl<'w> Equations<'w> {
     fn errors(&self, models: &[Model]) -> Vec<Option<Vec<Vec<f64>>>> {
         let jobs: Vec<(usize, &Model)> =
             models.iter().flat_map(|model| (0..self.filters.len()).map(move |place| (place, model))).collect();
-        let groups = joint_jobs(&jobs);
-        let done = in_threads(&groups, self.whitened.threads, |group| {
+        let all = side_by_side(&jobs, self.whitened.threads, |group| {
             let (record, filter) = &self.filters[jobs[group[0]].0];
             let its = &filter.prepared.record;
             self.work.fetch_add((group.len() * its.rows()) as u64, Ordering::Relaxed);
@@ -258,10 +257,6 @@ impl<'w> Equations<'w> {
             }
             found
         });
-        let mut all: Vec<Option<Vec<Vec<f64>>>> = vec![None; jobs.len()];
-        for (place, found) in groups.into_iter().flatten().zip(done.into_iter().flatten()) {
-            all[place] = found;
-        }
         let mut all = all.into_iter();
         let records = self.filters.len();
         let whole = |_| -> Option<Vec<Vec<f64>>> {

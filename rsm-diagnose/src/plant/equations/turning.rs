@@ -27,7 +27,7 @@ impl<'f> Turning<'f> {
     pub fn new(filter: &'f Filter, waves: &[PlantFile; 3], amplitude: f64) -> Option<Self> {
         let mut found = filter.row_responses(waves).into_iter();
         let (sin, cos, double) = (found.next()??, found.next()??, found.next()??);
-        let count = filter.observer.states.len();
+        let count = filter.observer.is_kinematic.len();
         let rows = sin.len();
         // Both responses are one vector, times the sine and the cosine of the phase.
         let mut direction = vec![0.0; count];
@@ -78,7 +78,7 @@ impl<'f> Turning<'f> {
     /// number of periods in a period of the slow wave.
     #[must_use]
     pub fn wave(&self, number: f64) -> [Vec<Vec<f64>>; 2] {
-        let count = self.filter.observer.states.len();
+        let count = self.filter.observer.is_kinematic.len();
         let outputs = self.filter.sd.len();
         let rows = self.phase.len();
         let mut columns = [0, 1].map(|_| vec![Vec::with_capacity(rows); outputs]);

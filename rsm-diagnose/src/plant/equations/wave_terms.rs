@@ -8,6 +8,7 @@ use super::turning::Turning;
 use super::{Candidate, Equations};
 use crate::plant::hypotheses::Hypothesis;
 use crate::plant::model::Model;
+use crate::plant::waves::{LONGEST_WAVE, MOST, largest_between, peaks};
 use rsm_sim::effect::{Guess, Role};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
@@ -18,14 +19,8 @@ use rsm_sim::threads::in_threads;
 /// of a kilohertz. Orders above 120 are beyond what the sampling resolves.
 const MOST_ORDER: usize = 120;
 
-/// The largest number of waves over the travel.
-const MOST_WAVES: usize = 400;
-
 /// The number of periods that are refined. Half a line beside its optimum, a wave still has three quarters of its gain.
 const REFINED_WAVES: usize = 3;
-
-/// Steps of the search about a line of the spectrum: 0.618^12 of two lines is a hundredth of a line, where the maximum is flat.
-const SECTIONS: usize = 12;
 
 /// A slow wave over a distance has this many times the period of the first guess.
 const SLOW: f64 = 10.0;
@@ -102,31 +97,9 @@ impl WaveMotion<'_> {
     }
 }
 
-/// The place of the largest value between two ends, by golden section (J. Kiefer, 1953).
-fn largest_between([low, high]: [f64; 2], value: &dyn Fn(f64) -> f64) -> f64 {
-    let share = 0.5 * (5.0_f64.sqrt() - 1.0);
-    let (mut low, mut high) = (low, high);
-    let mut inner = [high - share * (high - low), low + share * (high - low)];
-    let mut values = inner.map(value);
-    for _ in 0..SECTIONS {
-        if values[0] > values[1] {
-            high = inner[1];
-            (inner[1], values[1]) = (inner[0], values[0]);
-            inner[0] = high - share * (high - low);
-            values[0] = value(inner[0]);
-        } else {
-            low = inner[0];
-            (inner[0], values[0]) = (inner[1], values[1]);
-            inner[1] = low + share * (high - low);
-            values[1] = value(inner[1]);
-        }
-    }
-    0.5 * (low + high)
-}
-
 /// The number of periods that are tried in addition to whole orders.
 pub(super) fn looks(motions: &[WaveMotion<'_>]) -> usize {
-    motions.iter().filter(|it| !it.wave.is_whole).count() * 2 * MOST_WAVES
+    motions.iter().filter(|it| !it.wave.is_whole).count() * 2 * MOST
 }
 
 impl Equations<'_> {
@@ -192,15 +165,10 @@ impl Equations<'_> {
             }
             // A spectral line is half a wave over the travel wide.
             let line = 0.5 / travel;
-            let numbers: Vec<f64> = (2..2 * MOST_WAVES).map(|half| half as f64 * line).collect();
+            let numbers: Vec<f64> = (LONGEST_WAVE..2 * MOST).map(|half| half as f64 * line).collect();
             let gains = in_threads(&numbers, self.whitened.threads, |number| gain(motion, *number));
-            let at = |k: usize| gains.get(k).copied().unwrap_or(0.0);
-            let is_peak = |k: &usize| at(*k) > 0.0 && (*k == 0 || at(*k) >= at(*k - 1)) && at(*k) > at(*k + 1);
-            let mut peaks: Vec<usize> = (0..gains.len()).filter(is_peak).collect();
-            peaks.sort_by(|a, b| at(*b).total_cmp(&at(*a)));
-            peaks.truncate(REFINED_WAVES);
-            let refined = in_threads(&peaks, self.whitened.threads, |&k| {
-                let ends = [(numbers[k] - line).max(2.0 * line), numbers[k] + line];
+            let refined = in_threads(&peaks(&gains, REFINED_WAVES), self.whitened.threads, |&k| {
+                let ends = [(numbers[k] - line).max(LONGEST_WAVE as f64 * line), numbers[k] + line];
                 self.wave(motion, largest_between(ends, &|number| gain(motion, number)))
             });
             list.extend(refined.into_iter().flatten());
