@@ -229,7 +229,7 @@ impl<'t> Analysis<'t> {
     /// The entries that the index can reach.
     fn load(&self, table: &Arc<Table>, index: Known, offset: u32) -> Known {
         // An index is made of integers, which are exact: an error of less than 1/2 is none.
-        if index.error.is_nan() || index.error >= 0.5 {
+        if index.error >= 0.5 {
             return Known::NOTHING;
         }
         let found = values::load(table, Interval { low: index.low, high: index.high }, offset);

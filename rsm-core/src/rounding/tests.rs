@@ -13,7 +13,7 @@ mod tapes;
 use super::*;
 use crate::adversary::{Random, seen_error, worst_ratio};
 use crate::number::{Rational, integer};
-use crate::tape::{Port, State, TapeBuilder};
+use crate::tape::{Constant, Port, State, TapeBuilder};
 
 /// A tape of some inputs.
 fn write_tape(precision: Precision, arity: usize, write: impl FnOnce(&mut TapeBuilder, &[Reg]) -> Reg) -> Tape {

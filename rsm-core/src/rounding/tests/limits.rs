@@ -83,3 +83,27 @@ fn results_below_the_smallest_normal_number_lose_more() {
         tightness(&sum, &ranges, 50);
     }
 }
+
+/// An ideal index is an integer. If the index of the tape is nearer than 1/2, both are the same; if it is not, the ideal may read another entry.
+#[test]
+fn an_index_that_may_be_another_integer_reads_any_entry() {
+    for precision in Precision::ALL {
+        for (by, is_finite) in [(0.0, true), (0.25, true), (-0.25, true), (0.5, false), (-0.5, false), (1.0, false)] {
+            let read = write_tape(precision, 0, |builder, _| {
+                let index = off(builder, 1.0, by);
+                let entries =
+                    (0..4).map(|k: i32| Constant { value: f64::from(10 * k), exact: integer(i64::from(10 * k)) }).collect();
+                builder.push(Op::Load { table: Arc::new(Table::new(entries, 3, 0)), index, offset: 0 })
+            });
+            let bound = error_bound(&read, &[]);
+            assert_eq!(bound, if is_finite { 0.0 } else { f64::INFINITY }, "{by}");
+        }
+        // Outside of the table the mask makes another index of it.
+        let outside = write_tape(precision, 1, |builder, x| {
+            let entries = (0..4).map(|k: i32| Constant { value: f64::from(k), exact: integer(i64::from(k)) }).collect();
+            builder.push(Op::Load { table: Arc::new(Table::new(entries, 3, 0)), index: x[0], offset: 0 })
+        });
+        assert_eq!(error_bound(&outside, &[[0.0, 3.0]]), 0.0);
+        assert_eq!(error_bound(&outside, &[[0.0, 4.0]]), f64::INFINITY);
+    }
+}
