@@ -58,7 +58,7 @@ impl Text {
         let nominal = subject.nominal();
         let numbers: String = schema::parameters(nominal.kind)
             .iter()
-            .filter_map(|it| Some(format!("{} = {:?}\n", it.name, nominal.parameters.optional(it.name)?)))
+            .filter_map(|it| Some(format!("\"{}\" = {:?}\n", it.name, nominal.parameters.optional(it.name)?)))
             .collect();
         let (model, more) = match subject.plant {
             "pmac" => ("pmac", ""),

@@ -1,18 +1,20 @@
 // Equations of docs/book/src/reference/plants.md, section 2.2, numbers (27), (28) of the paper there.
+// A minimum of 1e-60, the constant `small` of Modelica, excludes 0. Nominal sizes of a start: the torque of full throttle, the twist that carries
+// it in second gear, and this twist times the rate of the slowest oscillation, 20 rad/s.
 model Driveline "engine, clutch, transmission, driveshaft, wheel and vehicle, in one gear"
   constant Real g(unit = "m/s2") = 9.80665 "standard gravity";
-  parameter Real engine_inertia(unit = "kg.m2", min = 0.0) = 0.17;
-  parameter Real transmission_inertia(unit = "kg.m2", min = 0.0) = 0.014;
+  parameter Real engine_inertia(unit = "kg.m2", min = 1e-60) = 0.17;
+  parameter Real transmission_inertia(unit = "kg.m2", min = 1e-60) = 0.014;
   parameter Real final_drive_inertia(unit = "kg.m2", min = 0.0) = 0.031;
-  parameter Real wheel_inertia(unit = "kg.m2", min = 0.0) = 1.0;
-  parameter Real mass(unit = "kg", min = 0.0) = 1560.0;
-  parameter Real wheel_radius(unit = "m", min = 0.0) = 0.32;
-  parameter Real gear_ratios[5](each unit = "1", each min = 0.0) = {3.5, 2.2, 1.5, 1.1, 0.9};
+  parameter Real wheel_inertia(unit = "kg.m2", min = 1e-60) = 1.0;
+  parameter Real mass(unit = "kg", min = 1e-60) = 1560.0;
+  parameter Real wheel_radius(unit = "m", min = 1e-60) = 0.32;
+  parameter Real gear_ratios[5](each unit = "1", each min = 1e-60) = {3.5, 2.2, 1.5, 1.1, 0.9};
   parameter Integer gear(min = 1, max = 5) = 1 "constant in a record";
-  parameter Real final_drive_ratio(unit = "1", min = 0.0) = 3.7;
-  parameter Real clutch_stiffness(unit = "N.m/rad", min = 0.0) = 10000.0;
+  parameter Real final_drive_ratio(unit = "1", min = 1e-60) = 3.7;
+  parameter Real clutch_stiffness(unit = "N.m/rad", min = 1e-60) = 10000.0;
   parameter Real clutch_damping(unit = "N.m.s/rad", min = 0.0) = 30.0;
-  parameter Real driveshaft_stiffness(unit = "N.m/rad", min = 0.0) = 5000.0 "at the wheel";
+  parameter Real driveshaft_stiffness(unit = "N.m/rad", min = 1e-60) = 5000.0 "at the wheel";
   parameter Real driveshaft_damping(unit = "N.m.s/rad", min = 0.0) = 65.0 "at the wheel";
   parameter Real transmission_damping(unit = "N.m.s/rad", min = 0.0) = 0.1;
   parameter Real final_drive_damping(unit = "N.m.s/rad", min = 0.0) = 0.1;
@@ -21,16 +23,16 @@ model Driveline "engine, clutch, transmission, driveshaft, wheel and vehicle, in
   parameter Real rolling_resistance_2(unit = "m/s", min = 0.0) = 0.0 "deceleration per speed of the wheel";
   parameter Real drag_area(unit = "m2", min = 0.0) = 0.81;
   parameter Real air_density(unit = "kg/m3", min = 0.0) = 1.2;
-  parameter Real grade(unit = "rad") = 0.0;
+  parameter Real grade(unit = "rad", min = -1.5707963267948966, max = 1.5707963267948966) = 0.0 "a slope steeper than vertical is not possible";
   parameter Real torque_0(unit = "N.m") = 120.0;
   parameter Real torque_1(unit = "N.m.s/rad") = 0.6;
   parameter Real torque_2(unit = "N.m.s2/rad2") = -0.001;
-  parameter Real torque_lag(unit = "s", min = 0.0) = 0.1;
+  parameter Real torque_lag(unit = "s", min = 1e-60) = 0.1;
   parameter Real engine_friction_0(unit = "N.m", min = 0.0) = 15.0;
   parameter Real engine_friction_1(unit = "N.m.s/rad", min = 0.0) = 0.03;
-  parameter Real torque_offset(unit = "N.m") = 0.0 "at the start: torque of the engine beyond that of a steady roll";
-  parameter Real twist_offset(unit = "rad") = 0.0 "at the start: twist of the driveshaft beyond that of a steady roll";
-  parameter Real twist_rate(unit = "rad/s") = 0.0 "at the start: how fast the driveshaft twists";
+  parameter Real torque_offset(unit = "N.m", nominal = 200.0) = 0.0 "at the start: torque of the engine beyond that of a steady roll";
+  parameter Real twist_offset(unit = "rad", nominal = 0.4) = 0.0 "at the start: twist of the driveshaft beyond that of a steady roll";
+  parameter Real twist_rate(unit = "rad/s", nominal = 8.0) = 0.0 "at the start: how fast the driveshaft twists";
   input Real throttle(unit = "1") "0 to 1";
   output Real engine_speed(unit = "rad/s", start = 0.0);
   output Real road_speed(unit = "m/s", start = 0.0);

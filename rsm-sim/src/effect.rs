@@ -167,8 +167,8 @@ pub struct Survey {
     pub waves: Vec<Wave>,
     /// The quantum of each output, if its readings are integer multiples of one.
     pub quantum: [Option<f64>; OUTPUTS],
-    /// The gears in which the records were made, first gear first; all false for other plants.
-    pub gears: [bool; 5],
+    /// Parameters that occur in no equation of any record.
+    pub unused: Vec<&'static str>,
     /// The index of the named output, for an effect on an output.
     pub output: usize,
     /// The nominal value of the named parameter, for an effect on a parameter.

@@ -10,8 +10,6 @@ pub use crate::quantity::Signal;
 /// A plant of section 2 of docs/book/src/reference/plants.md, or a plant of equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PlantKind {
-    /// Engine, clutch, transmission, driveshaft, wheel and vehicle.
-    Driveline,
     /// A driven linear axis.
     ServoAxis,
     /// A plant of equations.
@@ -29,13 +27,15 @@ pub struct Described {
     pub inputs: Vec<Signal>,
     /// The outputs, in the order of the text.
     pub outputs: Vec<Signal>,
-    /// Variables that can determine the start of a record, in the order of [`StartValues`]: outputs that follow from states, then states that are not
-    /// outputs.
+    /// Variables that can determine the start of a record, in the order of [`StartValues`]: outputs that follow from states, then parameters on which
+    /// only the start depends, then states that are not outputs.
     pub starts: Vec<Signal>,
     /// Their start values from the text alone.
     pub start_values: Vec<f64>,
     /// Start variables that no reading of an output determines. A record may have a column for each; its first value is the start.
     pub start_columns: Vec<Signal>,
+    /// The parameters on which only the start depends, with their typical sizes (`nominal` in the text).
+    pub start_sizes: Vec<(&'static str, f64)>,
     /// The parameters that may be set.
     pub parameters: Vec<Nominal>,
     /// Parameters that a record determines.
@@ -51,7 +51,7 @@ pub struct Described {
 }
 
 /// A parameter that a record determines.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Decision {
     /// The parameter.
     pub parameter: &'static str,
@@ -60,6 +60,33 @@ pub struct Decision {
     pub column: Option<&'static str>,
     /// The parameter is 1 if all of these are absent, else 0. Absent inputs are 0.
     pub without: Vec<&'static str>,
+    /// The smallest and the largest value, if the text gives both.
+    pub range: Option<[f64; 2]>,
+    /// Whether the value is a whole number.
+    pub is_whole: bool,
+}
+
+impl Decision {
+    /// Whether the parameter can have a value.
+    #[must_use]
+    pub fn holds(&self, value: f64) -> bool {
+        (!self.is_whole || value.fract() == 0.0) && self.range.is_none_or(|[low, high]| (low..=high).contains(&value))
+    }
+
+    /// The possible values in words, after "expected ".
+    #[must_use]
+    pub fn words(&self) -> String {
+        let number = if self.is_whole { "a whole number" } else { "a number" };
+        self.range.map_or_else(|| number.to_string(), |[low, high]| format!("{number} from {low} to {high}"))
+    }
+}
+
+impl Described {
+    /// Whether a name is that of a parameter on which only the start depends.
+    #[must_use]
+    pub fn is_of_start(&self, name: &str) -> bool {
+        self.start_sizes.iter().any(|it| it.0 == name)
+    }
 }
 
 impl PartialEq for Described {
@@ -118,7 +145,6 @@ impl PlantKind {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            PlantKind::Driveline => "driveline",
             PlantKind::ServoAxis => "servo-axis",
             PlantKind::Equations(it) => it.name,
         }
@@ -127,10 +153,8 @@ impl PlantKind {
     /// All inputs that a record can contain, in the order of the simulation. A record of the axis needs one of its two inputs.
     #[must_use]
     pub fn inputs(self) -> &'static [Signal] {
-        const DRIVELINE: &[Signal] = &[signal("throttle", "1"), signal("gear", "1")];
         const AXIS: &[Signal] = &[signal("command", "V"), signal("reference", "m")];
         match self {
-            PlantKind::Driveline => DRIVELINE,
             PlantKind::ServoAxis => AXIS,
             PlantKind::Equations(it) => &it.inputs,
         }
@@ -139,33 +163,21 @@ impl PlantKind {
     /// The outputs, in the order of the simulation. The command of the axis is an output only in closed loop.
     #[must_use]
     pub fn outputs(self) -> &'static [Signal] {
-        const DRIVELINE: &[Signal] =
-            &[signal("engine_speed", "rad/s"), signal("road_speed", "m/s"), signal("acceleration", "m/s^2")];
         const AXIS: &[Signal] = &[signal("position", "m"), signal("command", "V")];
         match self {
-            PlantKind::Driveline => DRIVELINE,
             PlantKind::ServoAxis => AXIS,
             PlantKind::Equations(it) => &it.outputs,
         }
     }
 
-    /// The variables that `[initial]` can contain, in the order of a simulation's start: outputs, and variables without a column. For an axis this is
-    /// the speed. For a car these are the differences of the engine's torque, of the driveshaft's twist and of its rate from those of a car that
-    /// rolls steadily with its throttle.
+    /// The variables that determine a start, in the order of a simulation's start: outputs, and variables without a column. For an axis this is the
+    /// speed. For a car these are the differences of the engine's torque, of the driveshaft's twist and of its rate from those of a car that rolls
+    /// steadily with its throttle.
     #[must_use]
     pub fn starts(self) -> &'static [Signal] {
         const AXIS: &[Signal] = &[signal("position", "m"), signal("speed", "m/s")];
-        const DRIVELINE: &[Signal] = &[
-            signal("engine_speed", "rad/s"),
-            signal("road_speed", "m/s"),
-            signal("acceleration", "m/s^2"),
-            signal("torque_offset", "N*m"),
-            signal("twist_offset", "rad"),
-            signal("twist_rate", "rad/s"),
-        ];
         match self {
             PlantKind::ServoAxis => AXIS,
-            PlantKind::Driveline => DRIVELINE,
             PlantKind::Equations(it) => &it.starts,
         }
     }
@@ -187,8 +199,9 @@ impl PlantKind {
         }
         if let PlantKind::Equations(it) = self {
             columns.extend(&it.start_columns);
-            // A column that determines a parameter is a number without a unit.
-            let decides = it.decisions.iter().filter_map(|it| it.column).map(|name| Signal { name, unit: "" });
+            // A column that determines a parameter is a number without a unit. In format 1 every column states its unit.
+            let unit = if it.is_first_format { "1" } else { "" };
+            let decides = it.decisions.iter().filter_map(|it| it.column).map(|name| Signal { name, unit });
             columns.extend(decides.filter(|it| !it.name.is_empty()));
         }
         columns

@@ -18,20 +18,15 @@ pub struct Parameters {
     pub(crate) kind: PlantKind,
     /// In the order of [`schema::parameters`].
     pub(crate) values: Vec<Option<f64>>,
-    /// Gear ratios of a driveline, first gear first; 1 elsewhere.
-    pub gear_ratios: [f64; 5],
     /// For an axis.
     pub velocity_from: VelocityFrom,
 }
 
 impl Parameters {
-    /// The value of an optional parameter; `gear_ratios[3]` is the ratio of third gear.
+    /// The value of an optional parameter; `gear_ratios[3]` is the third element of an array.
     #[must_use]
     pub fn optional(&self, name: &str) -> Option<f64> {
-        match schema::index(self.kind, name) {
-            Some(index) => self.values[index],
-            None => schema::gear(self.kind, name).map(|gear| self.gear_ratios[gear]),
-        }
+        schema::index(self.kind, name).and_then(|index| self.values[index])
     }
 
     /// The value of a required parameter.
@@ -47,8 +42,6 @@ impl Parameters {
     pub fn set(&mut self, name: &str, value: f64) {
         if let Some(index) = schema::index(self.kind, name) {
             self.values[index] = Some(value);
-        } else if let Some(gear) = schema::gear(self.kind, name) {
-            self.gear_ratios[gear] = value;
         }
     }
 }

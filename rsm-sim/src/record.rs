@@ -3,6 +3,8 @@
 //! In: a CSV, and the plant file with the names of its columns. Out: a [`Record`] in the units of the code, uniformly sampled; or every fault with
 //! its line. It never fills a gap and never resamples.
 
+use std::borrow::Cow;
+
 use rsm_core::number::decimal;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use rsm_fit::table::{Table, Wanted};
@@ -35,10 +37,8 @@ pub struct Record {
     pub time: Vec<f64>,
     /// The sample period, in s.
     pub period: f64,
-    /// The inputs in the order of the simulation: throttle; command or reference; those of a plant of equations in the order of its text.
+    /// The inputs in the order of the simulation: command or reference; those of a plant of equations in the order of its text.
     pub inputs: Vec<Vec<f64>>,
-    /// The gear, 1 to 5; 1 for other plants.
-    pub gear: usize,
     /// The first values of columns with start variables that are no outputs.
     pub starts: Vec<(&'static str, f64)>,
     /// The outputs in the order of the plant, if the record has them.
@@ -128,9 +128,8 @@ impl Record {
         let take = |name: &str| values.iter().find(|(found, _)| *found == name).map(|(_, column)| column.clone());
         let time = take("time").unwrap_or_default();
         let (period, breaks) = uniform(&time, &table, gaps, &mut faults);
-        let gear = take("gear").map_or(1, |gears| constant_gear(&gears, &table, &mut faults));
         let settings = match plant.kind {
-            PlantKind::Equations(kind) => columns.settings(kind, &take, &mut faults),
+            PlantKind::Equations(kind) => columns.settings(kind, &table, &take, &mut faults),
             _ => Vec::new(),
         };
         // An optional input that a record of a plant of equations does not have is 0.
@@ -144,7 +143,6 @@ impl Record {
                 .iter()
                 .map(|signal| take(signal.name).unwrap_or_else(|| left_out.clone()))
                 .collect(),
-            gear,
             starts: columns.starts(&take),
             measured: plant.kind.outputs().iter().map(|signal| take(signal.name)).collect(),
             time,
@@ -163,6 +161,27 @@ impl Record {
     #[must_use]
     pub fn rows(&self) -> usize {
         self.time.len()
+    }
+
+    /// The value of a parameter that the record determines.
+    #[must_use]
+    pub fn setting(&self, parameter: &str) -> Option<f64> {
+        self.settings.iter().find(|it| it.0 == parameter).map(|it| it.1)
+    }
+
+    /// The columns of a record in a file, except those of outputs: time, the inputs that it has, and parameters that a column determines.
+    #[must_use]
+    pub fn given(&self, kind: PlantKind) -> Vec<(Signal, Cow<'_, [f64]>)> {
+        let absent = self.absent(kind);
+        let mut columns = vec![(Signal { name: "time", unit: "s" }, Cow::Borrowed(&*self.time))];
+        let inputs = inputs(kind, self.drive).iter().zip(&self.inputs).filter(|it| !absent.contains(&it.0.name));
+        columns.extend(inputs.map(|(signal, values)| (*signal, Cow::Borrowed(&**values))));
+        if let PlantKind::Equations(plant) = kind {
+            let given = |it: &Decision| Some((it.column?, self.setting(it.parameter)?));
+            let decides = plant.decisions.iter().filter_map(given);
+            columns.extend(decides.map(|(name, value)| (Signal { name, unit: "1" }, Cow::Owned(vec![value; self.rows()]))));
+        }
+        columns
     }
 
     /// The start of a variable that is no output, if a column gives it.
@@ -189,7 +208,6 @@ impl Record {
             time: cut(&self.time),
             period: self.period,
             inputs: self.inputs.iter().map(cut).collect(),
-            gear: self.gear,
             settings: self.settings.clone(),
             starts: if rows.start == 0 { self.starts.clone() } else { Vec::new() },
             measured: self.measured.iter().map(|values| values.as_ref().map(cut)).collect(),
@@ -207,7 +225,6 @@ impl Record {
 #[must_use]
 pub fn inputs(kind: PlantKind, drive: Drive) -> &'static [Signal] {
     match (kind, drive) {
-        (PlantKind::Driveline, _) => &kind.inputs()[..1],
         (PlantKind::ServoAxis, Drive::Closed) => &kind.inputs()[1..],
         (PlantKind::ServoAxis, _) => &kind.inputs()[..1],
         (PlantKind::Equations(it), _) => &it.inputs,
@@ -243,6 +260,7 @@ impl Columns<'_> {
     fn settings(
         &self,
         plant: &Described,
+        table: &Table,
         take: &dyn Fn(&str) -> Option<Vec<f64>>,
         faults: &mut Collector,
     ) -> Vec<(&'static str, f64)> {
@@ -255,6 +273,10 @@ impl Columns<'_> {
             };
             let Some(values) = take(column) else { continue };
             let Some(first) = values.first().copied() else { continue };
+            if !decision.holds(first) {
+                let what = format!("`{}`: found {first}, expected {}", self.name(column), decision.words());
+                faults.push(Fault::at_line(&table.file, table.lines[0], 0, what));
+            }
             if let Some(row) = values.iter().position(|it| *it != first) {
                 let name = self.name(column);
                 let what = format!("`{name}`: found {} in row {}, it began with {first}", values[row], row + 1);
@@ -262,7 +284,7 @@ impl Columns<'_> {
                     "it sets the parameter `{}`, which is one number a record: cut the record there",
                     decision.parameter
                 );
-                faults.push(Fault::at_line(&self.header.file, self.header.header_line + 1 + row, 0, what).help(help));
+                faults.push(Fault::at_line(&table.file, table.lines[row], 0, what).help(help));
             }
             settings.push((decision.parameter, first));
         }
@@ -283,10 +305,6 @@ impl Columns<'_> {
         let kind = self.plant.kind;
         let mut needed: Vec<&str> = vec!["time"];
         let drive = match kind {
-            PlantKind::Driveline => {
-                needed.extend(["throttle", "gear"]);
-                Drive::Open
-            }
             PlantKind::ServoAxis => {
                 let closed = self.plant.parameters.optional("position_gain").is_some() && self.has("reference");
                 needed.push(if closed { "reference" } else { "command" });
@@ -295,6 +313,9 @@ impl Columns<'_> {
             PlantKind::Equations(plant) => {
                 let absent = self.absent(plant);
                 needed.extend(plant.inputs.iter().map(|it| it.name).filter(|it| !absent.contains(it)));
+                // In format 1 nothing else determines such a parameter.
+                let decides = plant.decisions.iter().filter(|_| plant.is_first_format).filter_map(|it| it.column);
+                needed.extend(decides);
                 Drive::Inputs
             }
         };
@@ -383,19 +404,6 @@ pub(crate) fn uniform(time: &[f64], table: &Table, gaps: bool, faults: &mut Coll
         lasted / (time.len() - 1 - breaks.len()) as f64
     };
     (period, breaks)
-}
-
-fn constant_gear(gears: &[f64], table: &Table, faults: &mut Collector) -> usize {
-    let first = gears.first().copied().unwrap_or(1.0);
-    let mut bad = |row: usize, what: String| faults.push(Fault::at_line(&table.file, table.lines[row], 0, what));
-    if let Some(row) = gears.iter().position(|gear| *gear != first) {
-        bad(row, format!("`gear`: found {}, it began with {first}; one record holds one gear", gears[row]));
-    }
-    if ![1.0, 2.0, 3.0, 4.0, 5.0].contains(&first) {
-        bad(0, format!("`gear`: found {first}, expected 1, 2, 3, 4 or 5"));
-        return 1;
-    }
-    first as usize
 }
 
 /// A CSV of columns of equal length. Its decimals are read back to the same bits.

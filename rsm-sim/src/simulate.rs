@@ -185,12 +185,12 @@ fn of_equations(stopped: &crate::equations::Stopped) -> Stopped {
 #[must_use]
 pub fn starting(record: &Record, kind: PlantKind) -> Vec<usize> {
     match kind {
-        PlantKind::Driveline => vec![1, 3, 4, 5],
         PlantKind::ServoAxis => vec![0, 1],
         // Every output that the run computes has a start, also without a reading.
         PlantKind::Equations(plant) if plant.is_first_format => {
             let shown = shown(kind, record);
-            let counts = |it: &usize| [&shown, &plant.start_columns].iter().any(|list| list.contains(&plant.starts[*it]));
+            let is_in = |it: &Signal| shown.contains(it) || plant.start_columns.contains(it) || plant.is_of_start(it.name);
+            let counts = |it: &usize| is_in(&plant.starts[*it]);
             (0..plant.starts.len()).filter(counts).collect()
         }
         PlantKind::Equations(kind) => equation_plant::starting(kind, record),

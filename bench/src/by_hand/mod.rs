@@ -23,7 +23,10 @@ pub fn run(file: &PlantFile, record: &Record) -> Vec<Vec<f64>> {
     assert!(file.acting().next().is_none(), "the plants by hand have no effects");
     match file.kind {
         kind if kind.is("pmac") => along(&Pmac::new(&file.parameters), record),
-        PlantKind::Driveline => along(&Driveline::new(&file.parameters, record.gear), record),
+        kind if kind.is("driveline") => {
+            let gear = record.setting("gear").map_or(1, |gear| gear as usize);
+            along(&Driveline::new(&file.parameters, gear), record)
+        }
         PlantKind::ServoAxis => along(&ServoAxis::new(&file.parameters), record),
         PlantKind::Equations(_) => panic!("a plant of equations is not written by hand"),
     }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use rsm_core::source::Source;
-use rsm_sim::kind::{PlantKind, Signal};
+use rsm_sim::kind::Signal;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{self, Record};
 use rsm_sim::simulate::{Outputs, Simulator, Stopped};
@@ -94,17 +94,8 @@ pub fn run(arguments: &Arguments) -> Outcome {
 
 /// The table: time, the inputs that acted, the outputs.
 fn csv(plant: &PlantFile, record: &Record, outputs: &Outputs) -> String {
-    let gears = vec![record.gear as f64; record.rows()];
-    let absent = record.absent(plant.kind);
-    let mut columns: Vec<(Signal, &[f64])> = vec![(Signal { name: "time", unit: "s" }, &record.time)];
-    for (signal, values) in record::inputs(plant.kind, record.drive).iter().zip(&record.inputs) {
-        if !absent.contains(&signal.name) {
-            columns.push((*signal, values));
-        }
-    }
-    if plant.kind == PlantKind::Driveline {
-        columns.push((Signal { name: "gear", unit: "1" }, &gears));
-    }
+    let given = record.given(plant.kind);
+    let mut columns: Vec<(Signal, &[f64])> = given.iter().map(|(signal, values)| (*signal, &**values)).collect();
     columns.extend(outputs.signals.iter().zip(&outputs.values).map(|(signal, values)| (*signal, values.as_slice())));
     record::csv(&columns)
 }

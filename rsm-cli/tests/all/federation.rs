@@ -161,13 +161,13 @@ impl Federation {
         Federation { folder, children }
     }
 
-    /// Waits until the broker and every role report that the run has begun, and then some milliseconds of the run.
-    fn goes_on(&mut self) {
+    /// Waits until the broker and every role report that the run has begun, and then this time.
+    fn goes_on(&mut self, further: Duration) {
         for (role, child) in &mut self.children {
             let line = first_line(child.stderr.as_mut().unwrap());
             assert!(line.contains(if *role == "broker" { "all have joined: 3" } else { "the run begins" }), "{role}: {line}");
         }
-        std::thread::sleep(Duration::from_millis(500));
+        std::thread::sleep(further);
     }
 
     fn kill(&mut self, role: &str) {
@@ -228,21 +228,34 @@ fn first_line(stream: &mut impl Read) -> String {
 /// The time that the project promises: 5 s.
 const ALL_END: Duration = Duration::from_secs(5);
 
-#[test]
-fn when_a_peer_dies_everybody_ends_within_5_s_with_whole_records() {
-    let Some(helics) = helics("a peer dies") else { return };
-    for (core, victim) in [("tcp_ss", "controller"), ("zmq", "motor"), ("ipc", "controller")] {
-        let mut all = Federation::start(core, &helics, &["broker", "motor", "controller", "recorder"]);
-        all.goes_on();
+/// Kills one process of a run that goes on. All others end in time, and the records of the remaining roles are whole. On a busy machine a process may
+/// have no tick yet, and then it has no record: such a run is started again and lasts longer.
+fn one_is_lost(core: &str, helics: &Path, roles: &[&'static str], victim: &str) {
+    for milliseconds in [500, 2000, 8000, 32_000] {
+        let mut all = Federation::start(core, helics, roles);
+        all.goes_on(Duration::from_millis(milliseconds));
         all.kill(victim);
-        let survivors: Vec<&str> = ["motor", "controller", "recorder"].into_iter().filter(|it| *it != victim).collect();
+        let mut has_ticks = true;
         for (role, status, message) in all.ends_within(ALL_END) {
             if role != "broker" {
                 assert_eq!(status, Some(1), "{core}, {role}: {message}");
                 assert!(message.contains("whole ticks are recorded"), "{core}, {role}: {message}");
+                has_ticks &= !message.contains(" 0 whole ticks are recorded");
             }
         }
-        all.records_are_whole(&survivors);
+        if has_ticks {
+            let survivors: Vec<&str> = roles.iter().copied().filter(|it| *it != victim && *it != "broker").collect();
+            return all.records_are_whole(&survivors);
+        }
+    }
+    panic!("{core}: a process has no tick after 32 s of a run");
+}
+
+#[test]
+fn when_a_peer_dies_everybody_ends_within_5_s_with_whole_records() {
+    let Some(helics) = helics("a peer dies") else { return };
+    for (core, victim) in [("tcp_ss", "controller"), ("zmq", "motor"), ("ipc", "controller")] {
+        one_is_lost(core, &helics, &["broker", "motor", "controller", "recorder"], victim);
     }
 }
 
@@ -250,14 +263,7 @@ fn when_a_peer_dies_everybody_ends_within_5_s_with_whole_records() {
 fn when_the_broker_vanishes_everybody_ends_within_5_s_with_whole_records() {
     let Some(helics) = helics("the broker vanishes") else { return };
     for core in ["tcp_ss", "ipc"] {
-        let mut all = Federation::start(core, &helics, &["recorder", "motor", "broker", "controller"]);
-        all.goes_on();
-        all.kill("broker");
-        for (role, status, message) in all.ends_within(ALL_END) {
-            assert_eq!(status, Some(1), "{core}, {role}: {message}");
-            assert!(message.contains("whole ticks are recorded"), "{core}, {role}: {message}");
-        }
-        all.records_are_whole(&["motor", "controller", "recorder"]);
+        one_is_lost(core, &helics, &["recorder", "motor", "broker", "controller"], "broker");
     }
 }
 

@@ -236,10 +236,6 @@ fn names(kind: PlantKind, prepared: &Prepared) -> Vec<(&'static str, &'static st
             list.push(("load_torque", "N*m"));
             list.push(("direction", "1"));
         }
-        PlantKind::Driveline => {
-            (0..2).for_each(&mut simulated);
-            list.extend([("throttle", "1"), ("gear", "1")]);
-        }
         PlantKind::ServoAxis => {
             simulated(0);
             list.extend([("speed", "m/s"), ("direction", "1"), ("command", "V")]);
@@ -247,6 +243,7 @@ fn names(kind: PlantKind, prepared: &Prepared) -> Vec<(&'static str, &'static st
         PlantKind::Equations(plant) => {
             (0..signals.len()).for_each(&mut simulated);
             list.extend(plant.inputs.iter().map(|it| (it.name, it.unit)));
+            list.extend(plant.decisions.iter().filter(|it| it.is_whole).filter_map(|it| Some((it.column?, "1"))));
         }
     }
     list
@@ -265,12 +262,6 @@ fn variables(kind: PlantKind, prepared: &Prepared, simulated: &Simulated) -> Vec
             list.push(of(2).map_or_else(zero, |speed| direction(&speed)));
             list
         }
-        PlantKind::Driveline => {
-            let mut list: Vec<Vec<f64>> = (0..2).filter_map(of).collect();
-            list.push(record.inputs.first().cloned().unwrap_or_else(zero));
-            list.push(vec![record.gear as f64; record.rows()]);
-            list
-        }
         PlantKind::ServoAxis => {
             let position = of(0);
             let speed = position.as_ref().map_or_else(zero, |position| speed_of(position, record.period));
@@ -284,6 +275,8 @@ fn variables(kind: PlantKind, prepared: &Prepared, simulated: &Simulated) -> Vec
         PlantKind::Equations(plant) => {
             let mut list: Vec<Vec<f64>> = (0..plant.outputs.len()).filter_map(of).collect();
             list.extend(record.inputs.iter().cloned());
+            let decides = plant.decisions.iter().filter(|it| it.is_whole && it.column.is_some());
+            list.extend(decides.map(|it| vec![record.setting(it.parameter).unwrap_or(0.0); record.rows()]));
             list
         }
     }

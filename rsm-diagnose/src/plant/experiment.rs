@@ -341,7 +341,6 @@ fn operating_points(kind: PlantKind, record: &Record, outputs: &[usize], simulat
     (0..record.rows())
         .map(|row| match kind {
             _ if kind.is("pmac") => [at(of(2), row), at(of(0), row).hypot(at(of(1), row))],
-            PlantKind::Driveline => [at(of(0).or(of(1)), row), record.inputs[0][row]],
             PlantKind::ServoAxis => {
                 let position = of(0);
                 let (before, after) = (row.saturating_sub(1), (row + 1).min(record.rows() - 1));

@@ -264,7 +264,11 @@ mod tests {
         let (nominal, calibrated) = calibrate(&mut whitened, &file, InitialMotion::Steady).unwrap();
         let survey = survey::survey(&whitened, &calibrated);
         let all = hypotheses::all(file.kind, &survey, &[0, 1, 2]);
-        let slips: Vec<Hypothesis> = all.into_iter().filter(|it| it.description.kind == "clutch-slip").collect();
+        let mut slips: Vec<Hypothesis> = all.into_iter().filter(|it| it.description.kind == "clutch-slip").collect();
+        // The usual guesses are shares of the largest torque, and one of them is near. These are not.
+        for (guess, capacity) in slips.iter_mut().flat_map(|it| &mut it.guesses).zip([300.0, 250.0, 90.0, 70.0]) {
+            guess.values = vec![capacity];
+        }
         let unseen = whitened.with_records(Vec::new());
         let search = axis_under_steps::search(&whitened, &unseen, &nominal, &slips, &survey);
         let screened = screen(&whitened, &calibrated, &nominal, &slips);
@@ -290,7 +294,8 @@ mod tests {
         let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
         let mut model = Model::nominal(&file, &records, by_output(&[0.5, 0.02, 0.05], 1.0));
         let mut start = rsm_sim::kind::StartValues::default();
-        start[1] = 8.0;
+        let road_speed = file.kind.starts().iter().position(|it| it.name == "road_speed").unwrap();
+        start[road_speed] = 8.0;
         model.starts = vec![start; 2];
         let ends = rows_followed(&whitened, &model).unwrap();
         // The first push beyond the capacity is at 2 s in both records.

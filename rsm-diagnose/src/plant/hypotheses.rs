@@ -64,10 +64,10 @@ pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesi
             Subject::None => add(None, survey),
             Subject::Site => add(description.at, survey),
             Subject::Parameter => {
-                for nominal in schema::named(kind) {
+                for nominal in schema::parameters(kind) {
                     let Some(value) = survey.parameters.optional(nominal.name) else { continue };
-                    // If no record uses a gear, its ratio has no effect.
-                    let runs = schema::gear(kind, nominal.name).is_none_or(|gear| survey.gears[gear]);
+                    // A parameter that occurs in no equation of any record has no effect, such as the ratio of a gear that was not used.
+                    let runs = !survey.unused.contains(&nominal.name);
                     // An integer parameter of a plant of equations is exact too.
                     let is_counted = matches!(kind, PlantKind::Equations(_)) && nominal.bound == Bound::Count;
                     if runs
@@ -147,7 +147,7 @@ fn bound_of(entry: &Entry, name: &str) -> Bound {
     let plant = entry.arguments.plant;
     if entry.description.subject == Subject::Parameter {
         let subject = entry.arguments.subject.as_deref().unwrap_or("");
-        return schema::named(plant).find(|nominal| nominal.name == subject).map_or(Bound::Any, |nominal| nominal.bound);
+        return schema::parameters(plant).iter().find(|nominal| nominal.name == subject).map_or(Bound::Any, |nominal| nominal.bound);
     }
     declared(entry, name).map_or(Bound::Any, |argument| argument.bound)
 }

@@ -50,8 +50,8 @@ pub fn of_axis(whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals,
 pub fn is_visible(whitened: &WhitenedResiduals, fit: &Fit, unseen: &WhitenedResiduals) -> bool {
     // The only hidden start of a motor is its angle, the phase of what repeats every turn. It is no motion.
     let has_hidden = match fit.model.file.kind {
-        PlantKind::Equations(plant) => !plant.is_first_format,
-        kind => kind == PlantKind::Driveline,
+        PlantKind::Equations(plant) => !plant.is_first_format || !plant.start_sizes.is_empty(),
+        PlantKind::ServoAxis => false,
     };
     if !has_hidden || fit.model.at_start == InitialMotion::InMotion {
         return false;

@@ -243,15 +243,16 @@ impl Model {
         if self.at_start == InitialMotion::Steady || record.start(name).is_some() {
             return None;
         }
+        if let PlantKind::Equations(kind) = self.file.kind
+            && let Some((_, sd)) = kind.start_sizes.iter().find(|it| it.0 == name)
+        {
+            return (*sd > 0.0).then_some((at, 0.1 * sd, Some((at, *sd))));
+        }
         if is_of_equations(&self.file) {
             // Known if the plant file gives it. Otherwise its standard deviation is the largest value that the nominal plant reaches.
             let is_given = self.file.initial.iter().any(|(found, _)| *found == name);
             let sd = equation_plant::start_scales(&self.file, record).get(place).copied().unwrap_or(0.0);
             return (!is_given && sd > 0.0).then_some((at, 0.1 * sd, Some((at, sd))));
-        }
-        if self.file.kind == PlantKind::Driveline {
-            let sd = equation_plant::offset_scales(&self.file.parameters, record.gear)[place];
-            return Some((at, 0.1 * sd, Some((0.0, sd))));
         }
         let (speed, sd) = speed_of(record)?;
         Some((speed, sd, Some((speed, EFFECTS_WITH_MEMORY * sd))))

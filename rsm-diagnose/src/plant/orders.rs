@@ -111,7 +111,7 @@ pub(super) fn coordinates(whitened: &WhitenedResiduals, model: &Model, simulated
             let most = (24.0 * pole_pairs).max(48.0) as usize;
             list.extend(turns(&output(2)).map(|at| rotation(whitened, "mechanical", at, most, Some(pole_pairs))));
         }
-        PlantKind::Driveline => {
+        kind if kind.is("driveline") => {
             list.extend(turns(&output(0)).map(|at| rotation(whitened, "engine", at, 24, None)));
             let radius = parameters.number("wheel_radius");
             let wheel = |record: usize| -> Option<Vec<f64>> {

@@ -26,7 +26,6 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
     let mut input = 0.0_f64;
     let mut effort = 0.0_f64;
     let mut speed = 0.0_f64;
-    let mut gears = [false; 5];
     for output in 0..kind.outputs().len() {
         let lists: Vec<&[f64]> = whitened
             .records
@@ -52,17 +51,6 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
         input = lengths.fold(input, f64::max);
     }
     match kind {
-        PlantKind::Driveline => {
-            // At a usual engine speed of 250 rad/s, in second gear.
-            let torque = parameters.number("torque_0")
-                + 250.0 * parameters.number("torque_1")
-                + 62_500.0 * parameters.number("torque_2");
-            for prepared in &whitened.records {
-                gears[prepared.record.gear - 1] = true;
-            }
-            effort = torque.abs() * parameters.gear_ratios[1] * parameters.number("final_drive_ratio");
-            speed = largest[1] / parameters.number("wheel_radius");
-        }
         PlantKind::ServoAxis => {
             for (place, prepared) in whitened.records.iter().enumerate() {
                 let record = &prepared.record;
@@ -107,7 +95,7 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
         noise: whitened.floors.map(|floor| floor.sd),
         waves: if kind == PlantKind::ServoAxis { waves::waves(whitened, fit) } else { Vec::new() },
         quantum,
-        gears,
+        unused: equation_plant::unused(&fit.model.file, &records),
         output: 0,
         nominal: 0.0,
         scales,

@@ -449,7 +449,7 @@ fn a_car_goes_on_where_a_record_is_cut_from_the_offsets_of_its_start() {
     let of = |name: &str, row: usize| outputs.of(name).unwrap()[row];
     let cut = 320;
     let rest = whole.piece(cut..600);
-    let gear = file.parameters.gear_ratios[1] * file.parameters.number("final_drive_ratio");
+    let gear = file.parameters.number("gear_ratios[2]") * file.parameters.number("final_drive_ratio");
     let (wheel, engine) = (of("road_speed", cut) / file.parameters.number("wheel_radius"), of("engine_speed", cut));
     file.initial = vec![("road_speed", of("road_speed", cut)), ("twist_rate", engine / gear - wheel)];
     // Without torque and twist offsets the motion is different. A search over both finds the motion of the cut record, except for the deviation of

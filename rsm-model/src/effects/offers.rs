@@ -41,6 +41,8 @@ pub struct Place {
     pub kind: SiteKind,
     /// The effects for which it has all roles.
     pub effects: Vec<Offer>,
+    /// The effects that act here if a plant file names no place (`usual_for`).
+    pub usual_for: Vec<String>,
     /// Its roles.
     pub roles: Vec<RoleValue>,
     /// The terms of its balance, each in the unit of an effort or a flow at the site. The term with the derivative is included.
@@ -86,7 +88,8 @@ impl Places {
             let roles = standing.roles(&at).into_iter();
             let roles = roles.map(|(role, parts, unit)| RoleValue { role, parts, unit }).collect();
             let terms = standing.balance(&at).unwrap_or_default();
-            list.push(Place { at, kind, effects, roles, terms });
+            let usual_for = sites.iter().find(|it| it.name == at).map(|it| it.usual_for.clone()).unwrap_or_default();
+            list.push(Place { at, kind, effects, usual_for, roles, terms });
         }
         Ok(Places { flat: standing.into_flat(), list })
     }

@@ -191,7 +191,6 @@ mod tests {
             time: (0..100).map(|k| f64::from(k) * 0.001).collect(),
             period: 0.001,
             inputs: vec![of(r * i_d - w_e * l * i_q), of(r * i_q + w_e * (l * i_d + flux)), of(0.0)],
-            gear: 1,
             starts: Vec::new(),
             breaks: Vec::new(),
             measured: vec![Some(of(i_d)), Some(of(i_q)), Some(of(speed))],

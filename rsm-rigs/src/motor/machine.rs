@@ -118,7 +118,6 @@ impl Machine {
             time: Vec::new(),
             period: 0.0,
             inputs: Vec::new(),
-            gear: 1,
             starts: Vec::new(),
             measured: Vec::new(),
             breaks: Vec::new(),

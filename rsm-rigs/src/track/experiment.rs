@@ -8,7 +8,6 @@ use std::fmt::Write as _;
 use rsm_core::number::decimal;
 use rsm_core::source::{Collector, Fault, Faults};
 
-use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::threads::in_threads;
 
@@ -30,7 +29,7 @@ pub fn experiment(
     compensation: Option<&Compensation>,
     threads: usize,
 ) -> Result<Vec<(Measured, Trace)>, Faults> {
-    if plant.kind != PlantKind::Driveline {
+    if !plant.kind.is("driveline") {
         let what = format!("the track needs a plant of kind \"driveline\", found \"{}\"", plant.kind.name());
         return Err(Faults::one(Fault::whole_file("the plant file", what)));
     }

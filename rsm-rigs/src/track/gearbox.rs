@@ -174,7 +174,9 @@ pub struct Loaded {
 #[must_use]
 pub fn with_ratios(plant: &PlantFile, ratios: [f64; 5]) -> PlantFile {
     let mut other = plant.clone();
-    other.parameters.gear_ratios = ratios;
+    for (gear, ratio) in (1..).zip(ratios) {
+        other.parameters.set(&format!("gear_ratios[{gear}]"), ratio);
+    }
     other
 }
 

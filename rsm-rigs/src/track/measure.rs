@@ -81,7 +81,7 @@ impl Measured {
 /// None today but those of a plant file without the parameters of a driveline.
 pub fn measure(plant: &PlantFile, run: &TipIn, trace: &Trace) -> Result<Measured, Faults> {
     let parameters = plant.effective_parameters();
-    let ratio = parameters.gear_ratios[run.gear - 1];
+    let ratio = parameters.number(&format!("gear_ratios[{}]", run.gear));
     let to_wheel = ratio * parameters.number("final_drive_ratio");
     let radius = parameters.number("wheel_radius");
     let noise = |name: &str| plant.noise.iter().find(|(found, _)| *found == name).map_or(0.0, |(_, sigma)| *sigma);

@@ -12,7 +12,8 @@ use rsm_core::source::{Fault, Faults};
 use rsm_core::tape::Tape;
 use rsm_fit::random::Random;
 
-use rsm_sim::kind::{PlantKind, Signal};
+use rsm_sim::equation_plant::driveline;
+use rsm_sim::kind::Signal;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{self, Drive, Record};
 use rsm_sim::simulate::{Simulator, Stopped};
@@ -114,12 +115,11 @@ impl Trace {
     #[must_use]
     pub fn csv(&self) -> String {
         let gear = vec![self.gear as f64; self.time.len()];
-        let inputs = PlantKind::Driveline.inputs();
-        let outputs = PlantKind::Driveline.outputs();
+        let (inputs, outputs) = (driveline().inputs(), driveline().outputs());
         record::csv(&[
             (Signal { name: "time", unit: "s" }, &self.time),
             (inputs[0], &self.throttle),
-            (inputs[1], &gear),
+            (Signal { name: "gear", unit: "1" }, &gear),
             (outputs[0], &self.engine_speed),
             (outputs[1], &self.road_speed),
             (outputs[2], &self.acceleration),
@@ -142,22 +142,21 @@ pub fn tip_in(plant: &PlantFile, run: &TipIn, seed: u64, compensation: Option<&C
     plant.parameters.set("mass", mass + run.load);
     plant.initial.clear();
     let parameters = plant.effective_parameters();
-    let ratio = parameters.gear_ratios[run.gear - 1];
+    let ratio = parameters.number(&format!("gear_ratios[{}]", run.gear));
     let road_speed = run.engine_speed / (ratio * parameters.number("final_drive_ratio")) * parameters.number("wheel_radius");
     let name = format!("run {}", run.run);
     let record = Record {
-        settings: Vec::new(),
+        settings: vec![("gear", run.gear as f64)],
         file: name.clone(),
-        drive: Drive::Open,
+        drive: Drive::Inputs,
         time: (0..ROWS).map(|row| row as f64 * PERIOD).collect(),
         period: PERIOD,
         inputs: vec![vec![0.0; ROWS]],
-        gear: run.gear,
         starts: Vec::new(),
         measured: vec![None, Some(vec![road_speed; ROWS]), None],
         breaks: Vec::new(),
     };
-    let sigma = PlantKind::Driveline.outputs().iter().map(|output| {
+    let sigma = driveline().outputs().iter().map(|output| {
         let found = plant.noise.iter().find(|(name, _)| *name == output.name);
         found.map_or(0.0, |(_, sigma)| *sigma)
     });

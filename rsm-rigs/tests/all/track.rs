@@ -136,7 +136,7 @@ fn the_ratio_predicts_another_gearbox() {
     // must predict a ratio that no run had. What is known of a car with other ratios is measured on that car.
     let other = |ratio: f64| {
         let mut car = silent(car());
-        car.parameters.gear_ratios[2] = ratio;
+        car.parameters.set("gear_ratios[3]", ratio);
         let trace = tip_in(&car, &run(3, 3000.0), SEED, None).unwrap();
         measure(&car, &run(3, 3000.0), &trace).unwrap().mode.shape
     };

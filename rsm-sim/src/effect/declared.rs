@@ -100,7 +100,7 @@ impl Unit {
         let of_subject = || {
             let name = subject.unwrap_or_default();
             let output = plant.output(name).map(|k| plant.outputs()[k].unit);
-            output.or_else(|| schema::named(plant).find(|it| it.name == name).map(|it| it.unit)).unwrap_or("1")
+            output.or_else(|| schema::parameters(plant).iter().find(|it| it.name == name).map(|it| it.unit)).unwrap_or("1")
         };
         match self {
             Unit::Is(unit) => unit.to_string(),
@@ -110,7 +110,7 @@ impl Unit {
             Unit::EffortPerSpeed => by_body("N*m*s/rad", "N*s/m"),
             Unit::Stiffness => by_body("N*m/rad", "N/m"),
             Unit::Speed => by_body("rad/s", "m/s"),
-            Unit::Gap => if plant == PlantKind::Driveline { "rad" } else { "m" }.to_string(),
+            Unit::Gap => if plant.is("driveline") { "rad" } else { "m" }.to_string(),
         }
     }
 }

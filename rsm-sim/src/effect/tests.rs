@@ -80,7 +80,7 @@ impl<'t> Given<'t> {
     fn survey(&self, plant: PlantKind) -> Survey {
         let text = match plant {
             _ if plant.is("pmac") => include_str!("../../plants/pmac.toml"),
-            PlantKind::Driveline => include_str!("../../plants/driveline.toml"),
+            _ if plant.is("driveline") => include_str!("../../plants/driveline.toml"),
             _ => include_str!("../../plants/servo-axis.toml"),
         };
         let mut parameters = PlantFile::read(&Source::new("plant.toml", text)).expect("a sound file").parameters;
@@ -102,7 +102,7 @@ impl<'t> Given<'t> {
             quantum: of_outputs([None, self.word("quantum").map(number), None]),
             scales: Vec::new(),
             exact: Vec::new(),
-            gears: [false; 5],
+            unused: Vec::new(),
             output: self.or("output", 0.0) as usize,
             nominal: self.or("nominal", 0.0),
         }
@@ -294,7 +294,7 @@ fn an_effect_takes_the_numbers_of_its_plant_and_no_others() {
     };
     // The stiffness of a car's shaft is a parameter of the plant. The drive of an axis is rigid, so the effect needs the stiffness and damping of the
     // contact.
-    assert_eq!(names("backlash", PlantKind::Driveline), ["gap"]);
+    assert_eq!(names("backlash", crate::equation_plant::driveline()), ["gap"]);
     assert_eq!(names("backlash", PlantKind::ServoAxis), ["gap", "mass_ratio", "stiffness", "damping"]);
     // A number without a plant is valid on each plant.
     for (_, plant) in crate::equation_plant::first_format() {

@@ -55,10 +55,9 @@ impl Effect for BrakeDrag {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })
+        build(&Arguments { plant: crate::equation_plant::driveline(), subject: None, numbers: numbers.to_vec() })
     }
 
     #[test]

@@ -36,7 +36,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 
 fn guesses(survey: &Survey) -> Vec<Guess> {
     // Shares of the engine's largest torque.
-    let ratio = survey.parameters.gear_ratios[1] * survey.parameters.number("final_drive_ratio");
+    let ratio = survey.parameters.number("gear_ratios[2]") * survey.parameters.number("final_drive_ratio");
     [0.95, 0.8, 0.65, 0.5].iter().map(|share| Guess::at(vec![share * survey.effort / ratio])).collect()
 }
 
@@ -70,10 +70,9 @@ impl Effect for ClutchSlip {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })
+        build(&Arguments { plant: crate::equation_plant::driveline(), subject: None, numbers: numbers.to_vec() })
     }
 
     #[test]

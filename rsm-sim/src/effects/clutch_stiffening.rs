@@ -39,7 +39,7 @@ fn build(arguments: &Arguments) -> Box<dyn Effect> {
 fn guesses(survey: &Survey) -> Vec<Guess> {
     // One tenth more torque at the twist of the engine's typical torque.
     let stiffness = survey.parameters.number("clutch_stiffness");
-    let ratio = survey.parameters.gear_ratios[1] * survey.parameters.number("final_drive_ratio");
+    let ratio = survey.parameters.number("gear_ratios[2]") * survey.parameters.number("final_drive_ratio");
     let twist = survey.effort / ratio / stiffness;
     vec![Guess::scaled(vec![0.1 * stiffness / (twist * twist)], 0.0)]
 }
@@ -63,10 +63,9 @@ impl Effect for ClutchStiffening {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::Driveline, subject: None, numbers: numbers.to_vec() })
+        build(&Arguments { plant: crate::equation_plant::driveline(), subject: None, numbers: numbers.to_vec() })
     }
 
     #[test]

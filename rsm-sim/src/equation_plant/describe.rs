@@ -47,6 +47,8 @@ pub(super) fn of_first_format(
     for kind in kinds {
         let Some(file) = catalogue.find(kind) else { continue };
         let offers = places.iter().filter_map(|place| Some((place, place.effects.iter().find(|it| it.kind == *kind)?)));
+        let mut offers: Vec<_> = offers.collect();
+        offers.sort_by_key(|(place, _)| !place.usual_for.contains(kind));
         for (place, offer) in offers {
             let is_one_place = place.kind != SiteKind::Output;
             if is_one_place && list.iter().any(|it| it.kind == *kind) {

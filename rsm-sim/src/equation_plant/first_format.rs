@@ -20,7 +20,7 @@ const EFFECTS: &str = "effects_of_format_1";
 /// The kinds of plant files of format 1, with their names in a file.
 #[must_use]
 pub fn kinds() -> [(&'static str, PlantKind); 3] {
-    [("pmac", pmac()), ("driveline", PlantKind::Driveline), ("servo-axis", PlantKind::ServoAxis)]
+    [("pmac", pmac()), ("driveline", driveline()), ("servo-axis", PlantKind::ServoAxis)]
 }
 
 /// The kind of plant files with `plant = "pmac"`.
@@ -31,6 +31,16 @@ pub fn kinds() -> [(&'static str, PlantKind); 3] {
 pub fn pmac() -> PlantKind {
     static KIND: OnceLock<&'static Described> = OnceLock::new();
     PlantKind::Equations(KIND.get_or_init(|| read("pmac").expect("a text of the project is right")))
+}
+
+/// The kind of plant files with `plant = "driveline"`.
+///
+/// # Panics
+/// Never: a test reads the texts of the project.
+#[must_use]
+pub fn driveline() -> PlantKind {
+    static KIND: OnceLock<&'static Described> = OnceLock::new();
+    PlantKind::Equations(KIND.get_or_init(|| read("driveline").expect("a text of the project is right")))
 }
 
 fn read(name: &'static str) -> Result<&'static Described, Faults> {

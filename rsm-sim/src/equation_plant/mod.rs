@@ -6,7 +6,7 @@
 //!     PlantFile + Record --run--> outputs at every row
 //! ```
 //!
-//! In: a plant file of format 2. Out: the same types as for the built-in plants. This module contains no name of a plant or of an effect.
+//! In: a plant file of format 2, or one of format 1 for a shipped text. Out: the types of plant files and records. This module contains no name of a plant or of an effect.
 
 pub mod added;
 mod built_in;
@@ -22,8 +22,8 @@ use std::sync::{Arc, OnceLock};
 
 use rsm_core::source::{Fault, Faults, Source};
 use rsm_model::effects::{Catalogue, Place, Places, RoleValue};
-use rsm_model::expression::{Node, Symbol};
-use rsm_model::flat::Basic;
+use rsm_model::expression::Node;
+use rsm_model::flat::{Basic, Variable};
 
 use self::first_format::FirstFormat;
 use crate::effect::declared::Part;
@@ -39,10 +39,9 @@ use crate::plant_file::{Entry, PlantFile, Renamed};
 use crate::quantity::{Bound, Nominal, Signal};
 use crate::record::Record;
 
-pub use built_in::offset_scales;
-pub use first_format::{kinds as first_format, pmac};
+pub use first_format::{driveline, kinds as first_format, pmac};
 pub use observer::Observer;
-pub use run::{Run, Values, shown, together};
+pub use run::{Run, Values, shown, together, unused};
 pub use scales::scales;
 
 /// The number of plants that run side by side at no additional cost: the number of lanes in a vector register.
@@ -156,6 +155,9 @@ fn described(
         ));
     }
     let mut starts: Vec<Signal> = machine.first_readings()?.iter().map(|place| outputs[*place]).collect();
+    let of_start = start_parameters(&machine);
+    starts.extend(of_start.iter().map(|it| signal(&(it.name.clone(), it.unit.clone().unwrap_or_default()))));
+    let start_sizes = of_start.iter().map(|it| (kept(&it.name), it.nominal.unwrap_or(0.0))).collect();
     let states = machine.states();
     // There is a limit of `STARTS` start values. States beyond it always start at the value in the text.
     starts.extend(
@@ -163,7 +165,7 @@ fn described(
     );
     let start_values = starts_of_text(&mut machine, &file, &starts);
     let places = file.places_of_effects()?;
-    let decisions = decisions(&file);
+    let decisions = decisions(&file, &machine);
     // Variables whose start no reading determines.
     let by_text = machine.start_by(&|_| true).map(|it| it.1).unwrap_or_default();
     let value = |name: &str| {
@@ -184,6 +186,7 @@ fn described(
         starts,
         start_values,
         start_columns,
+        start_sizes,
         values: parameters.iter().map(|it| value(it.name).unwrap_or(f64::NAN)).collect(),
         parameters,
         decisions,
@@ -220,7 +223,6 @@ impl Described {
         Parameters {
             kind: PlantKind::Equations(self),
             values: self.values.iter().map(|it| Some(*it)).collect(),
-            gear_ratios: [1.0; 5],
             velocity_from: VelocityFrom::State,
         }
     }
@@ -232,7 +234,8 @@ fn starts_of_text(machine: &mut Machine, file: &EquationFile, starts: &[Signal])
     let Ok(point) = machine.start(file, 0.0, &inputs, &[]) else { return vec![0.0; starts.len()] };
     let names = machine.states().into_iter().chain(machine.outputs()).map(|it| it.0);
     let values: Vec<f64> = point.states.iter().copied().chain(machine.outputs_at(&point)).collect();
-    let all: Vec<(String, f64)> = names.zip(values).collect();
+    let parameters = machine.parameters().into_iter().map(|it| (it.0, it.2));
+    let all: Vec<(String, f64)> = names.zip(values).chain(parameters).collect();
     starts.iter().map(|it| all.iter().find(|(name, _)| name == it.name).map_or(0.0, |it| it.1)).collect()
 }
 
@@ -243,14 +246,28 @@ pub fn start_scales(file: &PlantFile, record: &Record) -> Vec<f64> {
     run::largest(kind, file, record).unwrap_or_else(|_| vec![0.0; kind.starts.len()])
 }
 
+/// The parameters on which only the start depends.
+fn start_parameters(machine: &Machine) -> Vec<&Variable> {
+    let flat = machine.system().flat();
+    equations::start_parameters(flat).into_iter().map(|it| flat.variable(it)).collect()
+}
+
 /// Parameters that a record determines.
-fn decisions(file: &EquationFile) -> Vec<Decision> {
+fn decisions(file: &EquationFile, machine: &Machine) -> Vec<Decision> {
+    let system = machine.system();
     let one = |rule: &equations::extended::Rule| {
+        let declared = system.find(&rule.parameter).map(|it| system.flat().variable(it));
         let (column, without) = match &rule.by {
             DeterminedBy::Column(name) => (Some(kept(name)), Vec::new()),
             DeterminedBy::Without(names) => (None, names.iter().map(|it| kept(it)).collect()),
         };
-        Decision { parameter: kept(&rule.parameter), column, without }
+        Decision {
+            parameter: kept(&rule.parameter),
+            column,
+            without,
+            range: declared.and_then(|it| it.min.zip(it.max)).map(|(low, high)| [low, high]),
+            is_whole: declared.is_some_and(|it| it.basic == Basic::Integer),
+        }
     };
     file.rules.parameters.iter().map(one).collect()
 }
@@ -262,15 +279,18 @@ fn decisions(file: &EquationFile) -> Vec<Decision> {
 /// 0.
 fn nominals(machine: &Machine, decisions: &[Decision], is_first_format: bool) -> Vec<Nominal> {
     let system = machine.system();
-    let of_start = of_start_alone(machine);
+    let of_start = start_parameters(machine);
     let is_own = |name: &str| {
         let is_decided = decisions.iter().any(|it| it.parameter == name) || equations::file::is_of_record(name);
-        !is_decided && !of_start.iter().any(|it| it == name)
+        !is_decided && !of_start.iter().any(|it| it.name == name)
     };
     let variables = system.parameters().into_iter().map(|it| system.flat().variable(it));
-    let one = |it: &rsm_model::flat::Variable| {
+    let one = |it: &Variable| {
         let bound = match (it.basic, it.min, it.value.and_then(|id| system.flat().pool.value(id))) {
             (Basic::Integer, ..) => Bound::Count,
+            (_, Some(min), _) if min < 0.0 && it.max.is_some_and(|max| max > 0.0) => {
+                Bound::Between(min, it.max.unwrap_or(f64::INFINITY))
+            }
             (_, Some(min), _) if min > 0.0 => Bound::Positive,
             (_, Some(min), Some(value)) if min >= 0.0 && value > 0.0 && !is_first_format => Bound::Positive,
             (_, Some(min), _) if min >= 0.0 => Bound::NotNegative,
@@ -279,25 +299,6 @@ fn nominals(machine: &Machine, decisions: &[Decision], is_first_format: bool) ->
         Nominal { name: kept(&it.name), unit: kept(&spelled(it.unit.as_deref().unwrap_or_default())), bound, optional: false }
     };
     variables.filter(|it| it.basic != Basic::Boolean && is_own(&it.name)).map(one).collect()
-}
-
-/// Parameters that determine only the start of a plant. No data sheet contains them.
-fn of_start_alone(machine: &Machine) -> Vec<String> {
-    let flat = machine.system().flat();
-    let symbols = |list: &[rsm_model::flat::Equation]| -> Vec<Symbol> {
-        list.iter().flat_map(|it| [it.left, it.right]).flat_map(|id| flat.pool.symbols(id)).collect()
-    };
-    let (start, moving) = (symbols(&flat.initial_equations), symbols(&flat.equations));
-    let at_events: Vec<Symbol> = flat
-        .clauses
-        .iter()
-        .flat_map(|it| it.assigned.iter().chain(&it.restarted).map(|it| it.1).chain(it.conditions.iter().copied()))
-        .chain(flat.samples.iter().flat_map(|it| [it.start, it.period]))
-        .flat_map(|id| flat.pool.symbols(id))
-        .collect();
-    let is_alone = |it: &Symbol| start.contains(it) && !moving.contains(it) && !at_events.contains(it);
-    let parameters = machine.system().parameters().into_iter().filter(is_alone);
-    parameters.map(|it| machine.system().name(it).to_string()).collect()
 }
 
 /// The effects that are possible on a plant. For a built-in plant: the effects of its catalogue. For a plant of equations: one description for each

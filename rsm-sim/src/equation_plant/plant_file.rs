@@ -8,9 +8,9 @@ use rsm_core::toml_reader::{TableReader, Value, parse};
 use super::{effects_on, first_format};
 use crate::effect::{Arguments, Description, Subject};
 use crate::effects;
-use crate::kind::{PlantKind, Signal};
+use crate::kind::PlantKind;
 use crate::plant_file::{Entry, Named, Parameters, PlantFile, Renamed, VelocityFrom};
-use crate::schema::{self, Bound};
+use crate::schema::{self, Bound, Nominal};
 
 impl PlantFile {
     /// Reads a plant file.
@@ -40,17 +40,13 @@ fn read(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<PlantFile> 
     let outputs: Vec<&'static str> = kind.outputs().iter().map(|signal| signal.name).collect();
     let tolerance = named(top, "tolerance", &tolerated, Bound::NotNegative, faults);
     let noise = named(top, "noise", &outputs, Bound::NotNegative, faults);
-    let is_state = |it: &Signal| matches!(kind, PlantKind::Equations(of) if !of.outputs.contains(it));
-    let starts = kind.starts().iter().filter(|it| !is_state(it));
-    let starts: Vec<&'static str> = starts.map(|signal| signal.name).collect();
-    let initial = named(top, "initial", &starts, Bound::Any, faults);
+    let initial = named(top, "initial", &starts(kind), Bound::Any, faults);
     let effects = entries(kind, top, faults);
     let columns = renamed(kind, top, faults);
     // An incomplete file is checked to its end, and then refused.
     let parameters = parameters.unwrap_or(Parameters {
         kind,
         values: vec![None; schema::parameters(kind).len()],
-        gear_ratios: [1.0; 5],
         velocity_from: VelocityFrom::State,
     });
     Some(PlantFile { kind, parameters, tolerance, noise, initial, given: Vec::new(), effects, columns })
@@ -98,24 +94,25 @@ fn parameters(kind: PlantKind, source: &Source, value: Value<'_>, faults: &mut C
     let mut table = TableReader::of(source, value, "[parameters]", faults)?;
     let mut values = Vec::new();
     for nominal in schema::parameters(kind) {
+        if let Some((array, place)) = schema::element(nominal.name) {
+            // The array is read with its first element.
+            if place == 1 {
+                values.extend(elements(kind, &mut table, array, nominal, faults));
+            }
+            continue;
+        }
         let found = if nominal.optional { table.optional(nominal.name) } else { table.required(nominal.name, faults) };
         let what = format!("[parameters]: `{}` [{}]", nominal.name, nominal.unit);
         values.push(found.and_then(|value| bounded(&table, &what, value, nominal.bound, faults)));
     }
-    let mut gear_ratios = [1.0; 5];
     let mut velocity_from = VelocityFrom::State;
-    if kind == PlantKind::Driveline
-        && let Some(value) = table.required("gear_ratios", faults)
-    {
-        ratios(&table, value, &mut gear_ratios, faults);
-    }
     if kind == PlantKind::ServoAxis {
         let options = [("state", VelocityFrom::State), ("difference", VelocityFrom::Difference)];
         velocity_from = table.choice("velocity_from", &options, faults).unwrap_or(VelocityFrom::State);
         gains_come_together(&table, &values, kind, faults);
     }
     table.finish(faults);
-    Some(Parameters { kind, values, gear_ratios, velocity_from })
+    Some(Parameters { kind, values, velocity_from })
 }
 
 /// One gain alone is not sufficient for a closed loop.
@@ -129,17 +126,35 @@ fn gains_come_together(table: &TableReader<'_>, values: &[Option<f64>], kind: Pl
     }
 }
 
-fn ratios(table: &TableReader<'_>, value: Value<'_>, ratios: &mut [f64; 5], faults: &mut Collector) {
-    let Some(items) = table.array("`gear_ratios`", value, faults) else { return };
-    if items.len() != ratios.len() {
-        let what = format!("`gear_ratios`: found {} numbers, expected 5, first gear first", items.len());
+/// The elements of an array of parameters, like `first`; `None` for elements that are missing or wrong.
+fn elements(
+    kind: PlantKind,
+    table: &mut TableReader<'_>,
+    array: &'static str,
+    first: &Nominal,
+    faults: &mut Collector,
+) -> Vec<Option<f64>> {
+    let count = schema::parameters(kind).iter().filter(|it| schema::element(it.name).is_some_and(|it| it.0 == array)).count();
+    let none = vec![None; count];
+    let Some(value) = table.required(array, faults) else { return none };
+    let Some(items) = table.array(&format!("`{array}`"), value, faults) else { return none };
+    if items.len() != count {
+        let what = format!("`{array}`: found {} numbers, expected {count}", items.len());
         faults.push(table.fault(value.span(), what));
-        return;
+        return none;
     }
-    for (ratio, item) in ratios.iter_mut().zip(items) {
-        if let Some(number) = bounded(table, "[parameters]: `gear_ratios` [1]", item, Bound::Positive, faults) {
-            *ratio = number;
+    let what = format!("[parameters]: `{array}` [{}]", first.unit);
+    items.into_iter().map(|item| bounded(table, &what, item, first.bound, faults)).collect()
+}
+
+/// The names under `[initial]`: outputs, and variables of the start that are neither outputs nor states.
+fn starts(kind: PlantKind) -> Vec<&'static str> {
+    match kind {
+        PlantKind::Equations(of) => {
+            let outputs = of.outputs.iter().map(|it| it.name);
+            outputs.chain(of.start_sizes.iter().map(|it| it.0)).collect()
         }
+        _ => kind.starts().iter().map(|it| it.name).collect(),
     }
 }
 
@@ -222,7 +237,7 @@ fn arguments(
     let mut table = TableReader::of(source, value, format!("effect `{}`", description.kind), faults)?;
     let (key, names): (&'static str, Vec<&'static str>) = match description.subject {
         Subject::None | Subject::Site => ("", Vec::new()),
-        Subject::Parameter => ("parameter", schema::named(kind).map(|nominal| nominal.name).collect()),
+        Subject::Parameter => ("parameter", schema::parameters(kind).iter().map(|nominal| nominal.name).collect()),
         Subject::Output => ("output", kind.outputs().iter().map(|signal| signal.name).collect()),
     };
     let mut complete = true;
@@ -242,7 +257,7 @@ fn arguments(
         // A parameter with an error must keep the physical bound of the parameter.
         let bound = match (description.subject, subject) {
             (Subject::Parameter, Some(name)) => {
-                schema::named(kind).find(|nominal| nominal.name == name).map_or(argument.bound, |nominal| nominal.bound)
+                schema::parameters(kind).iter().find(|nominal| nominal.name == name).map_or(argument.bound, |nominal| nominal.bound)
             }
             _ => argument.bound,
         };

@@ -14,6 +14,7 @@ use super::{built_in, plant_of};
 use crate::effect::Subject;
 use crate::equations::file::{EquationFile, NamedValue, of_rows};
 use crate::equations::lanes::Controller;
+use crate::equations::used_parameters;
 use crate::equations::{self, Inputs, Lane, Lanes, Machine, Method, Point, Setting, Signals, Starts, Stopped, lanes};
 use crate::kind::{Described, PlantKind};
 use crate::plant_file::{Entry, PlantFile};
@@ -73,7 +74,7 @@ impl Models {
         let decides = match file.kind {
             PlantKind::Equations(_) => record_values(record),
             _ => {
-                name.push_str(built_in::text(file, record));
+                name.push_str(built_in::text(record));
                 built_in::shapes(file, record)
             }
         };
@@ -117,7 +118,7 @@ fn count(kind: &'static Described, holds: &[bool], settings: &[NamedValue]) -> V
     let (counts, by_text) = machine.start_by(&|output| holds.get(output) == Some(&true)).unwrap_or_default();
     let is_in = |signal: &Signal| match place(signal.name) {
         Some(output) if counts.contains(&output) => true,
-        _ => by_text.iter().any(|it| it == signal.name),
+        _ => kind.is_of_start(signal.name) || by_text.iter().any(|it| it == signal.name),
     };
     (0..kind.starts.len()).filter(|k| is_in(&kind.starts[*k])).collect()
 }
@@ -129,16 +130,16 @@ pub(super) fn without_effects(
     record: &Record,
 ) -> Result<(EquationFile, Machine, Vec<Point>), Faults> {
     let without = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
-    let (whole, machine, start) = at_start(kind, &without, record)?;
+    let (whole, machine, start) = begun(kind, &without, record)?;
     let points = points(&machine, start, record);
     Ok((whole, machine, points))
 }
 
 /// The equations of a plant file, and the start along a record.
-fn at_start(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<(EquationFile, Machine, Point), Faults> {
+fn begun(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<(EquationFile, Machine, Point), Faults> {
     let whole = file_of(kind, file, record)?;
     let mut machine = Machine::new(&whole)?;
-    let start = started(&whole, &mut machine, &initial(file, record), record)?;
+    let start = started(&whole, &mut machine, &initial(kind, file, record), record)?;
     Ok((whole, machine, start))
 }
 
@@ -156,8 +157,8 @@ pub(super) fn with_effects(
     record: &Record,
 ) -> Result<(EquationFile, Machine, Vec<Point>), Faults> {
     let without = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
-    let (plain, plain_machine, start) = at_start(kind, &without, record)?;
-    let (_, machine, begin) = at_start(kind, file, record)?;
+    let (plain, plain_machine, start) = begun(kind, &without, record)?;
+    let (_, machine, begin) = begun(kind, file, record)?;
     let points = points(&machine, begin, record);
     let states = machine.states();
     let places: Vec<Option<usize>> =
@@ -191,6 +192,21 @@ pub(super) fn largest(kind: &'static Described, file: &PlantFile, record: &Recor
     Ok(kind.starts.iter().map(of).collect())
 }
 
+/// The parameters of a plant that occur in no equation of any of these records, such as the ratio of a gear that none of them uses.
+#[must_use]
+pub fn unused(file: &PlantFile, records: &[&Record]) -> Vec<&'static str> {
+    let PlantKind::Equations(kind) = file.kind else { return Vec::new() };
+    let without = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
+    let mut unused: Vec<&'static str> = kind.parameters.iter().map(|it| it.name).collect();
+    for record in records {
+        // A record that the plant cannot follow shows nothing.
+        let Ok(model) = models(file.kind).of(&without, record) else { return Vec::new() };
+        let used = used_parameters(model.machine.system().flat());
+        unused.retain(|name| !used.iter().any(|it| it == name));
+    }
+    unused
+}
+
 /// The effects that change equations. A changed parameter value does not.
 fn in_equations(file: &PlantFile) -> impl Iterator<Item = &Entry> {
     file.acting().filter(|it| it.description.subject != Subject::Parameter || it.description.at.is_some())
@@ -208,7 +224,9 @@ fn file_of(kind: &'static Described, file: &PlantFile, record: &Record) -> Resul
     let numbers: Vec<NamedValue> = kind
         .parameters
         .iter()
-        .filter_map(|it| Some(NamedValue { name: it.name.to_string(), value: parameters.optional(it.name)? }))
+        .filter_map(|it| Some((it.name, parameters.optional(it.name)?)))
+        .chain(at_start(kind, file))
+        .map(|(name, value)| NamedValue { name: name.to_string(), value })
         .collect();
     plant_of(kind).file.with(&numbers, &placed(file), &record_values(record))
 }
@@ -221,11 +239,11 @@ fn placed(file: &PlantFile) -> Vec<equations::Entry> {
 
 /// The compiled models of a kind.
 fn models(kind: PlantKind) -> &'static Models {
-    /// Of the built-in plants.
-    static OWN: [OnceLock<Models>; 2] = [const { OnceLock::new() }; 2];
+    /// Of the axis.
+    static OWN: OnceLock<Models> = OnceLock::new();
     match kind {
         PlantKind::Equations(kind) => &plant_of(kind).models,
-        kind => OWN[usize::from(kind == PlantKind::Driveline)].get_or_init(Models::default),
+        PlantKind::ServoAxis => OWN.get_or_init(Models::default),
     }
 }
 
@@ -255,11 +273,18 @@ fn started(file: &EquationFile, machine: &mut Machine, initial: &[NamedValue], r
     machine.start_along(file, record.first_time(), &inputs, &given, &recorded)
 }
 
+/// The parameters on which only the start depends, as the plant file gives them.
+fn at_start(kind: &'static Described, file: &PlantFile) -> Vec<(&'static str, f64)> {
+    let own = kind.starts.iter().zip(&kind.start_values).filter(|it| kind.is_of_start(it.0.name));
+    own.map(|(it, by_text)| (it.name, file.initial.iter().find(|own| own.0 == it.name).map_or(*by_text, |own| own.1))).collect()
+}
+
 /// The known start values: those of the plant file, then those of the record for variables that are no outputs. A variable that the record
-/// determines by another rule is left out.
-fn initial(file: &PlantFile, record: &Record) -> Vec<NamedValue> {
+/// determines by another rule is left out. In format 1, an output that does not determine the start may have a value too, which is not used.
+fn initial(kind: &'static Described, file: &PlantFile, record: &Record) -> Vec<NamedValue> {
     let absent = record.absent(file.kind);
-    let own = file.initial.iter().filter(|it| !absent.contains(&it.0));
+    let counts = |name: &str| !kind.is_first_format || kind.starts.iter().any(|it| it.name == name);
+    let own = file.initial.iter().filter(|it| !absent.contains(&it.0) && !kind.is_of_start(it.0) && counts(it.0));
     let further = record.starts.iter().filter(|it| !file.initial.iter().any(|own| own.0 == it.0));
     own.chain(further).map(|(name, value)| NamedValue { name: (*name).to_string(), value: *value }).collect()
 }
@@ -293,7 +318,7 @@ impl Model {
         let (own, initial): (Vec<(&str, f64)>, Vec<NamedValue>) = match file.kind {
             PlantKind::Equations(kind) => {
                 let own = kind.parameters.iter().filter_map(|it| Some((it.name, parameters.optional(it.name)?)));
-                (own.collect(), initial(file, record))
+                (own.chain(at_start(kind, file)).collect(), initial(kind, file, record))
             }
             _ => (built_in::numbers(file, &parameters, record), built_in::initial(file, record)),
         };

@@ -12,7 +12,7 @@
 //! viscous_friction = 0.1
 //! [noise]                       # standard deviations of the outputs
 //! position = 1e-6
-//! [initial]                     # states or outputs at the start
+//! [initial]                     # states, outputs, or parameters on which only the start depends
 //! speed = 0.0
 //! [columns]                     # signals that a record calls otherwise
 //! position = { name = "x", unit = "m" }
@@ -37,6 +37,7 @@ use rsm_model::system::System;
 use super::effect_files;
 pub use super::extended::NamedValue;
 use super::extended::{self, Entry, RecordValues, Rules};
+use super::start_parameters::start_parameters;
 
 /// A signal with a different name in the record.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -148,10 +149,10 @@ impl EquationFile {
             top.whole("`format`", value, 2, 2, &mut faults);
         }
         let model = top.text("model", &mut faults);
-        let parameters = numbers(&mut top, "parameters", true, &mut faults);
+        let mut parameters = numbers(&mut top, "parameters", true, &mut faults);
         let tolerance = numbers(&mut top, "tolerance", false, &mut faults);
         let noise = numbers(&mut top, "noise", false, &mut faults);
-        let initial = numbers(&mut top, "initial", true, &mut faults);
+        let mut initial = numbers(&mut top, "initial", true, &mut faults);
         let columns = columns(&mut top, &mut faults);
         let functions = functions(&mut top, &mut faults);
         let effect_files = effect_files::read(&mut top, &mut faults);
@@ -188,7 +189,15 @@ impl EquationFile {
         for rule in &rules.parameters {
             unknown(source, "record", &rule.parameter, &rule.place, &names, "parameter", &mut faults);
         }
-        let free = known(&|it| it.role == Role::Unknown && it.basic == Basic::Real);
+        let of_start: Vec<&String> = start_parameters(&plain).into_iter().map(|it| &plain.variable(it).name).collect();
+        let (at_start, states) = initial.into_iter().partition(|it| of_start.contains(&&it.given.name));
+        initial = states;
+        for it in at_start {
+            parameters.retain(|own| own.given.name != it.given.name);
+            parameters.push(it);
+        }
+        let mut free = known(&|it| it.role == Role::Unknown && it.basic == Basic::Real);
+        free.extend(of_start.iter().map(|it| (*it).clone()));
         check(source, "initial", &initial, &free, "variable", &mut faults);
         let signals = known(&|it| it.is_output || it.role == Role::Input);
         for (column, place) in &columns {

@@ -49,16 +49,8 @@ fn text(plant: &PlantFile, closed: bool) -> String {
     for nominal in schema::parameters(plant.kind) {
         let is_of_loop = matches!(nominal.name, "position_gain" | "velocity_gain");
         if let Some(value) = plant.parameters.optional(nominal.name).filter(|_| closed || !is_of_loop) {
-            let _ = writeln!(text, "{} = {}", nominal.name, decimal(value));
-        }
-    }
-    if plant.kind == PlantKind::Driveline {
-        for (k, ratio) in plant.parameters.gear_ratios.iter().enumerate() {
-            let _ = writeln!(text, "\"gear_ratios[{}]\" = {}", k + 1, decimal(*ratio));
-        }
-        // The differences of the start from steady rolling.
-        for (key, value) in plant.initial.iter().filter(|it| plant.kind.output(it.0).is_none()) {
-            let _ = writeln!(text, "{key} = {}", decimal(*value));
+            // The name of an element of an array has brackets.
+            let _ = writeln!(text, "\"{}\" = {}", nominal.name, decimal(value));
         }
     }
     if closed && plant.parameters.velocity_from == VelocityFrom::Difference {
@@ -66,8 +58,8 @@ fn text(plant: &PlantFile, closed: bool) -> String {
     }
     for (name, list) in [("tolerance", &plant.tolerance), ("noise", &plant.noise), ("initial", &plant.initial)] {
         let _ = write!(text, "\n[{name}]\n");
-        // A car of format 1 has only its road speed as a start value.
-        let counts = |key: &str| name != "initial" || plant.kind != PlantKind::Driveline || key == "road_speed";
+        // An output that does not determine the start may have a value in format 1 only.
+        let counts = |key: &str| name != "initial" || plant.kind.starts().iter().any(|it| it.name == key);
         for (key, value) in list.iter().filter(|it| counts(it.0)) {
             let _ = writeln!(text, "{key} = {}", decimal(*value));
         }

@@ -21,14 +21,21 @@ impl PlantFile {
             return of_equations(kind, self);
         }
         let mut text = format!("format = 1\nplant = \"{}\"\n\n[parameters]\n", self.kind.name());
-        for nominal in schema::parameters(self.kind) {
-            if let Some(value) = self.parameters.optional(nominal.name) {
-                let _ = writeln!(text, "{} = {}", nominal.name, decimal(value));
+        let mut array: Vec<String> = Vec::new();
+        let names = schema::parameters(self.kind).iter().map(|it| it.name);
+        for (name, next) in names.clone().zip(names.skip(1).map(Some).chain([None])) {
+            let Some(value) = self.parameters.optional(name).map(decimal) else { continue };
+            let of = |name| schema::element(name).map(|it| it.0);
+            let Some(own) = of(name) else {
+                let _ = writeln!(text, "{name} = {value}");
+                continue;
+            };
+            array.push(value);
+            // The last element writes the array.
+            if next.and_then(of) != Some(own) {
+                let _ = writeln!(text, "{own} = [{}]", array.join(", "));
+                array.clear();
             }
-        }
-        if self.kind == PlantKind::Driveline {
-            let ratios: Vec<String> = self.parameters.gear_ratios.iter().map(|ratio| decimal(*ratio)).collect();
-            let _ = writeln!(text, "gear_ratios = [{}]", ratios.join(", "));
         }
         if self.parameters.velocity_from == VelocityFrom::Difference {
             text.push_str("velocity_from = \"difference\"\n");

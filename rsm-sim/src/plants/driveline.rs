@@ -51,7 +51,7 @@ impl Driveline {
             wheel_inertia: of("wheel_inertia"),
             mass,
             radius: of("wheel_radius"),
-            gear_ratio: parameters.gear_ratios[gear - 1],
+            gear_ratio: of(&format!("gear_ratios[{gear}]")),
             final_ratio,
             clutch: (of("clutch_stiffness"), of("clutch_damping")),
             driveshaft: (of("driveshaft_stiffness"), of("driveshaft_damping")),

@@ -274,8 +274,8 @@ pub(super) fn place(
     let list = |names: &mut dyn Iterator<Item = String>| names.map(|it| format!("`{it}`")).collect::<Vec<_>>().join(", ");
     let (of, unit, bound, now) = match &vary_entry.target {
         Target::Parameter(name) => {
-            let Some(nominal) = schema::named(plant.kind).find(|it| it.name == *name) else {
-                let known = list(&mut schema::named(plant.kind).map(|it| it.name.to_string()));
+            let Some(nominal) = schema::parameters(plant.kind).iter().find(|it| it.name == *name) else {
+                let known = list(&mut schema::parameters(plant.kind).iter().map(|it| it.name.to_string()));
                 return refuse(format!("{plant_name} has no such parameter"), format!("it has {known}"));
             };
             let Some(now) = plant.parameters.optional(nominal.name) else {
@@ -308,7 +308,7 @@ pub(super) fn place(
                 );
             };
             let of_parameter = match (entry.description.subject, &entry.arguments.subject) {
-                (Subject::Parameter, Some(name)) => schema::named(plant.kind).find(|it| it.name == *name),
+                (Subject::Parameter, Some(name)) => schema::parameters(plant.kind).iter().find(|it| it.name == *name),
                 _ => None,
             };
             // The same rule as for plant files: a parameter error keeps the sign that physics requires.

@@ -33,7 +33,7 @@ impl Axis<'_> {
         let rows = self.limits.rows;
         let (reference, _) = path.sampled(rows, self.limits.period);
         if self.limits.drive == Drive::Closed {
-            return Some(self.at(blank(name, self.limits, rows, vec![reference], 1)));
+            return Some(self.at(blank(name, self.limits, rows, vec![reference])));
         }
         // The command that the controller needs on the accepted axis.
         let mut with_loop = self.plant.clone();
@@ -43,14 +43,14 @@ impl Axis<'_> {
         parameters.set("velocity_gain", rate * parameters.number("mass") / parameters.number("force_gain"));
         parameters.set("position_gain", rate / CASCADE);
         parameters.velocity_from = VelocityFrom::State;
-        let closed = Record { drive: Drive::Closed, ..self.at(blank(name, self.limits, rows, vec![reference], 1)) };
+        let closed = Record { drive: Drive::Closed, ..self.at(blank(name, self.limits, rows, vec![reference])) };
         let outputs = Simulator::new(&with_loop, &closed).ok()?.run(&closed).ok()?;
         let commands = outputs.of("command")?.to_vec();
         let most = OF_COMMAND * self.plant.parameters.number("command_limit");
         if commands.iter().any(|command| command.abs() > most) {
             return None;
         }
-        Some(self.at(blank(name, self.limits, rows, vec![commands], 1)))
+        Some(self.at(blank(name, self.limits, rows, vec![commands])))
     }
 
     /// The record, starting in the middle of the travel.
@@ -169,7 +169,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
             let hold = (limits.rows / 64).max(1);
             let pattern = [1.0, -1.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0];
             let commands = (0..limits.rows).map(|row| level * pattern[row / hold % pattern.len()]).collect();
-            Some(axis.at(blank("pulses", limits, limits.rows, vec![commands], 1)))
+            Some(axis.at(blank("pulses", limits, limits.rows, vec![commands])))
         });
         add("binary command", "a binary sequence of the command", &|a| {
             let level = 0.3 * a * plant.parameters.number("command_limit");
@@ -178,7 +178,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
             let half: Vec<f64> = binary(limits.rows / 2 + 1, hold, 0);
             let pairs = half.chunks(hold).flat_map(|part| part.iter().copied().chain(part.iter().map(|it| -it)));
             let commands: Vec<f64> = pairs.map(|it| level * it).take(limits.rows).collect();
-            Some(axis.at(blank("binary command", limits, limits.rows, vec![commands], 1)))
+            Some(axis.at(blank("binary command", limits, limits.rows, vec![commands])))
         });
     }
     list

@@ -26,13 +26,14 @@ struct Track<'a> {
 
 impl Track<'_> {
     /// A record in one gear from an engine speed, with the throttle as a function of the engine speed.
-    fn record(&self, gear: usize, engine_speed: f64, foot: &mut ThrottleLaw<'_>) -> Option<Record> {
+    fn record(&self, gear: u8, engine_speed: f64, foot: &mut ThrottleLaw<'_>) -> Option<Record> {
         let rows = self.limits.rows;
         let parameters = self.plant.effective_parameters();
-        let ratio = parameters.gear_ratios[gear - 1] * parameters.number("final_drive_ratio");
+        let ratio = parameters.number(&format!("gear_ratios[{gear}]")) * parameters.number("final_drive_ratio");
         let road_speed = engine_speed / ratio * parameters.number("wheel_radius");
         let first = foot(0, engine_speed);
-        let mut record = blank("track", self.limits, rows, vec![vec![first; rows]], gear);
+        let mut record = blank("track", self.limits, rows, vec![vec![first; rows]]);
+        record.settings = vec![("gear", f64::from(gear))];
         record.measured[1] = Some(vec![road_speed; rows]);
         let throttle = RefCell::new(Vec::with_capacity(rows));
         let mut each_row = |row: usize, outputs: &[f64]| -> f64 {

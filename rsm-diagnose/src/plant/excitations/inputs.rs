@@ -78,7 +78,7 @@ fn record(limits: &Limits, shape: &dyn Fn(usize, usize) -> Option<Vec<f64>>) -> 
             None => vec![middle; rows],
         }
     });
-    let mut record = blank("bench", limits, rows, inputs.collect(), 1);
+    let mut record = blank("bench", limits, rows, inputs.collect());
     record.measured = limits.starts.iter().map(|start| start.map(|value| vec![value])).collect();
     record
 }

@@ -13,7 +13,7 @@ mod shapes;
 use super::levenberg::Fit;
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::kind::OUTPUTS;
-use rsm_sim::kind::{Decision, PlantKind};
+use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
 use rsm_sim::simulate::{Outputs, Simulator};
@@ -47,7 +47,7 @@ pub struct Limits {
     /// Largest acceleration of the reference or the axis in the records, in m/s^2.
     pub acceleration: f64,
     /// Gears of a car in the records.
-    pub gears: Vec<usize>,
+    pub gears: Vec<u8>,
     /// Lowest and highest value of each input of a plant of equations in the records.
     pub inputs: Vec<[f64; 2]>,
     /// For each output of a plant of equations, its first reading in the first record that holds it.
@@ -97,8 +97,12 @@ impl Limits {
             }
             match fit.model.file.kind {
                 kind if kind.is("pmac") => limits.load = widened(limits.load, &record.inputs[2]),
-                PlantKind::Driveline if !limits.gears.contains(&record.gear) => limits.gears.push(record.gear),
-                PlantKind::Driveline => {}
+                kind if kind.is("driveline") => {
+                    let gear = record.setting("gear").map_or(1, |gear| gear as u8);
+                    if !limits.gears.contains(&gear) {
+                        limits.gears.push(gear);
+                    }
+                }
                 PlantKind::Equations(_) => {
                     for (range, values) in limits.inputs.iter_mut().zip(&record.inputs) {
                         *range = widened(*range, values);
@@ -137,7 +141,7 @@ impl Limits {
                 let top = self.largest_speed();
                 i_q.iter().enumerate().all(short) && within(2, [-top, top])
             }
-            PlantKind::Driveline => {
+            kind if kind.is("driveline") => {
                 let seen = if self.seen[0][0].is_finite() { Some((0, self.seen[0])) } else { None };
                 seen.is_none_or(|(output, range)| within(output, range)) && within(1, [0.0, f64::MAX])
             }
@@ -172,14 +176,13 @@ fn rates(path: &[f64], period: f64) -> (f64, f64) {
 type RecordMaker<'a> = dyn Fn(f64) -> Option<Record> + 'a;
 
 /// A record of inputs that starts at time 0 and at rest. Its outputs are predicted later.
-fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>, gear: usize) -> Record {
+fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>) -> Record {
     Record {
         file: name.to_string(),
         drive: limits.drive,
         time: (0..rows).map(|row| row as f64 * limits.period).collect(),
         period: limits.period,
         inputs,
-        gear,
         starts: Vec::new(),
         settings: limits.settings.clone(),
         breaks: Vec::new(),
@@ -194,7 +197,7 @@ pub fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
     let Some(first) = accepted.first() else { return Vec::new() };
     match first.kind {
         kind if kind.is("pmac") => motor::library(accepted, limits),
-        PlantKind::Driveline => driveline::library(accepted, limits),
+        kind if kind.is("driveline") => driveline::library(accepted, limits),
         PlantKind::ServoAxis => axis::library(accepted, limits),
         PlantKind::Equations(_) => inputs::library(accepted, limits),
     }
@@ -241,22 +244,8 @@ fn along(plant: &PlantFile, record: &Record) -> Option<Outputs> {
 pub fn csv(plant: &PlantFile, excitation: &Excitation) -> String {
     use rsm_sim::kind::Signal;
     let record = &excitation.record;
-    let gears = vec![record.gear as f64; record.rows()];
-    let absent = record.absent(plant.kind);
-    let mut columns: Vec<(Signal, &[f64])> = vec![(Signal { name: "time", unit: "s" }, &record.time)];
-    for (signal, values) in rsm_sim::record::inputs(plant.kind, record.drive).iter().zip(&record.inputs) {
-        if !absent.contains(&signal.name) {
-            columns.push((*signal, values));
-        }
-    }
-    if plant.kind == PlantKind::Driveline {
-        columns.push((Signal { name: "gear", unit: "1" }, &gears));
-    }
-    let settings: Vec<(Signal, Vec<f64>)> = match plant.kind {
-        PlantKind::Equations(kind) => kind.decisions.iter().filter_map(|it| setting(it, record)).collect(),
-        _ => Vec::new(),
-    };
-    columns.extend(settings.iter().map(|(signal, values)| (*signal, values.as_slice())));
+    let given = record.given(plant.kind);
+    let mut columns: Vec<(Signal, &[f64])> = given.iter().map(|(signal, values)| (*signal, &**values)).collect();
     for (signal, values) in plant.kind.outputs().iter().zip(&record.measured) {
         if let Some(values) = values
             && !columns.iter().any(|(there, _)| there == signal)
@@ -270,12 +259,6 @@ pub fn csv(plant: &PlantFile, excitation: &Excitation) -> String {
         excitation.words,
         rsm_sim::record::csv(&columns)
     )
-}
-
-/// The column that sets a parameter of a plant of equations, if a column does.
-fn setting(decision: &Decision, record: &Record) -> Option<(rsm_sim::kind::Signal, Vec<f64>)> {
-    let (_, value) = record.settings.iter().find(|it| it.0 == decision.parameter)?;
-    Some((rsm_sim::kind::Signal { name: decision.column?, unit: "1" }, vec![*value; record.rows()]))
 }
 
 /// The predicted outputs of a record in the order of its outputs.

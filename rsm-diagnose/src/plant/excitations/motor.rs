@@ -138,7 +138,7 @@ impl Motor<'_> {
         }
         let [v_d, v_q] = voltages;
         let v_d = if holds_direct_current(self.limits) { vec![0.0; rows] } else { v_d };
-        Some(blank(name, self.limits, rows, vec![v_d, v_q, wanted.load.clone()], 1))
+        Some(blank(name, self.limits, rows, vec![v_d, v_q, wanted.load.clone()]))
     }
 }
 

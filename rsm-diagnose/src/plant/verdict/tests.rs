@@ -91,8 +91,8 @@ fn rounding_is_a_cause_of_its_own_and_an_entry_of_the_file() {
 
 #[test]
 fn every_number_has_the_unit_of_what_it_stands_for() {
-    use PlantKind::{Driveline, ServoAxis};
-    let motor = rsm_sim::equation_plant::pmac();
+    use PlantKind::ServoAxis;
+    let (motor, car) = (rsm_sim::equation_plant::pmac(), rsm_sim::equation_plant::driveline());
     let of = |kind: &str, plant, subject: Option<&str>, name: &str| {
         let fits = |it: &&rsm_sim::effect::Description| it.kind == kind && (it.at.is_none() || it.at == subject);
         let description = rsm_sim::equation_plant::effects_on(plant).into_iter().find(fits);
@@ -106,7 +106,7 @@ fn every_number_has_the_unit_of_what_it_stands_for() {
         ("sensor-drift", motor, Some("speed"), "rate", "rad/s/s"),
         ("sensor-bias", motor, Some("i_q"), "bias", "A"),
         ("sensor-quantisation", ServoAxis, Some("position"), "step", "m"),
-        ("backlash", Driveline, None, "gap", "rad"),
+        ("backlash", car, None, "gap", "rad"),
         ("backlash", ServoAxis, None, "gap", "m"),
         ("backlash", ServoAxis, None, "mass_ratio", "1"),
         ("shaft-compliance", motor, None, "stiffness", "N*m/rad"),

@@ -17,7 +17,7 @@ fn a_unit_is_that_of_the_body_or_of_what_is_named() {
     for (unit, of_rotor, of_carriage) in cases {
         assert_eq!([on(unit, rotor, None), on(unit, carriage, None)], [of_rotor, of_carriage]);
     }
-    assert_eq!([PlantKind::Driveline, carriage].map(|plant| on(Unit::Gap, plant, None)), ["rad", "m"]);
+    assert_eq!([crate::equation_plant::driveline(), carriage].map(|plant| on(Unit::Gap, plant, None)), ["rad", "m"]);
     // An output, a parameter, and no subject.
     assert_eq!(on(Unit::OfSubject, carriage, Some("position")), "m");
     assert_eq!(on(Unit::OfSubjectPerSecond, carriage, Some("position")), "m/s");

@@ -15,7 +15,6 @@ mod motor;
 
 use std::path::{Path, PathBuf};
 
-use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 use serde_json::Value;
@@ -67,7 +66,7 @@ pub fn refuse(nominal: &PlantFile, truth: Option<&PlantFile>) -> Result<(), Refu
 /// Repeats the experiment.
 pub fn refit(request: &Request<'_>) -> Result<Refitted, Refusal> {
     match request.nominal.kind {
-        PlantKind::Driveline => driveline::refit(request),
+        kind if kind.is("driveline") => driveline::refit(request),
         _ => motor::refit(request),
     }
 }
