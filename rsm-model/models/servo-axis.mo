@@ -1,12 +1,12 @@
-// Equations of docs/book/src/reference/plants.md, section 2.3.
+// Equations of docs/book/src/reference/plants.md, section 2.3. A minimum of 1e-60, the constant `small` of Modelica, excludes 0.
 package ServoAxes
   model ServoAxisClosedLoop "driven linear axis under its position controller"
-    parameter Real mass(unit = "kg", min = 0.0) = 95.1089;
-    parameter Real force_gain(unit = "N/V") = 35.15065188248547;
+    parameter Real mass(unit = "kg", min = 1e-60) = 95.1089;
+    parameter Real force_gain(unit = "N/V", min = 1e-60) = 35.15065188248547;
     parameter Real viscous_friction(unit = "N.s/m", min = 0.0) = 203.5034;
-    parameter Real command_limit(unit = "V", min = 0.0) = 10.0;
-    parameter Real position_gain(unit = "1/s", min = 0.0) = 160.18;
-    parameter Real velocity_gain(unit = "V.s/m", min = 0.0) = 243.45;
+    parameter Real command_limit(unit = "V", min = 1e-60) = 10.0;
+    parameter Real position_gain(unit = "1/s", min = 1e-60) = 160.18;
+    parameter Real velocity_gain(unit = "V.s/m", min = 1e-60) = 243.45;
     parameter Boolean velocity_from_difference = false "backward difference of the mean of two samples, in place of the state";
     parameter Real record_period(unit = "s", min = 0.0) = 0.001 "the sample period of the record";
     parameter Real record_start(unit = "s") = 0.0 "the first instant of the record";
@@ -38,10 +38,10 @@ package ServoAxes
   end ServoAxisClosedLoop;
 
   model ServoAxis "driven linear axis"
-    parameter Real mass(unit = "kg", min = 0.0) = 95.1089;
-    parameter Real force_gain(unit = "N/V") = 35.15065188248547;
+    parameter Real mass(unit = "kg", min = 1e-60) = 95.1089;
+    parameter Real force_gain(unit = "N/V", min = 1e-60) = 35.15065188248547;
     parameter Real viscous_friction(unit = "N.s/m", min = 0.0) = 203.5034;
-    parameter Real command_limit(unit = "V", min = 0.0) = 10.0 "binds the controller, not the equations";
+    parameter Real command_limit(unit = "V", min = 1e-60) = 10.0 "binds the controller, not the equations";
     input Real command(unit = "V");
     output Real position(unit = "m", start = 0.0);
     Real speed(unit = "m/s", start = 0.0);

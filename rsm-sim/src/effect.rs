@@ -583,7 +583,7 @@ pub const AXIS_SIGN_WIDTH: f64 = 1e-3;
 /// The width of the smooth sign for a plant.
 #[must_use]
 pub fn sign_width(plant: PlantKind) -> f64 {
-    if plant == PlantKind::ServoAxis { AXIS_SIGN_WIDTH } else { ROTOR_SIGN_WIDTH }
+    if plant.is("servo-axis") { AXIS_SIGN_WIDTH } else { ROTOR_SIGN_WIDTH }
 }
 
 #[cfg(test)]

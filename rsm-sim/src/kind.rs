@@ -1,19 +1,23 @@
 //! The kinds of plants and their signals (docs/book/src/reference/plants.md 1.2).
 //!
-//! In: nothing. Out: names and units of inputs and outputs, the same for files, records and simulation. The built-in kinds contain no values.
+//! In: the text of a plant, read by [`crate::equation_plant`]. Out: names and units of inputs and outputs, the same for files, records and simulation.
 
 use std::any::Any;
 
 use crate::quantity::Nominal;
+use crate::record::{Drive, Record};
 pub use crate::quantity::Signal;
 
-/// A plant of section 2 of docs/book/src/reference/plants.md, or a plant of equations.
+/// The kind of a plant: its data, which all its records and files share.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PlantKind {
-    /// A driven linear axis.
-    ServoAxis,
-    /// A plant of equations.
-    Equations(&'static Described),
+pub struct PlantKind(pub(crate) &'static Described);
+
+impl std::ops::Deref for PlantKind {
+    type Target = Described;
+
+    fn deref(&self) -> &Described {
+        self.0
+    }
 }
 
 /// The data of a plant of equations for files, records and reports. It has the lifetime of the program: a program reads few plants, and all its parts
@@ -21,6 +25,8 @@ pub enum PlantKind {
 pub struct Described {
     /// The name of its model; for a plant file of format 1, the name in the file.
     pub name: &'static str,
+    /// The name of its model in the text.
+    pub model: &'static str,
     /// Whether its plant files have format 1.
     pub is_first_format: bool,
     /// The inputs, in the order of the text.
@@ -32,8 +38,12 @@ pub struct Described {
     pub starts: Vec<Signal>,
     /// Their start values from the text alone.
     pub start_values: Vec<f64>,
-    /// Start variables that no reading of an output determines. A record may have a column for each; its first value is the start.
+    /// States whose start no reading of an output determines: the text gives it.
+    pub free_starts: Vec<Signal>,
+    /// States of them for which a record may have a column. Its first value is the start.
     pub start_columns: Vec<Signal>,
+    /// The same plant without its controller, for records that have its input in place of that of the controller.
+    pub open_loop: Option<PlantKind>,
     /// The parameters on which only the start depends, with their typical sizes (`nominal` in the text).
     pub start_sizes: Vec<(&'static str, f64)>,
     /// The parameters that may be set.
@@ -118,56 +128,47 @@ pub const STARTS: usize = 24;
 /// A start of a simulation: a value for each of [`PlantKind::starts`], and 0 for unused entries.
 pub type StartValues = [f64; STARTS];
 
-const fn signal(name: &'static str, unit: &'static str) -> Signal {
-    Signal { name, unit }
-}
-
 impl PlantKind {
     /// Whether it is the kind of format 1 with this name.
     #[must_use]
     pub fn is(self, name: &str) -> bool {
-        match self {
-            PlantKind::Equations(it) => it.is_first_format && it.name == name,
-            _ => self.name() == name,
-        }
+        self.is_first_format && self.name == name
     }
 
     /// Whether its plant files have format 1.
     #[must_use]
     pub fn is_first_format(self) -> bool {
-        match self {
-            PlantKind::Equations(it) => it.is_first_format,
-            _ => true,
-        }
+        self.is_first_format
     }
 
     /// The name in a file.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            PlantKind::ServoAxis => "servo-axis",
-            PlantKind::Equations(it) => it.name,
-        }
+        self.0.name
     }
 
-    /// All inputs that a record can contain, in the order of the simulation. A record of the axis needs one of its two inputs.
+    /// The kind that simulates a record: the kind itself, or the plant without its controller.
+    #[must_use]
+    pub fn along(self, record: &Record) -> PlantKind {
+        self.driven_by(record.drive)
+    }
+
+    /// The same for what drives the plant.
+    #[must_use]
+    pub fn driven_by(self, drive: Drive) -> PlantKind {
+        self.0.open_loop.filter(|_| drive == Drive::Open).unwrap_or(self)
+    }
+
+    /// The inputs of its equations, in the order of the text.
     #[must_use]
     pub fn inputs(self) -> &'static [Signal] {
-        const AXIS: &[Signal] = &[signal("command", "V"), signal("reference", "m")];
-        match self {
-            PlantKind::ServoAxis => AXIS,
-            PlantKind::Equations(it) => &it.inputs,
-        }
+        &self.0.inputs
     }
 
-    /// The outputs, in the order of the simulation. The command of the axis is an output only in closed loop.
+    /// The outputs, in the order of the simulation. The command of an axis is an output only in closed loop.
     #[must_use]
     pub fn outputs(self) -> &'static [Signal] {
-        const AXIS: &[Signal] = &[signal("position", "m"), signal("command", "V")];
-        match self {
-            PlantKind::ServoAxis => AXIS,
-            PlantKind::Equations(it) => &it.outputs,
-        }
+        &self.0.outputs
     }
 
     /// The variables that determine a start, in the order of a simulation's start: outputs, and variables without a column. For an axis this is the
@@ -175,11 +176,7 @@ impl PlantKind {
     /// steadily with its throttle.
     #[must_use]
     pub fn starts(self) -> &'static [Signal] {
-        const AXIS: &[Signal] = &[signal("position", "m"), signal("speed", "m/s")];
-        match self {
-            PlantKind::ServoAxis => AXIS,
-            PlantKind::Equations(it) => &it.starts,
-        }
+        &self.0.starts
     }
 
     /// The index of an output in [`PlantKind::outputs`].
@@ -191,19 +188,17 @@ impl PlantKind {
     /// Every column that a record of this plant can have.
     #[must_use]
     pub fn columns(self) -> Vec<Signal> {
-        let mut columns = vec![signal("time", "s")];
-        for signal in self.inputs().iter().chain(self.outputs()) {
+        let mut columns = vec![Signal { name: "time", unit: "s" }];
+        let without_controller = self.open_loop.map_or(&[][..], PlantKind::inputs);
+        for signal in without_controller.iter().chain(self.inputs()).chain(self.outputs()).chain(&self.start_columns) {
             if !columns.contains(signal) {
                 columns.push(*signal);
             }
         }
-        if let PlantKind::Equations(it) = self {
-            columns.extend(&it.start_columns);
-            // A column that determines a parameter is a number without a unit. In format 1 every column states its unit.
-            let unit = if it.is_first_format { "1" } else { "" };
-            let decides = it.decisions.iter().filter_map(|it| it.column).map(|name| Signal { name, unit });
-            columns.extend(decides.filter(|it| !it.name.is_empty()));
-        }
+        // A column that determines a parameter is a number without a unit. In format 1 every column states its unit.
+        let unit = if self.is_first_format { "1" } else { "" };
+        let decides = self.0.decisions.iter().filter_map(|it| it.column).map(|name| Signal { name, unit });
+        columns.extend(decides.filter(|it| !it.name.is_empty()));
         columns
     }
 }

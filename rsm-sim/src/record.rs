@@ -18,11 +18,11 @@ const JITTER: f64 = 0.01;
 /// What drives the plant in a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Drive {
-    /// Only the inputs.
+    /// The input of a plant whose controller does not act.
     Open,
-    /// The controller of the axis, which follows the reference.
+    /// The controller of the plant, which follows the reference.
     Closed,
-    /// The inputs of a plant of equations. The record contains all of them, except those that it may leave out.
+    /// The inputs of a plant without a controller. The record contains all of them, except those that it may leave out.
     Inputs,
 }
 
@@ -37,7 +37,7 @@ pub struct Record {
     pub time: Vec<f64>,
     /// The sample period, in s.
     pub period: f64,
-    /// The inputs in the order of the simulation: command or reference; those of a plant of equations in the order of its text.
+    /// The inputs of the equations that simulate the record, in the order of the text.
     pub inputs: Vec<Vec<f64>>,
     /// The first values of columns with start variables that are no outputs.
     pub starts: Vec<(&'static str, f64)>,
@@ -128,10 +128,7 @@ impl Record {
         let take = |name: &str| values.iter().find(|(found, _)| *found == name).map(|(_, column)| column.clone());
         let time = take("time").unwrap_or_default();
         let (period, breaks) = uniform(&time, &table, gaps, &mut faults);
-        let settings = match plant.kind {
-            PlantKind::Equations(kind) => columns.settings(kind, &table, &take, &mut faults),
-            _ => Vec::new(),
-        };
+        let settings = columns.settings(plant.kind.0, &table, &take, &mut faults);
         // An optional input that a record of a plant of equations does not have is 0.
         let left_out = if drive == Drive::Inputs { vec![0.0; time.len()] } else { Vec::new() };
         let record = Record {
@@ -176,11 +173,9 @@ impl Record {
         let mut columns = vec![(Signal { name: "time", unit: "s" }, Cow::Borrowed(&*self.time))];
         let inputs = inputs(kind, self.drive).iter().zip(&self.inputs).filter(|it| !absent.contains(&it.0.name));
         columns.extend(inputs.map(|(signal, values)| (*signal, Cow::Borrowed(&**values))));
-        if let PlantKind::Equations(plant) = kind {
-            let given = |it: &Decision| Some((it.column?, self.setting(it.parameter)?));
-            let decides = plant.decisions.iter().filter_map(given);
-            columns.extend(decides.map(|(name, value)| (Signal { name, unit: "1" }, Cow::Owned(vec![value; self.rows()]))));
-        }
+        let given = |it: &Decision| Some((it.column?, self.setting(it.parameter)?));
+        let decides = kind.decisions.iter().filter_map(given);
+        columns.extend(decides.map(|(name, value)| (Signal { name, unit: "1" }, Cow::Owned(vec![value; self.rows()]))));
         columns
     }
 
@@ -193,9 +188,8 @@ impl Record {
     /// The columns of a plant of equations that are absent, where this absence determines a parameter.
     #[must_use]
     pub fn absent(&self, kind: PlantKind) -> Vec<&'static str> {
-        let PlantKind::Equations(plant) = kind else { return Vec::new() };
         let is_absent = |it: &&Decision| self.settings.iter().any(|(name, value)| *name == it.parameter && *value == 1.0);
-        plant.decisions.iter().filter(is_absent).flat_map(|it| it.without.iter().copied()).collect()
+        kind.decisions.iter().filter(is_absent).flat_map(|it| it.without.iter().copied()).collect()
     }
 
     /// Some of its rows as a separate record. Start values of variables that are no outputs are kept only if the first row is.
@@ -224,11 +218,7 @@ impl Record {
 /// The columns of inputs that a simulation reads, in order.
 #[must_use]
 pub fn inputs(kind: PlantKind, drive: Drive) -> &'static [Signal] {
-    match (kind, drive) {
-        (PlantKind::ServoAxis, Drive::Closed) => &kind.inputs()[1..],
-        (PlantKind::ServoAxis, _) => &kind.inputs()[..1],
-        (PlantKind::Equations(it), _) => &it.inputs,
-    }
+    kind.driven_by(drive).inputs()
 }
 
 /// The name of a signal in the records of a plant.
@@ -251,9 +241,8 @@ impl Columns<'_> {
 
     /// The first values of start variables that are no outputs.
     fn starts(&self, take: &dyn Fn(&str) -> Option<Vec<f64>>) -> Vec<(&'static str, f64)> {
-        let PlantKind::Equations(plant) = self.plant.kind else { return Vec::new() };
         let first = |it: &Signal| Some((it.name, take(it.name)?.first().copied()?));
-        plant.start_columns.iter().filter_map(first).collect()
+        self.plant.kind.start_columns.iter().filter_map(first).collect()
     }
 
     /// The parameters of a plant of equations that the record determines.
@@ -304,21 +293,17 @@ impl Columns<'_> {
     fn drive(&self, faults: &mut Collector) -> Drive {
         let kind = self.plant.kind;
         let mut needed: Vec<&str> = vec!["time"];
-        let drive = match kind {
-            PlantKind::ServoAxis => {
-                let closed = self.plant.parameters.optional("position_gain").is_some() && self.has("reference");
-                needed.push(if closed { "reference" } else { "command" });
-                if closed { Drive::Closed } else { Drive::Open }
-            }
-            PlantKind::Equations(plant) => {
-                let absent = self.absent(plant);
-                needed.extend(plant.inputs.iter().map(|it| it.name).filter(|it| !absent.contains(it)));
-                // In format 1 nothing else determines such a parameter.
-                let decides = plant.decisions.iter().filter(|_| plant.is_first_format).filter_map(|it| it.column);
-                needed.extend(decides);
-                Drive::Inputs
-            }
+        let has_gains = || self.plant.parameters.values.iter().all(Option::is_some);
+        let drive = match kind.open_loop {
+            Some(_) if has_gains() && kind.inputs().iter().all(|it| self.has(it.name)) => Drive::Closed,
+            Some(_) => Drive::Open,
+            None => Drive::Inputs,
         };
+        let plant = kind.driven_by(drive).0;
+        let absent = self.absent(plant);
+        needed.extend(plant.inputs.iter().map(|it| it.name).filter(|it| !absent.contains(it)));
+        // In format 1 nothing else determines such a parameter.
+        needed.extend(plant.decisions.iter().filter(|_| plant.is_first_format).filter_map(|it| it.column));
         for signal in needed {
             if !self.has(signal) {
                 let unit = kind.columns().iter().find(|found| found.name == signal).map_or("", |found| found.unit);

@@ -161,11 +161,8 @@ impl Simulator {
 /// The first output of a plant of format 1 that needs a start and has none.
 fn without_start(file: &PlantFile, record: &Record) -> Option<&'static str> {
     let shown = shown(file.kind, record);
-    let needed: Vec<&'static str> = match file.kind {
-        PlantKind::Equations(kind) => kind.starts.iter().filter(|it| shown.contains(it)).map(|it| it.name).collect(),
-        _ => starting(record, file.kind).into_iter().map(|place| file.kind.starts()[place].name).collect(),
-    };
-    needed.into_iter().find(|name| {
+    let mut needed = file.kind.starts().iter().filter(|it| shown.contains(it)).map(|it| it.name);
+    needed.find(|name| {
         let is_read = file.kind.output(name).is_none_or(|output| record.measured[output].is_some());
         !is_read && !file.initial.iter().any(|it| it.0 == *name)
     })
@@ -184,17 +181,13 @@ fn of_equations(stopped: &crate::equations::Stopped) -> Stopped {
 /// The indices in [`PlantKind::starts`] that determine the start of a record (docs/book/src/reference/plants.md, section 2).
 #[must_use]
 pub fn starting(record: &Record, kind: PlantKind) -> Vec<usize> {
-    match kind {
-        PlantKind::ServoAxis => vec![0, 1],
-        // Every output that the run computes has a start, also without a reading.
-        PlantKind::Equations(plant) if plant.is_first_format => {
-            let shown = shown(kind, record);
-            let is_in = |it: &Signal| shown.contains(it) || plant.start_columns.contains(it) || plant.is_of_start(it.name);
-            let counts = |it: &usize| is_in(&plant.starts[*it]);
-            (0..plant.starts.len()).filter(counts).collect()
-        }
-        PlantKind::Equations(kind) => equation_plant::starting(kind, record),
+    if !kind.is_first_format {
+        return equation_plant::starting(kind, record);
     }
+    // Every output that the run computes has a start, also without a reading.
+    let shown = shown(kind, record);
+    let is_in = |it: &Signal| shown.contains(it) || kind.free_starts.contains(it) || kind.is_of_start(it.name);
+    (0..kind.starts().len()).filter(|it| is_in(&kind.starts()[*it])).collect()
 }
 
 /// The start value of one of them: from the plant file, else from the record's first row. A variable without a column starts at 0 (an axis at rest, a
@@ -204,10 +197,7 @@ pub fn start_of(file: &PlantFile, record: &Record, place: usize) -> Option<f64> 
     let name = file.kind.starts()[place].name;
     let known = file.initial.iter().chain(&record.starts);
     let initial = known.into_iter().find(|(found, _)| *found == name).map(|(_, value)| *value);
-    let by_text = match file.kind {
-        PlantKind::Equations(kind) => kind.start_values.get(place).copied(),
-        _ => None,
-    };
+    let by_text = file.kind.start_values.get(place).copied();
     let first = initial.or_else(|| match file.kind.output(name) {
         Some(output) => record.measured[output].as_ref().and_then(|values| values.first().copied()),
         None => Some(by_text.unwrap_or(0.0)),

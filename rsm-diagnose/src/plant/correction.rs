@@ -236,11 +236,11 @@ fn names(kind: PlantKind, prepared: &Prepared) -> Vec<(&'static str, &'static st
             list.push(("load_torque", "N*m"));
             list.push(("direction", "1"));
         }
-        PlantKind::ServoAxis => {
+        _ if kind.is("servo-axis") => {
             simulated(0);
             list.extend([("speed", "m/s"), ("direction", "1"), ("command", "V")]);
         }
-        PlantKind::Equations(plant) => {
+        plant => {
             (0..signals.len()).for_each(&mut simulated);
             list.extend(plant.inputs.iter().map(|it| (it.name, it.unit)));
             list.extend(plant.decisions.iter().filter(|it| it.is_whole).filter_map(|it| Some((it.column?, "1"))));
@@ -262,7 +262,7 @@ fn variables(kind: PlantKind, prepared: &Prepared, simulated: &Simulated) -> Vec
             list.push(of(2).map_or_else(zero, |speed| direction(&speed)));
             list
         }
-        PlantKind::ServoAxis => {
+        _ if kind.is("servo-axis") => {
             let position = of(0);
             let speed = position.as_ref().map_or_else(zero, |position| speed_of(position, record.period));
             let command = if record.drive == Drive::Closed { of(1) } else { record.inputs.first().cloned() };
@@ -272,7 +272,7 @@ fn variables(kind: PlantKind, prepared: &Prepared, simulated: &Simulated) -> Vec
             list.push(command.unwrap_or_else(zero));
             list
         }
-        PlantKind::Equations(plant) => {
+        plant => {
             let mut list: Vec<Vec<f64>> = (0..plant.outputs.len()).filter_map(of).collect();
             list.extend(record.inputs.iter().cloned());
             let decides = plant.decisions.iter().filter(|it| it.is_whole && it.column.is_some());

@@ -341,13 +341,13 @@ fn operating_points(kind: PlantKind, record: &Record, outputs: &[usize], simulat
     (0..record.rows())
         .map(|row| match kind {
             _ if kind.is("pmac") => [at(of(2), row), at(of(0), row).hypot(at(of(1), row))],
-            PlantKind::ServoAxis => {
+            _ if kind.is("servo-axis") => {
                 let position = of(0);
                 let (before, after) = (row.saturating_sub(1), (row + 1).min(record.rows() - 1));
                 let span = (after - before).max(1) as f64 * record.period;
                 [at(position, row), (at(position, after) - at(position, before)) / span]
             }
-            PlantKind::Equations(_) => {
+            _ => {
                 [at(simulated.first().map(Vec::as_slice), row), record.inputs.first().map_or(0.0, |it| it[row])]
             }
         })

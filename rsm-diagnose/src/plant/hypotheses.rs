@@ -68,8 +68,8 @@ pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesi
                     let Some(value) = survey.parameters.optional(nominal.name) else { continue };
                     // A parameter that occurs in no equation of any record has no effect, such as the ratio of a gear that was not used.
                     let runs = !survey.unused.contains(&nominal.name);
-                    // An integer parameter of a plant of equations is exact too.
-                    let is_counted = matches!(kind, PlantKind::Equations(_)) && nominal.bound == Bound::Count;
+                    // An integer parameter is exact too.
+                    let is_counted = nominal.bound == Bound::Count;
                     if runs
                         && !is_counted
                         && !survey.exact.contains(&nominal.name)

@@ -11,7 +11,6 @@ use super::levenberg::{self, Fit};
 use super::model::{self, InitialMotion, Model};
 use super::validation;
 use super::whitened_residuals::WhitenedResiduals;
-use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
@@ -49,10 +48,8 @@ pub fn of_axis(whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals,
 #[must_use]
 pub fn is_visible(whitened: &WhitenedResiduals, fit: &Fit, unseen: &WhitenedResiduals) -> bool {
     // The only hidden start of a motor is its angle, the phase of what repeats every turn. It is no motion.
-    let has_hidden = match fit.model.file.kind {
-        PlantKind::Equations(plant) => !plant.is_first_format || !plant.start_sizes.is_empty(),
-        PlantKind::ServoAxis => false,
-    };
+    let plant = fit.model.file.kind;
+    let has_hidden = !plant.is_first_format || !plant.start_sizes.is_empty();
     if !has_hidden || fit.model.at_start == InitialMotion::InMotion {
         return false;
     }

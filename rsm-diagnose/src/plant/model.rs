@@ -150,7 +150,7 @@ impl InitialMotion {
     /// contrary.
     pub fn of<'a>(kind: PlantKind, mut records: impl Iterator<Item = &'a Record>) -> Self {
         let moves = |record| speed_of(record).is_some_and(|(speed, sd)| speed.abs() > MOVING * sd);
-        if kind == PlantKind::ServoAxis && records.any(moves) { InitialMotion::InMotion } else { InitialMotion::Steady }
+        if kind.is("servo-axis") && records.any(moves) { InitialMotion::InMotion } else { InitialMotion::Steady }
     }
 }
 
@@ -243,8 +243,7 @@ impl Model {
         if self.at_start == InitialMotion::Steady || record.start(name).is_some() {
             return None;
         }
-        if let PlantKind::Equations(kind) = self.file.kind
-            && let Some((_, sd)) = kind.start_sizes.iter().find(|it| it.0 == name)
+        if let Some((_, sd)) = self.file.kind.start_sizes.iter().find(|it| it.0 == name)
         {
             return (*sd > 0.0).then_some((at, 0.1 * sd, Some((at, *sd))));
         }

@@ -14,7 +14,6 @@ use super::quantities::{of_output, speed_of};
 use super::regions::{Region, Side, totals};
 use super::spectrum::peaks;
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
-use rsm_sim::kind::PlantKind;
 
 /// The length of a piece in turns. A window over eight turns separates half orders.
 const TURNS_A_PIECE: f64 = 8.0;
@@ -120,11 +119,11 @@ pub(super) fn coordinates(whitened: &WhitenedResiduals, model: &Model, simulated
             };
             list.extend(turns(&wheel).map(|at| rotation(whitened, "wheel", at, 24, None)));
         }
-        PlantKind::ServoAxis => {
+        kind if kind.is("servo-axis") => {
             let at: Option<Vec<Vec<f64>>> = (0..whitened.records.len()).map(&output(0)).collect();
             list.extend(at.and_then(|at| travel(whitened, at)));
         }
-        PlantKind::Equations(_) => {}
+        _ => {}
     }
     list
 }

@@ -5,7 +5,6 @@
 
 use super::model::Model;
 use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
-use rsm_sim::kind::PlantKind;
 use rsm_sim::record::Drive;
 
 /// Below this share of its largest speed, a plant counts as at rest or reversing.
@@ -120,7 +119,7 @@ pub fn quantities(whitened: &WhitenedResiduals, model: &Model, simulated: &[Simu
             list.extend(each("direction of force", "", Division::Sign("slowing down", "speeding up"), &acceleration));
             list.extend(each("gear", "", Division::Whole, &gear));
         }
-        PlantKind::ServoAxis => {
+        _ if kind.is("servo-axis") => {
             let speed = |prepared: &Prepared, it: &Simulated| {
                 of_output(prepared, it, 0).map(|positions| speed_of(positions, prepared.record.period))
             };
@@ -134,7 +133,7 @@ pub fn quantities(whitened: &WhitenedResiduals, model: &Model, simulated: &[Simu
             list.extend(each("command", "V", by_size, &command));
             list.extend(each("direction of command", "", Division::Sign("pushing backward", "pushing forward"), &command));
         }
-        PlantKind::Equations(plant) => {
+        plant => {
             for (k, signal) in plant.outputs.iter().enumerate() {
                 list.extend(each(signal.name, signal.unit, Division::Value, &output(k)));
                 let rate = |prepared: &Prepared, it: &Simulated| {

@@ -20,7 +20,6 @@ use super::{
 };
 use rsm_sim::effect::{Role, Survey};
 use rsm_sim::equation_plant::added;
-use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
 
@@ -76,7 +75,7 @@ impl<'a> SearchInput<'a> {
         // For long records, the final check on all rows takes work too.
         let most = if prepared.share.unused_rows().is_some() { MOST_STEPS / 2 } else { MOST_STEPS };
         // The wave lengths of an axis are the best of many, and so are the terms and orders of the equations.
-        let waves = if file.kind == PlantKind::ServoAxis { 2 * waves::MOST } else { 0 };
+        let waves = if file.kind.is("servo-axis") { 2 * waves::MOST } else { 0 };
         let terms =
             equation_errors.as_ref().filter(|it| !it.terms.is_empty() || !it.orders.is_empty()).map_or(0, |it| it.looks);
         Ok(SearchInput {

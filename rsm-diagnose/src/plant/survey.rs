@@ -9,7 +9,6 @@ use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::effect::Survey;
 use rsm_sim::equation_plant;
 use rsm_sim::kind::OUTPUTS;
-use rsm_sim::kind::PlantKind;
 use rsm_sim::record::{Drive, Record};
 
 /// Rows on either side for a derivative. The noise of a second difference falls with the square of this.
@@ -51,7 +50,7 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
         input = lengths.fold(input, f64::max);
     }
     match kind {
-        PlantKind::ServoAxis => {
+        _ if kind.is("servo-axis") => {
             for (place, prepared) in whitened.records.iter().enumerate() {
                 let record = &prepared.record;
                 let recorded = if record.drive == Drive::Closed { record.measured[1].as_ref() } else { record.inputs.first() };
@@ -74,7 +73,7 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
             }
         }
         // Its scales belong to its own signals.
-        PlantKind::Equations(_) => {}
+        _ => {}
     }
     let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
     let scales = equation_plant::scales(&fit.model.file, &records).unwrap_or_default();
@@ -93,7 +92,7 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
         largest,
         spread,
         noise: whitened.floors.map(|floor| floor.sd),
-        waves: if kind == PlantKind::ServoAxis { waves::waves(whitened, fit) } else { Vec::new() },
+        waves: if kind.is("servo-axis") { waves::waves(whitened, fit) } else { Vec::new() },
         quantum,
         unused: equation_plant::unused(&fit.model.file, &records),
         output: 0,

@@ -221,7 +221,7 @@ pub fn has_whole_period(whitened: &WhitenedResiduals, entry: &Entry) -> bool {
 /// used here is that of this axis; waves on other plants are found by the prediction errors.
 #[must_use]
 pub fn is_wave(effect: &Description, plant: PlantKind) -> bool {
-    let is_axis = plant == PlantKind::ServoAxis;
+    let is_axis = plant.is("servo-axis");
     is_axis && effect.declared.role == Role::Waves && effect.arguments_on(plant).all(|it| it.bound != Bound::Count)
 }
 
@@ -453,7 +453,7 @@ mod tests {
         let (whitened, _, fit) = axis(true, 0.04);
         let entry = |pitch: f64| {
             let numbers = vec![("amplitude", 0.5), ("pitch", pitch), ("phase", 0.0)];
-            let arguments = Arguments { plant: PlantKind::ServoAxis, subject: None, numbers };
+            let arguments = Arguments { plant: rsm_sim::equation_plant::servo_axis(), subject: None, numbers };
             Entry { description: rsm_sim::effects::of("cogging-torque").unwrap(), arguments }
         };
         // The moves go 0.1 m; what is not read is no way.
@@ -473,7 +473,7 @@ mod tests {
             let found = waves(&whitened, &fit)[0];
             let description = rsm_sim::effects::of("cogging-torque").unwrap();
             let numbers = vec![("amplitude", found.amplitude), ("pitch", found.pitch), ("phase", found.phase)];
-            let arguments = Arguments { plant: PlantKind::ServoAxis, subject: None, numbers };
+            let arguments = Arguments { plant: rsm_sim::equation_plant::servo_axis(), subject: None, numbers };
             let (model, cost) = joint_fit(&whitened, &fit, &nominal, &Entry { description, arguments }, &REACHES).unwrap();
             let rows = whitened.rows() as f64;
             // White noise: four standard deviations, 4 sqrt(2 rows).

@@ -8,7 +8,7 @@ use rsm_core::source::Source;
 use rsm_diagnose::plant::correction::{self, CorrectionResult};
 use rsm_diagnose::plant::noise::NoiseFloor;
 use rsm_diagnose::plant::whitened_residuals::{Prepared, WhitenedResiduals};
-use rsm_sim::kind::PlantKind;
+use rsm_sim::equation_plant::servo_axis;
 use rsm_sim::kind::by_output;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -72,7 +72,7 @@ const UNSEEN: [[f64; 2]; 1] = [[2.7, 1.7]];
 fn a_square_spring_is_corrected_on_unseen_records_and_the_file_checks() {
     let (whitened, simulated) = records(2000.0, &TRAINING, 1);
     let (unseen, simulated_unseen) = records(2000.0, &UNSEEN, 2);
-    let found = correction::correction(PlantKind::ServoAxis, &whitened, &simulated, &unseen, &simulated_unseen);
+    let found = correction::correction(servo_axis(), &whitened, &simulated, &unseen, &simulated_unseen);
     let CorrectionResult::Useful(found) = found else { panic!("{found:?}") };
     // The spring's force is a function of the position, and in a stiff loop the command compensates it, so nearly all of the error is removed. The
     // transients of the loop remain, and a third-order approximation of q abs(q).
@@ -87,7 +87,7 @@ fn a_square_spring_is_corrected_on_unseen_records_and_the_file_checks() {
     Checked::read(&Source::new("correction.toml", text)).unwrap();
     // The report draws the same signals as were validated.
     let prepared = &unseen.records[0];
-    let added = correction::added(PlantKind::ServoAxis, &found, prepared, &simulated_unseen[0], 1).unwrap();
+    let added = correction::added(servo_axis(), &found, prepared, &simulated_unseen[0], 1).unwrap();
     let left: f64 = (0..ROWS).map(|row| (prepared.measured(1)[row] - simulated_unseen[0][1][row] - added[row]).powi(2)).sum();
     assert!(((left / ROWS as f64).sqrt() / NOISE[1] - command.after).abs() < 1e-6);
 }
@@ -96,7 +96,7 @@ fn a_square_spring_is_corrected_on_unseen_records_and_the_file_checks() {
 fn without_unseen_records_the_last_third_judges() {
     let (whitened, simulated) = records(2000.0, &TRAINING, 1);
     let nobody = whitened.with_records(Vec::new());
-    let found = correction::correction(PlantKind::ServoAxis, &whitened, &simulated, &nobody, &[]);
+    let found = correction::correction(servo_axis(), &whitened, &simulated, &nobody, &[]);
     let CorrectionResult::Useful(found) = found else { panic!("{found:?}") };
     assert!(!found.unseen && found.gain > 0.8, "{}", found.gain);
 }
@@ -106,7 +106,7 @@ fn noise_is_not_corrected() {
     for seed in 1..=5 {
         let (whitened, simulated) = records(0.0, &TRAINING, seed);
         let (unseen, simulated_unseen) = records(0.0, &UNSEEN, 100 + seed);
-        let found = correction::correction(PlantKind::ServoAxis, &whitened, &simulated, &unseen, &simulated_unseen);
+        let found = correction::correction(servo_axis(), &whitened, &simulated, &unseen, &simulated_unseen);
         assert!(matches!(found, CorrectionResult::NoGain { .. }), "seed {seed}: {found:?}");
     }
 }
@@ -126,6 +126,6 @@ fn what_hangs_on_nothing_that_is_simulated_is_refused() {
     };
     let (whitened, simulated) = disturbed(&TRAINING, 1);
     let (unseen, simulated_unseen) = disturbed(&UNSEEN, 6);
-    let found = correction::correction(PlantKind::ServoAxis, &whitened, &simulated, &unseen, &simulated_unseen);
+    let found = correction::correction(servo_axis(), &whitened, &simulated, &unseen, &simulated_unseen);
     assert!(matches!(found, CorrectionResult::NoGain { .. }), "{found:?}");
 }

@@ -295,7 +295,7 @@ fn an_effect_takes_the_numbers_of_its_plant_and_no_others() {
     // The stiffness of a car's shaft is a parameter of the plant. The drive of an axis is rigid, so the effect needs the stiffness and damping of the
     // contact.
     assert_eq!(names("backlash", crate::equation_plant::driveline()), ["gap"]);
-    assert_eq!(names("backlash", PlantKind::ServoAxis), ["gap", "mass_ratio", "stiffness", "damping"]);
+    assert_eq!(names("backlash", crate::equation_plant::servo_axis()), ["gap", "mass_ratio", "stiffness", "damping"]);
     // A number without a plant is valid on each plant.
     for (_, plant) in crate::equation_plant::first_format() {
         assert_eq!(names("sensor-bias", plant), ["bias"]);

@@ -101,10 +101,9 @@ impl Effect for AsymmetricFriction {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::ServoAxis, subject: None, numbers: numbers.to_vec() })
+        build(&Arguments { plant: crate::equation_plant::servo_axis(), subject: None, numbers: numbers.to_vec() })
     }
 
     #[test]
@@ -120,7 +119,7 @@ mod tests {
     #[test]
     fn its_plainer_forms_are_a_dry_friction_with_and_without_a_load() {
         let of = |numbers: &[(&'static str, f64)]| {
-            forms(&Arguments { plant: PlantKind::ServoAxis, subject: None, numbers: numbers.to_vec() })
+            forms(&Arguments { plant: crate::equation_plant::servo_axis(), subject: None, numbers: numbers.to_vec() })
         };
         let (dry, load) = (Part::new("coulomb-friction", 25.0), Part::new("constant-load", 5.0));
         let levels = [("forward", 30.0), ("backward", 20.0)];

@@ -14,7 +14,6 @@ use crate::effect::{
     Argument, Arguments, Carried, Declared, Description, Effect, FirstInstant, Guess, Joint, Motion, Scale, Split, Subject,
     Survey, Twist, Unit,
 };
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
@@ -52,7 +51,7 @@ struct Far {
 fn build(arguments: &Arguments) -> Box<dyn Effect> {
     Box::new(Backlash {
         half_gap: arguments.number("gap") / 2.0,
-        far: (arguments.plant == PlantKind::ServoAxis).then(|| Far {
+        far: (arguments.plant.is("servo-axis")).then(|| Far {
             ratio: arguments.number("mass_ratio"),
             stiffness: arguments.number("stiffness"),
             damping: arguments.number("damping"),

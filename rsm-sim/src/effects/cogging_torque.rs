@@ -12,7 +12,6 @@
 use crate::effect::{
     Argument, Arguments, Declared, Description, Effect, Guess, Motion, Plausible, Role, Scale, Subject, Survey, Unit,
 };
-use crate::kind::PlantKind;
 use crate::schema::Bound;
 
 /// The description for plant files and reports.
@@ -55,7 +54,7 @@ fn guesses(survey: &Survey) -> Vec<Guess> {
     // A fiftieth of the drive's effort, at every order that is usual for the teeth and poles of small motors; on an axis the waves in the residuals.
     let at = |values: Vec<f64>| Guess { values, neutral: Some((0, 0.0)), phase: Some(2) };
     match survey.plant {
-        PlantKind::ServoAxis => survey.waves.iter().map(|it| at(vec![it.amplitude, it.pitch, it.phase])).collect(),
+        plant if plant.is("servo-axis") => survey.waves.iter().map(|it| at(vec![it.amplitude, it.pitch, it.phase])).collect(),
         _ => {
             let orders = (1..=24).chain([28, 30, 32, 36, 42, 48, 54, 60, 72]);
             orders.map(|cycles| at(vec![0.02 * survey.effort, f64::from(cycles), 0.0])).collect()
@@ -79,7 +78,7 @@ mod tests {
     use super::*;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::ServoAxis, subject: None, numbers: numbers.to_vec() })
+        build(&Arguments { plant: crate::equation_plant::servo_axis(), subject: None, numbers: numbers.to_vec() })
     }
 
     #[test]

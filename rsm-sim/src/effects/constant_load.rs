@@ -51,10 +51,9 @@ impl Effect for ConstantLoad {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::ServoAxis, subject: None, numbers: numbers.to_vec() })
+        build(&Arguments { plant: crate::equation_plant::servo_axis(), subject: None, numbers: numbers.to_vec() })
     }
 
     #[test]

@@ -52,10 +52,9 @@ impl Effect for InputGain {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::ServoAxis, subject: None, numbers: numbers.to_vec() })
+        build(&Arguments { plant: crate::equation_plant::servo_axis(), subject: None, numbers: numbers.to_vec() })
     }
 
     #[test]

@@ -63,11 +63,10 @@ impl Effect for LoadDrift {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kind::PlantKind;
 
     #[test]
     fn it_grows_with_the_time() {
-        let load = build(&Arguments { plant: PlantKind::ServoAxis, subject: None, numbers: vec![("force_rate", -0.02)] });
+        let load = build(&Arguments { plant: crate::equation_plant::servo_axis(), subject: None, numbers: vec![("force_rate", -0.02)] });
         let mut rates = [0.0];
         assert_eq!((load.load(&[50.0], &mut rates), rates), (-1.0, [1.0]));
     }

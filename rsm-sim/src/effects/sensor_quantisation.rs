@@ -59,10 +59,9 @@ impl Effect for SensorQuantisation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kind::PlantKind;
 
     fn made(numbers: &[(&'static str, f64)]) -> Box<dyn Effect> {
-        build(&Arguments { plant: PlantKind::ServoAxis, subject: Some("position".to_string()), numbers: numbers.to_vec() })
+        build(&Arguments { plant: crate::equation_plant::servo_axis(), subject: Some("position".to_string()), numbers: numbers.to_vec() })
     }
 
     #[test]

@@ -35,7 +35,6 @@ pub struct Balance {
 /// The sites of a plant that have a balance.
 #[must_use]
 pub fn balances(kind: PlantKind) -> Vec<Balance> {
-    let PlantKind::Equations(kind) = kind else { return Vec::new() };
     if kind.is_first_format {
         return Vec::new();
     }
@@ -56,15 +55,14 @@ pub fn balances(kind: PlantKind) -> Vec<Balance> {
         let is_whole = variables.first().is_some_and(|it| it.0 == state);
         is_whole.then(|| Balance { at: place.at.clone(), kind: place.kind.name(), term, unit, variables })
     };
-    plant_of(kind).places.iter().filter_map(one).collect()
+    plant_of(kind.0).places.iter().filter_map(one).collect()
 }
 
 /// The values of the variables of some sites along a record, at a few hundred rows, evenly spread: for each site, for each variable. `None` if the
 /// plant cannot follow the record. Effects of the file act; the variables are those of the equations without them.
 #[must_use]
 pub fn along(file: &PlantFile, record: &Record, sites: &[&Balance]) -> Option<Vec<Vec<Vec<f64>>>> {
-    let PlantKind::Equations(kind) = file.kind else { return None };
-    let (whole, machine, points) = run::with_effects(kind, file, record).ok()?;
+    let (whole, machine, points) = run::with_effects(file.kind.along(record).0, file, record).ok()?;
     let places = whole.places_of_effects().ok()?;
     let part = |at: &str, name: &str| {
         let place = places.list.iter().find(|it| it.at == at)?;
@@ -84,7 +82,7 @@ pub fn along(file: &PlantFile, record: &Record, sites: &[&Balance]) -> Option<Ve
 /// # Errors
 /// Faults of the file; a kind of effect that exists already; a plant file of format 1.
 pub fn with_effect(file: &PlantFile, name: &str, text: &str) -> Result<PlantFile, Faults> {
-    let PlantKind::Equations(kind) = file.kind else { return Err(of_first_format(name)) };
+    let kind = file.kind;
     if kind.is_first_format {
         return Err(of_first_format(name));
     }
@@ -101,7 +99,7 @@ pub fn with_effect(file: &PlantFile, name: &str, text: &str) -> Result<PlantFile
             .map(|text| Source::new(wanted, text))
             .ok_or_else(|| wrong(format!("the file {wanted} was not read with the plant")))
     };
-    let catalogue = plant_of(kind).given.clone();
+    let catalogue = plant_of(kind.0).given.clone();
     let mut added = read_with(&Source::new(kind.name, whole.to_string()), &open, &catalogue)?;
     let new = added.kind;
     let moved =

@@ -6,7 +6,7 @@ use rsm_model::effects::{Catalogue, Effect as File, FormKind, Number, Place, Sit
 
 use super::kept;
 use crate::effect::declared::{Argument, Declared, Forms, FormsOf, Level, Part, Plausible, Role, Step, Unit};
-use crate::effect::{Arguments, Description, Effect, FromFile, Guess, Guesses, Scales, Subject, Survey};
+use crate::effect::{Arguments, Description, Effect, FromFile, Guess, Guesses, Scales, Subject, Survey, Wave};
 use crate::effects;
 use crate::equations::signals::spelled;
 use crate::parameters::Parameters;
@@ -213,6 +213,9 @@ fn sentence(file: &File, kind: SiteKind, is_value: bool, at: &str) -> String {
 
 /// Start points of a search.
 fn guesses(file: &File, kind: SiteKind, at: &str, survey: &Survey) -> Vec<Guess> {
+    if file.role == Some(TraceRole::Waves) && !survey.waves.is_empty() {
+        return waves(file, kind, survey);
+    }
     let mut sizes = sizes(at, survey);
     let mut starts: Vec<Start> = Vec::new();
     for share in SHARES {
@@ -240,6 +243,26 @@ fn guesses(file: &File, kind: SiteKind, at: &str, survey: &Survey) -> Vec<Guess>
             }
         })
         .collect()
+}
+
+/// The waves over the position that the residuals show, as start points.
+fn waves(file: &File, kind: SiteKind, survey: &Survey) -> Vec<Guess> {
+    let order: Vec<&Number> = file.numbers_on(kind).collect();
+    let place_of = |name: &str| order.iter().position(|it| it.name == name);
+    let guess = |wave: &Wave| {
+        let value = |number: &&Number| match number.name.as_str() {
+            "amplitude" => wave.amplitude,
+            "pitch" => wave.pitch,
+            "phase" => wave.phase,
+            _ => f64::NAN,
+        };
+        Guess {
+            values: order.iter().map(value).collect(),
+            neutral: place_of("amplitude").map(|place| (place, 0.0)),
+            phase: place_of("phase"),
+        }
+    };
+    survey.waves.iter().map(guess).collect()
 }
 
 /// The sizes that guesses at a place can use.

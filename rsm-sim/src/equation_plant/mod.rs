@@ -9,11 +9,11 @@
 //! In: a plant file of format 2, or one of format 1 for a shipped text. Out: the types of plant files and records. This module contains no name of a plant or of an effect.
 
 pub mod added;
-mod built_in;
 mod describe;
 mod first_format;
 mod observer;
 mod plant_file;
+mod rates;
 mod run;
 mod scales;
 
@@ -28,7 +28,6 @@ use rsm_model::flat::{Basic, Variable};
 use self::first_format::FirstFormat;
 use crate::effect::declared::Part;
 use crate::effect::{Arguments, Description, Role, Subject};
-use crate::effects;
 use crate::equations::extended::DeterminedBy;
 use crate::equations::file::{EquationFile, NamedValue};
 use crate::equations::signals::spelled;
@@ -39,8 +38,9 @@ use crate::plant_file::{Entry, PlantFile, Renamed};
 use crate::quantity::{Bound, Nominal, Signal};
 use crate::record::Record;
 
-pub use first_format::{driveline, kinds as first_format, pmac};
+pub use first_format::{driveline, kinds as first_format, pmac, servo_axis};
 pub use observer::Observer;
+pub use rates::Rates;
 pub use run::{Run, Values, shown, together, unused};
 pub use scales::scales;
 
@@ -123,7 +123,7 @@ pub fn read_with(
     let columns =
         file.columns.iter().map(|it| Renamed { signal: kept(&it.signal), column: it.name.clone(), unit: it.unit.clone() });
     let mut plant_file = PlantFile {
-        kind: PlantKind::Equations(kind),
+        kind: PlantKind(kind),
         parameters,
         tolerance: named(&file.tolerance),
         noise: named(&file.noise),
@@ -154,6 +154,7 @@ fn described(
             Fault::whole_file(source.name(), what).help("declare those that nobody measures without `output`"),
         ));
     }
+    let open_loop = first.and_then(|it| it.open_loop);
     let mut starts: Vec<Signal> = machine.first_readings()?.iter().map(|place| outputs[*place]).collect();
     let of_start = start_parameters(&machine);
     starts.extend(of_start.iter().map(|it| signal(&(it.name.clone(), it.unit.clone().unwrap_or_default()))));
@@ -172,20 +173,29 @@ fn described(
         let symbol = machine.system().find(name)?;
         machine.system().parameter_value(symbol)
     };
-    let parameters = nominals(&machine, &decisions, first.is_some());
+    let mut parameters = nominals(&machine, &decisions, first.is_some());
+    // The parameters of a controller may be omitted: then it does not act.
+    for it in &mut parameters {
+        it.optional = open_loop.is_some_and(|open| !open.0.parameters.iter().any(|own| own.name == it.name));
+    }
     let parameter_roles = parameter_roles(&places, &parameters, file.catalogue());
     let list = places.list;
-    let is_column = |it: &&Signal| !outputs.contains(it) && by_text.iter().any(|name| name == it.name);
-    let start_columns = starts.iter().filter(is_column).copied().collect();
+    let is_free = |it: &&Signal| !outputs.contains(it) && by_text.iter().any(|name| name == it.name);
+    let free_starts: Vec<Signal> = starts.iter().filter(is_free).copied().collect();
+    // A speed that was recorded beside the position of a controlled plant is no exact start.
+    let start_columns = if open_loop.is_some() { Vec::new() } else { free_starts.clone() };
     let plant = Plant { places: list, descriptions: OnceLock::new(), models: run::Models::default(), given, file };
     let kind: &'static Described = Box::leak(Box::new(Described {
         name: first.map_or_else(|| kept(&machine.system().flat().name), |it| it.name),
+        model: kept(&machine.system().flat().name),
         is_first_format: first.is_some(),
         inputs: machine.inputs().iter().map(signal).collect(),
         outputs,
         starts,
         start_values,
+        free_starts,
         start_columns,
+        open_loop,
         start_sizes,
         values: parameters.iter().map(|it| value(it.name).unwrap_or(f64::NAN)).collect(),
         parameters,
@@ -221,7 +231,7 @@ impl Described {
     /// The parameters of its plant file.
     fn nominal(&'static self) -> Parameters {
         Parameters {
-            kind: PlantKind::Equations(self),
+            kind: PlantKind(self),
             values: self.values.iter().map(|it| Some(*it)).collect(),
             velocity_from: VelocityFrom::State,
         }
@@ -242,7 +252,7 @@ fn starts_of_text(machine: &mut Machine, file: &EquationFile, starts: &[Signal])
 /// The largest magnitude of each start variable of a kind along a record; 0 if the plant cannot follow the record.
 #[must_use]
 pub fn start_scales(file: &PlantFile, record: &Record) -> Vec<f64> {
-    let PlantKind::Equations(kind) = file.kind else { return Vec::new() };
+    let kind = file.kind.along(record).0;
     run::largest(kind, file, record).unwrap_or_else(|_| vec![0.0; kind.starts.len()])
 }
 
@@ -301,14 +311,11 @@ fn nominals(machine: &Machine, decisions: &[Decision], is_first_format: bool) ->
     variables.filter(|it| it.basic != Basic::Boolean && is_own(&it.name)).map(one).collect()
 }
 
-/// The effects that are possible on a plant. For a built-in plant: the effects of its catalogue. For a plant of equations: one description for each
-/// effect and each place where it is possible.
+/// The effects that are possible on a plant: one description for each effect and each place where it is possible. On a plant of format 1 most effects
+/// have one place.
 #[must_use]
 pub fn effects_on(kind: PlantKind) -> Vec<&'static Description> {
-    match kind {
-        PlantKind::Equations(kind) => plant_of(kind).descriptions.get().cloned().unwrap_or_default(),
-        _ => effects::ALL.iter().copied().filter(|it| it.plants.iter().any(|name| kind.is(name))).collect(),
-    }
+    plant_of(kind.0).descriptions.get().cloned().unwrap_or_default()
 }
 
 impl Part {
@@ -331,7 +338,7 @@ pub fn with(kind: PlantKind, role: Role, subject: &str) -> Option<&'static Descr
 
 /// An effect of a plant file with its place.
 fn placed(kind: &'static Described, entry: &equations::Entry, at: &str, source: &Source) -> Result<Entry, Faults> {
-    let all = effects_on(PlantKind::Equations(kind));
+    let all = effects_on(PlantKind(kind));
     let is_it = |it: &&Description| it.kind == entry.kind && it.at.is_none_or(|place| place == at);
     let Some(description) = all.into_iter().find(is_it) else {
         let what = format!("the effect `{}` stands at `{at}`, which a diagnosis does not vary", entry.kind);
@@ -342,11 +349,11 @@ fn placed(kind: &'static Described, entry: &equations::Entry, at: &str, source: 
         Some((argument.name, given.value))
     });
     let subject = (description.subject != Subject::None).then(|| at.to_string());
-    Ok(Entry { description, arguments: Arguments { plant: PlantKind::Equations(kind), subject, numbers: numbers.collect() } })
+    Ok(Entry { description, arguments: Arguments { plant: PlantKind(kind), subject, numbers: numbers.collect() } })
 }
 
 /// The indices in [`PlantKind::starts`] that determine the start of a record: the recorded outputs that give independent information about the
 /// start, and the variables whose start is that of the text.
-pub(crate) fn starting(kind: &'static Described, record: &Record) -> Vec<usize> {
-    plant_of(kind).models.starting(kind, record)
+pub(crate) fn starting(kind: PlantKind, record: &Record) -> Vec<usize> {
+    plant_of(kind.0).models.starting(kind.0, record)
 }

@@ -6,7 +6,6 @@
 use super::run::{Group, Model, ROWS, instants, open, setting};
 use crate::equations::observed::{AtRow, PredictedRow, places_of_states};
 use crate::equations::{Inputs, Lane, Setting, lanes};
-use crate::kind::PlantKind;
 use crate::plant_file::PlantFile;
 use crate::record::Record;
 
@@ -34,7 +33,7 @@ impl Observer {
     pub fn new(file: &PlantFile, record: &Record) -> Option<Observer> {
         let Group { model, slot, lanes, .. } = Group::of(std::slice::from_ref(file), record)?;
         let (lane, machine) = (lanes.into_iter().next()?, &slot.machine);
-        let time = instants(file.kind, record);
+        let time = instants(record);
         let every = (record.rows() / ROWS).max(1);
         let points = lanes::points(
             machine,
@@ -67,9 +66,9 @@ impl Observer {
     /// Runs the plant along its record with the linear model of each row. `correct` gets each row and returns the change of each state. Returns
     /// whether the last row was reached.
     #[must_use]
-    pub fn rows(&self, kind: PlantKind, record: &Record, correct: &mut dyn FnMut(&PredictedRow<'_>) -> Vec<f64>) -> bool {
+    pub fn rows(&self, record: &Record, correct: &mut dyn FnMut(&PredictedRow<'_>) -> Vec<f64>) -> bool {
         let mut slot = self.model.slot();
-        let time = instants(kind, record);
+        let time = instants(record);
         let inputs = Inputs { time: &time, values: &record.inputs };
         let default = Setting::default();
         let setting = setting(record, default.method, default.tolerance, OBSERVED_STEPS_A_ROW);
@@ -86,7 +85,7 @@ impl Observer {
         let mut done = vec![false; files.len()];
         let Some(Group { model, mut slot, places, lanes }) = Group::of(files, record) else { return done };
         if let Some(states) = places_of_states(&self.model.machine, &model.machine) {
-            let time = instants(files[0].kind, record);
+            let time = instants(record);
             let inputs = Inputs { time: &time, values: &record.inputs };
             let default = Setting::default();
             let setting = setting(record, default.method, default.tolerance, OBSERVED_STEPS_A_ROW);

@@ -106,7 +106,7 @@ fn parameters(kind: PlantKind, source: &Source, value: Value<'_>, faults: &mut C
         values.push(found.and_then(|value| bounded(&table, &what, value, nominal.bound, faults)));
     }
     let mut velocity_from = VelocityFrom::State;
-    if kind == PlantKind::ServoAxis {
+    if kind.open_loop.is_some() {
         let options = [("state", VelocityFrom::State), ("difference", VelocityFrom::Difference)];
         velocity_from = table.choice("velocity_from", &options, faults).unwrap_or(VelocityFrom::State);
         gains_come_together(&table, &values, kind, faults);
@@ -149,13 +149,11 @@ fn elements(
 
 /// The names under `[initial]`: outputs, and variables of the start that are neither outputs nor states.
 fn starts(kind: PlantKind) -> Vec<&'static str> {
-    match kind {
-        PlantKind::Equations(of) => {
-            let outputs = of.outputs.iter().map(|it| it.name);
-            outputs.chain(of.start_sizes.iter().map(|it| it.0)).collect()
-        }
-        _ => kind.starts().iter().map(|it| it.name).collect(),
-    }
+    let outputs = kind.outputs().iter().map(|it| it.name);
+    let further = kind.0.start_sizes.iter().map(|it| it.0);
+    // A state of a plant with a controller has no column.
+    let states = kind.0.free_starts.iter().filter(|it| !kind.start_columns.contains(it)).map(|it| it.name);
+    outputs.chain(further).chain(states).collect()
 }
 
 /// An optional table of numbers with known names.

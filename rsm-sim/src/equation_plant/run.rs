@@ -1,4 +1,4 @@
-//! Runs a plant along a record: the built-in plants, and those of plant files of format 2.
+//! Runs a plant along a record.
 //!
 //! In: a plant file, a record. Out: every output at every row. The same files give the same bits. Equations with the same effects at the same places
 //! are compiled once: a changed parameter value needs no compilation.
@@ -6,17 +6,18 @@
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt::Write as _;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rsm_core::source::{Fault, Faults};
 
-use super::{built_in, plant_of};
+use super::{first_format, plant_of};
 use crate::effect::Subject;
 use crate::equations::file::{EquationFile, NamedValue, of_rows};
 use crate::equations::lanes::Controller;
 use crate::equations::used_parameters;
 use crate::equations::{self, Inputs, Lane, Lanes, Machine, Method, Point, Setting, Signals, Starts, Stopped, lanes};
-use crate::kind::{Described, PlantKind};
+use crate::kind::Described;
+use crate::kind::PlantKind;
 use crate::plant_file::{Entry, PlantFile};
 use crate::quantity::Signal;
 use crate::record::{Drive, Record};
@@ -69,16 +70,9 @@ impl Models {
     }
 
     /// The equations of a plant file for a record.
-    fn of(&self, file: &PlantFile, record: &Record) -> Result<&'static Model, Faults> {
-        let mut name = String::new();
-        let decides = match file.kind {
-            PlantKind::Equations(_) => record_values(record),
-            _ => {
-                name.push_str(built_in::text(record));
-                built_in::shapes(file, record)
-            }
-        };
-        name.push_str(&key(decides.iter().map(|it| (it.name.as_str(), it.value))));
+    pub(super) fn of(&self, file: &PlantFile, record: &Record) -> Result<&'static Model, Faults> {
+        let decides = decided(file, record);
+        let mut name = key(decides.iter().map(|it| (it.name.as_str(), it.value)));
         for entry in in_equations(file) {
             let numbers: Vec<&str> = entry.arguments.numbers.iter().map(|it| it.0).collect();
             let at = entry.arguments.subject.as_deref().unwrap_or_default();
@@ -88,13 +82,12 @@ impl Models {
             return Ok(model);
         }
         // The lock is not held during compilation. If two threads compile the same model, the first result is used.
-        let file = match file.kind {
+        let kind = file.kind.along(record);
+        let file = if kind.is_first_format {
             // The numbers of a plant file of format 1 are set later: the code is the same for all of them, in any order of calls.
-            PlantKind::Equations(kind) if kind.is_first_format => {
-                plant_of(kind).file.with(&[], &placed(file), &record_values(record))?
-            }
-            PlantKind::Equations(kind) => file_of(kind, file, record)?,
-            _ => built_in::equations(file, record, &placed(file))?,
+            plant_of(kind.0).file.with(&[], &placed(file), &decides)?
+        } else {
+            file_of(kind.0, file, record)?
         };
         let machine = Machine::new(&file)?;
         let places = machine.parameters().into_iter().enumerate().map(|(place, it)| (it.0, place)).collect();
@@ -195,12 +188,11 @@ pub(super) fn largest(kind: &'static Described, file: &PlantFile, record: &Recor
 /// The parameters of a plant that occur in no equation of any of these records, such as the ratio of a gear that none of them uses.
 #[must_use]
 pub fn unused(file: &PlantFile, records: &[&Record]) -> Vec<&'static str> {
-    let PlantKind::Equations(kind) = file.kind else { return Vec::new() };
     let without = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
-    let mut unused: Vec<&'static str> = kind.parameters.iter().map(|it| it.name).collect();
+    let mut unused: Vec<&'static str> = file.kind.parameters.iter().map(|it| it.name).collect();
     for record in records {
         // A record that the plant cannot follow shows nothing.
-        let Ok(model) = models(file.kind).of(&without, record) else { return Vec::new() };
+        let Ok(model) = models(&without, record).of(&without, record) else { return Vec::new() };
         let used = used_parameters(model.machine.system().flat());
         unused.retain(|name| !used.iter().any(|it| it == name));
     }
@@ -218,6 +210,15 @@ fn record_values(record: &Record) -> Vec<NamedValue> {
     record.settings.iter().map(given).chain(of_rows(record.period, record.first_time())).collect()
 }
 
+/// Values that determine the structure of the equations of a plant file along a record. Names that the text does not have are not used.
+fn decided(file: &PlantFile, record: &Record) -> Vec<NamedValue> {
+    let mut values = record_values(record);
+    if file.kind.is_first_format {
+        values.extend(first_format::switches(&file.parameters));
+    }
+    values
+}
+
 /// The equations of a plant file for a record, with its effects and parameters.
 fn file_of(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<EquationFile, Faults> {
     let parameters = file.effective_parameters();
@@ -228,7 +229,7 @@ fn file_of(kind: &'static Described, file: &PlantFile, record: &Record) -> Resul
         .chain(at_start(kind, file))
         .map(|(name, value)| NamedValue { name: name.to_string(), value })
         .collect();
-    plant_of(kind).file.with(&numbers, &placed(file), &record_values(record))
+    plant_of(kind).file.with(&numbers, &placed(file), &decided(file, record))
 }
 
 /// The effects that change equations, in the form that the equations need.
@@ -237,20 +238,19 @@ fn placed(file: &PlantFile) -> Vec<equations::Entry> {
     in_equations(file).map(one).collect()
 }
 
-/// The compiled models of a kind.
-fn models(kind: PlantKind) -> &'static Models {
-    /// Of the axis.
-    static OWN: OnceLock<Models> = OnceLock::new();
-    match kind {
-        PlantKind::Equations(kind) => &plant_of(kind).models,
-        PlantKind::ServoAxis => OWN.get_or_init(Models::default),
-    }
+/// The compiled models of a plant file for a record.
+pub(super) fn models(file: &PlantFile, record: &Record) -> &'static Models {
+    &plant_of(file.kind.along(record).0).models
 }
 
-/// The instants of a record's rows. For plants of format 1 they are multiples of the period, as for their controllers: jitter of less than a
-/// hundredth of the period has no effect, and a gap that has not been cut out counts as one row.
-pub(super) fn instants(kind: PlantKind, record: &Record) -> Cow<'_, [f64]> {
-    if matches!(kind, PlantKind::Equations(_)) { Cow::Borrowed(&record.time) } else { built_in::instants(record) }
+/// The instants of a record's rows. If a controller acts, they are multiples of the period, as for the controller: jitter of less than a hundredth of
+/// the period has no effect, and a gap that has not been cut out counts as one row.
+pub(super) fn instants(record: &Record) -> Cow<'_, [f64]> {
+    if record.drive != Drive::Closed {
+        return Cow::Borrowed(&record.time);
+    }
+    let begin = record.first_time();
+    Cow::Owned((0..record.rows()).map(|row| begin + row as f64 * record.period).collect())
 }
 
 /// The first row of a record. Only this row determines the start.
@@ -313,19 +313,15 @@ impl Model {
     }
 
     /// Gives a machine the parameters of a plant file. Returns its start along a record.
-    fn begin(&self, machine: &mut Machine, file: &PlantFile, record: &Record) -> Result<Point, Faults> {
+    pub(super) fn begin(&self, machine: &mut Machine, file: &PlantFile, record: &Record) -> Result<Point, Faults> {
         let parameters = file.effective_parameters();
-        let (own, initial): (Vec<(&str, f64)>, Vec<NamedValue>) = match file.kind {
-            PlantKind::Equations(kind) => {
-                let own = kind.parameters.iter().filter_map(|it| Some((it.name, parameters.optional(it.name)?)));
-                (own.chain(at_start(kind, file)).collect(), initial(kind, file, record))
-            }
-            _ => (built_in::numbers(file, &parameters, record), built_in::initial(file, record)),
-        };
-        let mut values = Vec::with_capacity(own.len());
-        for (name, value) in own {
+        let kind = file.kind.along(record).0;
+        let own = kind.parameters.iter().filter_map(|it| Some((it.name, parameters.optional(it.name)?)));
+        let mut values = Vec::with_capacity(kind.parameters.len());
+        for (name, value) in own.chain(at_start(kind, file)) {
             values.push((self.place(name)?, value));
         }
+        let initial = initial(kind, file, record);
         for (place, entry) in in_equations(file).enumerate() {
             for (number, value) in &entry.arguments.numbers {
                 if let Some(name) = self.file.parameter_of(place, number) {
@@ -373,7 +369,7 @@ pub fn together(files: &[PlantFile], record: &Record, steps_a_row: usize) -> (Ve
     let Some(Group { model, mut slot, places, lanes }) = Group::of(files, record) else { return (done, 0) };
     let default = Setting::default();
     let setting = setting(record, default.method, default.tolerance, steps_a_row);
-    let time = instants(files[0].kind, record);
+    let time = instants(record);
     let inputs = Inputs { time: &time, values: &record.inputs };
     for (place, found) in places.into_iter().zip(slot.lanes.run(&lanes, inputs, setting)) {
         done[place] = found.ok();
@@ -395,11 +391,11 @@ pub(super) struct Group {
 impl Group {
     pub(super) fn of(files: &[PlantFile], record: &Record) -> Option<Group> {
         let first = files.first()?;
-        let model = models(first.kind).of(first, record).ok()?;
+        let model = models(first, record).of(first, record).ok()?;
         let mut slot = model.slot();
         let mut lanes = Vec::with_capacity(files.len());
         for (place, file) in files.iter().enumerate() {
-            debug_assert!(models(file.kind).of(file, record).is_ok_and(|it| std::ptr::eq(it, model)));
+            debug_assert!(models(file, record).of(file, record).is_ok_and(|it| std::ptr::eq(it, model)));
             if let Ok(start) = model.begin(&mut slot.machine, file, record) {
                 lanes.push((place, Lane::new(&slot.machine, start)));
             }
@@ -424,14 +420,8 @@ impl Group {
 /// ```
 #[must_use]
 pub fn shown(kind: PlantKind, record: &Record) -> Vec<Signal> {
-    let all = kind.outputs();
-    match (kind, record.drive) {
-        (PlantKind::ServoAxis, Drive::Open) => all[..1].to_vec(),
-        _ => {
-            let absent = record.absent(kind);
-            all.iter().filter(|it| !absent.contains(&it.name)).copied().collect()
-        }
-    }
+    let absent = record.absent(kind);
+    kind.along(record).outputs().iter().filter(|it| !absent.contains(&it.name)).copied().collect()
 }
 
 /// A plant that is prepared for a record.
@@ -454,7 +444,7 @@ impl Run {
     /// # Errors
     /// Effects that cannot be combined; a start without a solution.
     pub fn new(file: &PlantFile, record: &Record) -> Result<Run, Faults> {
-        let model = models(file.kind).of(file, record)?;
+        let model = models(file, record).of(file, record)?;
         let mut slot = model.slot();
         let start = model.begin(&mut slot.machine, file, record);
         let Setting { method, tolerance, .. } = Setting::default();
@@ -486,7 +476,7 @@ impl Run {
         let shown = self.outputs(record);
         let (slot, start) = self.slot.as_mut().zip(self.start.clone()).expect("room and a start until it is dropped");
         let lane = Lane::new(&slot.machine, start);
-        let time = instants(self.kind, record);
+        let time = instants(record);
         let inputs = Inputs { time: &time, values: &record.inputs };
         let setting = setting(record, self.method, self.tolerance, self.steps_a_row);
         let mut found = match controller {
@@ -502,8 +492,7 @@ impl Run {
             }
             None => slot.lanes.run(&[lane], inputs, setting).remove(0)?,
         };
-        // The outputs that the equations compute: for an axis in open loop, only the first.
-        let computed = self.kind.outputs().iter().zip(&mut found).filter(|(signal, _)| shown.contains(signal));
+        let computed = self.kind.along(record).outputs().iter().zip(&mut found).filter(|(signal, _)| shown.contains(signal));
         Ok(computed.map(|(_, values)| std::mem::take(values)).collect())
     }
 }

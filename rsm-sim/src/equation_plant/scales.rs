@@ -9,7 +9,6 @@ use rsm_model::system::System;
 
 use super::{plant_of, run};
 use crate::effect::Scales;
-use crate::kind::PlantKind;
 use crate::plant_file::PlantFile;
 use crate::record::Record;
 
@@ -19,11 +18,14 @@ use crate::record::Record;
 /// # Errors
 /// Sites that do not agree with the equations.
 pub fn scales(file: &PlantFile, records: &[&Record]) -> Result<Vec<Scales>, Faults> {
-    let PlantKind::Equations(kind) = file.kind else { return Ok(Vec::new()) };
+    let kind = records.first().map_or(file.kind, |record| file.kind.along(record)).0;
     let plant = plant_of(kind);
     let mut sums: Vec<Vec<Vec<f64>>> = Vec::new();
     for record in records {
-        let Ok(of_record) = along(file, record) else { continue };
+        // Records with and without the controller have different places; those like the first record count.
+        let Some(of_record) = Some(record).filter(|it| file.kind.along(it).0 == kind).and_then(|it| along(file, it).ok()) else {
+            continue;
+        };
         sums.push(of_record);
     }
     let most = |place: usize, part: usize| sums.iter().map(|it| it[place][part]).fold(0.0, f64::max);
@@ -75,9 +77,8 @@ fn of_site(term: f64, sizes: &mut Vec<(String, f64)>) {
 
 /// Along a record: for each place, the largest magnitude of each role, then of the terms of the balance.
 fn along(file: &PlantFile, record: &Record) -> Result<Vec<Vec<f64>>, Faults> {
-    let PlantKind::Equations(kind) = file.kind else { return Ok(Vec::new()) };
     // Sites belong to the equations without effects, so these equations are run.
-    let (whole, machine, points) = run::without_effects(kind, file, record)?;
+    let (whole, machine, points) = run::without_effects(file.kind.along(record).0, file, record)?;
     let places = whole.places_of_effects()?;
     let mut system = System::new(&places.flat)?;
     let mut expressed = |list: &[Id]| -> Vec<Id> { list.iter().map(|id| system.expressed(*id)).collect() };

@@ -11,7 +11,6 @@ use rsm_core::source::{Faults, Source};
 use rsm_model::effects::Catalogue;
 
 use super::file::EquationFile;
-use crate::kind::PlantKind;
 use crate::parameters::VelocityFrom;
 use crate::plant_file::PlantFile;
 use crate::schema;
@@ -40,15 +39,16 @@ impl EquationFile {
 }
 
 fn text(plant: &PlantFile, closed: bool) -> String {
-    let model = match plant.kind {
-        PlantKind::ServoAxis if closed => "servo-axis#ServoAxisClosedLoop",
-        PlantKind::ServoAxis => "servo-axis#ServoAxis",
-        kind => kind.name(),
+    let name = plant.kind.name();
+    let model = match plant.kind.open_loop {
+        None => name.to_string(),
+        // A text may contain several models.
+        Some(open) => format!("{name}#{}", if closed { plant.kind.model } else { open.model }),
     };
     let mut text = format!("format = 2\nmodel = \"rsm:{model}\"\n\n[parameters]\n");
     for nominal in schema::parameters(plant.kind) {
-        let is_of_loop = matches!(nominal.name, "position_gain" | "velocity_gain");
-        if let Some(value) = plant.parameters.optional(nominal.name).filter(|_| closed || !is_of_loop) {
+        // Only a text with the controller has its parameters.
+        if let Some(value) = plant.parameters.optional(nominal.name).filter(|_| closed || !nominal.optional) {
             // The name of an element of an array has brackets.
             let _ = writeln!(text, "\"{}\" = {}", nominal.name, decimal(value));
         }

@@ -452,6 +452,24 @@ impl Machine {
         (rates, sides.chunks(2).map(|pair| f64::from(u8::from(pair[0] < pair[1]))).collect())
     }
 
+    /// Whether an input or a reading is delayed.
+    pub(crate) fn is_late(&self) -> bool {
+        !self.numbers.delayed_inputs.is_empty() || !self.late_readings().is_empty()
+    }
+
+    /// Sets the value of each comparison at a point, and solves the nonlinear blocks there. A comparison may depend on another one through a switched
+    /// law, so this is repeated as often as there are comparisons.
+    pub(crate) fn compare(&self, point: &mut Point) {
+        for _ in 0..point.held.len() {
+            let truths = self.rates_and_truths(point).1;
+            if truths == point.held {
+                break;
+            }
+            point.held = truths;
+        }
+        self.settle(point);
+    }
+
     pub(super) fn evaluate_outputs(&self, point: &Point) -> OutputsAndSolutions {
         let mut outputs = self.values(&self.output_program, point, &[]);
         let solutions = outputs.split_off(self.outputs.len());

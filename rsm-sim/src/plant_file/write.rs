@@ -8,17 +8,15 @@ use rsm_core::number::decimal;
 
 use super::{Named, PlantFile, VelocityFrom};
 use crate::effect::Subject;
-use crate::kind::{Described, PlantKind};
+use crate::kind::Described;
 use crate::schema;
 
 impl PlantFile {
     /// The text of the file, with all effects.
     #[must_use]
     pub fn write(&self) -> String {
-        if let PlantKind::Equations(kind) = self.kind
-            && !kind.is_first_format
-        {
-            return of_equations(kind, self);
+        if !self.kind.is_first_format {
+            return of_equations(&self.kind, self);
         }
         let mut text = format!("format = 1\nplant = \"{}\"\n\n[parameters]\n", self.kind.name());
         let mut array: Vec<String> = Vec::new();

@@ -5,7 +5,6 @@ use std::collections::BTreeSet;
 use rsm_core::source::Source;
 use rsm_sim::effect::declared::Part;
 use rsm_sim::effect::{Arguments, Description};
-use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::{effects, equation_plant};
 
@@ -170,7 +169,7 @@ fn simpler_forms_in_files_are_those_in_code() {
             let subject = subject.map(str::to_string);
             of.declared.forms.of(&Arguments { plant, subject, numbers: numbers.clone() })
         };
-        let (code, file) = (forms(by_code, PlantKind::ServoAxis, None), forms(by_file, axis, Some("carriage")));
+        let (code, file) = (forms(by_code, equation_plant::servo_axis(), None), forms(by_file, axis, Some("carriage")));
         // The parts of a file name their place.
         let plain = |part: &Part| Part { subject: part.subject.filter(|it| *it != "carriage"), ..*part };
         let list = |parts: &Vec<Part>| parts.iter().map(plain).collect::<Vec<Part>>();

@@ -193,9 +193,8 @@ fn plant_file(source: &Source, arguments: &Arguments) -> Result<PlantFile, Refus
 
 /// The files that a plant file refers to. They are copied beside the extended plant file, which refers to them without a folder.
 fn named_files(plant: &PlantFile) -> Vec<(String, String)> {
-    let PlantKind::Equations(kind) = plant.kind else { return Vec::new() };
     let last = |name: &str| name.rsplit_once('/').map_or(name, |it| it.1).to_string();
-    kind.files.iter().map(|(name, text)| (last(name), text.clone())).collect()
+    plant.kind.files.iter().map(|(name, text)| (last(name), text.clone())).collect()
 }
 
 /// Whether the file is a model file (it has the key `model`) or a plant file (key `plant`). Options that belong to the other kind are refused.

@@ -123,7 +123,7 @@ impl Filter {
             linear.push(LinearRow { states, corrected, transition, slopes });
             change
         };
-        if count == 0 || !observer.rows(file.kind, record, &mut correct) {
+        if count == 0 || !observer.rows(record, &mut correct) {
             return None;
         }
         let process =

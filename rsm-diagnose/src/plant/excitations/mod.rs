@@ -13,7 +13,6 @@ mod shapes;
 use super::levenberg::Fit;
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use rsm_sim::kind::OUTPUTS;
-use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
 use rsm_sim::simulate::{Outputs, Simulator};
@@ -84,12 +83,10 @@ impl Limits {
             starts: Vec::new(),
             settings: first.record.settings.clone(),
         };
-        if let PlantKind::Equations(plant) = fit.model.file.kind {
-            limits.inputs = vec![[f64::INFINITY, f64::NEG_INFINITY]; plant.inputs.len()];
-            let first =
-                |output: usize| whitened.records.iter().find_map(|it| it.record.measured[output].as_ref()?.first().copied());
-            limits.starts = (0..plant.outputs.len()).map(first).collect();
-        }
+        limits.inputs = vec![[f64::INFINITY, f64::NEG_INFINITY]; first.record.inputs.len()];
+        let first =
+            |output: usize| whitened.records.iter().find_map(|it| it.record.measured[output].as_ref()?.first().copied());
+        limits.starts = (0..fit.model.file.kind.outputs().len()).map(first).collect();
         for (prepared, simulated) in whitened.records.iter().zip(&fit.simulated) {
             let record = &prepared.record;
             for (output, values) in prepared.outputs.iter().zip(simulated) {
@@ -103,12 +100,7 @@ impl Limits {
                         limits.gears.push(gear);
                     }
                 }
-                PlantKind::Equations(_) => {
-                    for (range, values) in limits.inputs.iter_mut().zip(&record.inputs) {
-                        *range = widened(*range, values);
-                    }
-                }
-                PlantKind::ServoAxis => {
+                kind if kind.is("servo-axis") => {
                     // The axis follows its reference except for overshoot. In open loop, the simulated motion gives the speeds.
                     let path = match record.drive {
                         Drive::Closed => record.inputs.first(),
@@ -117,6 +109,11 @@ impl Limits {
                     let (speed, acceleration) = path.map_or((0.0, 0.0), |path| rates(path, record.period));
                     limits.speed = limits.speed.max(speed);
                     limits.acceleration = limits.acceleration.max(acceleration);
+                }
+                _ => {
+                    for (range, values) in limits.inputs.iter_mut().zip(&record.inputs) {
+                        *range = widened(*range, values);
+                    }
                 }
             }
         }
@@ -145,8 +142,8 @@ impl Limits {
                 let seen = if self.seen[0][0].is_finite() { Some((0, self.seen[0])) } else { None };
                 seen.is_none_or(|(output, range)| within(output, range)) && within(1, [0.0, f64::MAX])
             }
-            PlantKind::ServoAxis => within(0, self.seen[0]),
-            PlantKind::Equations(_) => (0..names.len()).all(|output| within(output, self.seen[output])),
+            kind if kind.is("servo-axis") => within(0, self.seen[0]),
+            _ => (0..names.len()).all(|output| within(output, self.seen[output])),
         }
     }
 
@@ -198,8 +195,8 @@ pub fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
     match first.kind {
         kind if kind.is("pmac") => motor::library(accepted, limits),
         kind if kind.is("driveline") => driveline::library(accepted, limits),
-        PlantKind::ServoAxis => axis::library(accepted, limits),
-        PlantKind::Equations(_) => inputs::library(accepted, limits),
+        kind if kind.is("servo-axis") => axis::library(accepted, limits),
+        _ => inputs::library(accepted, limits),
     }
 }
 

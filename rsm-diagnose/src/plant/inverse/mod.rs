@@ -12,11 +12,9 @@ pub mod filter;
 use filter::LowPass;
 
 use crate::engine::normal::Normal;
-use rsm_sim::hooks::Hooks;
+use rsm_sim::equation_plant::Rates;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
-use rsm_sim::plants::Plant;
-use rsm_sim::plants::servo_axis::ServoAxis;
 use rsm_sim::record::{Drive, Record};
 
 /// The position is filtered with a Butterworth of fourth order both ways. The cutoff as a share of the Nyquist frequency: 100 Hz at 1 kHz in the
@@ -94,7 +92,7 @@ impl Motion {
     /// # Errors
     /// [`NoMotion`], if the record has no such motion.
     pub fn of(record: &Record, kind: PlantKind) -> Result<Motion, NoMotion> {
-        let position = record.measured.first().and_then(Option::as_ref).filter(|_| kind == PlantKind::ServoAxis);
+        let position = record.measured.first().and_then(Option::as_ref).filter(|_| kind.is("servo-axis"));
         let command = match record.drive {
             Drive::Closed => record.measured.get(1).and_then(Option::as_ref),
             _ => record.inputs.first(),
@@ -147,19 +145,19 @@ impl Motion {
     #[must_use]
     pub fn relative_error_of(&self, file: &PlantFile) -> Option<f64> {
         let parameters = file.effective_parameters();
-        let hooks = Hooks::new(file, ServoAxis::STATES);
-        if file.kind != PlantKind::ServoAxis || hooks.states() != ServoAxis::STATES || hooks.delay() > 0.0 {
-            return None;
-        }
-        let axis = ServoAxis::new(&parameters, &hooks);
+        // The axis without its controller, which gets the recorded command.
+        let columns: [(&str, &[f64]); 3] = [("time", &[0.0, 1.0]), ("command", &[0.0; 2]), ("position", &[0.0; 2])];
+        let bare = PlantFile { columns: Vec::new(), ..file.clone() };
+        let record = Some(file).filter(|it| it.kind.is("servo-axis")).and_then(|_| Record::in_memory(&bare, &columns).ok())?;
+        let mut axis = Rates::new(&bare, &record).ok().filter(|it| it.states().len() == 2 && !it.is_late)?;
+        let speed = axis.states().iter().position(|it| it == "speed")?;
         let (mass, gain) = (parameters.number("mass"), parameters.number("force_gain"));
         let mut left = Vec::with_capacity(self.speed.len());
-        let (mut dx, mut outputs) = ([0.0; 2], [0.0; 3]);
         for k in 0..self.speed.len() {
-            let x = [self.position[k], self.speed[k]];
-            let command = hooks.input(self.command[k]);
-            axis.evaluate(&hooks, None, &[command, command, 0.0], &x, &mut dx, &mut outputs);
-            left.push(mass * (dx[1] - self.acceleration[k]));
+            let mut states = [self.position[k]; 2];
+            states[speed] = self.speed[k];
+            let acceleration = axis.at(0.0, &states, &[self.command[k]])[speed];
+            left.push(mass * (acceleration - self.acceleration[k]));
         }
         Some(length(&decimated(&left)) / length(&decimated(&self.force(gain))))
     }

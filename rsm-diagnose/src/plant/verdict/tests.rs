@@ -10,7 +10,7 @@ use super::super::levenberg::Fit;
 use super::super::search::AcceptedCause;
 use super::cause_report::unit;
 use rsm_sim::effect::Subject;
-use rsm_sim::kind::PlantKind;
+use rsm_sim::equation_plant::{driveline, pmac, servo_axis};
 
 #[test]
 fn numbers_in_sentences_have_four_digits_and_their_unit() {
@@ -79,20 +79,19 @@ fn a_step_is_known_to_the_digits_of_the_readings_or_to_what_their_changes_miss()
 
 #[test]
 fn rounding_is_a_cause_of_its_own_and_an_entry_of_the_file() {
-    let found = rounding(PlantKind::ServoAxis, 0, 0.5, 0.125, 600.0).unwrap();
+    let found = rounding(servo_axis(), 0, 0.5, 0.125, 600.0).unwrap();
     let step = &found.parameters[0];
     assert_eq!((step.value, step.low, step.high, step.unit.as_str()), (0.5, 0.375, 0.625, "m"));
     assert_eq!((found.confidence, found.gain, found.rivals_tested), (0.99, 600.0, true));
     assert_eq!(found.subject.as_deref(), Some("position"));
-    let entry = rounding_entry(PlantKind::ServoAxis, 0, 0.5).unwrap();
+    let entry = rounding_entry(servo_axis(), 0, 0.5).unwrap();
     assert_eq!((entry.description.kind, entry.arguments.subject.as_deref()), ("sensor-quantisation", Some("position")));
     assert_eq!(entry.arguments.numbers, [("step", 0.5)]);
 }
 
 #[test]
 fn every_number_has_the_unit_of_what_it_stands_for() {
-    use PlantKind::ServoAxis;
-    let (motor, car) = (rsm_sim::equation_plant::pmac(), rsm_sim::equation_plant::driveline());
+    let (motor, car, axis) = (pmac(), driveline(), servo_axis());
     let of = |kind: &str, plant, subject: Option<&str>, name: &str| {
         let fits = |it: &&rsm_sim::effect::Description| it.kind == kind && (it.at.is_none() || it.at == subject);
         let description = rsm_sim::equation_plant::effects_on(plant).into_iter().find(fits);
@@ -101,24 +100,24 @@ fn every_number_has_the_unit_of_what_it_stands_for() {
     for (kind, plant, subject, name, expected) in [
         ("windage", motor, None, "coefficient", "N*m*s^2/rad^2"),
         ("parameter-error", motor, Some("inertia"), "value", "kg*m^2"),
-        ("parameter-error", ServoAxis, Some("mass"), "value", "kg"),
+        ("parameter-error", axis, Some("mass"), "value", "kg"),
         ("sensor-gain", motor, Some("speed"), "gain", "1"),
         ("sensor-drift", motor, Some("speed"), "rate", "rad/s/s"),
         ("sensor-bias", motor, Some("i_q"), "bias", "A"),
-        ("sensor-quantisation", ServoAxis, Some("position"), "step", "m"),
+        ("sensor-quantisation", axis, Some("position"), "step", "m"),
         ("backlash", car, None, "gap", "rad"),
-        ("backlash", ServoAxis, None, "gap", "m"),
-        ("backlash", ServoAxis, None, "mass_ratio", "1"),
+        ("backlash", axis, None, "gap", "m"),
+        ("backlash", axis, None, "mass_ratio", "1"),
         ("shaft-compliance", motor, None, "stiffness", "N*m/rad"),
-        ("shaft-compliance", ServoAxis, None, "stiffness", "N/m"),
+        ("shaft-compliance", axis, None, "stiffness", "N/m"),
         ("shaft-compliance", motor, None, "damping", "N*m*s/rad"),
-        ("shaft-compliance", ServoAxis, None, "damping", "N*s/m"),
+        ("shaft-compliance", axis, None, "damping", "N*s/m"),
         ("asymmetric-friction", motor, None, "viscous_forward", "N*m*s/rad"),
-        ("asymmetric-friction", ServoAxis, None, "viscous_backward", "N*s/m"),
+        ("asymmetric-friction", axis, None, "viscous_backward", "N*s/m"),
         ("stribeck-friction", motor, None, "stribeck_velocity", "rad/s"),
-        ("stribeck-friction", ServoAxis, None, "stribeck_velocity", "m/s"),
+        ("stribeck-friction", axis, None, "stribeck_velocity", "m/s"),
         ("stribeck-friction", motor, None, "static", "N*m"),
-        ("stribeck-friction", ServoAxis, None, "coulomb", "N"),
+        ("stribeck-friction", axis, None, "coulomb", "N"),
     ] {
         assert_eq!(of(kind, plant, subject, name), expected, "{kind} {plant:?} {name}");
     }
