@@ -27,6 +27,7 @@ pub mod inverter;
 pub mod encoder;
 
 pub mod machine;
+mod rotor;
 
 pub mod noise;
 

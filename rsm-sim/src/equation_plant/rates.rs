@@ -3,6 +3,7 @@
 //! In: a plant file, a record for what it determines of the plant; states and inputs. Out: the rate of each state, and the outputs. Never advances the
 //! time.
 
+use nalgebra::DMatrix;
 use rsm_core::source::Faults;
 
 use super::run::models;
@@ -78,6 +79,22 @@ impl Rates {
     pub fn outputs(&mut self, time: f64, states: &[f64], inputs: &[f64]) -> Vec<f64> {
         self.set(time, states, inputs);
         self.machine.outputs_at(&self.point)
+    }
+
+    /// The fastest rate at a state, in 1/s: the largest magnitude of an eigenvalue of the equations that are linearised there; NaN if a derivative is
+    /// not finite.
+    ///
+    /// # Panics
+    /// If there are not as many states or inputs as the plant has.
+    pub fn fastest(&mut self, time: f64, states: &[f64], inputs: &[f64]) -> f64 {
+        self.set(time, states, inputs);
+        let slopes = self.machine.slopes_at(&self.point);
+        // An eigenvalue iteration does not terminate if an entry is not finite.
+        if slopes.iter().any(|it| !it.is_finite()) {
+            return f64::NAN;
+        }
+        let n = states.len();
+        DMatrix::from_row_slice(n, n, &slopes).complex_eigenvalues().iter().map(|it| it.norm()).fold(0.0, f64::max)
     }
 
     fn set(&mut self, time: f64, states: &[f64], inputs: &[f64]) {

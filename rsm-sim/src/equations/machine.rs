@@ -452,6 +452,13 @@ impl Machine {
         (rates, sides.chunks(2).map(|pair| f64::from(u8::from(pair[0] < pair[1]))).collect())
     }
 
+    /// The derivative of each rate with respect to each state, row by row.
+    pub(crate) fn slopes_at(&self, point: &Point) -> Vec<f64> {
+        let mut found = self.values(&self.slopes, point, &[]);
+        found.truncate(point.states.len() * point.states.len());
+        found
+    }
+
     /// Whether an input or a reading is delayed.
     pub(crate) fn is_late(&self) -> bool {
         !self.numbers.delayed_inputs.is_empty() || !self.late_readings().is_empty()

@@ -1,22 +1,16 @@
 //! The simulated car with a gear lever, in ticks of one millisecond.
 //!
-//! In: throttle and gear. Out: speed and acceleration. The plant `driveline` of `rsm-sim` is integrated with the classical Runge-Kutta method. The
-//! number of steps in a millisecond depends on the fastest rate. A gear change restarts the driveline in the new gear, at the present road speed and
-//! with the clutch closed.
+//! In: throttle and gear. Out: speed and acceleration. The driveline is integrated with the classical Runge-Kutta method. The number of steps in a
+//! millisecond depends on the fastest rate. A gear change restarts the driveline in the new gear, at the present road speed and with the clutch
+//! closed.
 
 use rsm_core::source::Source;
-use rsm_sim::hooks::Hooks;
-use rsm_sim::kind::StartValues;
 use rsm_sim::plant_file::PlantFile;
-use rsm_sim::plants::Plant;
-use rsm_sim::plants::driveline::Driveline;
-use rsm_sim::record::Record;
+
+use crate::driveline::{Driveline, STATES};
 
 /// The shipped car.
 const PLANT: &str = include_str!("../../../rsm-sim/plants/driveline.toml");
-
-/// `Plant::start` needs a record; the driveline does not use it.
-const RECORD: &str = "time[s],throttle[1],gear[1],road_speed[m/s]\n0,0,2,8\n0.001,0,2,8\n";
 
 /// The step length is at most this number divided by the fastest rate of the plant. One step then changes a mode with this rate by an error of at
 /// most 0.25^5/120 = 8e-6, and the step is far below the stability limit of the method, 2.78 divided by the rate.
@@ -27,13 +21,9 @@ const TICK_S: f64 = 0.001;
 /// The car.
 pub struct Car {
     file: PlantFile,
-    record: Record,
-    hooks: Hooks,
     plant: Driveline,
     gear: usize,
-    x: Vec<f64>,
-    trial: Vec<f64>,
-    k: [Vec<f64>; 4],
+    x: [f64; STATES],
     outputs: [f64; 3],
 }
 
@@ -42,22 +32,15 @@ impl Car {
     #[must_use]
     pub fn new(speed: f64, gear: usize) -> Self {
         let file = PlantFile::read(&Source::new("driveline.toml", PLANT)).expect("the shipped car is a plant file");
-        let record = Record::read(&Source::new("start.csv", RECORD), &file).expect("the record of the start is one");
-        let hooks = Hooks::new(&file, Driveline::STATES);
         let plant = Driveline::new(&file.effective_parameters(), gear);
-        let of = || vec![0.0; hooks.states()];
-        let (x, trial, k) = (of(), of(), [of(), of(), of(), of()]);
-        let mut car = Car { file, record, hooks, plant, gear, x, trial, k, outputs: [0.0; 3] };
+        let mut car = Car { file, plant, gear, x: [0.0; STATES], outputs: [0.0; 3] };
         car.start(0.0, speed);
         car
     }
 
     fn start(&mut self, throttle: f64, speed: f64) {
-        let mut start = StartValues::default();
-        start[1] = speed;
-        self.plant.start(&self.hooks, &start, &self.record, &[throttle, 0.0, 0.0], &mut self.x);
-        let Car { plant, hooks, x, k, outputs, .. } = self;
-        plant.evaluate(hooks, None, &[throttle, 0.0, 0.0], x, &mut k[0], outputs);
+        self.plant.start(speed, throttle, &mut self.x);
+        self.outputs = self.plant.evaluate(throttle, &self.x, &mut [0.0; STATES]);
     }
 
     /// Road speed, in m/s.
@@ -80,22 +63,23 @@ impl Car {
             let speed = self.speed();
             self.start(throttle, speed);
         }
-        let Car { plant, hooks, x, trial, k, outputs, .. } = self;
-        let inputs = [throttle, 0.0, 0.0];
-        let steps = (TICK_S * plant.rates(hooks, x, &k[0], TICK_S).fastest / STEP_RATE).ceil().max(1.0);
+        let Car { plant, x, outputs, .. } = self;
+        let mut k = [[0.0; STATES]; 4];
+        let steps = (TICK_S * plant.fastest() / STEP_RATE).ceil().max(1.0);
         let step = TICK_S / steps;
         for _ in 0..steps as u64 {
-            plant.evaluate(hooks, None, &inputs, x, &mut k[0], outputs);
+            plant.evaluate(throttle, x, &mut k[0]);
+            let mut trial = *x;
             for (stage, share) in [(1, 0.5), (2, 0.5), (3, 1.0)] {
                 for ((trial, x), rate) in trial.iter_mut().zip(&*x).zip(&k[stage - 1]) {
                     *trial = x + share * step * rate;
                 }
-                plant.evaluate(hooks, None, &inputs, trial, &mut k[stage], outputs);
+                plant.evaluate(throttle, &trial, &mut k[stage]);
             }
             for (i, x) in x.iter_mut().enumerate() {
                 *x += step / 6.0 * (k[0][i] + 2.0 * (k[1][i] + k[2][i]) + k[3][i]);
             }
         }
-        plant.evaluate(hooks, None, &inputs, x, &mut k[0], outputs);
+        *outputs = plant.evaluate(throttle, x, &mut k[0]);
     }
 }

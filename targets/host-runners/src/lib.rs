@@ -6,6 +6,7 @@
 pub mod arguments;
 pub mod campaign;
 pub mod car;
+mod driveline;
 pub mod exchange;
 pub mod motor;
 pub mod throttle;
