@@ -1,12 +1,23 @@
 //! The kinds of plants and their signals (docs/book/src/reference/plants.md 1.2).
 //!
-//! In: the text of a plant, read by [`crate::equation_plant`]. Out: names and units of inputs and outputs, the same for files, records and simulation.
+//! In: the text of a plant, read by [`crate::equation_plant`]. Out: names and units of inputs and outputs, the same for files, records and
+//! simulation.
 
 use std::any::Any;
 
 use crate::quantity::Nominal;
-use crate::record::{Drive, Record};
 pub use crate::quantity::Signal;
+
+/// What drives the plant in a record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Drive {
+    /// The input of a plant whose controller does not act.
+    Open,
+    /// The controller of the plant, which follows the reference.
+    Closed,
+    /// The inputs of a plant without a controller. The record contains all of them, except those that it may leave out.
+    Inputs,
+}
 
 /// The kind of a plant: its data, which all its records and files share.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -147,13 +158,7 @@ impl PlantKind {
         self.0.name
     }
 
-    /// The kind that simulates a record: the kind itself, or the plant without its controller.
-    #[must_use]
-    pub fn along(self, record: &Record) -> PlantKind {
-        self.driven_by(record.drive)
-    }
-
-    /// The same for what drives the plant.
+    /// The kind that simulates a record that this drives: the kind itself, or the plant without its controller.
     #[must_use]
     pub fn driven_by(self, drive: Drive) -> PlantKind {
         self.0.open_loop.filter(|_| drive == Drive::Open).unwrap_or(self)

@@ -7,11 +7,9 @@
 //!        effects, in the equations --------+
 //! ```
 //!
-//! A simulation runs the equations of a plant with the effects of its plant file ([`equations`]). The module `plants` contains the built-in plants as
-//! code, for callers that advance a plant step by step. This code calls hooks at fixed places: parameters, inputs, frame, efforts on a body, law of a
-//! joint, outputs, extra states. An effect implements the hooks that it needs. No plant contains code for an effect (a test searches the plants for
-//! the names of effects). The same files give the same bits on one machine. Nothing here prints. A simulation along a record draws no random numbers:
-//! the caller adds measurement noise.
+//! A simulation runs the equations of a plant with the effects of its plant file ([`equations`]). All plants are texts of equations, also those of
+//! plant files of format 1, and all effects are files ([`equation_plant`]). The same files give the same bits on one machine. Nothing here prints. A
+//! simulation along a record draws no random numbers: the caller adds measurement noise.
 //!
 //! ```
 //! use rsm_core::source::Source;
@@ -45,12 +43,6 @@ pub mod plant_file;
 pub mod record;
 
 pub mod effect;
-
-pub mod effects;
-
-pub mod hooks;
-
-pub mod plants;
 
 pub mod code;
 

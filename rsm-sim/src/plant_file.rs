@@ -56,7 +56,9 @@ impl PlantFile {
     pub fn effective_parameters(&self) -> Parameters {
         let mut parameters = self.parameters.clone();
         for entry in self.acting() {
-            (entry.description.build)(&entry.arguments).parameters(&mut parameters);
+            if let Some((name, value)) = entry.changed_parameter() {
+                parameters.set(name, value);
+            }
         }
         parameters
     }

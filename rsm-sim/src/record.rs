@@ -9,22 +9,12 @@ use rsm_core::number::decimal;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use rsm_fit::table::{Table, Wanted};
 
+pub use crate::kind::Drive;
 use crate::kind::{Decision, Described, PlantKind, Signal};
 use crate::plant_file::PlantFile;
 
 /// Jitter above this share of the period is a fault (docs/book/src/reference/plants.md 1.2).
 const JITTER: f64 = 0.01;
-
-/// What drives the plant in a record.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Drive {
-    /// The input of a plant whose controller does not act.
-    Open,
-    /// The controller of the plant, which follows the reference.
-    Closed,
-    /// The inputs of a plant without a controller. The record contains all of them, except those that it may leave out.
-    Inputs,
-}
 
 /// A uniformly sampled record.
 #[derive(Debug, Clone)]

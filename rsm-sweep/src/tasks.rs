@@ -132,7 +132,7 @@ fn split(file: &PlantFile) -> f64 {
     if !file.kind.is_first_format() {
         return 0.0;
     }
-    file.effects.iter().filter_map(|it| (it.description.build)(&it.arguments).split()).sum()
+    file.effects.iter().map(rsm_sim::effect::Entry::split).sum()
 }
 
 /// Reports for each factor the first value that its plant does not allow.

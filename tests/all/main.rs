@@ -19,7 +19,6 @@ mod measured_motor;
 mod names;
 mod object_code;
 mod plants_as_code;
-mod plants_as_texts;
 mod recursive;
 mod reference_step;
 mod refuses;

@@ -401,7 +401,7 @@ pub fn within_tolerance(nominal: &Model, entry: &Entry) -> bool {
 mod tests {
     use super::*;
     use rsm_sim::effect::Arguments;
-    use rsm_sim::effects;
+    use rsm_sim::equation_plant::{effect, pmac};
 
     #[test]
     fn each_form_leads_with_its_first_ones_in_the_order_of_the_list() {
@@ -435,9 +435,9 @@ mod tests {
     #[test]
     fn friction_that_falls_towards_rest_is_not_physical() {
         let entry = |coulomb: f64, rest: f64| Entry {
-            description: effects::of("stribeck-friction").unwrap(),
+            description: effect(pmac(), "stribeck-friction").unwrap(),
             arguments: Arguments {
-                plant: rsm_sim::equation_plant::pmac(),
+                plant: pmac(),
                 subject: None,
                 numbers: vec![("coulomb", coulomb), ("static", rest), ("stribeck_velocity", 5.0)],
             },

@@ -347,9 +347,7 @@ fn operating_points(kind: PlantKind, record: &Record, outputs: &[usize], simulat
                 let span = (after - before).max(1) as f64 * record.period;
                 [at(position, row), (at(position, after) - at(position, before)) / span]
             }
-            _ => {
-                [at(simulated.first().map(Vec::as_slice), row), record.inputs.first().map_or(0.0, |it| it[row])]
-            }
+            _ => [at(simulated.first().map(Vec::as_slice), row), record.inputs.first().map_or(0.0, |it| it[row])],
         })
         .collect()
 }

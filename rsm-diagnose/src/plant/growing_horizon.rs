@@ -306,7 +306,7 @@ mod tests {
     #[test]
     fn one_number_is_scanned_between_its_guesses_and_waves_are_not() {
         let hypothesis = |guesses: Vec<Guess>| Hypothesis {
-            description: rsm_sim::effects::of("clutch-slip").unwrap(),
+            description: rsm_sim::equation_plant::effect(rsm_sim::equation_plant::driveline(), "clutch-slip").unwrap(),
             subject: None,
             guesses,
         };

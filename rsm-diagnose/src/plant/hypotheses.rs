@@ -6,10 +6,10 @@
 
 use super::model::{Model, Place, Unknown};
 use rsm_sim::effect::{Argument, Arguments, Description, Guess, Role, Step, Subject, Survey};
+use rsm_sim::equation_plant;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
 use rsm_sim::schema::{self, Bound};
-use rsm_sim::{effects, equation_plant};
 
 /// A possible cause of the residual.
 #[derive(Debug, Clone)]
@@ -35,7 +35,7 @@ pub fn generalises(general: &str, special: &str) -> bool {
     let parts = |name| str::split_once(name, ':').map_or((name, None), |(kind, at)| (kind, Some(at)));
     let ((general, at), (special, other)) = (parts(general), parts(special));
     let is_one_place = at.is_none() || other.is_none() || at == other;
-    is_one_place && effects::of(general).is_some_and(|it| it.declared.generalises == Some(special))
+    is_one_place && equation_plant::special_case(general) == Some(special)
 }
 
 /// Parameters that are exact counts or limits set by the user. An error of them is not a hypothesis.
@@ -49,7 +49,7 @@ pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesi
         let mut add = |subject: Option<&'static str>, survey: &Survey| {
             let guesses = description.guesses.of(survey);
             let finite = |guess: &Guess| {
-                let mut arguments = description.arguments_on(kind);
+                let mut arguments = description.arguments.iter();
                 guess.values.iter().all(|value| {
                     let argument = arguments.next();
                     value.is_finite() || argument.is_some_and(|argument| argument.optional)
@@ -101,7 +101,7 @@ impl Hypothesis {
     /// Its entry in a plant file with these parameters.
     #[must_use]
     pub fn entry(&self, kind: PlantKind, values: &[f64]) -> Entry {
-        let numbers = self.description.arguments_on(kind).zip(values);
+        let numbers = self.description.arguments.iter().zip(values);
         Entry {
             description: self.description,
             arguments: Arguments {
@@ -133,7 +133,7 @@ impl Hypothesis {
 
 /// The declaration of a parameter in the effect of an entry.
 pub(super) fn declared(entry: &Entry, name: &str) -> Option<&'static Argument> {
-    entry.description.argument(entry.arguments.plant, name)
+    entry.description.argument(name)
 }
 
 /// The indices of those parameters of an entry that are levels of friction; its special case has one level.
@@ -147,7 +147,10 @@ fn bound_of(entry: &Entry, name: &str) -> Bound {
     let plant = entry.arguments.plant;
     if entry.description.subject == Subject::Parameter {
         let subject = entry.arguments.subject.as_deref().unwrap_or("");
-        return schema::parameters(plant).iter().find(|nominal| nominal.name == subject).map_or(Bound::Any, |nominal| nominal.bound);
+        return schema::parameters(plant)
+            .iter()
+            .find(|nominal| nominal.name == subject)
+            .map_or(Bound::Any, |nominal| nominal.bound);
     }
     declared(entry, name).map_or(Bound::Any, |argument| argument.bound)
 }
@@ -163,7 +166,6 @@ fn unknowns_of(entry: &Entry, place: usize) -> Vec<Unknown> {
         let mut unknown = Unknown::bounded(Place::Effect { entry: place, number: name }, bound, *value);
         match declared(entry, name).map_or(Step::Usual, |argument| argument.step) {
             _ if *name == "phase" => unknown.scale = 0.1,
-            Step::OwnSize => unknown.scale = value.abs().max(1e-6),
             Step::PerCent if !unknown.logarithmic && *value != 0.0 => unknown.scale = 0.01 * value.abs(),
             _ => {}
         }
@@ -230,7 +232,7 @@ impl Model {
     /// Whether the effects leave a positive inertia.
     #[must_use]
     pub fn is_possible(&self) -> bool {
-        let split: f64 = self.file.acting().filter_map(|entry| (entry.description.build)(&entry.arguments).split()).sum();
+        let split: f64 = self.file.acting().map(Entry::split).sum();
         split < 0.99
     }
 }

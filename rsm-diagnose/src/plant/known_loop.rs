@@ -18,6 +18,7 @@ use super::cause::{Cause, Interval};
 use super::confidence::EXPLAINED;
 use super::whitened_residuals::Prepared;
 use rsm_sim::effect::{Arguments, Role};
+use rsm_sim::equation_plant;
 use rsm_sim::plant_file::{Entry, PlantFile, VelocityFrom};
 use rsm_sim::record::Drive;
 
@@ -97,14 +98,14 @@ impl KnownLoop {
     /// The sensors with wrong gains, as entries of the plant.
     #[must_use]
     pub fn entries(&self, file: &PlantFile) -> Vec<Entry> {
-        let Some(description) = rsm_sim::effects::with(Role::ReadingGain).filter(|_| self.is_confirmed() && self.late == 0)
-        else {
+        if !self.is_confirmed() || self.late != 0 {
             return Vec::new();
-        };
+        }
         let off = [("position", &self.position), ("command", &self.command)].into_iter().filter(|(_, gain)| gain.is_wrong());
-        off.map(|(name, gain)| {
+        off.filter_map(|(name, gain)| {
+            let description = equation_plant::with(file.kind, Role::ReadingGain, name)?;
             let numbers = vec![("gain", gain.value)];
-            Entry { description, arguments: Arguments { plant: file.kind, subject: Some(name.to_string()), numbers } }
+            Some(Entry { description, arguments: Arguments { plant: file.kind, subject: Some(name.to_string()), numbers } })
         })
         .collect()
     }

@@ -243,8 +243,7 @@ impl Model {
         if self.at_start == InitialMotion::Steady || record.start(name).is_some() {
             return None;
         }
-        if let Some((_, sd)) = self.file.kind.start_sizes.iter().find(|it| it.0 == name)
-        {
+        if let Some((_, sd)) = self.file.kind.start_sizes.iter().find(|it| it.0 == name) {
             return (*sd > 0.0).then_some((at, 0.1 * sd, Some((at, *sd))));
         }
         if is_of_equations(&self.file) {

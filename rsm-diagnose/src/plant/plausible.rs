@@ -4,7 +4,6 @@
 //! only to compensate for an error that the catalogue does not contain. The effects declare the range of each parameter.
 
 use super::hypotheses::declared;
-use rsm_sim::effect::declared::STEEPEST_ROAD;
 use rsm_sim::effect::{Plausible, Survey};
 use rsm_sim::plant_file::{Entry, PlantFile};
 
@@ -14,11 +13,8 @@ const FACTOR: f64 = 5.0;
 /// Losses (friction, damping) are known only to an order of magnitude.
 const FACTOR_OF_LOSSES: f64 = 30.0;
 
-/// A force or torque may be this many times the usual effort of the drive. That effort is a root mean square; a peak is three to four times as large.
-const TIMES_THE_EFFORT: f64 = 4.0;
-
-/// A lag or delay longer than this share of a record cannot be distinguished from a drift.
-const SHARE_OF_RECORD: f64 = 0.25;
+/// The slope of the steepest public roads, in rad: they climb by 35 to 38 %.
+const STEEPEST_ROAD: f64 = 0.36;
 
 /// Factors between units: rpm and rad/s, km/h and m/s, kp and N, degrees and radians, peak and r.m.s., decimal prefixes.
 const UNITS: [f64; 7] = [9.549_297, 3.6, 9.806_65, 57.295_78, 10.0, 100.0, 1000.0];
@@ -47,17 +43,13 @@ fn is_unit(gain: f64) -> bool {
 
 /// The plausible range of a parameter; `None` if there is none.
 fn range(entry: &Entry, name: &str, survey: &Survey, file: &PlantFile) -> Option<(f64, f64)> {
-    let about = |limit: f64| Some((-limit, limit));
-    let below = |limit: f64| Some((0.0, limit));
-    let effort = TIMES_THE_EFFORT * survey.effort;
     let output = || entry.arguments.plant.output(entry.arguments.subject.as_deref()?);
     match declared(entry, name)?.plausible {
         Plausible::Any => None,
-        Plausible::Within(limit) => about(limit),
         Plausible::Parameter => {
             let subject = entry.arguments.subject.as_deref()?;
             if subject == "grade" {
-                return about(STEEPEST_ROAD);
+                return Some((-STEEPEST_ROAD, STEEPEST_ROAD));
             }
             let was = file.parameters.optional(subject)?;
             let is_loss = ["friction", "damping", "rolling"].iter().any(|word| subject.contains(word));
@@ -66,17 +58,7 @@ fn range(entry: &Entry, name: &str, survey: &Survey, file: &PlantFile) -> Option
             // If the nominal value is 0, there is no scale for a range.
             (was != 0.0).then_some((low.min(high), low.max(high)))
         }
-        Plausible::Factor | Plausible::FactorOrUnit => Some((1.0 / FACTOR, FACTOR)),
-        Plausible::Reading => about(survey.largest[output()?]),
-        Plausible::ReadingPerRecord => about(survey.largest[output()?] / survey.duration),
-        Plausible::ShareOfRecord => below(SHARE_OF_RECORD * survey.duration),
-        Plausible::EffortPerRecord => about(effort / survey.duration),
-        Plausible::Effort => about(effort),
-        Plausible::EffortOneWay => below(effort),
-        // The typical value is half of the largest. A plausible one is at most three times the typical value.
-        Plausible::Speed => below(3.0 * survey.speed),
-        Plausible::EffortPerSpeedSquared => about(effort / (survey.speed * survey.speed)),
-        Plausible::Input => about(survey.input),
+        Plausible::FactorOrUnit => Some((1.0 / FACTOR, FACTOR)),
         Plausible::TimesTheGuess(times) => {
             let place = entry.arguments.numbers.iter().position(|(number, _)| *number == name)?;
             let output = output().unwrap_or(survey.output);

@@ -107,7 +107,8 @@ pub fn quantities(whitened: &WhitenedResiduals, model: &Model, simulated: &[Simu
             list.extend(each("load torque", "N*m", Division::Value, &input(2)));
         }
         _ if kind.is("driveline") => {
-            let gear = |prepared: &Prepared, _: &Simulated| Some(vec![prepared.record.setting("gear")?; prepared.record.rows()]);
+            let gear =
+                |prepared: &Prepared, _: &Simulated| Some(vec![prepared.record.setting("gear")?; prepared.record.rows()]);
             let acceleration = |prepared: &Prepared, it: &Simulated| {
                 let road = of_output(prepared, it, 1)?;
                 Some(speed_of(road, prepared.record.period))

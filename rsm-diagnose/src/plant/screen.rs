@@ -163,7 +163,7 @@ fn traces(
 fn relative_to_fit(fit: &Fit, hypothesis: &Hypothesis, guess: &Guess) -> Guess {
     let mut special = fit.model.file.effects.iter().filter(|it| generalises(hypothesis.description.kind, it.description.kind));
     if let Some(level) = special.next().and_then(|it| it.arguments.numbers.first()).map(|number| number.1) {
-        return from_level(hypothesis, guess, level, fit.model.file.kind);
+        return from_level(hypothesis, guess, level);
     }
     let subject = hypothesis.subject.filter(|_| hypothesis.description.subject == Subject::Parameter);
     let Some(now) = subject.and_then(|name| fit.model.file.parameters.optional(name)) else { return guess.clone() };
@@ -172,8 +172,8 @@ fn relative_to_fit(fit: &Fit, hypothesis: &Hypothesis, guess: &Guess) -> Guess {
 }
 
 /// A guess with the lowest level equal to the accepted one and the others higher by half of it: near enough for a first-order screen.
-fn from_level(hypothesis: &Hypothesis, guess: &Guess, level: f64, kind: PlantKind) -> Guess {
-    let is_level: Vec<bool> = hypothesis.description.arguments_on(kind).map(|it| it.is_level).collect();
+fn from_level(hypothesis: &Hypothesis, guess: &Guess, level: f64) -> Guess {
+    let is_level: Vec<bool> = hypothesis.description.arguments.iter().map(|it| it.is_level).collect();
     let levels = guess.values.iter().zip(&is_level).filter(|(_, is)| **is).map(|(value, _)| *value);
     let (low, high) = levels.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
     let spread = if high > low { 0.5 * level / (high - low) } else { 0.0 };
@@ -387,7 +387,7 @@ impl Screened {
 mod tests {
     use super::super::{axis_under_steps, hypotheses, levenberg, survey};
     use super::*;
-    use rsm_sim::effects;
+    use rsm_sim::equation_plant::{effect, servo_axis};
 
     #[test]
     fn causes_of_one_trace_are_one_group_and_others_are_not() {
@@ -414,7 +414,8 @@ mod tests {
         let fit = levenberg::fit(&whitened, model.clone(), 8).unwrap();
         // The largest effort is 8 N: 20 N hold the axis where it is.
         let guesses = vec![Guess::scaled(vec![20.0], 0.0)];
-        let hypotheses = [Hypothesis { description: effects::of("coulomb-friction").unwrap(), subject: None, guesses }];
+        let hypotheses =
+            [Hypothesis { description: effect(servo_axis(), "coulomb-friction").unwrap(), subject: None, guesses }];
         let screened = screen(&whitened, &fit, &model, &hypotheses);
         // A smooth law of friction is in proportion but for what the few rows at rest differ.
         assert!((screened[0].values[0] / 0.02 - 1.0).abs() < 0.2, "{:?}", screened[0].values);

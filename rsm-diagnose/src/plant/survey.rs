@@ -9,10 +9,7 @@ use super::whitened_residuals::WhitenedResiduals;
 use rsm_sim::effect::Survey;
 use rsm_sim::equation_plant;
 use rsm_sim::kind::OUTPUTS;
-use rsm_sim::record::{Drive, Record};
-
-/// Rows on either side for a derivative. The noise of a second difference falls with the square of this.
-const WIDTH: usize = 5;
+use rsm_sim::record::Record;
 
 /// The survey of training records.
 #[must_use]
@@ -23,8 +20,6 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
     let mut spread = [0.0; OUTPUTS];
     let mut quantum = [None; OUTPUTS];
     let mut input = 0.0_f64;
-    let mut effort = 0.0_f64;
-    let mut speed = 0.0_f64;
     for output in 0..kind.outputs().len() {
         let lists: Vec<&[f64]> = whitened
             .records
@@ -49,32 +44,6 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
         let lengths = record.inputs.iter().take(1).flatten().map(|it| it.abs());
         input = lengths.fold(input, f64::max);
     }
-    match kind {
-        _ if kind.is("servo-axis") => {
-            for (place, prepared) in whitened.records.iter().enumerate() {
-                let record = &prepared.record;
-                let recorded = if record.drive == Drive::Closed { record.measured[1].as_ref() } else { record.inputs.first() };
-                // If the command was not recorded, the command of the simulated control loop is used.
-                let simulated = if recorded.is_none() { whitened.all_outputs(place, &fit.model) } else { None };
-                let simulated = simulated.as_ref().and_then(|outputs| outputs.of("command"));
-                let commands = recorded.map(Vec::as_slice).or(simulated).unwrap_or_default();
-                let mean = commands.iter().map(|value| value * value).sum::<f64>() / commands.len().max(1) as f64;
-                effort = effort.max(parameters.number("force_gain") * mean.sqrt());
-                if let Some(k) = prepared.outputs.iter().position(|it| *it == 0) {
-                    let speeds: Vec<f64> = prepared
-                        .measured(k)
-                        .windows(2 * WIDTH + 1)
-                        .map(|w| (w[2 * WIDTH] - w[0]) / (2.0 * WIDTH as f64 * record.period))
-                        .collect();
-                    let mean = speeds.iter().map(|value| value * value).sum::<f64>() / speeds.len().max(1) as f64;
-                    speed = speed.max(mean.sqrt());
-                }
-                input = commands.iter().fold(input, |most, value| most.max(value.abs()));
-            }
-        }
-        // Its scales belong to its own signals.
-        _ => {}
-    }
     let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
     let scales = equation_plant::scales(&fit.model.file, &records).unwrap_or_default();
     // An output that stays at zero still has a scale: its noise.
@@ -87,8 +56,6 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
         period: whitened.records.first().map_or(1e-3, |it| it.record.period),
         duration: whitened.records.iter().map(|it| it.record.period * it.record.rows() as f64).fold(0.0, f64::max),
         input: input.max(f64::MIN_POSITIVE),
-        effort: effort.max(f64::MIN_POSITIVE),
-        speed: speed.max(1e-9),
         largest,
         spread,
         noise: whitened.floors.map(|floor| floor.sd),

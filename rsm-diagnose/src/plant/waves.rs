@@ -222,7 +222,7 @@ pub fn has_whole_period(whitened: &WhitenedResiduals, entry: &Entry) -> bool {
 #[must_use]
 pub fn is_wave(effect: &Description, plant: PlantKind) -> bool {
     let is_axis = plant.is("servo-axis");
-    is_axis && effect.declared.role == Role::Waves && effect.arguments_on(plant).all(|it| it.bound != Bound::Count)
+    is_axis && effect.declared.role == Role::Waves && effect.arguments.iter().all(|it| it.bound != Bound::Count)
 }
 
 /// The wave of an entry.
@@ -391,6 +391,7 @@ mod tests {
     use super::*;
     use rsm_core::source::Source;
     use rsm_fit::random::Random;
+    use rsm_sim::equation_plant::{effect, servo_axis};
     use rsm_sim::kind::by_output;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::record::Record;
@@ -453,8 +454,8 @@ mod tests {
         let (whitened, _, fit) = axis(true, 0.04);
         let entry = |pitch: f64| {
             let numbers = vec![("amplitude", 0.5), ("pitch", pitch), ("phase", 0.0)];
-            let arguments = Arguments { plant: rsm_sim::equation_plant::servo_axis(), subject: None, numbers };
-            Entry { description: rsm_sim::effects::of("cogging-torque").unwrap(), arguments }
+            let arguments = Arguments { plant: servo_axis(), subject: None, numbers };
+            Entry { description: effect(servo_axis(), "cogging-torque").unwrap(), arguments }
         };
         // The moves go 0.1 m; what is not read is no way.
         assert!(has_whole_period(&whitened, &entry(0.09)) && !has_whole_period(&whitened, &entry(0.11)));
@@ -471,9 +472,9 @@ mod tests {
         for closed in [false, true] {
             let (whitened, nominal, fit) = axis(closed, 0.012);
             let found = waves(&whitened, &fit)[0];
-            let description = rsm_sim::effects::of("cogging-torque").unwrap();
+            let description = effect(servo_axis(), "cogging-torque").unwrap();
             let numbers = vec![("amplitude", found.amplitude), ("pitch", found.pitch), ("phase", found.phase)];
-            let arguments = Arguments { plant: rsm_sim::equation_plant::servo_axis(), subject: None, numbers };
+            let arguments = Arguments { plant: servo_axis(), subject: None, numbers };
             let (model, cost) = joint_fit(&whitened, &fit, &nominal, &Entry { description, arguments }, &REACHES).unwrap();
             let rows = whitened.rows() as f64;
             // White noise: four standard deviations, 4 sqrt(2 rows).

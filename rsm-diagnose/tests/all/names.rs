@@ -24,7 +24,9 @@ fn named(text: &str) -> Vec<(usize, &str)> {
     let end = (0..lines.len()).find(|k| begins_tests(*k)).unwrap_or(lines.len());
     let before_tests = lines[..end].iter().copied().enumerate();
     let code = before_tests.filter(|(_, line)| !line.trim_start().starts_with("//"));
-    let names = |line: &str| rsm_sim::effects::ALL.iter().any(|it| line.contains(&format!("\"{}\"", it.kind)));
+    let plants = rsm_sim::equation_plant::first_format();
+    let effects: Vec<_> = plants.iter().flat_map(|(_, kind)| rsm_sim::equation_plant::effects_on(*kind)).collect();
+    let names = |line: &str| effects.iter().any(|it| line.contains(&format!("\"{}\"", it.kind)));
     code.filter(|(_, line)| names(line)).map(|(number, line)| (number + 1, line)).collect()
 }
 

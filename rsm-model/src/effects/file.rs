@@ -37,6 +37,8 @@ pub struct Number {
     pub is_phase: bool,
     /// Whether it is a level of friction. The special case of the effect has one such level.
     pub is_level: bool,
+    /// Whether it is a share of a body's inertia.
+    pub is_share: bool,
     /// First guesses on a kind of site, or on all, in scales of the records.
     pub(crate) guesses: Vec<(Option<SiteKind>, Expression)>,
 }
@@ -396,7 +398,8 @@ fn number(source: &Source, name: &str, value: Value<'_>, faults: &mut Collector)
     };
     let (min, max, above) = (bound(&mut table, "min"), bound(&mut table, "max"), bound(&mut table, "above"));
     let mut flag = |key: &'static str| table.optional(key).and_then(|it| it.get_ref().as_bool()).unwrap_or(false);
-    let (is_whole, is_phase, is_level) = (flag("whole"), flag("phase"), flag("level"));
+    let (is_whole, is_phase) = (flag("whole"), flag("phase"));
+    let (is_level, is_share) = (flag("level"), flag("share"));
     let written = |table: &mut TableReader<'_>, key: &'static str, faults: &mut Collector| {
         table.optional(key).and_then(|it| expression(source, it, faults))
     };
@@ -415,6 +418,7 @@ fn number(source: &Source, name: &str, value: Value<'_>, faults: &mut Collector)
         neutral,
         is_phase,
         is_level,
+        is_share,
         guesses,
     })
 }

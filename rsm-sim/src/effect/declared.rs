@@ -8,9 +8,6 @@ use crate::schema::{self, Bound};
 
 use super::Arguments;
 
-/// The slope of the steepest public roads, in rad: they climb by 35 to 38 %.
-pub const STEEPEST_ROAD: f64 = 0.36;
-
 /// A number of an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Argument {
@@ -22,27 +19,30 @@ pub struct Argument {
     pub bound: Bound,
     /// Whether it may be absent.
     pub optional: bool,
-    /// The only plant of format 1 on which the number exists; `None` if it exists on all plants of the effect.
-    pub on: Option<&'static str>,
     /// The values that a real machine can have.
     pub plausible: Plausible,
     /// The step of the finite difference for the derivative with respect to the number.
     pub step: Step,
     /// Whether it is a level of friction. The special case of the effect has one such level.
     pub is_level: bool,
+    /// Whether it is a share of a body's inertia. The shares of all effects together are below 1.
+    pub is_share: bool,
 }
 
 impl Argument {
     /// A required number on every plant of the effect, with any plausible value.
     #[must_use]
     pub const fn new(name: &'static str, unit: Unit, bound: Bound) -> Self {
-        Argument { name, unit, bound, optional: false, on: None, plausible: Plausible::Any, step: Step::Usual, is_level: false }
-    }
-
-    /// The same number, on one plant only.
-    #[must_use]
-    pub const fn on(self, plant: &'static str) -> Self {
-        Argument { on: Some(plant), ..self }
+        Argument {
+            name,
+            unit,
+            bound,
+            optional: false,
+            plausible: Plausible::Any,
+            step: Step::Usual,
+            is_level: false,
+            is_share: false,
+        }
     }
 
     /// The same number, but it may be absent.
@@ -62,55 +62,27 @@ impl Argument {
     pub const fn step(self, step: Step) -> Self {
         Argument { step, ..self }
     }
-
-    /// The same number, as a level of friction.
-    #[must_use]
-    pub const fn level(self) -> Self {
-        Argument { is_level: true, ..self }
-    }
 }
 
-/// The unit of a number. If the unit depends on the plant, it is that of the plant's first body, a rotor or a carriage.
+/// The unit of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
     /// A fixed unit.
     Is(&'static str),
-    /// The unit of the named parameter or output.
+    /// The unit of the named parameter.
     OfSubject,
-    /// The unit of the named output, per second.
-    OfSubjectPerSecond,
-    /// Torque or force.
-    Effort,
-    /// Torque or force per speed.
-    EffortPerSpeed,
-    /// Torque per angle, or force per distance.
-    Stiffness,
-    /// Angular or linear speed.
-    Speed,
-    /// An angle in a driveline, a distance in other plants.
-    Gap,
 }
 
 impl Unit {
-    /// The unit as text, on a plant, for a named parameter or output.
+    /// The unit as text, on a plant, for a named parameter.
     #[must_use]
     pub fn on(self, plant: PlantKind, subject: Option<&str>) -> String {
-        let rotor = plant.is("pmac");
-        let by_body = |of_rotor: &str, of_carriage: &str| if rotor { of_rotor } else { of_carriage }.to_string();
-        let of_subject = || {
-            let name = subject.unwrap_or_default();
-            let output = plant.output(name).map(|k| plant.outputs()[k].unit);
-            output.or_else(|| schema::parameters(plant).iter().find(|it| it.name == name).map(|it| it.unit)).unwrap_or("1")
-        };
         match self {
             Unit::Is(unit) => unit.to_string(),
-            Unit::OfSubject => of_subject().to_string(),
-            Unit::OfSubjectPerSecond => format!("{}/s", of_subject()),
-            Unit::Effort => by_body("N*m", "N"),
-            Unit::EffortPerSpeed => by_body("N*m*s/rad", "N*s/m"),
-            Unit::Stiffness => by_body("N*m/rad", "N/m"),
-            Unit::Speed => by_body("rad/s", "m/s"),
-            Unit::Gap => if plant.is("driveline") { "rad" } else { "m" }.to_string(),
+            Unit::OfSubject => {
+                let parameter = subject.and_then(|name| schema::parameters(plant).iter().find(|it| it.name == name));
+                parameter.map_or("1", |it| it.unit).to_string()
+            }
         }
     }
 }
@@ -120,32 +92,10 @@ impl Unit {
 pub enum Plausible {
     /// Any value.
     Any,
-    /// At most this magnitude, with either sign.
-    Within(f64),
     /// Within the possible error of a plant parameter.
     Parameter,
-    /// A factor within the possible relative error of a parameter.
-    Factor,
     /// A factor within the possible relative error of a parameter, or a conversion factor between units.
     FactorOrUnit,
-    /// At most the magnitude of the drive's effort, with either sign.
-    Effort,
-    /// At most the magnitude of the drive's effort, not negative.
-    EffortOneWay,
-    /// At most the magnitude of the drive's effort within the duration of a record.
-    EffortPerRecord,
-    /// At most the magnitude of the drive's effort at the square of the typical speed.
-    EffortPerSpeedSquared,
-    /// At most the magnitude of the named output's readings.
-    Reading,
-    /// At most the magnitude of the readings within the duration of a record.
-    ReadingPerRecord,
-    /// A share of the duration of a record.
-    ShareOfRecord,
-    /// Of the magnitude of the typical speed.
-    Speed,
-    /// Of the magnitude of the first input.
-    Input,
     /// At most this multiple of the largest first guess, with either sign.
     TimesTheGuess(f64),
 }
@@ -155,8 +105,6 @@ pub enum Plausible {
 pub enum Step {
     /// A step determined by the bound and the magnitude of the number.
     Usual,
-    /// The magnitude of the number itself.
-    OwnSize,
     /// One per cent of the number: for a number whose neutral value is not 0, such as a gain of 1 or a parameter.
     PerCent,
 }
@@ -233,8 +181,6 @@ pub struct Declared {
 pub enum FormsOf {
     /// It has none.
     None,
-    /// Computed by code.
-    Code(fn(&Arguments) -> Forms),
     /// Computed from the file of the effect, at one place of a plant.
     File(Box<FormsFromFile>),
 }
@@ -248,7 +194,6 @@ impl FormsOf {
     pub fn of(&self, arguments: &Arguments) -> Forms {
         match self {
             FormsOf::None => Forms::default(),
-            FormsOf::Code(code) => code(arguments),
             FormsOf::File(file) => file(arguments),
         }
     }
@@ -263,12 +208,6 @@ impl std::fmt::Debug for FormsOf {
 impl Declared {
     /// The declaration of an effect without a special role.
     pub const NOTHING: Declared = Declared { role: Role::Ordinary, generalises: None, forms: FormsOf::None };
-
-    /// The declaration of an effect with a role.
-    #[must_use]
-    pub const fn role(role: Role) -> Self {
-        Declared { role, ..Declared::NOTHING }
-    }
 }
 
 #[cfg(test)]

@@ -6,10 +6,8 @@ use rsm_model::effects::{Catalogue, Effect as File, FormKind, Number, Place, Sit
 
 use super::kept;
 use crate::effect::declared::{Argument, Declared, Forms, FormsOf, Level, Part, Plausible, Role, Step, Unit};
-use crate::effect::{Arguments, Description, Effect, FromFile, Guess, Guesses, Scales, Subject, Survey, Wave};
-use crate::effects;
+use crate::effect::{Arguments, Description, FromFile, Guess, Guesses, Scales, Subject, Survey, Wave};
 use crate::equations::signals::spelled;
-use crate::parameters::Parameters;
 use crate::quantity::Bound;
 
 /// A number is plausible up to this multiple of its largest first guess. The guesses cover the usual range.
@@ -59,9 +57,6 @@ pub(super) fn of_first_format(
                 (found.subject, found.at) = (Subject::None, None);
                 let prefix = format!("At {}: ", place.at);
                 found.sentence = found.sentence.strip_prefix(prefix.as_str()).unwrap_or(found.sentence);
-            }
-            if let Some(code) = effects::of(kind) {
-                found.build = code.build;
             }
             list.push(Box::leak(Box::new(found)));
         }
@@ -145,14 +140,12 @@ fn one(place: &Place, file: &File, units: &[String], parameters: &ParameterRoles
     };
     Description {
         kind: name,
-        plants: &[],
         subject,
         at: (!is_value).then_some(at),
         arguments: Box::leak(arguments.into_boxed_slice()),
         sentence: kept(&sentence),
         check: kept(&file.words.check),
-        build: if is_value { value } else { nothing },
-        guesses: Guesses::File(guesses),
+        guesses: Guesses(guesses),
         declared: Declared {
             role,
             generalises: file.generalises.as_deref().map(kept),
@@ -177,7 +170,7 @@ fn argument(number: &Number, unit: &str, is_value: bool, is_optional: bool) -> A
     };
     let unit = if unit.is_empty() { "1".to_string() } else { without_brackets(&spelled(unit)) };
     let mut argument = Argument::new(kept(&number.name), Unit::Is(kept(&unit)), bound);
-    argument.is_level = number.is_level;
+    (argument.is_level, argument.is_share) = (number.is_level, number.is_share);
     if is_value {
         argument = Argument { unit: Unit::OfSubject, ..argument }.plausible(Plausible::Parameter).step(Step::PerCent);
     } else if unit == "1" && number.scales_from_one() {
@@ -288,30 +281,4 @@ fn sizes(at: &str, survey: &Survey) -> Vec<(String, f64)> {
     }
     add("input_scale", survey.input);
     sizes
-}
-
-/// A value of a parameter that replaces the value of the plant file.
-struct ParameterOverride {
-    name: String,
-    value: f64,
-}
-
-impl Effect for ParameterOverride {
-    fn parameters(&self, parameters: &mut Parameters) {
-        parameters.set(&self.name, self.value);
-    }
-}
-
-fn value(arguments: &Arguments) -> Box<dyn Effect> {
-    let value = arguments.numbers.first().map_or(f64::NAN, |it| it.1);
-    Box::new(ParameterOverride { name: arguments.subject.clone().unwrap_or_default(), value })
-}
-
-/// An effect that is part of the equations.
-struct InEquations;
-
-impl Effect for InEquations {}
-
-fn nothing(_: &Arguments) -> Box<dyn Effect> {
-    Box::new(InEquations)
 }

@@ -6,7 +6,8 @@
 //!     PlantFile + Record --run--> outputs at every row
 //! ```
 //!
-//! In: a plant file of format 2, or one of format 1 for a shipped text. Out: the types of plant files and records. This module contains no name of a plant or of an effect.
+//! In: a plant file of format 2, or one of format 1 for a shipped text. Out: the types of plant files and records. This module contains no name of an
+//! effect.
 
 pub mod added;
 mod describe;
@@ -252,7 +253,7 @@ fn starts_of_text(machine: &mut Machine, file: &EquationFile, starts: &[Signal])
 /// The largest magnitude of each start variable of a kind along a record; 0 if the plant cannot follow the record.
 #[must_use]
 pub fn start_scales(file: &PlantFile, record: &Record) -> Vec<f64> {
-    let kind = file.kind.along(record).0;
+    let kind = file.kind.driven_by(record.drive).0;
     run::largest(kind, file, record).unwrap_or_else(|_| vec![0.0; kind.starts.len()])
 }
 
@@ -324,9 +325,22 @@ impl Part {
     pub fn entry(&self, plant: PlantKind) -> Option<Entry> {
         let fits = |it: &&Description| it.kind == self.kind && (it.at.is_none() || it.at == self.subject);
         let description = effects_on(plant).into_iter().find(fits)?;
-        let numbers = description.arguments_on(plant).take(1).map(|it| (it.name, self.value)).collect();
+        let numbers = description.arguments.iter().take(1).map(|it| (it.name, self.value)).collect();
         Some(Entry { description, arguments: Arguments { plant, subject: self.subject.map(str::to_string), numbers } })
     }
+}
+
+/// The first effect of a kind that is possible on a plant.
+#[must_use]
+pub fn effect(kind: PlantKind, name: &str) -> Option<&'static Description> {
+    effects_on(kind).into_iter().find(|it| it.kind == name)
+}
+
+/// The effect of the shipped catalogue that is a special case of another one of it.
+#[must_use]
+pub fn special_case(general: &str) -> Option<&'static str> {
+    static SHIPPED: OnceLock<Catalogue> = OnceLock::new();
+    SHIPPED.get_or_init(Catalogue::shipped).find(general)?.generalises.as_deref()
 }
 
 /// The first effect with a role that can act on an output or another subject.

@@ -5,9 +5,8 @@
 use rsm_core::source::{Collector, Faults, Source};
 use rsm_core::toml_reader::{TableReader, Value, parse};
 
-use super::{effects_on, first_format};
+use super::{effects_on, first_format, plant_of};
 use crate::effect::{Arguments, Description, Subject};
-use crate::effects;
 use crate::kind::PlantKind;
 use crate::plant_file::{Entry, Named, Parameters, PlantFile, Renamed, VelocityFrom};
 use crate::schema::{self, Bound, Nominal};
@@ -184,7 +183,7 @@ fn entries(kind: PlantKind, top: &mut TableReader<'_>, faults: &mut Collector) -
     let mut split = 0.0;
     for item in items {
         let Some(entry) = entry(kind, top.source(), item, faults) else { continue };
-        split += (entry.description.build)(&entry.arguments).split().unwrap_or(0.0);
+        split += entry.split();
         if split >= 1.0 {
             let what = format!(
                 "effect `{}`: with those before it {split} of the inertia is split off, nothing is left at the drive",
@@ -202,7 +201,7 @@ fn entry(kind: PlantKind, source: &Source, item: Value<'_>, faults: &mut Collect
     let name = table.text("kind", faults)?;
     let allowed = effects_on(kind);
     let Some(&description) = allowed.iter().find(|description| description.kind == name) else {
-        let known = effects::ALL.iter().any(|description| description.kind == name);
+        let known = plant_of(kind.0).given.find(&name).is_some();
         let what = if known {
             format!("the effect \"{name}\" cannot stand on the plant \"{}\"", kind.name())
         } else {
@@ -246,7 +245,7 @@ fn arguments(
         complete &= subject.is_some();
     }
     let mut numbers = Vec::new();
-    for argument in description.arguments_on(kind) {
+    for argument in description.arguments.iter() {
         let found = if argument.optional { table.optional(argument.name) } else { table.required(argument.name, faults) };
         let Some(value) = found else {
             complete &= argument.optional;
@@ -254,9 +253,10 @@ fn arguments(
         };
         // A parameter with an error must keep the physical bound of the parameter.
         let bound = match (description.subject, subject) {
-            (Subject::Parameter, Some(name)) => {
-                schema::parameters(kind).iter().find(|nominal| nominal.name == name).map_or(argument.bound, |nominal| nominal.bound)
-            }
+            (Subject::Parameter, Some(name)) => schema::parameters(kind)
+                .iter()
+                .find(|nominal| nominal.name == name)
+                .map_or(argument.bound, |nominal| nominal.bound),
             _ => argument.bound,
         };
         let what = format!("effect `{}`: `{}`", description.kind, argument.name);

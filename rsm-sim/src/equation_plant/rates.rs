@@ -1,7 +1,7 @@
 //! The rates and outputs of a plant at given states, without a run.
 //!
-//! In: a plant file, a record for what it determines of the plant; states and inputs. Out: the rate of each state, and the outputs. Never advances the
-//! time.
+//! In: a plant file, a record for what it determines of the plant; states and inputs. Out: the rate of each state, and the outputs. Never advances
+//! the time.
 
 use nalgebra::DMatrix;
 use rsm_core::source::Faults;

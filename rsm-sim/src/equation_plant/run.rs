@@ -82,7 +82,7 @@ impl Models {
             return Ok(model);
         }
         // The lock is not held during compilation. If two threads compile the same model, the first result is used.
-        let kind = file.kind.along(record);
+        let kind = file.kind.driven_by(record.drive);
         let file = if kind.is_first_format {
             // The numbers of a plant file of format 1 are set later: the code is the same for all of them, in any order of calls.
             plant_of(kind.0).file.with(&[], &placed(file), &decides)?
@@ -240,7 +240,7 @@ fn placed(file: &PlantFile) -> Vec<equations::Entry> {
 
 /// The compiled models of a plant file for a record.
 pub(super) fn models(file: &PlantFile, record: &Record) -> &'static Models {
-    &plant_of(file.kind.along(record).0).models
+    &plant_of(file.kind.driven_by(record.drive).0).models
 }
 
 /// The instants of a record's rows. If a controller acts, they are multiples of the period, as for the controller: jitter of less than a hundredth of
@@ -315,7 +315,7 @@ impl Model {
     /// Gives a machine the parameters of a plant file. Returns its start along a record.
     pub(super) fn begin(&self, machine: &mut Machine, file: &PlantFile, record: &Record) -> Result<Point, Faults> {
         let parameters = file.effective_parameters();
-        let kind = file.kind.along(record).0;
+        let kind = file.kind.driven_by(record.drive).0;
         let own = kind.parameters.iter().filter_map(|it| Some((it.name, parameters.optional(it.name)?)));
         let mut values = Vec::with_capacity(kind.parameters.len());
         for (name, value) in own.chain(at_start(kind, file)) {
@@ -421,7 +421,7 @@ impl Group {
 #[must_use]
 pub fn shown(kind: PlantKind, record: &Record) -> Vec<Signal> {
     let absent = record.absent(kind);
-    kind.along(record).outputs().iter().filter(|it| !absent.contains(&it.name)).copied().collect()
+    kind.driven_by(record.drive).outputs().iter().filter(|it| !absent.contains(&it.name)).copied().collect()
 }
 
 /// A plant that is prepared for a record.
@@ -492,7 +492,8 @@ impl Run {
             }
             None => slot.lanes.run(&[lane], inputs, setting).remove(0)?,
         };
-        let computed = self.kind.along(record).outputs().iter().zip(&mut found).filter(|(signal, _)| shown.contains(signal));
+        let computed =
+            self.kind.driven_by(record.drive).outputs().iter().zip(&mut found).filter(|(signal, _)| shown.contains(signal));
         Ok(computed.map(|(_, values)| std::mem::take(values)).collect())
     }
 }

@@ -18,12 +18,14 @@ use crate::record::Record;
 /// # Errors
 /// Sites that do not agree with the equations.
 pub fn scales(file: &PlantFile, records: &[&Record]) -> Result<Vec<Scales>, Faults> {
-    let kind = records.first().map_or(file.kind, |record| file.kind.along(record)).0;
+    let kind = records.first().map_or(file.kind, |record| file.kind.driven_by(record.drive)).0;
     let plant = plant_of(kind);
     let mut sums: Vec<Vec<Vec<f64>>> = Vec::new();
     for record in records {
         // Records with and without the controller have different places; those like the first record count.
-        let Some(of_record) = Some(record).filter(|it| file.kind.along(it).0 == kind).and_then(|it| along(file, it).ok()) else {
+        let Some(of_record) =
+            Some(record).filter(|it| file.kind.driven_by(it.drive).0 == kind).and_then(|it| along(file, it).ok())
+        else {
             continue;
         };
         sums.push(of_record);
@@ -36,7 +38,10 @@ pub fn scales(file: &PlantFile, records: &[&Record]) -> Result<Vec<Scales>, Faul
             SiteKind::Input => {
                 let at = kind.inputs.iter().position(|it| it.name == place.at);
                 let values = records.iter().filter_map(|it| it.inputs.get(at?)).flatten();
-                let largest = values.fold(0.0_f64, |most, value| most.max(value.abs()));
+                let recorded = values.fold(0.0_f64, |most, value| most.max(value.abs()));
+                // A signal inside of the plant, such as the command of its controller, is simulated.
+                let simulated = (0..place.roles.len()).map(|part| most(k, part)).fold(0.0, f64::max);
+                let largest = if at.is_some() { recorded } else { simulated };
                 sizes.push(("input_scale".to_string(), largest));
                 sizes.push(("signal".to_string(), largest));
             }
@@ -78,7 +83,7 @@ fn of_site(term: f64, sizes: &mut Vec<(String, f64)>) {
 /// Along a record: for each place, the largest magnitude of each role, then of the terms of the balance.
 fn along(file: &PlantFile, record: &Record) -> Result<Vec<Vec<f64>>, Faults> {
     // Sites belong to the equations without effects, so these equations are run.
-    let (whole, machine, points) = run::without_effects(file.kind.along(record).0, file, record)?;
+    let (whole, machine, points) = run::without_effects(file.kind.driven_by(record.drive).0, file, record)?;
     let places = whole.places_of_effects()?;
     let mut system = System::new(&places.flat)?;
     let mut expressed = |list: &[Id]| -> Vec<Id> { list.iter().map(|id| system.expressed(*id)).collect() };

@@ -1,12 +1,12 @@
-//! The list of effects contains the files of the folder and the rows of docs/book/src/reference/plants.md, and no plant contains code for an effect.
+//! The effects of plant files of format 1 are the rows of docs/book/src/reference/plants.md, with words and simpler forms.
 
 use std::collections::BTreeSet;
 
 use rsm_core::source::Source;
+use rsm_sim::effect::Arguments;
 use rsm_sim::effect::declared::Part;
-use rsm_sim::effect::{Arguments, Description};
+use rsm_sim::equation_plant;
 use rsm_sim::plant_file::PlantFile;
-use rsm_sim::{effects, equation_plant};
 
 use super::path;
 
@@ -48,19 +48,11 @@ const KINDS: [&str; 33] = [
 ];
 
 #[test]
-fn every_kind_has_a_file_and_a_place_in_the_list() {
-    let listed: BTreeSet<String> = effects::ALL.iter().map(|it| it.kind.replace('-', "_")).collect();
-    let entries = std::fs::read_dir(path("src/effects")).unwrap().map(|entry| entry.unwrap().path());
-    let files: BTreeSet<String> = entries.map(|file| file.file_stem().unwrap().to_str().unwrap().to_string()).collect();
-    let lacking: Vec<String> = files
-        .iter()
-        .filter(|name| *name != "mod" && !listed.contains(*name))
-        .map(|name| format!("&{name}::DESCRIPTION,"))
-        .collect();
-    assert!(lacking.is_empty(), "effects/mod.rs lacks these lines: {lacking:?}");
-    let expected: BTreeSet<String> = KINDS.iter().map(|kind| kind.replace('-', "_")).collect();
-    assert_eq!(listed, expected);
-    assert_eq!(files.len(), listed.len() + 1, "a file of effects/ is missing");
+fn every_kind_is_possible_on_a_plant_of_format_1_and_no_other() {
+    let plants = equation_plant::first_format();
+    let possible: BTreeSet<&str> =
+        plants.iter().flat_map(|(_, kind)| equation_plant::effects_on(*kind)).map(|it| it.kind).collect();
+    assert_eq!(possible, BTreeSet::from(KINDS));
 }
 
 #[test]
@@ -86,38 +78,22 @@ fn the_reference_names_every_effect_that_is_a_file() {
 }
 
 #[test]
-fn every_header_has_its_six_lines() {
-    for description in effects::ALL {
-        let file = path(&format!("src/effects/{}.rs", description.kind.replace('-', "_")));
-        let text = std::fs::read_to_string(file).unwrap();
-        for line in ["Formula ", "Source ", "Acts on ", "Looks like ", "Told apart ", "Report says "] {
-            assert!(text.contains(&format!("//! {line}")), "{}: no line `{line}`", description.kind);
+fn every_sentence_can_be_filled_and_every_check_is_its_own() {
+    for (_, kind) in equation_plant::first_format() {
+        let all = equation_plant::effects_on(kind);
+        for description in &all {
+            for part in description.sentence.split('{').skip(1) {
+                let name = part.split('}').next().unwrap();
+                let known = description.argument(name).is_some() || ["parameter", "output"].contains(&name);
+                assert!(known, "{}: `{name}` is no argument", description.kind);
+            }
+            // A whole sentence without placeholders, also beside the same effect on another output.
+            let check = description.check;
+            assert!(check.ends_with('.') && !check.contains('{'), "{}: {check}", description.kind);
+            let others: Vec<&str> =
+                all.iter().filter(|it| it.check == check && it.kind != description.kind).map(|it| it.kind).collect();
+            assert!(others.is_empty(), "{}: {others:?} are checked in the same words", description.kind);
         }
-        let says = format!("//! Report says  \"{}\"", description.sentence);
-        assert!(text.contains(&says), "{}: the header says something else", description.kind);
-        // The report can fill every placeholder of the sentence.
-        for part in description.sentence.split('{').skip(1) {
-            let name = part.split('}').next().unwrap();
-            let known = description.arguments.iter().any(|it| it.name == name) || ["parameter", "output"].contains(&name);
-            assert!(known, "{}: `{name}` is no argument", description.kind);
-        }
-        // Each effect has its own check text: a whole sentence without placeholders.
-        let check = description.check;
-        assert!(check.ends_with('.') && !check.contains('{'), "{}: {check}", description.kind);
-        let same = effects::ALL.iter().filter(|it| it.check == check).count();
-        assert_eq!(same, 1, "{}: another effect is checked in the same words", description.kind);
-    }
-}
-
-#[test]
-fn no_plant_knows_an_effect() {
-    for name in ["pmac", "driveline", "servo_axis", "mod"] {
-        let text = std::fs::read_to_string(path(&format!("src/plants/{name}.rs"))).unwrap();
-        for kind in KINDS {
-            let words = [kind.to_string(), kind.replace('-', "_"), format!("crate::effects::{kind}")];
-            assert!(!words.iter().any(|word| text.contains(word.as_str())), "plants/{name}.rs names {kind}");
-        }
-        assert!(!text.contains("crate::effects"), "plants/{name}.rs imports the catalogue");
     }
 }
 
@@ -136,7 +112,8 @@ fn a_file_with_effects_is_written_and_read_back_to_the_same_bits() {
                 }
             };
             let numbers: Vec<String> = description
-                .arguments_on(kind)
+                .arguments
+                .iter()
                 .map(|it| format!("{} = {}", it.name, if it.name == "cycles" { "24" } else { "0.3" }))
                 .collect();
             text += &super::effect(description.kind, &(subject + &numbers.join(", ")));
@@ -151,33 +128,28 @@ fn a_file_with_effects_is_written_and_read_back_to_the_same_bits() {
 }
 
 #[test]
-fn simpler_forms_in_files_are_those_in_code() {
+fn simpler_forms_are_those_worked_out_by_hand() {
     let text = "format = 2\nmodel = \"rsm:servo-axis#ServoAxis\"\n";
     let open = |name: &str| Ok::<_, rsm_core::source::Faults>(Source::new(name, ""));
     let axis = equation_plant::read(&Source::new("axis.toml", text), &open).unwrap().kind;
+    let forms = |kind: &str, numbers: &[(&'static str, f64)]| {
+        let description = equation_plant::effect(axis, kind).unwrap();
+        let arguments = Arguments { plant: axis, subject: Some("carriage".to_string()), numbers: numbers.to_vec() };
+        description.declared.forms.of(&arguments)
+    };
+    let at = |kind: &'static str, value: f64| Part { kind, subject: Some("carriage"), value };
     let levels = [("forward", 30.0), ("backward", 20.0)];
+    // Two levels: their mean as friction, half of their difference as a load. Viscous friction has no part in it.
+    let found = forms("asymmetric-friction", &levels);
+    assert_eq!(found.special, [vec![at("coulomb-friction", 25.0)]]);
+    assert_eq!(found.alike, Some(vec![at("coulomb-friction", 25.0), at("constant-load", 5.0)]));
+    assert_eq!(found.level.map(|it| (it.of, it.errors.len())), Some((at("coulomb-friction", 25.0), 0)));
+    // Two dampings of 100 and 140 N s/m: the damping of the plant is their mean.
     let viscous = [("viscous_forward", 100.0), ("viscous_backward", 140.0)];
-    let cases = [
-        ("asymmetric-friction", levels.to_vec()),
-        ("asymmetric-friction", [levels, viscous].concat()),
-        ("stribeck-friction", vec![("coulomb", 5.0), ("static", 9.0), ("stribeck_velocity", 0.1)]),
-    ];
-    for (kind, numbers) in cases {
-        let by_code = effects::of(kind).unwrap();
-        let by_file = equation_plant::effects_on(axis).into_iter().find(|it| it.kind == kind).unwrap();
-        let forms = |of: &Description, plant, subject: Option<&str>| {
-            let subject = subject.map(str::to_string);
-            of.declared.forms.of(&Arguments { plant, subject, numbers: numbers.clone() })
-        };
-        let (code, file) = (forms(by_code, equation_plant::servo_axis(), None), forms(by_file, axis, Some("carriage")));
-        // The parts of a file name their place.
-        let plain = |part: &Part| Part { subject: part.subject.filter(|it| *it != "carriage"), ..*part };
-        let list = |parts: &Vec<Part>| parts.iter().map(plain).collect::<Vec<Part>>();
-        assert_eq!(file.special.iter().map(list).collect::<Vec<_>>(), code.special, "{kind}");
-        assert_eq!(file.alike.as_ref().map(list), code.alike, "{kind}");
-        let level = file.level.map(|it| (plain(&it.of), it.errors));
-        assert_eq!(level, code.level.map(|it| (it.of, it.errors)), "{kind}");
-        assert!(file.special.iter().flatten().all(|it| it.subject == Some("carriage")));
-        assert!(file.special.iter().flatten().all(|it| it.entry(axis).is_some()));
-    }
+    let level = forms("asymmetric-friction", &[levels, viscous].concat()).level.unwrap();
+    assert_eq!(level.errors, [Part { kind: "parameter-error", subject: Some("viscous_friction"), value: 120.0 }]);
+    // A Stribeck friction whose static friction does not count.
+    let found = forms("stribeck-friction", &[("coulomb", 5.0), ("static", 9.0), ("stribeck_velocity", 0.1)]);
+    assert_eq!(found.special, [vec![at("coulomb-friction", 5.0)]]);
+    assert!(found.special.iter().flatten().all(|it| it.entry(axis).is_some()));
 }

@@ -298,7 +298,7 @@ pub(super) fn place(
                 return refuse(what, format!("its effects are: {}", if known.is_empty() { "none" } else { &known }));
             };
             let entry = &plant.effects[index];
-            let described = entry.description.argument(plant.kind, number);
+            let described = entry.description.argument(number);
             let given = entry.arguments.numbers.iter().find(|it| it.0 == *number);
             let (Some(argument), Some((name, now))) = (described, given) else {
                 let known = list(&mut entry.arguments.numbers.iter().map(|it| it.0.to_string()));

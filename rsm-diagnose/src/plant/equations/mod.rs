@@ -349,7 +349,7 @@ impl<'w> Equations<'w> {
         for (k, hypothesis) in hypotheses.iter().enumerate() {
             let role = hypothesis.description.declared.role;
             // Rounding has no derivative, and waves are tested separately.
-            if role == Role::Rounding || Wave::of(hypothesis, kind).is_some() {
+            if role == Role::Rounding || Wave::of(hypothesis).is_some() {
                 continue;
             }
             asked.extend(hypothesis.guesses.iter().map(|guess| (k, guess.clone())));

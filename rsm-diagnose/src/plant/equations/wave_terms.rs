@@ -10,7 +10,6 @@ use crate::plant::hypotheses::Hypothesis;
 use crate::plant::model::Model;
 use crate::plant::waves::{LONGEST_WAVE, MOST, largest_between, peaks};
 use rsm_sim::effect::{Guess, Role};
-use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
 use rsm_sim::schema::Bound;
 use rsm_sim::threads::in_threads;
@@ -28,12 +27,9 @@ const SLOW: f64 = 10.0;
 /// The guess of a term, if the term is a wave; otherwise `None`.
 pub(super) fn order_of(entry: &Entry, hypotheses: &[Hypothesis]) -> Option<(usize, Guess)> {
     let place = hypotheses.iter().position(|it| it.describes(entry))?;
-    let wave = Wave::of(&hypotheses[place], entry.arguments.plant)?;
-    let values: Vec<f64> = entry
-        .description
-        .arguments_on(entry.arguments.plant)
-        .map(|it| entry.arguments.optional(it.name).unwrap_or(f64::NAN))
-        .collect();
+    let wave = Wave::of(&hypotheses[place])?;
+    let values: Vec<f64> =
+        entry.description.arguments.iter().map(|it| entry.arguments.optional(it.name).unwrap_or(f64::NAN)).collect();
     Some((place, wave.guess(values)))
 }
 
@@ -49,11 +45,11 @@ pub(super) struct Wave {
 
 impl Wave {
     /// The numbers of a hypothesis, if it is a wave.
-    pub(super) fn of(hypothesis: &Hypothesis, kind: PlantKind) -> Option<Wave> {
+    pub(super) fn of(hypothesis: &Hypothesis) -> Option<Wave> {
         if hypothesis.description.declared.role != Role::Waves {
             return None;
         }
-        let arguments: Vec<_> = hypothesis.description.arguments_on(kind).collect();
+        let arguments: Vec<_> = hypothesis.description.arguments.iter().collect();
         let place = |name: &str| arguments.iter().position(|it| it.name == name);
         let period = arguments.iter().position(|it| it.bound == Bound::Count).or_else(|| place("pitch"))?;
         Some(Wave {
@@ -108,7 +104,7 @@ impl Equations<'_> {
         let kind = nominal.file.kind;
         let mut list = Vec::new();
         for (place, hypothesis) in hypotheses.iter().enumerate() {
-            let Some(wave) = Wave::of(hypothesis, kind) else { continue };
+            let Some(wave) = Wave::of(hypothesis) else { continue };
             let Some(first) = hypothesis.guesses.first() else { continue };
             let (count, amplitude) = (first.values.len(), first.values[wave.amplitude]);
             // A row must not take a slow wave through half a period.

@@ -133,5 +133,5 @@ pub(crate) fn with_unit(it: &Interval) -> String {
 }
 
 pub(super) fn unit(plant: PlantKind, description: &rsm_sim::effect::Description, subject: Option<&str>, name: &str) -> String {
-    description.argument(plant, name).map_or("1".to_string(), |it| it.unit.on(plant, subject))
+    description.argument(name).map_or("1".to_string(), |it| it.unit.on(plant, subject))
 }
