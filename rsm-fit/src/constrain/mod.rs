@@ -10,8 +10,7 @@
 //! (`points.rs`). At the points a constraint is enforced with a margin, [`SHIFT`], so that the minima between them, which shrink with the square of
 //! the distance of points, become at least 0 after finitely many rounds. If they do not within `SHIFTED_ROUNDS`, or if only the proof is missing, the
 //! shift grows up to `MOST_SHIFT`. Convexity is searched and proven in all directions at once (`curvature.rs`). A claim that a search neither
-//! violates nor proves is proven by sums of squares (`squares.rs`). The region is the box cut by the support. A small cell of the search that the
-//! edge of the support cuts counts as inside.
+//! violates nor proves is proven by sums of squares (`squares.rs`). The region is the box cut by the support.
 
 mod claim;
 mod curvature;
@@ -24,7 +23,7 @@ mod unproven;
 use rsm_core::basis::{Factor, Variable};
 use rsm_core::bernstein::{self, Place, Search};
 use rsm_core::interval::Interval;
-use rsm_core::model::{HalfSpace, Input, Surface};
+use rsm_core::model::{Input, Surface};
 use serde::Serialize;
 
 use crate::design::Coded;
@@ -64,6 +63,10 @@ const MOST_WORK: u64 = 1_000_000_000_000;
 
 /// One certificate may use one part in this many of the limit. The shift doubles ten times from the first to the largest.
 const WORK_SHARES: u64 = 10;
+
+/// Cells at the support's edge that are no wider than this share of a side count as inside. Few cells become so small, because the half-spaces enter
+/// the bounds of larger ones. A surface that falls by its spread over a half range violates a constraint by 10^-9 of it there.
+const FINEST: f64 = 1.0 / (1u64 << 30) as f64;
 
 /// The report on the constraints of a surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -318,7 +321,7 @@ impl Task<'_> {
         let (measure, hessian) = (LeastEigenvalue(inputs), curvature::entries(&first.monomials(coefficients), inputs));
         let place = |cell: &[[f64; 2]]| self.place(first, cell);
         let enough = self.enough() / inputs as f64;
-        let wanted = Search { place: &place, finest: finest(inputs), enough };
+        let wanted = Search { place: &place, spaces: &self.surface.support, finest: FINEST, enough };
         let sides = &first.sides[..inputs];
         let least = bernstein::least_measure(&hessian, sides, &measure, &wanted);
         let bound = curvature::of_directions(least.bound, inputs);
@@ -333,7 +336,7 @@ impl Task<'_> {
 
     fn least(&self, claim: &Claim, monomials: &[bernstein::Monomial], enough: f64) -> Found {
         let place = |cell: &[[f64; 2]]| self.place(claim, cell);
-        let wanted = Search { place: &place, finest: finest(self.inputs.len()), enough };
+        let wanted = Search { place: &place, spaces: &self.surface.support, finest: FINEST, enough };
         let found = bernstein::least(monomials, &claim.sides, &wanted);
         Found { bound: found.bound, seen: found.seen, shares: found.at }
     }
@@ -347,25 +350,18 @@ impl Task<'_> {
             at(shares[0]).hull(at(shares[1]))
         };
         let cell: Vec<Interval> = claim.sides.iter().zip(cell).take(self.inputs.len()).map(variable).collect();
-        let of_one = |space: &HalfSpace| {
+        let mut place = Place::Inside;
+        for space in &self.surface.support {
             let parts = space.normal.iter().zip(&cell).map(|(n, x)| Interval::point(*n) * *x);
             let sum = parts.fold(Interval::point(0.0), |sum, part| sum + part);
             if sum.low > space.bound {
-                Place::Outside
-            } else if sum.high > space.bound {
-                Place::Partly
-            } else {
-                Place::Inside
+                return Place::Outside;
             }
-        };
-        let places: Vec<Place> = self.surface.support.iter().map(of_one).collect();
-        if places.contains(&Place::Outside) {
-            Place::Outside
-        } else if places.contains(&Place::Partly) {
-            Place::Partly
-        } else {
-            Place::Inside
+            if sum.high > space.bound {
+                place = Place::Partly;
+            }
         }
+        place
     }
 
     fn reports(&self, claims: &[Claim], found: &[Found], held: &[(usize, Vec<f64>)]) -> Vec<ConstraintReport> {
@@ -436,12 +432,6 @@ impl Rounds {
         };
         (self.shift <= MOST_SHIFT).then_some(self.shift)
     }
-}
-
-/// Cells at the support's edge that are no wider than this share of a side count as inside: some thousand cells for any number of inputs.
-fn finest(inputs: usize) -> f64 {
-    const OF_INPUTS: [f64; 6] = [1.0 / 1024.0, 1.0 / 1024.0, 1.0 / 1024.0, 1.0 / 64.0, 1.0 / 16.0, 1.0 / 8.0];
-    OF_INPUTS[inputs.min(OF_INPUTS.len() - 1)]
 }
 
 /// xi for x, within the range of the input; for a symmetric input its magnitude.

@@ -386,12 +386,6 @@ fn what_is_not_proven_is_named() {
 }
 
 #[test]
-fn the_finest_cells_of_an_edge_are_some_thousand() {
-    let shares: Vec<f64> = [0, 1, 2, 3, 4, 5, 9].map(|inputs| 1.0 / finest(inputs)).to_vec();
-    assert_eq!(shares, [1024.0, 1024.0, 1024.0, 64.0, 16.0, 8.0, 8.0]);
-}
-
-#[test]
 fn a_proof_is_sought_for_what_has_none() {
     // The first claim is said to have no proof, and the squares give one; the second has one, and is not asked again: the bound that it is said to
     // have stays.

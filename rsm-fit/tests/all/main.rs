@@ -2,6 +2,7 @@
 
 mod analysis;
 mod constraint_family;
+mod constrained;
 mod constraints;
 mod data;
 mod evaluation;
