@@ -45,8 +45,15 @@ pub const SHIFT: f64 = 1e-7;
 /// The tolerance of a proof, as a share of that spread. Where a surface is 0 for all coefficients, rounding leaves an error of this size.
 pub const SLACK: f64 = 1e-12;
 
-/// The number of rounds with the first shift, unless one finds no new point earlier. Each later round multiplies the shift by [`GROWTH`].
+/// The number of rounds with the first shift, unless one finds no new point earlier.
 const SHIFTED_ROUNDS: usize = 25;
+
+/// After them, a round multiplies the shift by [`GROWTH`] if so many rounds did not halve the largest violation. A convex surface of four inputs and order
+/// 5 has some hundred active points, and halves it in about six rounds: with a shift that grew from the 25th round on, it reached the largest shift first.
+const PATIENCE: usize = 15;
+
+/// The largest number of rounds.
+const MOST_ROUNDS: usize = 250;
 
 /// The factor gives ten rounds for a digit. Exchange gains a digit faster, so both meet soon after the shift begins to grow.
 const GROWTH: f64 = 1.25;
@@ -183,7 +190,7 @@ impl Task<'_> {
         }
         // mutant `0 up`: any seed gives a valid result.
         let mut random = Random::new(0);
-        let mut rounds = Rounds { count: 0, shift: SHIFT };
+        let mut rounds = Rounds::new();
         let mut is_complete = false;
         let mut stopped_by = Stop::LargestShift;
         while let Some(shift) = rounds.next(is_complete) {
@@ -222,6 +229,7 @@ impl Task<'_> {
                 let largest_change = self.largest_change(&coefficients);
                 return Constrained::Active { coefficients, constraints, rounds: rounds.count, shift, largest_change };
             }
+            rounds.note(-found.iter().map(|found| found.seen).fold(f64::INFINITY, f64::min));
             match points.exchange(&active, &found, &local_minima) {
                 // A larger shift gives the proof more margin.
                 Ok(is_new) => is_complete = !is_new,
@@ -419,18 +427,33 @@ impl Task<'_> {
 struct Rounds {
     count: usize,
     shift: f64,
+    /// The violation that the next one must halve, and the round in which it was found.
+    last: (f64, usize),
 }
 
 impl Rounds {
-    /// The shift of the next round; `None` if it would be too large. `is_complete`: all points are known, and only the proof is missing.
+    fn new() -> Self {
+        Rounds { count: 0, shift: SHIFT, last: (f64::INFINITY, 0) }
+    }
+
+    /// Notes the largest violation of a round.
+    fn note(&mut self, violation: f64) {
+        if violation < self.last.0 / 2.0 {
+            self.last = (violation, self.count);
+        }
+    }
+
+    /// The shift of the next round; `None` if it would be too large, or after the last round. `is_complete`: all points are known, and only the proof
+    /// is missing.
     fn next(&mut self, is_complete: bool) -> Option<f64> {
         self.count += 1;
-        self.shift *= match (is_complete, self.count > SHIFTED_ROUNDS) {
+        let is_slow = self.count > SHIFTED_ROUNDS && self.count > self.last.1 + PATIENCE;
+        self.shift *= match (is_complete, is_slow) {
             (true, _) => GROWTH_OF_PROOF,
             (false, true) => GROWTH,
             (false, false) => 1.0,
         };
-        (self.shift <= MOST_SHIFT).then_some(self.shift)
+        (self.shift <= MOST_SHIFT && self.count <= MOST_ROUNDS).then_some(self.shift)
     }
 }
 
