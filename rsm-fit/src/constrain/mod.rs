@@ -15,6 +15,7 @@
 mod claim;
 mod curvature;
 mod local_minima;
+mod parts;
 mod points;
 mod program;
 mod squares;
@@ -74,6 +75,17 @@ const WORK_SHARES: u64 = 10;
 /// Cells at the support's edge that are no wider than this share of a side count as inside. Few cells become so small, because the half-spaces enter
 /// the bounds of larger ones. A surface that falls by its spread over a half range violates a constraint by 10^-9 of it there.
 const FINEST: f64 = 1.0 / (1u64 << 30) as f64;
+
+/// The largest number of parts of a surface with sigmoids or waves. A sigmoid takes some twenty parts of an input, a wave two for each period. A search
+/// takes a millisecond for each part, and there are some ten rounds of it.
+pub const MOST_PARTS: usize = 2000;
+
+/// The number of parts of the box on which a surface is nearly a polynomial, if it is above the limit for constraints.
+#[must_use]
+pub fn too_many_parts(surface: &Surface, inputs: &[Input]) -> Option<usize> {
+    let count = if parts::has_steps(surface) { parts::Part::count(surface, inputs) } else { 1 };
+    (count > MOST_PARTS).then_some(count)
+}
 
 /// The report on the constraints of a surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -223,7 +235,7 @@ impl Task<'_> {
                 let held: Vec<(usize, Vec<f64>)> = active
                     .iter()
                     .map(|k| &points.points[*k])
-                    .map(|point| (point.claim, claims[point.claim].point(&point.shares)))
+                    .map(|point| (point.claim, claims[point.claim].main_point(&point.shares)))
                     .collect();
                 let constraints = self.reports(&claims, &found, &held);
                 let largest_change = self.largest_change(&coefficients);
@@ -313,7 +325,7 @@ impl Task<'_> {
             };
             let given = work.left.min(MOST_WORK / WORK_SHARES);
             let mut own = Work { left: given };
-            let bound = squares::least_eigenvalue(&entries, &claim.sides[..inputs], &self.surface.support, enough, &mut own);
+            let bound = squares::least_eigenvalue(&entries, &claim.sides[..inputs], &claim.spaces(&self.surface.support), enough, &mut own);
             work.left -= given - own.left;
             if let Some(bound) = bound {
                 found[k..k + count].iter_mut().for_each(|found| found.bound = curvature::of_directions(bound, count));
@@ -329,7 +341,8 @@ impl Task<'_> {
         let (measure, hessian) = (LeastEigenvalue(inputs), curvature::entries(&first.monomials(coefficients), inputs));
         let place = |cell: &[[f64; 2]]| self.place(first, cell);
         let enough = self.enough() / inputs as f64;
-        let wanted = Search { place: &place, spaces: &self.surface.support, finest: FINEST, enough };
+        let spaces = first.spaces(&self.surface.support);
+        let wanted = Search { place: &place, spaces: &spaces, finest: FINEST, enough };
         let sides = &first.sides[..inputs];
         let least = bernstein::least_measure(&hessian, sides, &measure, &wanted);
         let bound = curvature::of_directions(least.bound, inputs);
@@ -344,7 +357,8 @@ impl Task<'_> {
 
     fn least(&self, claim: &Claim, monomials: &[bernstein::Monomial], enough: f64) -> Found {
         let place = |cell: &[[f64; 2]]| self.place(claim, cell);
-        let wanted = Search { place: &place, spaces: &self.surface.support, finest: FINEST, enough };
+        let spaces = claim.spaces(&self.surface.support);
+        let wanted = Search { place: &place, spaces: &spaces, finest: FINEST, enough };
         let found = bernstein::least(monomials, &claim.sides, &wanted);
         Found { bound: found.bound, seen: found.seen, shares: found.at }
     }
@@ -357,7 +371,7 @@ impl Task<'_> {
             };
             at(shares[0]).hull(at(shares[1]))
         };
-        let cell: Vec<Interval> = claim.sides.iter().zip(cell).take(self.inputs.len()).map(variable).collect();
+        let cell: Vec<Interval> = claim.main.iter().zip(cell).take(self.inputs.len()).map(variable).collect();
         let mut place = Place::Inside;
         for space in &self.surface.support {
             let parts = space.normal.iter().zip(&cell).map(|(n, x)| Interval::point(*n) * *x);
@@ -415,7 +429,7 @@ impl Task<'_> {
                 let found = self.least(&claim, &turned, f64::INFINITY);
                 // mutant `< to <=`: of two changes with one size, either is the largest.
                 if found.seen.is_finite() && found.seen < -f64::abs(largest.0) {
-                    largest = (sign * found.seen, claim.point(&found.shares));
+                    largest = (sign * found.seen, claim.main_point(&found.shares));
                 }
             }
         }

@@ -120,7 +120,8 @@ pub fn problem(seed: u64) -> Problem {
         }
         Family::Sigmoids => {
             let [low, high] = axes[own].range;
-            let (at, width) = (low + random.share() * (high - low), (0.03 + 0.3 * random.share()) * (high - low));
+            // With rows on both sides: on one side, powers times the sigmoid depend on one another.
+            let (at, width) = (low + (0.25 + 0.5 * random.share()) * (high - low), (0.03 + 0.3 * random.share()) * (high - low));
             functions.push((own, Function::Sigmoid(at, width)));
             keys += &format!("sigmoids = [{{ input = \"{}\", at = {at:?}, width = {width:?} }}]\n", name_of(own));
         }

@@ -116,8 +116,16 @@ impl Judge<'_> {
         at
     }
 
-    /// A lower bound of the residual sum of squares, within `close` of `found` if the time is sufficient.
-    pub fn lower_bound(&self, found: f64, near: &[Vec<f64>], close: f64, limit: std::time::Duration) -> f64 {
+    /// A lower bound of the residual sum of squares, within `close` of `found` if the time is sufficient, and whether it was. It starts from the
+    /// constraints at the places where the fit with coefficients `of_fit` is nearest to violating them.
+    pub fn lower_bound(
+        &self,
+        found: f64,
+        of_fit: &[f64],
+        near: &[Vec<f64>],
+        close: f64,
+        limit: std::time::Duration,
+    ) -> (f64, bool) {
         let begin = std::time::Instant::now();
         let basis = &self.problem.basis;
         let (inputs, width) = (basis.axes.len(), basis.terms.len());
@@ -137,11 +145,32 @@ impl Judge<'_> {
         let mut known = near.to_vec();
         let mut random = Random::new(7);
         let sum = |z: &DVector<f64>| (z - &free).norm_squared() + constant.max(0.0);
+        let upright_row = |(n, least): Row| {
+            let n = upright.solve_lower_triangular(&DVector::from(n)).expect("the terms are independent");
+            let length = n.norm();
+            (length > 0.0).then(|| ((n / length).as_slice().to_vec(), least / length))
+        };
+        for place in near {
+            for reach in [0.0, 0.0, 0.005, 0.005, 0.005, 0.005] {
+                let moved: Vec<f64> = place.iter().map(|s| (s + reach * random.normal()).clamp(0.0, 1.0)).collect();
+                let x = basis.point(&moved);
+                if self.is_inside(&x) {
+                    let all = self.problem.asked.iter().flat_map(|asked| self.rows(asked, &x, of_fit));
+                    rows.extend(all.filter_map(upright_row));
+                }
+                if let Some(start) = self.worst_at(&moved, of_fit) {
+                    rows.extend(upright_row(self.climbed(start, of_fit, &mut random, 30).row));
+                }
+            }
+        }
+        if !rows.is_empty() {
+            z = program(&free, &rows);
+        }
         let spread = self.problem.rows.iter().map(|(_, y)| y.abs()).fold(0.0, f64::max);
         loop {
             let best = sum(&z);
             if found / best - 1.0 < close || begin.elapsed() > limit {
-                return best;
+                return (best, found / best - 1.0 < close);
             }
             let b: Vec<f64> = r.solve_upper_triangular(&z).expect("the terms are independent").iter().copied().collect();
             let mut points = known.clone();
@@ -158,15 +187,11 @@ impl Judge<'_> {
                 }
             }
             if apart.is_empty() {
-                return best;
+                return (best, true);
             }
-            for Broken { shares, row: (n, least), .. } in apart {
-                let n = upright.solve_lower_triangular(&DVector::from(n)).expect("the terms are independent");
-                let length = n.norm();
-                if length > 0.0 {
-                    rows.push(((n / length).as_slice().to_vec(), least / length));
-                    known.push(shares);
-                }
+            for Broken { shares, row, .. } in apart {
+                rows.extend(upright_row(row));
+                known.push(shares);
             }
             z = program(&free, &rows);
         }
