@@ -167,24 +167,36 @@ pub struct Least {
 /// The smallest value of the polynomial over a region of the box.
 #[must_use]
 pub fn least(terms: &[Monomial], sides: &[Interval], wanted: &Search<'_>) -> Least {
-    search_within(&Cell::new(&[terms], sides), &Value, &Edge::all(wanted.spaces, sides), wanted, BUDGET).0
+    least_for(1, terms, sides, wanted)
+}
+
+/// The same with so many times the usual work.
+#[must_use]
+pub fn least_for(times: usize, terms: &[Monomial], sides: &[Interval], wanted: &Search<'_>) -> Least {
+    search_within(&Cell::new(&[terms], sides), &Value, &Edge::all(wanted.spaces, sides), wanted, times * BUDGET).0
 }
 
 /// The smallest measure of some polynomials over a region of the box.
 #[must_use]
 pub fn least_measure(polynomials: &[Vec<Monomial>], sides: &[Interval], measure: &impl Measure, wanted: &Search<'_>) -> Least {
+    least_measure_for(1, polynomials, sides, measure, wanted)
+}
+
+/// The same with so many times the usual work.
+#[must_use]
+pub fn least_measure_for(
+    times: usize,
+    polynomials: &[Vec<Monomial>],
+    sides: &[Interval],
+    measure: &impl Measure,
+    wanted: &Search<'_>,
+) -> Least {
     let polynomials: Vec<&[Monomial]> = polynomials.iter().map(Vec::as_slice).collect();
-    search_within(&Cell::new(&polynomials, sides), measure, &Edge::all(wanted.spaces, sides), wanted, BUDGET).0
+    search_within(&Cell::new(&polynomials, sides), measure, &Edge::all(wanted.spaces, sides), wanted, times * BUDGET).0
 }
 
 /// Branch and bound; also returns the work done.
-fn search_within(
-    root: &Cell,
-    measure: &impl Measure,
-    edges: &[Edge],
-    wanted: &Search<'_>,
-    budget: usize,
-) -> (Least, usize) {
+fn search_within(root: &Cell, measure: &impl Measure, edges: &[Edge], wanted: &Search<'_>, budget: usize) -> (Least, usize) {
     let whole = root.bounds();
     let dimensions = root.degrees.len();
     let mut best = Least { bound: f64::INFINITY, seen: f64::INFINITY, at: vec![0.5; dimensions] };

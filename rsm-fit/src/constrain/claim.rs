@@ -292,7 +292,8 @@ fn slopes_across_knots(
             let Some(right) = parts.iter().find(|part| part.place() == place) else { continue };
             let factor = |part: &Part| sign * &halves[input] * part.slope(input);
             let (above, below) = (terms(surface, right, &factor(right)), terms(surface, left, &-factor(left)));
-            let at_end = |polynomial: Polynomial, end: i64| if left.is_local(input) { at(polynomial, input, end) } else { polynomial };
+            let at_end =
+                |polynomial: Polynomial, end: i64| if left.is_local(input) { at(polynomial, input, end) } else { polynomial };
             let change = |(above, below): (&Polynomial, &Polynomial)| {
                 [at_end(derivative(above, input), -1), at_end(derivative(below, input), 1)].concat()
             };

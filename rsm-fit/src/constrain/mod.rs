@@ -87,6 +87,9 @@ pub fn too_many_parts(surface: &Surface, inputs: &[Input]) -> Option<usize> {
     (count > MOST_PARTS).then_some(count)
 }
 
+/// The work of a search that proves what one with the usual work neither broke nor proved, at the edge of a support: some seconds.
+const LONGER: usize = 30;
+
 /// The report on the constraints of a surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ConstraintStatistics {
@@ -301,9 +304,9 @@ impl Task<'_> {
         let mut found = Vec::new();
         for claim in claims {
             match claim.largest {
-                None => found.push(self.least(claim, &claim.monomials(coefficients), self.enough())),
+                None => found.push(self.least(claim, &claim.monomials(coefficients), self.enough(), 1)),
                 // One search for all directions.
-                Some(0) => found.extend(self.least_curvature(claim, coefficients)),
+                Some(0) => found.extend(self.least_curvature(claim, coefficients, 1)),
                 Some(_) => {}
             }
         }
@@ -319,13 +322,31 @@ impl Task<'_> {
                 continue;
             }
             let monomials = claim.monomials(coefficients);
+            // A support has up to 80 half-spaces of four inputs. They make squares large, and cells at its edge many.
+            if !self.surface.support.is_empty() {
+                let longer = match claim.largest {
+                    None => vec![self.least(claim, &monomials, self.enough(), LONGER)],
+                    Some(_) => self.least_curvature(claim, coefficients, LONGER),
+                };
+                let is_proven = self.is_proven(&longer);
+                found.splice(k..k + count, longer);
+                if is_proven {
+                    continue;
+                }
+            }
             let (entries, enough) = match claim.largest {
                 None => (vec![monomials], self.enough()),
                 Some(_) => (curvature::entries(&monomials, inputs), self.enough() / inputs as f64),
             };
             let given = work.left.min(MOST_WORK / WORK_SHARES);
             let mut own = Work { left: given };
-            let bound = squares::least_eigenvalue(&entries, &claim.sides[..inputs], &claim.spaces(&self.surface.support), enough, &mut own);
+            let bound = squares::least_eigenvalue(
+                &entries,
+                &claim.sides[..inputs],
+                &claim.spaces(&self.surface.support),
+                enough,
+                &mut own,
+            );
             work.left -= given - own.left;
             if let Some(bound) = bound {
                 found[k..k + count].iter_mut().for_each(|found| found.bound = curvature::of_directions(bound, count));
@@ -336,7 +357,7 @@ impl Task<'_> {
 
     /// The result of one search for the smallest curvature, for the claims of all directions in a piece. All have the same bound. The worst point
     /// belongs to the claim whose entry is the largest of its direction.
-    fn least_curvature(&self, first: &Claim, coefficients: &[f64]) -> Vec<Found> {
+    fn least_curvature(&self, first: &Claim, coefficients: &[f64], times: usize) -> Vec<Found> {
         let inputs = self.inputs.len();
         let (measure, hessian) = (LeastEigenvalue(inputs), curvature::entries(&first.monomials(coefficients), inputs));
         let place = |cell: &[[f64; 2]]| self.place(first, cell);
@@ -344,7 +365,7 @@ impl Task<'_> {
         let spaces = first.spaces(&self.surface.support);
         let wanted = Search { place: &place, spaces: &spaces, finest: FINEST, enough };
         let sides = &first.sides[..inputs];
-        let least = bernstein::least_measure(&hessian, sides, &measure, &wanted);
+        let least = bernstein::least_measure_for(times, &hessian, sides, &measure, &wanted);
         let bound = curvature::of_directions(least.bound, inputs);
         let (largest, direction) = measure.worst(&hessian, sides, &least.at);
         let of_one = |k: usize| {
@@ -355,11 +376,11 @@ impl Task<'_> {
         (0..inputs).map(of_one).collect()
     }
 
-    fn least(&self, claim: &Claim, monomials: &[bernstein::Monomial], enough: f64) -> Found {
+    fn least(&self, claim: &Claim, monomials: &[bernstein::Monomial], enough: f64, times: usize) -> Found {
         let place = |cell: &[[f64; 2]]| self.place(claim, cell);
         let spaces = claim.spaces(&self.surface.support);
         let wanted = Search { place: &place, spaces: &spaces, finest: FINEST, enough };
-        let found = bernstein::least(monomials, &claim.sides, &wanted);
+        let found = bernstein::least_for(times, monomials, &claim.sides, &wanted);
         Found { bound: found.bound, seen: found.seen, shares: found.at }
     }
 
@@ -426,7 +447,7 @@ impl Task<'_> {
                     .iter()
                     .map(|term| bernstein::Monomial { coefficient: term.coefficient * Interval::point(sign), ..term.clone() })
                     .collect();
-                let found = self.least(&claim, &turned, f64::INFINITY);
+                let found = self.least(&claim, &turned, f64::INFINITY, 1);
                 // mutant `< to <=`: of two changes with one size, either is the largest.
                 if found.seen.is_finite() && found.seen < -f64::abs(largest.0) {
                     largest = (sign * found.seen, claim.main_point(&found.shares));

@@ -64,7 +64,8 @@ impl Part {
     /// All parts of a surface.
     pub(super) fn all(surface: &Surface, inputs: &[Input]) -> Vec<Part> {
         if !has_steps(surface) {
-            let whole = |piece: Piece| Part { local: vec![None; piece.cell.len()], piece, steps: Vec::new(), knots: Vec::new() };
+            let whole =
+                |piece: Piece| Part { local: vec![None; piece.cell.len()], piece, steps: Vec::new(), knots: Vec::new() };
             return pieces::all(surface, inputs).into_iter().map(whole).collect();
         }
         let factors = Factor::all(surface, inputs);
@@ -140,7 +141,8 @@ impl Part {
         for along in self.each_axis(powers) {
             let times = |(begun, factor): &(Vec<u32>, Rational)| {
                 let each = along.polynomial.iter().enumerate().filter(|(_, coefficient)| **coefficient != integer(0));
-                each.map(|(power, coefficient)| ([&begun[..], &[power as u32]].concat(), factor * coefficient)).collect::<Vec<_>>()
+                each.map(|(power, coefficient)| ([&begun[..], &[power as u32]].concat(), factor * coefficient))
+                    .collect::<Vec<_>>()
             };
             product = product.iter().flat_map(times).collect();
         }
@@ -258,7 +260,9 @@ fn shifted(polynomial: &[Rational], middle: &Rational, half: &Rational) -> Vec<R
 fn taylor(step: &Factor, [low, high]: [f64; 2]) -> Along {
     let (middle, half) = (low / 2.0 + high / 2.0, high / 2.0 - low / 2.0);
     let (coefficients, left_out, rounding) = match step.shape {
-        Shape::Sigmoid { at, width, is_symmetric } => sigmoid((middle - at) / width, half / width, is_symmetric.then_some(at / width)),
+        Shape::Sigmoid { at, width, is_symmetric } => {
+            sigmoid((middle - at) / width, half / width, is_symmetric.then_some(at / width))
+        }
         Shape::Wave { low: bottom, high: top, period, order, is_sine } => {
             let turns = std::f64::consts::TAU * f64::from(order) / period;
             let phase = turns * (middle - (bottom / 2.0 + top / 2.0)) - if is_sine { std::f64::consts::FRAC_PI_2 } else { 0.0 };
@@ -382,8 +386,8 @@ mod tests {
     fn a_polynomial_errs_by_less_than_its_bound() {
         let value = |polynomial: &[f64], t: f64| polynomial.iter().rev().fold(0.0, |sum, c| sum * t + c);
         let slopes = |polynomial: &[f64]| (1..polynomial.len()).map(|k| k as f64 * polynomial[k]).collect::<Vec<f64>>();
-        for c in [0.0, 0.21, -0.21, 1.0, -3.0, 30.0] {
-            let h = (SHARE_OF_POLE * ((c as f64).abs() + 0.5).hypot(0.75f64.sqrt())).min(if c == 0.0 { 1.0 } else { f64::abs(c) });
+        for c in [0.0f64, 0.21, -0.21, 1.0, -3.0, 30.0] {
+            let h = (SHARE_OF_POLE * (c.abs() + 0.5).hypot(0.75f64.sqrt())).min(if c == 0.0 { 1.0 } else { c.abs() });
             let c = if c == 0.0 { h } else { c };
             let (polynomial, left_out, _) = sigmoid(c, h, None);
             assert!(left_out[0] < 1e-11 && left_out[2] < 1e-7, "{left_out:?}");

@@ -332,7 +332,8 @@ fn a_contradiction_is_one_with_the_first_shift() {
 
 #[test]
 fn the_shift_grows_for_the_proof_and_late() {
-    let next = |shift: f64, is_complete: bool, count: usize| Rounds { count: count - 1, shift, last: (0.0, 0) }.next(is_complete);
+    let next =
+        |shift: f64, is_complete: bool, count: usize| Rounds { count: count - 1, shift, last: (0.0, 0) }.next(is_complete);
     assert_eq!(
         [next(SHIFT, false, 1), next(SHIFT, false, 25), next(SHIFT, false, 26)],
         [Some(SHIFT), Some(SHIFT), Some(1.25 * SHIFT)]

@@ -376,7 +376,8 @@ fn contradiction(specification: &Specification, response: &ResponseSpec, constra
                 return Some((format!("`{input}` is not an input of this response"), help));
             }
             if has_waves(input) {
-                let what = format!("the response has waves over `{input}`: if it never falls over a whole period, it is constant");
+                let what =
+                    format!("the response has waves over `{input}`: if it never falls over a whole period, it is constant");
                 return Some((what, "leave out one of the two".to_string()));
             }
             if symmetry_of(input) == Some(Symmetry::Even) {
@@ -393,8 +394,9 @@ fn contradiction(specification: &Specification, response: &ResponseSpec, constra
         }
         Constraint::Convex | Constraint::Concave => {
             if let Some(input) = surface.inputs.iter().find(|input| has_waves(input)) {
-                let what =
-                    format!("the response has waves over `{input}`: a response that is convex or concave over a whole period is constant");
+                let what = format!(
+                    "the response has waves over `{input}`: a response that is convex or concave over a whole period is constant"
+                );
                 return Some((what, "leave out one of the two".to_string()));
             }
             if let Some((input, _)) = surface.symmetry.first() {

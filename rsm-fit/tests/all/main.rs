@@ -1,8 +1,8 @@
 //! Tests of the fitter through its public interface, in one binary: each additional one would link everything again.
 
 mod analysis;
-mod constraint_family;
 mod constrained;
+mod constraint_family;
 mod constraints;
 mod data;
 mod evaluation;

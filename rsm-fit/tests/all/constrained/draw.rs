@@ -121,7 +121,8 @@ pub fn problem(seed: u64) -> Problem {
         Family::Sigmoids => {
             let [low, high] = axes[own].range;
             // With rows on both sides: on one side, powers times the sigmoid depend on one another.
-            let (at, width) = (low + (0.25 + 0.5 * random.share()) * (high - low), (0.03 + 0.3 * random.share()) * (high - low));
+            let (at, width) =
+                (low + (0.25 + 0.5 * random.share()) * (high - low), (0.03 + 0.3 * random.share()) * (high - low));
             functions.push((own, Function::Sigmoid(at, width)));
             keys += &format!("sigmoids = [{{ input = \"{}\", at = {at:?}, width = {width:?} }}]\n", name_of(own));
         }
@@ -278,7 +279,8 @@ fn asked(random: &mut Random, basis: &Basis, family: Family, order: u32, rows: &
         all.push(Asked::Bent(if random.below(2) == 0 { 1.0 } else { -1.0 }));
     }
     if all.is_empty() {
-        let (low, high) = if is_odd { (-0.2 * spread, 0.2 * spread) } else { (at(0.15), at(0.85).max(at(0.15) + 0.05 * spread)) };
+        let (low, high) =
+            if is_odd { (-0.2 * spread, 0.2 * spread) } else { (at(0.15), at(0.85).max(at(0.15) + 0.05 * spread)) };
         all.push(Asked::Bounds(Some(low), Some(high)));
     }
     random.shuffle(&mut all);

@@ -55,9 +55,8 @@ impl Judge<'_> {
             }
             Asked::Bent(sign) => {
                 let inputs = basis.axes.len();
-                let second: Vec<Vec<Vec<f64>>> = (0..inputs)
-                    .map(|a| (0..inputs).map(|c| scaled(basis.row(x, &[a, c], true), sign)).collect())
-                    .collect();
+                let second: Vec<Vec<Vec<f64>>> =
+                    (0..inputs).map(|a| (0..inputs).map(|c| scaled(basis.row(x, &[a, c], true), sign)).collect()).collect();
                 let curvature = DMatrix::from_fn(inputs, inputs, |a, c| dot(&second[a][c], b)).symmetric_eigen();
                 let u = curvature.eigenvectors.column(curvature.eigenvalues.imin());
                 let sum = |k: usize| {
@@ -222,8 +221,8 @@ fn program(free: &DVector<f64>, rows: &[Row]) -> DVector<f64> {
     let bounds: Vec<f64> = missing.iter().map(|missing| -missing / scale).collect();
     let settings = DefaultSettingsBuilder::default().verbose(false).max_threads(1).build().expect("the settings are ours");
     let cones = [NonnegativeConeT(rows.len())];
-    let mut solver =
-        DefaultSolver::new(&CscMatrix::identity(width), &vec![0.0; width], &matrix, &bounds, &cones, settings).expect("a program");
+    let mut solver = DefaultSolver::new(&CscMatrix::identity(width), &vec![0.0; width], &matrix, &bounds, &cones, settings)
+        .expect("a program");
     solver.solve();
     free + DVector::from(solver.solution.x.clone()) * scale
 }
