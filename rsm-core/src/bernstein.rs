@@ -179,20 +179,8 @@ pub fn least_for(times: usize, terms: &[Monomial], sides: &[Interval], wanted: &
 /// The smallest measure of some polynomials over a region of the box.
 #[must_use]
 pub fn least_measure(polynomials: &[Vec<Monomial>], sides: &[Interval], measure: &impl Measure, wanted: &Search<'_>) -> Least {
-    least_measure_for(1, polynomials, sides, measure, wanted)
-}
-
-/// The same with so many times the usual work.
-#[must_use]
-pub fn least_measure_for(
-    times: usize,
-    polynomials: &[Vec<Monomial>],
-    sides: &[Interval],
-    measure: &impl Measure,
-    wanted: &Search<'_>,
-) -> Least {
     let polynomials: Vec<&[Monomial]> = polynomials.iter().map(Vec::as_slice).collect();
-    search_within(&Cell::new(&polynomials, sides), measure, &Edge::all(wanted.spaces, sides), wanted, times * BUDGET).0
+    search_within(&Cell::new(&polynomials, sides), measure, &Edge::all(wanted.spaces, sides), wanted, BUDGET).0
 }
 
 /// Branch and bound; also returns the work done.

@@ -1,7 +1,7 @@
 //! `cargo xtask constraints`: fits of random feasible problems with constraints.
 //!
-//! In: seeds. Out: a line for each seed with the time, the largest violation that dense points find, and the excess over a lower bound of the smallest
-//! residual sum of squares. The problems and both judges are in `rsm-fit/tests/all/constrained/`. An hour for 270 seeds.
+//! In: seeds. Out: a line for each seed with the time, the largest violation that dense points find, and the excess over a lower bound of the
+//! smallest residual sum of squares. The problems and both judges are in `rsm-fit/tests/all/constrained/`. An hour for 270 seeds.
 
 use crate::stage::Run;
 use crate::workspace::cargo;

@@ -2,8 +2,8 @@
 //!
 //! In: lower bounds of a measure at the joint Bernstein coefficients of a cell, half-spaces. Out: a lower bound of the measure where all half-spaces
 //! hold. With L(x) = n . x - bound, which is not positive there, and any factor f >= 0, the measure is at least measure + f L. L is linear, so it has
-//! Bernstein coefficients of every degree (its values at the points of a regular grid), and the sum is at least its smallest coefficient (weak duality
-//! of Lagrange). Without it, a cell at the edge counts as a whole, however far beyond the edge its worst point is.
+//! Bernstein coefficients of every degree: its values at the points of a regular grid. The sum is at least its smallest coefficient (weak duality of
+//! Lagrange). Without it, a cell at the edge counts as a whole, however far beyond the edge its worst point is.
 
 use crate::interval::Interval;
 use crate::model::HalfSpace;

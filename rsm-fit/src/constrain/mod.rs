@@ -8,8 +8,8 @@
 //! [`bernstein::least`] searches the whole region for the worst point. It either proves that no constraint is violated, or returns a new point, which
 //! is added with the other local minima where a constraint is violated (`local_minima.rs`). Points that are no longer active are dropped
 //! (`points.rs`). At the points a constraint is enforced with a margin, [`SHIFT`], so that the minima between them, which shrink with the square of
-//! the distance of points, become at least 0 after finitely many rounds. If they do not within `SHIFTED_ROUNDS`, or if only the proof is missing, the
-//! shift grows up to `MOST_SHIFT`. Convexity is searched and proven in all directions at once (`curvature.rs`). A claim that a search neither
+//! the distance of points, become at least 0 after finitely many rounds. If they do not, or if only the proof is missing, the shift grows
+//! (`rounds.rs`). Convexity is searched and proven in all directions at once (`curvature.rs`). A claim that a search neither
 //! violates nor proves is proven by sums of squares (`squares.rs`). The region is the box cut by the support.
 
 mod claim;
@@ -18,6 +18,7 @@ mod local_minima;
 mod parts;
 mod points;
 mod program;
+mod rounds;
 mod squares;
 mod unproven;
 
@@ -37,33 +38,13 @@ use claim::Claim;
 use curvature::LeastEigenvalue;
 use points::Points;
 use program::Solution;
+pub use rounds::SHIFT;
+use rounds::{MOST_SHIFT, Rounds};
 use squares::Work;
 pub use unproven::{NotProven, Stop, Unproven};
 
-/// The first margin of the constraints at points, as a share of the spread of the response.
-pub const SHIFT: f64 = 1e-7;
-
 /// The tolerance of a proof, as a share of that spread. Where a surface is 0 for all coefficients, rounding leaves an error of this size.
 pub const SLACK: f64 = 1e-12;
-
-/// The number of rounds with the first shift, unless one finds no new point earlier.
-const SHIFTED_ROUNDS: usize = 25;
-
-/// After them, a round multiplies the shift by [`GROWTH`] if so many rounds did not halve the largest violation. A convex surface of four inputs and order
-/// 5 has some hundred active points, and halves it in about six rounds: with a shift that grew from the 25th round on, it reached the largest shift first.
-const PATIENCE: usize = 15;
-
-/// The largest number of rounds.
-const MOST_ROUNDS: usize = 250;
-
-/// The factor gives ten rounds for a digit. Exchange gains a digit faster, so both meet soon after the shift begins to grow.
-const GROWTH: f64 = 1.25;
-
-/// The factor if all points are known and only the proof is missing: cells of half the width have a quarter of the excess.
-const GROWTH_OF_PROOF: f64 = 2.0;
-
-/// The largest shift: below the noise of usual measurements. Above it, the outcome is "not proven".
-const MOST_SHIFT: f64 = 1e-4;
 
 /// The limit of multiplications of all certificates for one surface: about two minutes. Above it, a claim that a search does not prove is "not
 /// proven".
@@ -76,8 +57,8 @@ const WORK_SHARES: u64 = 10;
 /// the bounds of larger ones. A surface that falls by its spread over a half range violates a constraint by 10^-9 of it there.
 const FINEST: f64 = 1.0 / (1u64 << 30) as f64;
 
-/// The largest number of parts of a surface with sigmoids or waves. A sigmoid takes some twenty parts of an input, a wave two for each period. A search
-/// takes a millisecond for each part, and there are some ten rounds of it.
+/// The largest number of parts of a surface with sigmoids or waves. A sigmoid takes some twenty parts of an input, a wave two for each period. A
+/// search takes a millisecond for each part, and there are some ten rounds of it.
 pub const MOST_PARTS: usize = 2000;
 
 /// The number of parts of the box on which a surface is nearly a polynomial, if it is above the limit for constraints.
@@ -87,8 +68,9 @@ pub fn too_many_parts(surface: &Surface, inputs: &[Input]) -> Option<usize> {
     (count > MOST_PARTS).then_some(count)
 }
 
-/// The work of a search that proves what one with the usual work neither broke nor proved, at the edge of a support: some seconds.
-const LONGER: usize = 30;
+/// The work of a search that proves what one with the usual work neither broke nor proved, at the edge of a support: a second or
+/// two.
+const LONGER: usize = 8;
 
 /// The report on the constraints of a surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -306,7 +288,7 @@ impl Task<'_> {
             match claim.largest {
                 None => found.push(self.least(claim, &claim.monomials(coefficients), self.enough(), 1)),
                 // One search for all directions.
-                Some(0) => found.extend(self.least_curvature(claim, coefficients, 1)),
+                Some(0) => found.extend(self.least_curvature(claim, coefficients)),
                 Some(_) => {}
             }
         }
@@ -323,14 +305,9 @@ impl Task<'_> {
             }
             let monomials = claim.monomials(coefficients);
             // A support has up to 80 half-spaces of four inputs. They make squares large, and cells at its edge many.
-            if !self.surface.support.is_empty() {
-                let longer = match claim.largest {
-                    None => vec![self.least(claim, &monomials, self.enough(), LONGER)],
-                    Some(_) => self.least_curvature(claim, coefficients, LONGER),
-                };
-                let is_proven = self.is_proven(&longer);
-                found.splice(k..k + count, longer);
-                if is_proven {
+            if claim.largest.is_none() && !self.surface.support.is_empty() {
+                found[k] = self.least(claim, &monomials, self.enough(), LONGER);
+                if found[k].bound >= self.enough() {
                     continue;
                 }
             }
@@ -357,7 +334,7 @@ impl Task<'_> {
 
     /// The result of one search for the smallest curvature, for the claims of all directions in a piece. All have the same bound. The worst point
     /// belongs to the claim whose entry is the largest of its direction.
-    fn least_curvature(&self, first: &Claim, coefficients: &[f64], times: usize) -> Vec<Found> {
+    fn least_curvature(&self, first: &Claim, coefficients: &[f64]) -> Vec<Found> {
         let inputs = self.inputs.len();
         let (measure, hessian) = (LeastEigenvalue(inputs), curvature::entries(&first.monomials(coefficients), inputs));
         let place = |cell: &[[f64; 2]]| self.place(first, cell);
@@ -365,7 +342,7 @@ impl Task<'_> {
         let spaces = first.spaces(&self.surface.support);
         let wanted = Search { place: &place, spaces: &spaces, finest: FINEST, enough };
         let sides = &first.sides[..inputs];
-        let least = bernstein::least_measure_for(times, &hessian, sides, &measure, &wanted);
+        let least = bernstein::least_measure(&hessian, sides, &measure, &wanted);
         let bound = curvature::of_directions(least.bound, inputs);
         let (largest, direction) = measure.worst(&hessian, sides, &least.at);
         let of_one = |k: usize| {
@@ -455,40 +432,6 @@ impl Task<'_> {
             }
         }
         Change { value: largest.0, at: self.natural(&largest.1) }
-    }
-}
-
-/// The rounds of exchange, and the margin of each.
-struct Rounds {
-    count: usize,
-    shift: f64,
-    /// The violation that the next one must halve, and the round in which it was found.
-    last: (f64, usize),
-}
-
-impl Rounds {
-    fn new() -> Self {
-        Rounds { count: 0, shift: SHIFT, last: (f64::INFINITY, 0) }
-    }
-
-    /// Notes the largest violation of a round.
-    fn note(&mut self, violation: f64) {
-        if violation < self.last.0 / 2.0 {
-            self.last = (violation, self.count);
-        }
-    }
-
-    /// The shift of the next round; `None` if it would be too large, or after the last round. `is_complete`: all points are known, and only the proof
-    /// is missing.
-    fn next(&mut self, is_complete: bool) -> Option<f64> {
-        self.count += 1;
-        let is_slow = self.count > SHIFTED_ROUNDS && self.count > self.last.1 + PATIENCE;
-        self.shift *= match (is_complete, is_slow) {
-            (true, _) => GROWTH_OF_PROOF,
-            (false, true) => GROWTH,
-            (false, false) => 1.0,
-        };
-        (self.shift <= MOST_SHIFT && self.count <= MOST_ROUNDS).then_some(self.shift)
     }
 }
 

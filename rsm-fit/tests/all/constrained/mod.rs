@@ -27,6 +27,10 @@ fn judged(seed: u64, limit: Duration) -> (String, Option<String>) {
     let outcome = fitted(&problem.specification, &Files::of("data.csv", &problem.data));
     let seconds = begin.elapsed().as_secs_f64();
     let response = &outcome.responses[0];
+    if let Verdict::IllConditioned { .. } = response.verdict {
+        // The drawn rows do not determine the terms, with or without constraints.
+        return (format!("no problem   {}", problem.name), None);
+    }
     if response.verdict != Verdict::Fitted {
         let kind = if matches!(response.verdict, Verdict::NotProven(_)) { "NOT PROVEN" } else { "NO SURFACE" };
         let line = format!("{kind:<12} {seconds:7.1} s  {}\n    {}", problem.name, response.verdict);
