@@ -173,6 +173,18 @@ impl Task<'_> {
         if let Some(wanted) = self.response.support {
             surface.support = self.fit.observed(|fitted| support::of_data(surface, &self.inputs, fitted, wanted));
         }
+        if !self.response.constraints.is_empty()
+            && let Some(count) = constrain::too_many_parts(surface, &self.inputs)
+        {
+            let place = format!("responses.{}.constraints.0", surface.name);
+            let most = constrain::MOST_PARTS;
+            let what = format!(
+                "response `{}`: constraints: its sigmoids and waves divide the box into {count} parts, and at most {most} are proved",
+                surface.name
+            );
+            let help = "use fewer sigmoids, waves of lower orders, or no constraints";
+            return Err(Faults::one(self.specification.fault(&place, what).help(help)));
+        }
         let all = Design::new(surface, &self.inputs, terms);
         self.require_finite(&all)?;
         if self.response.loss != Loss::LeastSquares {

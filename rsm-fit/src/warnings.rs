@@ -11,19 +11,21 @@
 //! explains-little       less than half of the spread about the mean on holdout rows
 //! output-bound          the output range limits the surface at some rows
 //! bounds-off-data       most responses lie beyond the bounds of a constraint or of the output range
+//! constraints-off-data  constraints raise the residuals by more than noise explains
 //! rows-seen             rows kept apart are exact copies of fitted rows
 //! judged-by-choosers    there are no holdout rows
 //! missing-rows          a large share of the rows is left out because a cell is missing (`left_out.rs`)
 //! ```
 //!
 //! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 2.6 and 2.7 (lack of fit, R-student); Cook, Weisberg 1982,
-//! 2.2.2 (Bonferroni for the largest); Wald, Wolfowitz 1943 (serial correlation against random orders).
+//! 2.2.2 (Bonferroni for the largest); Wald, Wolfowitz 1943 (serial correlation against random orders); Gourieroux, Holly, Monfort 1982, Econometrica
+//! 50 (inequality constraints).
 
 use rsm_core::model::{Input, Surface};
 
 use crate::dd::Dd;
 use crate::design::{self, Design, count_of_terms};
-use crate::distributions::two_sided_t;
+use crate::distributions::{two_sided_t, upper_f};
 use crate::qr::{Growing, Triangle};
 use crate::selection::Sample;
 use crate::sequence::Sequence;
@@ -112,6 +114,9 @@ impl Notes<'_> {
         }
         warn("output-bound", self.output_bound(&residuals, spread));
         warn("bounds-off-data", self.bounds_off_data(low, high));
+        if !is_exact {
+            warn("constraints-off-data", self.constraints_off_data());
+        }
         for (key, count) in self.copies {
             warn(
                 "rows-seen",
@@ -296,6 +301,32 @@ impl Notes<'_> {
                 )
             })
         })
+    }
+}
+
+impl Notes<'_> {
+    /// If the true surface keeps q active constraints, the rise of the residual sum of squares by them, divided by the variance of the noise, is a
+    /// mixture of chi-squares with at most q degrees of freedom (Gourieroux, Holly, Monfort 1982). So the upper tail of F with q and the residual
+    /// degrees of freedom is a bound of its probability. The variance is that of the fit without constraints.
+    fn constraints_off_data(&self) -> Option<String> {
+        let told = self.statistics.constraints.as_ref().filter(|told| told.active)?;
+        let (free, held) = (told.residual_sd_without?, self.statistics.residual_sd?);
+        let terms = self.statistics.terms.len();
+        let freedom = self.fit.rows().checked_sub(terms).filter(|freedom| *freedom > 0)? as f64;
+        let points: usize = told.constraints.iter().map(|one| one.points.len()).sum();
+        let active = points.clamp(1, terms) as f64;
+        let f = freedom * ((held / free).powi(2) - 1.0) / active;
+        let p = upper_f(f, [active, freedom]).filter(|p| *p < ALARM)?;
+        let names: Vec<&str> =
+            told.constraints.iter().filter(|one| !one.points.is_empty()).map(|one| one.constraint.as_str()).collect();
+        let change = told.largest_change.as_ref().map_or(String::new(), |change| {
+            let place: Vec<String> = change.at.0.iter().map(|(name, x)| format!("{name} = {x:.4}")).collect();
+            format!("; they change the surface by up to {:.4} at {}", change.value, place.join(", "))
+        });
+        Some(format!(
+            "the data contradict the constraints ({}): the residual standard deviation is {held:.4} with them and {free:.4} without, more than noise explains (F = {f:.1}, p = {p:.1e}){change}",
+            names.join("; ")
+        ))
     }
 }
 

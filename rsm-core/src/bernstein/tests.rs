@@ -6,7 +6,7 @@ use crate::number::{Precision, Rational, exact, integer};
 
 mod cuts;
 
-const WHOLE_BOX: Search<'_> = Search { place: &|_| Place::Inside, finest: 1.0, enough: f64::INFINITY };
+const WHOLE_BOX: Search<'_> = Search { place: &|_| Place::Inside, spaces: &[], finest: 1.0, enough: f64::INFINITY };
 
 fn range_of(terms: &[Monomial], sides: &[Interval]) -> Interval {
     extent(terms, sides).range
@@ -50,7 +50,7 @@ fn a_search_leaves_out_what_does_not_belong_to_the_region() {
         _ => Place::Partly,
     };
     let side = Interval::new(0.0, 1.0);
-    let find = |enough| least(&terms, &[side, side], &Search { place: &place, finest: 1.0 / 1024.0, enough });
+    let find = |enough| least(&terms, &[side, side], &Search { place: &place, spaces: &[], finest: 1.0 / 1024.0, enough });
     let found = find(f64::INFINITY);
     // The cell that contains 0.7 counts as inside the region, so the bound may be as low as 0.7 - 1/1024.
     assert!(found.bound > 0.7 - 1.0 / 1024.0 && found.bound <= 0.7 && found.at[1] == 0.0, "{found:?}");
@@ -59,8 +59,9 @@ fn a_search_leaves_out_what_does_not_belong_to_the_region() {
     assert!(too_much.seen < 0.8 && too_much.bound <= too_much.seen, "{too_much:?}");
     // The polynomial does not depend on the variable that bounds the region.
     let nowhere = |cell: &[[f64; 2]]| if cell[0][0] <= 2.0 { Place::Outside } else { Place::Inside };
-    let empty = Search { place: &nowhere, finest: 0.5, enough: 0.0 };
-    let (found, work) = search_within(&Cell::new(&[&[monomial(&[0, 1], -1.0)]], &[side, side]), &Value, &empty, BUDGET);
+    let empty = Search { place: &nowhere, spaces: &[], finest: 0.5, enough: 0.0 };
+    let root = Cell::new(&[&[monomial(&[0, 1], -1.0)]], &[side, side]);
+    let (found, work) = search_within(&root, &Value, &[], &empty, BUDGET);
     assert_eq!((found.bound, work), (f64::INFINITY, 0));
 }
 
@@ -77,7 +78,7 @@ fn every_side_of_every_cell_gets_short() {
         monomial(&[0, 0], 1.0 / 16.0 + 1e-6),
     ];
     let sides = [Interval::new(-1.0, 1.3), Interval::new(-0.9, 1.2)];
-    let found = least(&terms, &sides, &Search { place: &|_| Place::Inside, finest: 1.0, enough: 0.0 });
+    let found = least(&terms, &sides, &Search { place: &|_| Place::Inside, spaces: &[], finest: 1.0, enough: 0.0 });
     assert!(found.bound >= 0.0, "{found:?}");
 }
 
@@ -295,7 +296,7 @@ fn a_least_value_inside_is_found_as_closely_as_promised() {
 #[test]
 fn the_corners_of_the_whole_box_are_seen_before_any_cut() {
     // A constant cannot be divided along any side.
-    let everywhere = Search { place: &|_| Place::Inside, finest: 1.0, enough: f64::INFINITY };
+    let everywhere = Search { place: &|_| Place::Inside, spaces: &[], finest: 1.0, enough: f64::INFINITY };
     let found = least(&[monomial(&[0], 3.5)], &[Interval::new(-1.0, 1.0)], &everywhere);
     assert_eq!((found.bound, found.seen), (3.5, 3.5));
 }

@@ -8,23 +8,24 @@
 //! [`bernstein::least`] searches the whole region for the worst point. It either proves that no constraint is violated, or returns a new point, which
 //! is added with the other local minima where a constraint is violated (`local_minima.rs`). Points that are no longer active are dropped
 //! (`points.rs`). At the points a constraint is enforced with a margin, [`SHIFT`], so that the minima between them, which shrink with the square of
-//! the distance of points, become at least 0 after finitely many rounds. If they do not within `SHIFTED_ROUNDS`, or if only the proof is missing, the
-//! shift grows up to `MOST_SHIFT`. Convexity is searched and proven in all directions at once (`curvature.rs`). A claim that a search neither
-//! violates nor proves is proven by sums of squares (`squares.rs`). The region is the box cut by the support. A small cell of the search that the
-//! edge of the support cuts counts as inside.
+//! the distance of points, become at least 0 after finitely many rounds. If they do not, or if only the proof is missing, the shift grows
+//! (`rounds.rs`). Convexity is searched and proven in all directions at once (`curvature.rs`). A claim that a search neither
+//! violates nor proves is proven by sums of squares (`squares.rs`). The region is the box cut by the support.
 
 mod claim;
 mod curvature;
 mod local_minima;
+mod parts;
 mod points;
 mod program;
+mod rounds;
 mod squares;
 mod unproven;
 
 use rsm_core::basis::{Factor, Variable};
 use rsm_core::bernstein::{self, Place, Search};
 use rsm_core::interval::Interval;
-use rsm_core::model::{HalfSpace, Input, Surface};
+use rsm_core::model::{Input, Surface};
 use serde::Serialize;
 
 use crate::design::Coded;
@@ -37,26 +38,13 @@ use claim::Claim;
 use curvature::LeastEigenvalue;
 use points::Points;
 use program::Solution;
+pub use rounds::SHIFT;
+use rounds::{MOST_SHIFT, Rounds};
 use squares::Work;
 pub use unproven::{NotProven, Stop, Unproven};
 
-/// The first margin of the constraints at points, as a share of the spread of the response.
-pub const SHIFT: f64 = 1e-7;
-
 /// The tolerance of a proof, as a share of that spread. Where a surface is 0 for all coefficients, rounding leaves an error of this size.
 pub const SLACK: f64 = 1e-12;
-
-/// The number of rounds with the first shift, unless one finds no new point earlier. Each later round multiplies the shift by [`GROWTH`].
-const SHIFTED_ROUNDS: usize = 25;
-
-/// The factor gives ten rounds for a digit. Exchange gains a digit faster, so both meet soon after the shift begins to grow.
-const GROWTH: f64 = 1.25;
-
-/// The factor if all points are known and only the proof is missing: cells of half the width have a quarter of the excess.
-const GROWTH_OF_PROOF: f64 = 2.0;
-
-/// The largest shift: below the noise of usual measurements. Above it, the outcome is "not proven".
-const MOST_SHIFT: f64 = 1e-4;
 
 /// The limit of multiplications of all certificates for one surface: about two minutes. Above it, a claim that a search does not prove is "not
 /// proven".
@@ -64,6 +52,25 @@ const MOST_WORK: u64 = 1_000_000_000_000;
 
 /// One certificate may use one part in this many of the limit. The shift doubles ten times from the first to the largest.
 const WORK_SHARES: u64 = 10;
+
+/// Cells at the support's edge that are no wider than this share of a side count as inside. Few cells become so small, because the half-spaces enter
+/// the bounds of larger ones. A surface that falls by its spread over a half range violates a constraint by 10^-9 of it there.
+const FINEST: f64 = 1.0 / (1u64 << 30) as f64;
+
+/// The largest number of parts of a surface with sigmoids or waves. A sigmoid takes some twenty parts of an input, a wave two for each period. A
+/// search takes a millisecond for each part, and there are some ten rounds of it.
+pub const MOST_PARTS: usize = 2000;
+
+/// The number of parts of the box on which a surface is nearly a polynomial, if it is above the limit for constraints.
+#[must_use]
+pub fn too_many_parts(surface: &Surface, inputs: &[Input]) -> Option<usize> {
+    let count = if parts::has_steps(surface) { parts::Part::count(surface, inputs) } else { 1 };
+    (count > MOST_PARTS).then_some(count)
+}
+
+/// The work of a search that proves what one with the usual work neither broke nor proved, at the edge of a support: a second or
+/// two.
+const LONGER: usize = 8;
 
 /// The report on the constraints of a surface.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -180,7 +187,7 @@ impl Task<'_> {
         }
         // mutant `0 up`: any seed gives a valid result.
         let mut random = Random::new(0);
-        let mut rounds = Rounds { count: 0, shift: SHIFT };
+        let mut rounds = Rounds::new();
         let mut is_complete = false;
         let mut stopped_by = Stop::LargestShift;
         while let Some(shift) = rounds.next(is_complete) {
@@ -213,12 +220,13 @@ impl Task<'_> {
                 let held: Vec<(usize, Vec<f64>)> = active
                     .iter()
                     .map(|k| &points.points[*k])
-                    .map(|point| (point.claim, claims[point.claim].point(&point.shares)))
+                    .map(|point| (point.claim, claims[point.claim].main_point(&point.shares)))
                     .collect();
                 let constraints = self.reports(&claims, &found, &held);
                 let largest_change = self.largest_change(&coefficients);
                 return Constrained::Active { coefficients, constraints, rounds: rounds.count, shift, largest_change };
             }
+            rounds.note(-found.iter().map(|found| found.seen).fold(f64::INFINITY, f64::min));
             match points.exchange(&active, &found, &local_minima) {
                 // A larger shift gives the proof more margin.
                 Ok(is_new) => is_complete = !is_new,
@@ -278,7 +286,7 @@ impl Task<'_> {
         let mut found = Vec::new();
         for claim in claims {
             match claim.largest {
-                None => found.push(self.least(claim, &claim.monomials(coefficients), self.enough())),
+                None => found.push(self.least(claim, &claim.monomials(coefficients), self.enough(), 1)),
                 // One search for all directions.
                 Some(0) => found.extend(self.least_curvature(claim, coefficients)),
                 Some(_) => {}
@@ -296,13 +304,26 @@ impl Task<'_> {
                 continue;
             }
             let monomials = claim.monomials(coefficients);
+            // A support has up to 80 half-spaces of four inputs. They make squares large, and cells at its edge many.
+            if claim.largest.is_none() && !self.surface.support.is_empty() {
+                found[k] = self.least(claim, &monomials, self.enough(), LONGER);
+                if found[k].bound >= self.enough() {
+                    continue;
+                }
+            }
             let (entries, enough) = match claim.largest {
                 None => (vec![monomials], self.enough()),
                 Some(_) => (curvature::entries(&monomials, inputs), self.enough() / inputs as f64),
             };
             let given = work.left.min(MOST_WORK / WORK_SHARES);
             let mut own = Work { left: given };
-            let bound = squares::least_eigenvalue(&entries, &claim.sides[..inputs], &self.surface.support, enough, &mut own);
+            let bound = squares::least_eigenvalue(
+                &entries,
+                &claim.sides[..inputs],
+                &claim.spaces(&self.surface.support),
+                enough,
+                &mut own,
+            );
             work.left -= given - own.left;
             if let Some(bound) = bound {
                 found[k..k + count].iter_mut().for_each(|found| found.bound = curvature::of_directions(bound, count));
@@ -318,7 +339,8 @@ impl Task<'_> {
         let (measure, hessian) = (LeastEigenvalue(inputs), curvature::entries(&first.monomials(coefficients), inputs));
         let place = |cell: &[[f64; 2]]| self.place(first, cell);
         let enough = self.enough() / inputs as f64;
-        let wanted = Search { place: &place, finest: finest(inputs), enough };
+        let spaces = first.spaces(&self.surface.support);
+        let wanted = Search { place: &place, spaces: &spaces, finest: FINEST, enough };
         let sides = &first.sides[..inputs];
         let least = bernstein::least_measure(&hessian, sides, &measure, &wanted);
         let bound = curvature::of_directions(least.bound, inputs);
@@ -331,10 +353,11 @@ impl Task<'_> {
         (0..inputs).map(of_one).collect()
     }
 
-    fn least(&self, claim: &Claim, monomials: &[bernstein::Monomial], enough: f64) -> Found {
+    fn least(&self, claim: &Claim, monomials: &[bernstein::Monomial], enough: f64, times: usize) -> Found {
         let place = |cell: &[[f64; 2]]| self.place(claim, cell);
-        let wanted = Search { place: &place, finest: finest(self.inputs.len()), enough };
-        let found = bernstein::least(monomials, &claim.sides, &wanted);
+        let spaces = claim.spaces(&self.surface.support);
+        let wanted = Search { place: &place, spaces: &spaces, finest: FINEST, enough };
+        let found = bernstein::least_for(times, monomials, &claim.sides, &wanted);
         Found { bound: found.bound, seen: found.seen, shares: found.at }
     }
 
@@ -346,26 +369,19 @@ impl Task<'_> {
             };
             at(shares[0]).hull(at(shares[1]))
         };
-        let cell: Vec<Interval> = claim.sides.iter().zip(cell).take(self.inputs.len()).map(variable).collect();
-        let of_one = |space: &HalfSpace| {
+        let cell: Vec<Interval> = claim.main.iter().zip(cell).take(self.inputs.len()).map(variable).collect();
+        let mut place = Place::Inside;
+        for space in &self.surface.support {
             let parts = space.normal.iter().zip(&cell).map(|(n, x)| Interval::point(*n) * *x);
             let sum = parts.fold(Interval::point(0.0), |sum, part| sum + part);
             if sum.low > space.bound {
-                Place::Outside
-            } else if sum.high > space.bound {
-                Place::Partly
-            } else {
-                Place::Inside
+                return Place::Outside;
             }
-        };
-        let places: Vec<Place> = self.surface.support.iter().map(of_one).collect();
-        if places.contains(&Place::Outside) {
-            Place::Outside
-        } else if places.contains(&Place::Partly) {
-            Place::Partly
-        } else {
-            Place::Inside
+            if sum.high > space.bound {
+                place = Place::Partly;
+            }
         }
+        place
     }
 
     fn reports(&self, claims: &[Claim], found: &[Found], held: &[(usize, Vec<f64>)]) -> Vec<ConstraintReport> {
@@ -408,40 +424,15 @@ impl Task<'_> {
                     .iter()
                     .map(|term| bernstein::Monomial { coefficient: term.coefficient * Interval::point(sign), ..term.clone() })
                     .collect();
-                let found = self.least(&claim, &turned, f64::INFINITY);
+                let found = self.least(&claim, &turned, f64::INFINITY, 1);
                 // mutant `< to <=`: of two changes with one size, either is the largest.
                 if found.seen.is_finite() && found.seen < -f64::abs(largest.0) {
-                    largest = (sign * found.seen, claim.point(&found.shares));
+                    largest = (sign * found.seen, claim.main_point(&found.shares));
                 }
             }
         }
         Change { value: largest.0, at: self.natural(&largest.1) }
     }
-}
-
-/// The rounds of exchange, and the margin of each.
-struct Rounds {
-    count: usize,
-    shift: f64,
-}
-
-impl Rounds {
-    /// The shift of the next round; `None` if it would be too large. `is_complete`: all points are known, and only the proof is missing.
-    fn next(&mut self, is_complete: bool) -> Option<f64> {
-        self.count += 1;
-        self.shift *= match (is_complete, self.count > SHIFTED_ROUNDS) {
-            (true, _) => GROWTH_OF_PROOF,
-            (false, true) => GROWTH,
-            (false, false) => 1.0,
-        };
-        (self.shift <= MOST_SHIFT).then_some(self.shift)
-    }
-}
-
-/// Cells at the support's edge that are no wider than this share of a side count as inside: some thousand cells for any number of inputs.
-fn finest(inputs: usize) -> f64 {
-    const OF_INPUTS: [f64; 6] = [1.0 / 1024.0, 1.0 / 1024.0, 1.0 / 1024.0, 1.0 / 64.0, 1.0 / 16.0, 1.0 / 8.0];
-    OF_INPUTS[inputs.min(OF_INPUTS.len() - 1)]
 }
 
 /// xi for x, within the range of the input; for a symmetric input its magnitude.

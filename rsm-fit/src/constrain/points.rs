@@ -15,6 +15,9 @@ use crate::random::Random;
 /// The number of random points for each round and claim from which a descent searches for a violation. Further descents start from the active points.
 const DRAWN: usize = 48;
 
+/// Up to this number of claims, each gets all its random points; with more claims, each is smaller.
+const MOST_FULL: usize = 32;
+
 /// The largest number of points added for one claim in a round.
 const MOST_PLACES: usize = 48;
 
@@ -25,6 +28,9 @@ const MOST_INACTIVE_ROUNDS: usize = 6;
 /// The number of points of the first round, for all claims together. A search takes a millisecond and gives the worst point; the program takes ten
 /// times as long with a thousand rows as with a hundred.
 const FIRST_POINTS: usize = 150;
+
+/// At most so many claims get points of the first round. A piece between knots is a claim, and so is a part of a sigmoid.
+const MOST_WITH_POINTS: usize = 600;
 
 /// A row with at least 1/100 of the length of its claim's longest row gets the full shift.
 const NEAR_ZERO: f64 = 100.0;
@@ -61,6 +67,10 @@ impl Points<'_> {
             let points = self.grid(claim);
             let length = |shares: &Vec<f64>| norm(&claim.row(&claim.point(shares)));
             self.lengths.push(points.iter().map(length).fold(0.0, f64::max));
+            // Of very many claims, the parts of a surface with sigmoids, only some get points. The search finds what the others need.
+            if k % self.claims.len().div_ceil(MOST_WITH_POINTS) > 0 {
+                continue;
+            }
             for point in points {
                 self.push(k, point, true)?;
             }
@@ -106,7 +116,8 @@ impl Points<'_> {
             let mut starts: Vec<Vec<f64>> = held.map(|point| point.shares.clone()).collect();
             // mutant `0 up`: one start less of many.
             // mutant `DRAWN doubled`: more starts. The search finds what they miss, one round later.
-            starts.extend((0..DRAWN).map(|_| sides.iter().map(|_| random.share()).collect()));
+            let drawn = (DRAWN * MOST_FULL / self.claims.len()).clamp(2, DRAWN);
+            starts.extend((0..drawn).map(|_| sides.iter().map(|_| random.share()).collect()));
             let polynomial_on_box = BoxPolynomial::new(&claim.monomials(coefficients), sides);
             let broken = polynomial_on_box.below(self.task.enough(), &starts, &|shares| self.is_inside(claim, shares));
             // mutant `MOST_PLACES doubled`: the others are added in the next round.

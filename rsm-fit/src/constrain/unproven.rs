@@ -70,7 +70,7 @@ impl NotProven {
             let seen = own()
                 .filter(|(_, found)| found.seen.is_finite())
                 .min_by(|(_, one), (_, other)| one.seen.total_cmp(&other.seen));
-            let point = |(claim, found): (&Claim, &Found)| task.natural(&claim.point(&found.shares));
+            let point = |(claim, found): (&Claim, &Found)| task.natural(&claim.main_point(&found.shares));
             let quantity = match constraint {
                 Constraint::Bounds { .. } => "distance from the bounds",
                 Constraint::Monotone { .. } => "slope per half range",

@@ -84,10 +84,12 @@ impl Forms<'_> {
         let Some(highest) = self.highest_order() else { return (None, None) };
         let may = |form| wanted.is_none_or(|forms| forms.contains(&form));
         let is_only = wanted.is_some_and(|forms| !forms.contains(&Form::Polynomial));
-        let is_free = !self.is_constrained && self.surface.width() == self.surface.inputs.len() + self.surface.knots.len();
+        // Without a request, constraints keep the form that they were given for.
+        let may_be_constrained = |form| !self.is_constrained || wanted.is_some_and(|forms| forms.contains(&form));
+        let is_free = self.surface.width() == self.surface.inputs.len() + self.surface.knots.len();
         let has_rows = is_free && self.fit.rows() >= LEAST_ROWS && self.surface.inputs.len() <= MOST_INPUTS;
         let mut report = None;
-        if has_rows && may(Form::Wave) && self.periods.iter().any(Option::is_some) {
+        if has_rows && may(Form::Wave) && may_be_constrained(Form::Wave) && self.periods.iter().any(Option::is_some) {
             let search = waves::Search { surface: self.surface, inputs: self.inputs, periods: &self.periods, highest };
             let (taken, said) = match search.run(self.fit) {
                 Some(found) => self.compared(Form::Wave, &found, highest, is_only, &|rest| search.run(rest)),
@@ -98,7 +100,7 @@ impl Forms<'_> {
             }
             report = Some(said);
         }
-        if !may(Form::Sigmoid) || (wanted.is_none() && !self.is_open) {
+        if !may(Form::Sigmoid) || !may_be_constrained(Form::Sigmoid) || (wanted.is_none() && !self.is_open) {
             return (None, report);
         }
         let is_asked = wanted.is_some();

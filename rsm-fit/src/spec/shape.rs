@@ -333,7 +333,7 @@ pub(super) fn check(specification: &Specification, faults: &mut Collector) {
             faults.push(specification.fault(&place, what).help(help));
         }
         for (k, constraint) in response.constraints.iter().enumerate() {
-            if let Some((what, help)) = contradiction(response, constraint) {
+            if let Some((what, help)) = contradiction(specification, response, constraint) {
                 let place = format!("responses.{}.constraints.{k}", response.surface.name);
                 let what = format!("response `{}`: constraint {}: {what}", response.surface.name, k + 1);
                 faults.push(specification.fault(&place, what).help(help));
@@ -348,25 +348,25 @@ fn unwanted_form(response: &ResponseSpec) -> Option<(String, &'static str)> {
     if let Method::Fixed(_) = response.method {
         return Some(("not accepted with `terms`: the given terms fix the form".to_string(), "leave `forms` out, or `terms`"));
     }
-    if !response.constraints.is_empty() {
-        let what = "\"sigmoid\" cannot be combined with `constraints`: they are proved for polynomials only".to_string();
-        return Some((what, "leave out one of the two, or saturate the result by `output_range`"));
-    }
     let reciprocal = response.surface.reciprocal.first();
     reciprocal
         .map(|input| (format!("\"sigmoid\" cannot be combined with `reciprocal` of `{input}`"), "leave out one of the two"))
 }
 
 /// The fault of a constraint, and what to do.
-fn contradiction(response: &ResponseSpec, constraint: &Constraint) -> Option<(String, String)> {
+fn contradiction(specification: &Specification, response: &ResponseSpec, constraint: &Constraint) -> Option<(String, String)> {
     let surface = &response.surface;
     let symmetry_of = |name: &str| surface.symmetry.iter().find(|(input, _)| input == name).map(|(_, kind)| *kind);
     let mut odd = surface.symmetry.iter().filter(|(_, kind)| *kind == Symmetry::Odd).map(|(input, _)| input);
-    if !surface.sigmoids.is_empty() || !surface.waves.is_empty() {
-        let key = if surface.sigmoids.is_empty() { "waves" } else { "sigmoids" };
-        let what = format!("constraints cannot be combined with `{key}`: they are proved for polynomials only");
-        return Some((what, "leave out one of the two, or saturate the result by `output_range`".to_string()));
+    // A sigmoid of such an input is refused anyway.
+    if let Some(input) = surface.waves.iter().map(|wave| &wave.input).find(|input| surface.reciprocal.contains(input)) {
+        let what = format!("`{input}` enters by its reciprocal and in a wave: constraints are not proved for both");
+        return Some((what, "leave out one of them".to_string()));
     }
+    // Waves of the response, or those that the data may choose.
+    let may_wave = response.forms.as_ref().is_some_and(|forms| forms.contains(&Form::Wave));
+    let is_periodic = |name: &String| specification.input(name).is_some_and(|input| input.period.is_some());
+    let has_waves = |name: &String| surface.waves.iter().any(|wave| wave.input == *name) || (may_wave && is_periodic(name));
     match constraint {
         Constraint::Bounds { .. } => None,
         Constraint::Monotone { input, .. } => {
@@ -374,6 +374,11 @@ fn contradiction(response: &ResponseSpec, constraint: &Constraint) -> Option<(St
                 let known: Vec<String> = surface.inputs.iter().map(|input| format!("`{input}`")).collect();
                 let help = format!("its inputs are {}", known.join(", "));
                 return Some((format!("`{input}` is not an input of this response"), help));
+            }
+            if has_waves(input) {
+                let what =
+                    format!("the response has waves over `{input}`: if it never falls over a whole period, it is constant");
+                return Some((what, "leave out one of the two".to_string()));
             }
             if symmetry_of(input) == Some(Symmetry::Even) {
                 let help = "leave out one of the two".to_string();
@@ -388,6 +393,12 @@ fn contradiction(response: &ResponseSpec, constraint: &Constraint) -> Option<(St
             })
         }
         Constraint::Convex | Constraint::Concave => {
+            if let Some(input) = surface.inputs.iter().find(|input| has_waves(input)) {
+                let what = format!(
+                    "the response has waves over `{input}`: a response that is convex or concave over a whole period is constant"
+                );
+                return Some((what, "leave out one of the two".to_string()));
+            }
             if let Some((input, _)) = surface.symmetry.first() {
                 let what = format!("a response with `symmetry` in `{input}` cannot be constrained to be convex or concave");
                 return Some((what, "leave out one of the two".to_string()));

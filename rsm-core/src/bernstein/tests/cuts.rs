@@ -10,7 +10,7 @@ fn cell_of_a_third(c: f64) -> Cell {
 }
 
 fn cuts_of_a_third(c: f64, enough: f64, budget: usize) -> usize {
-    let (_, work) = search_within(&cell_of_a_third(c), &Value, &Search { enough, ..WHOLE_BOX }, budget);
+    let (_, work) = search_within(&cell_of_a_third(c), &Value, &[], &Search { enough, ..WHOLE_BOX }, budget);
     assert!(work.is_multiple_of(36));
     work / 36
 }
@@ -53,7 +53,7 @@ fn no_cell_is_cut_more_than_the_enclosure_needs() {
 fn what_no_cut_improves_is_not_cut() {
     let side = Interval::new(-1.0, 1.0);
     let work = |terms: &[Monomial], sides: &[Interval]| {
-        let (found, work) = search_within(&Cell::new(&[terms], sides), &Value, &WHOLE_BOX, BUDGET);
+        let (found, work) = search_within(&Cell::new(&[terms], sides), &Value, &[], &WHOLE_BOX, BUDGET);
         (found.bound, work)
     };
     // The polynomial is zero, although it is of second degree.
@@ -80,7 +80,7 @@ fn a_search_spends_its_budget() {
     let sides = [Interval::new(-1.0, 1.3), Interval::new(-0.9, 1.2)];
     let root = Cell::new(&[&terms[..]], &sides);
     let [once, twice] = [1, 2].map(|times| {
-        let (found, work) = search_within(&root, &Value, &WHOLE_BOX, times * BUDGET);
+        let (found, work) = search_within(&root, &Value, &[], &WHOLE_BOX, times * BUDGET);
         let of_one_cut = 4 * 21 * 21 * 21;
         assert!(work > times * BUDGET && work <= times * BUDGET + of_one_cut);
         found
@@ -137,26 +137,26 @@ fn the_edge_of_a_region_is_cut_down_to_the_finest_cell() {
         (_, true) => Place::Partly,
         _ => Place::Outside,
     };
-    let wanted = Search { place: &place, finest: 0.25, enough: f64::INFINITY };
+    let wanted = Search { place: &place, spaces: &[], finest: 0.25, enough: f64::INFINITY };
     let side = Interval::new(0.0, 1.0);
-    let (found, work) = search_within(&Cell::new(&[&[monomial(&[1], -1.0)]], &[side]), &Value, &wanted, BUDGET);
+    let (found, work) = search_within(&Cell::new(&[&[monomial(&[1], -1.0)]], &[side]), &Value, &[], &wanted, BUDGET);
     assert_eq!((found.at, work), (vec![0.75], 2 * 4 * 2 * 2));
     assert!((found.bound + 0.75).abs() < 1e-15 && found.seen >= -0.75, "{} {}", found.bound, found.seen);
     // A second side on which only the region depends is divided too: x, y, x of both halves, y of one more. Then the smallest value is known.
-    let (found, work) = search_within(&Cell::new(&[&[monomial(&[1, 0], -1.0)]], &[side, side]), &Value, &wanted, BUDGET);
+    let (found, work) = search_within(&Cell::new(&[&[monomial(&[1, 0], -1.0)]], &[side, side]), &Value, &[], &wanted, BUDGET);
     assert_eq!((found.at[0], work), (0.75, 5 * 4 * 2 * 2));
     // With half of the finest size: 0.7 is in [5/8, 3/4], which has the finest size.
     let finer = Search { finest: 0.125, ..wanted };
-    let (found, work) = search_within(&Cell::new(&[&[monomial(&[1], -1.0)]], &[side]), &Value, &finer, BUDGET);
+    let (found, work) = search_within(&Cell::new(&[&[monomial(&[1], -1.0)]], &[side]), &Value, &[], &finer, BUDGET);
     assert_eq!((found.at, work), (vec![0.75], 3 * 4 * 2 * 2));
 }
 
 #[test]
 fn a_region_that_turns_out_to_be_empty_has_no_least_value() {
     let place = |cell: &[[f64; 2]]| if cell[0][1] - cell[0][0] > 0.3 { Place::Partly } else { Place::Outside };
-    let wanted = Search { place: &place, finest: 0.01, enough: 0.0 };
+    let wanted = Search { place: &place, spaces: &[], finest: 0.01, enough: 0.0 };
     let (found, work) =
-        search_within(&Cell::new(&[&[monomial(&[1], -1.0)]], &[Interval::new(0.0, 1.0)]), &Value, &wanted, BUDGET);
+        search_within(&Cell::new(&[&[monomial(&[1], -1.0)]], &[Interval::new(0.0, 1.0)]), &Value, &[], &wanted, BUDGET);
     assert_eq!(found, Least { bound: f64::INFINITY, seen: f64::INFINITY, at: vec![0.5] });
     assert_eq!(work, 3 * 4 * 2 * 2);
 }

@@ -1,6 +1,7 @@
 //! Claims against differences of the surface itself, taken from its formula.
 
 use rsm_core::model::{Coding, Knot, Outside, Term};
+use rsm_core::pieces;
 
 use super::*;
 use crate::random::Random;
