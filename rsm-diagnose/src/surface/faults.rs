@@ -8,9 +8,10 @@
 use rsm_core::model::Model;
 use rsm_fit::random::Random;
 
+use super::approach::{self, DirectionCorrection};
 use super::data::NewData;
 use super::fault::{Fault, Found};
-use super::proven_faults::{self, DirectionCorrection};
+use super::proven_faults;
 use super::readings;
 use super::sample::{RowSet, Sample};
 
@@ -45,7 +46,7 @@ impl CheckedRows {
         }
         let sample = checked.sample(from, RowSet::Inside);
         if sample.rows() >= LEAST_ROWS
-            && let Some(DirectionCorrection { fault, rows, unknown }) = proven_faults::direction(model, &sample, data)
+            && let Some(DirectionCorrection { fault, rows, unknown }) = approach::direction(model, &sample, data)
         {
             rows.iter().for_each(|(row, amount)| checked.response[*row] -= amount);
             unknown.iter().for_each(|row| checked.used[*row] = false);

@@ -14,6 +14,7 @@
 //! In: a checked model, new data. Out: [`Diagnosis`]. Coefficients of the file are estimates. A change within their uncertainty is calibration, not a
 //! cause. Thresholds come from noise drawn on the data's own rows, with at most 5 % of false alarms in all. Does not print or write files.
 
+mod approach;
 mod cause;
 pub mod causes;
 mod choice;

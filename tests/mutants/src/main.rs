@@ -336,7 +336,7 @@ mod tests {
     #[test]
     fn the_tests_of_a_file_are_named_by_its_module() {
         assert_eq!(module("rsm-diagnose/src/plant/verdict.rs", "rsm-diagnose"), "plant::verdict::");
-        assert_eq!(module("rsm-sim/src/effects/mod.rs", "rsm-sim"), "effects::");
+        assert_eq!(module("rsm-sim/src/equations/mod.rs", "rsm-sim"), "equations::");
     }
 
     #[test]
