@@ -117,3 +117,13 @@ fn around_a_rational_lie_its_two_neighbours() {
     assert_eq!(Interval::around(&beyond), Interval { low: f64::MAX, high: f64::INFINITY });
     assert_eq!(Interval::around(&-beyond), Interval { low: f64::NEG_INFINITY, high: -f64::MAX });
 }
+
+#[test]
+fn a_power_of_two_exists_up_to_the_largest_exponent() {
+    for (precision, largest) in [(Precision::F64, 1023_i32), (Precision::F32, 127)] {
+        let of = |low: i32, high: i32| Interval { low: f64::from(low), high: f64::from(high) }.power_of_two(precision);
+        let all = of(1 - largest, largest).unwrap();
+        assert_eq!((all.low, all.high), (2.0_f64.powi(1 - largest), 2.0_f64.powi(largest)));
+        assert!(of(0, largest + 1).is_none() && of(-largest, 0).is_none());
+    }
+}

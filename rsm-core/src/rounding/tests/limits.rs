@@ -107,3 +107,17 @@ fn an_index_that_may_be_another_integer_reads_any_entry() {
         assert_eq!(error_bound(&outside, &[[0.0, 4.0]]), f64::INFINITY);
     }
 }
+
+/// The ideal's exponent is another one if the operand has an error. Without one, it is that of the operand.
+#[test]
+fn only_an_exact_operand_has_an_exponent() {
+    for precision in Precision::ALL {
+        for (by, is_finite) in [(0.0, true), (0.25, false), (-0.25, false)] {
+            let exponent = write_tape(precision, 0, |builder, _| {
+                let operand = off(builder, 3.0, by);
+                builder.push(Op::Exponent(operand))
+            });
+            assert_eq!(error_bound(&exponent, &[]), if is_finite { 0.0 } else { f64::INFINITY }, "{by}");
+        }
+    }
+}
