@@ -1,8 +1,8 @@
 //! The plant `pmac` under voltages of the stator's frame.
 //!
 //! In: a plant file, stator-frame voltages held over a span, the load torque. Out: the state after it, and what sensors would read. A motor without
-//! effects runs on [`super::rotor`]; with effects it runs on the equations of its plant file. While the rotor turns, a voltage that stands still in
-//! the stator turns in its frame: it is turned anew at every stage of the integration. Never draws random numbers.
+//! effects runs on the file `rotor.rs`; with effects it runs on the equations of its plant file. While the rotor turns, a voltage that stands still
+//! in the stator turns in its frame: it is turned anew at every stage of the integration. Never draws random numbers.
 
 use rsm_core::source::{Fault, Faults};
 
