@@ -75,16 +75,6 @@ impl Arguments {
         self.optional(name)
             .unwrap_or_else(|| panic!("the effect's required number `{name}` was checked when the file was read"))
     }
-
-    /// The index of the named output.
-    ///
-    /// # Panics
-    /// If there is no such output. The reader of plant files refuses such an effect.
-    #[must_use]
-    pub fn output(&self) -> usize {
-        let name = self.subject.as_deref().expect("an effect on an output names it");
-        self.plant.output(name).expect("the output was checked when the file was read")
-    }
 }
 
 /// The start points of a search for the numbers of an effect, computed from the scales of the records.

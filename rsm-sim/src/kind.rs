@@ -51,8 +51,6 @@ pub struct Described {
     pub start_values: Vec<f64>,
     /// States whose start no reading of an output determines: the text gives it.
     pub free_starts: Vec<Signal>,
-    /// States of them for which a record may have a column. Its first value is the start.
-    pub start_columns: Vec<Signal>,
     /// The same plant without its controller, for records that have its input in place of that of the controller.
     pub open_loop: Option<PlantKind>,
     /// The parameters on which only the start depends, with their typical sizes (`nominal` in the text).
@@ -103,6 +101,13 @@ impl Decision {
 }
 
 impl Described {
+    /// The states for which a record may have a column. Its first value is the start. A speed that was recorded beside the position of a controlled
+    /// plant is no exact start.
+    #[must_use]
+    pub fn start_columns(&self) -> &[Signal] {
+        if self.open_loop.is_some() { &[] } else { &self.free_starts }
+    }
+
     /// Whether a name is that of a parameter on which only the start depends.
     #[must_use]
     pub fn is_of_start(&self, name: &str) -> bool {
@@ -144,12 +149,6 @@ impl PlantKind {
     #[must_use]
     pub fn is(self, name: &str) -> bool {
         self.is_first_format && self.name == name
-    }
-
-    /// Whether its plant files have format 1.
-    #[must_use]
-    pub fn is_first_format(self) -> bool {
-        self.is_first_format
     }
 
     /// The name in a file.
@@ -195,7 +194,7 @@ impl PlantKind {
     pub fn columns(self) -> Vec<Signal> {
         let mut columns = vec![Signal { name: "time", unit: "s" }];
         let without_controller = self.open_loop.map_or(&[][..], PlantKind::inputs);
-        for signal in without_controller.iter().chain(self.inputs()).chain(self.outputs()).chain(&self.start_columns) {
+        for signal in without_controller.iter().chain(self.inputs()).chain(self.outputs()).chain(self.start_columns()) {
             if !columns.contains(signal) {
                 columns.push(*signal);
             }

@@ -51,6 +51,12 @@ impl PlantFile {
         self.given.iter().chain(&self.effects)
     }
 
+    /// The share of a body's inertia that all effects put behind joints. A plant needs less than 1.
+    #[must_use]
+    pub fn split(&self) -> f64 {
+        self.acting().map(Entry::split).sum()
+    }
+
     /// The parameters with the changes by effects.
     #[must_use]
     pub fn effective_parameters(&self) -> Parameters {

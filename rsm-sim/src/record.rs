@@ -232,7 +232,7 @@ impl Columns<'_> {
     /// The first values of start variables that are no outputs.
     fn starts(&self, take: &dyn Fn(&str) -> Option<Vec<f64>>) -> Vec<(&'static str, f64)> {
         let first = |it: &Signal| Some((it.name, take(it.name)?.first().copied()?));
-        self.plant.kind.start_columns.iter().filter_map(first).collect()
+        self.plant.kind.start_columns().iter().filter_map(first).collect()
     }
 
     /// The parameters of a plant of equations that the record determines.
@@ -316,7 +316,7 @@ impl Columns<'_> {
         let renamed = self.plant.columns.iter().find(|renamed| renamed.signal == signal.name);
         let in_header = table.column(name).and_then(|column| column.unit.as_deref());
         let stated = renamed.and_then(|renamed| renamed.unit.as_deref());
-        let takes_any = !self.plant.kind.is_first_format();
+        let takes_any = !self.plant.kind.is_first_format;
         match (in_header, stated) {
             // If the text or the record of a plant of equations gives no unit, the numbers are used without conversion.
             (in_header, stated) if takes_any && (signal.unit.is_empty() || in_header.or(stated).is_none()) => {

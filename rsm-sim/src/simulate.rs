@@ -83,7 +83,7 @@ impl Simulator {
     /// # Errors
     /// A fault if the start is neither in the record nor in `[initial]`, if the effects cannot be combined, or if the start has no solution.
     pub fn new(file: &PlantFile, record: &Record) -> Result<Simulator, Faults> {
-        if file.kind.is_first_format()
+        if file.kind.is_first_format
             && let Some(name) = without_start(file, record)
         {
             let what = format!("nothing says where `{name}` starts");

@@ -129,10 +129,7 @@ pub(crate) fn set(plant: &Plant, values: &[f64]) -> PlantFile {
 
 /// For plants of format 1: the share of the inertia that the effects take. A share of 1 is an error, in a plant file and in a setting.
 fn split(file: &PlantFile) -> f64 {
-    if !file.kind.is_first_format() {
-        return 0.0;
-    }
-    file.effects.iter().map(rsm_sim::effect::Entry::split).sum()
+    if file.kind.is_first_format { file.split() } else { 0.0 }
 }
 
 /// Reports for each factor the first value that its plant does not allow.

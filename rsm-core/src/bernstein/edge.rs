@@ -127,12 +127,12 @@ fn best_factors(lows: &[f64], along: &[Vec<f64>]) -> (Vec<f64>, usize) {
 mod tests {
     use super::*;
 
-    /// x + y over the unit square where x + y >= 1: without the edge the bound is 0.
     #[test]
     fn without_an_edge_the_work_is_two_passes_over_the_coefficients() {
         assert_eq!(raised(&[1.0, 2.0, 0.5], &[], &[2], &[[0.0, 1.0]]), (0.5, 6));
     }
 
+    /// x + y over the unit square where x + y >= 1: without the edge the bound is 0.
     #[test]
     fn the_least_value_of_a_line_beyond_an_edge_is_that_on_the_edge() {
         let side = Interval::new(0.0, 1.0);

@@ -232,7 +232,6 @@ impl Model {
     /// Whether the effects leave a positive inertia.
     #[must_use]
     pub fn is_possible(&self) -> bool {
-        let split: f64 = self.file.acting().map(Entry::split).sum();
-        split < 0.99
+        self.file.split() < 0.99
     }
 }

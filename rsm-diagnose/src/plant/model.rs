@@ -155,7 +155,7 @@ impl InitialMotion {
 }
 
 fn is_of_equations(file: &PlantFile) -> bool {
-    !file.kind.is_first_format()
+    !file.kind.is_first_format
 }
 
 /// The initial speed of an axis, and its standard deviation.

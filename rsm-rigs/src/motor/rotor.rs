@@ -55,6 +55,7 @@ impl Rotor {
 mod tests {
     use super::*;
     use rsm_core::source::Source;
+    use rsm_fit::random::Random;
     use rsm_sim::equation_plant::Rates;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::record::Record;
@@ -71,12 +72,8 @@ mod tests {
         let states = text.states();
         let places = ["current_d", "current_q", "speed", "angle"].map(|name| states.iter().position(|it| it == name).unwrap());
         let rotor = Rotor::new(&file.parameters);
-        // Numbers between -1 and 1 without a pattern: a linear congruence (D. E. Knuth's MMIX).
-        let mut state = 7_u64;
-        let mut next = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-        };
+        let mut random = Random::new(7);
+        let mut next = || 2.0 * random.uniform() - 1.0;
         for _ in 0..100 {
             let x = [50.0, 50.0, 700.0, 3.0].map(|size| size * next());
             let inputs = [100.0, 100.0, 20.0].map(|size| size * next());

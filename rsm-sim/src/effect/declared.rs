@@ -138,14 +138,6 @@ pub struct Part {
     pub value: f64,
 }
 
-impl Part {
-    /// An effect without a subject.
-    #[must_use]
-    pub const fn new(kind: &'static str, value: f64) -> Self {
-        Part { kind, subject: None, value }
-    }
-}
-
 /// Simpler forms of an effect with certain numbers.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Forms {

@@ -34,7 +34,7 @@ pub(super) fn all(places: &[Place], parameters: &ParameterRoles, catalogue: &Cat
 }
 
 /// The descriptions of a plant of format 1, in the order of its list of effects. An effect acts at one place, which the plant file does not name,
-/// except for outputs and parameters. Its hooks are those of the effect in code of the same kind.
+/// except for outputs and parameters.
 pub(super) fn of_first_format(
     places: &[Place],
     parameters: &ParameterRoles,

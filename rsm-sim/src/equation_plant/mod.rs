@@ -183,8 +183,6 @@ fn described(
     let list = places.list;
     let is_free = |it: &&Signal| !outputs.contains(it) && by_text.iter().any(|name| name == it.name);
     let free_starts: Vec<Signal> = starts.iter().filter(is_free).copied().collect();
-    // A speed that was recorded beside the position of a controlled plant is no exact start.
-    let start_columns = if open_loop.is_some() { Vec::new() } else { free_starts.clone() };
     let plant = Plant { places: list, descriptions: OnceLock::new(), models: run::Models::default(), given, file };
     let kind: &'static Described = Box::leak(Box::new(Described {
         name: first.map_or_else(|| kept(&machine.system().flat().name), |it| it.name),
@@ -195,7 +193,6 @@ fn described(
         starts,
         start_values,
         free_starts,
-        start_columns,
         open_loop,
         start_sizes,
         values: parameters.iter().map(|it| value(it.name).unwrap_or(f64::NAN)).collect(),

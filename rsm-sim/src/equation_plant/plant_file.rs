@@ -151,7 +151,7 @@ fn starts(kind: PlantKind) -> Vec<&'static str> {
     let outputs = kind.outputs().iter().map(|it| it.name);
     let further = kind.0.start_sizes.iter().map(|it| it.0);
     // A state of a plant with a controller has no column.
-    let states = kind.0.free_starts.iter().filter(|it| !kind.start_columns.contains(it)).map(|it| it.name);
+    let states = kind.0.free_starts.iter().filter(|it| !kind.start_columns().contains(it)).map(|it| it.name);
     outputs.chain(further).chain(states).collect()
 }
 

@@ -136,6 +136,7 @@ impl Driveline {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::campaign::cases::Draw;
     use rsm_core::source::Source;
     use rsm_sim::equation_plant::Rates;
     use rsm_sim::plant_file::PlantFile;
@@ -171,12 +172,8 @@ mod tests {
             let mut x = [0.0; STATES];
             own.start(8.0, 0.3, &mut x);
             places.iter().zip(x).zip(NAMES).for_each(|((place, wanted), (name, _))| near(text.start()[*place], wanted, name));
-            // Numbers between -1 and 1 without a pattern: a linear congruence (D. E. Knuth's MMIX).
-            let mut state = 7_u64;
-            let mut next = || {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-            };
+            let mut draw = Draw::new(7);
+            let mut next = || 2.0 * draw.uniform() - 1.0;
             for _ in 0..100 {
                 let x = NAMES.map(|(_, size)| size * next());
                 let throttle = next();
