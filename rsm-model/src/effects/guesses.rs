@@ -54,7 +54,7 @@ impl Effect {
     /// let friction = catalogue.find("coulomb-friction").expect("a shipped effect");
     /// let starts = friction.starts(SiteKind::Rotation, &[("effort_scale", 10.0)])?;
     /// let torques: Vec<f64> = starts.iter().map(|it| it.numbers[0].1).collect();
-    /// assert_eq!(torques, [0.2, 2.0]);
+    /// assert_eq!(torques, [0.05, 0.5, 2.0]);
     /// assert_eq!(starts[0].neutral, Some((0, 0.0)));
     /// # Ok::<(), rsm_core::source::Faults>(())
     /// ```
