@@ -217,9 +217,3 @@ pub const ROTOR_SIGN_WIDTH: f64 = 1.0;
 
 /// Width of the smooth sign on an axis, in m/s (docs/book/src/reference/plants.md, section 3).
 pub const AXIS_SIGN_WIDTH: f64 = 1e-3;
-
-/// The width of the smooth sign for a plant.
-#[must_use]
-pub fn sign_width(plant: PlantKind) -> f64 {
-    if plant.is("servo-axis") { AXIS_SIGN_WIDTH } else { ROTOR_SIGN_WIDTH }
-}

@@ -19,12 +19,13 @@ use rsm_fit::design::{self, Design, Physical};
 use rsm_fit::ladder::{Judge, Ladder};
 use rsm_fit::qr::{Compressed, Growing, Triangle};
 
-use super::quantities::{of_output, speed_of};
+use super::quantities::of_output;
 use super::regions::{SIGNIFICANT, scatter};
 use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
-use rsm_sim::effect::{sign_width, smooth_sign};
+use crate::engine::columns::dot;
+use rsm_sim::effect::smooth_sign;
+use rsm_sim::equation_plant::{self, Body, SiteKind, SiteSignal, sign_width};
 use rsm_sim::kind::PlantKind;
-use rsm_sim::record::Drive;
 
 /// The largest number of rows in a fit. Runs of rows are averaged to this many. Double-double least squares with fifty terms and 4000 rows takes half
 /// a second.
@@ -35,6 +36,12 @@ const MOST_TERMS: usize = 60;
 
 /// The highest order. A polynomial of higher order oscillates between rows.
 const HIGHEST_ORDER: u32 = 5;
+
+/// The largest number of variables of a surface: with five, a polynomial of third order has fewer than [`MOST_TERMS`] terms.
+const MOST_VARIABLES: usize = 5;
+
+/// A variable of which a linear function of the others gives more than 99 % is left out.
+const LEAST_INDEPENDENT: f64 = 0.01;
 
 /// A single record is divided into this many parts to choose terms.
 const PARTS: usize = 8;
@@ -99,35 +106,42 @@ pub enum CorrectionResult {
 struct Rows<'a> {
     prepared: &'a Prepared,
     simulated: &'a Simulated,
-    variables: Vec<Vec<f64>>,
+    variables: Vec<Variable>,
     from: usize,
     to: usize,
 }
 
+/// Records with the simulation of the extended plant along them.
+#[derive(Clone, Copy)]
+pub struct Simulation<'a> {
+    /// The records.
+    pub whitened: &'a WhitenedResiduals,
+    /// The simulated outputs of each record.
+    pub simulated: &'a [Simulated],
+    /// The quantities at the sites along each record.
+    pub signals: &'a [Vec<SiteSignal>],
+}
+
 /// Fits the correction and computes its errors. `unseen` may have no records.
 #[must_use]
-pub fn correction(
-    kind: PlantKind,
-    whitened: &WhitenedResiduals,
-    simulated: &[Simulated],
-    unseen: &WhitenedResiduals,
-    simulated_unseen: &[Simulated],
-) -> CorrectionResult {
-    let has_unseen = !unseen.records.is_empty();
-    let part = |whitened, simulated, from: f64, to: f64| parts(kind, whitened, simulated, from, to);
+pub fn correction(kind: PlantKind, own: Simulation<'_>, unseen: Simulation<'_>) -> CorrectionResult {
+    let has_unseen = !unseen.whitened.records.is_empty();
+    let whitened = own.whitened;
     let (training, judging) = if has_unseen {
-        (part(whitened, simulated, 0.0, 1.0), part(unseen, simulated_unseen, 0.0, 1.0))
+        (parts(kind, own, 0.0, 1.0), parts(kind, unseen, 0.0, 1.0))
     } else {
-        (part(whitened, simulated, 0.0, 2.0 / 3.0), part(whitened, simulated, 2.0 / 3.0, 1.0))
+        (parts(kind, own, 0.0, 2.0 / 3.0), parts(kind, own, 2.0 / 3.0, 1.0))
     };
-    let (Some(first), Some(_)) = (training.first(), judging.first()) else { return CorrectionResult::NoGain { gain: 0.0 } };
-    let names = names(kind, first.prepared);
+    if training.is_empty() || judging.is_empty() {
+        return CorrectionResult::NoGain { gain: 0.0 };
+    }
+    let (training, judging) = with_common_variables(training, judging);
     let mut model = Model { name: "correction".to_string(), ..Model::default() };
     let mut outputs = Vec::new();
     let (mut won, mut variance, mut all, mut lost) = (0.0, 0.0, 0.0, 0.0);
     for output in 0..kind.outputs().len() {
         let floor = &whitened.floors[output];
-        let fitted = fit(kind, output, floor.sd, &names, &training);
+        let fitted = fit(kind, output, floor.sd, &training);
         let Some(judged) = holdout_gain(output, floor.sd, fitted.as_ref(), &judging) else { continue };
         let beyond = judged.before - judged.rows as f64;
         if beyond < SIGNIFICANT * scatter(floor, judged.rows) * judged.rows as f64 {
@@ -185,101 +199,97 @@ pub fn added(
     correction: &Correction,
     prepared: &Prepared,
     simulated: &Simulated,
+    signals: &[SiteSignal],
     output: usize,
 ) -> Option<Vec<f64>> {
     let one = correction.outputs.iter().find(|it| it.output == output)?;
     let index = correction.model.surfaces.iter().position(|it| it.name == one.surface)?;
     let checked = Checked::from_model(&correction.model).ok()?;
     let tape = lower::surface(&checked, index, Precision::F64);
-    let names = names(kind, prepared);
-    let variables = variables(kind, prepared, simulated);
+    let variables = variables(kind, prepared, simulated, signals);
     let surface = &correction.model.surfaces[index];
-    let columns: Option<Vec<usize>> =
-        surface.inputs.iter().map(|input| names.iter().position(|(name, _)| name == input)).collect();
-    let columns = columns?;
+    let columns = columns_of(&variables, &surface.inputs)?;
     let mut interpreter = Interpreter::<f64>::new(&tape);
     Some((0..prepared.record.rows()).map(|row| interpreter.eval(&at(&variables, &columns, row))).collect())
 }
 
-fn at(variables: &[Vec<f64>], columns: &[usize], row: usize) -> Vec<f64> {
-    columns.iter().map(|column| variables[*column][row]).collect()
+/// The places of variables with these names; `None` if a record lacks one.
+fn columns_of(variables: &[Variable], names: &[String]) -> Option<Vec<usize>> {
+    names.iter().map(|name| variables.iter().position(|it| it.name == *name)).collect()
 }
 
-fn parts<'a>(
-    kind: PlantKind,
-    whitened: &'a WhitenedResiduals,
-    simulated: &'a [Simulated],
-    from: f64,
-    to: f64,
-) -> Vec<Rows<'a>> {
-    let each = whitened.records.iter().zip(simulated);
-    each.map(|(prepared, simulated)| {
+fn at(variables: &[Variable], columns: &[usize], row: usize) -> Vec<f64> {
+    columns.iter().map(|column| variables[*column].values[row]).collect()
+}
+
+fn parts(kind: PlantKind, of: Simulation<'_>, from: f64, to: f64) -> Vec<Rows<'_>> {
+    let each = of.whitened.records.iter().zip(of.simulated).zip(of.signals);
+    each.map(|((prepared, simulated), signals)| {
         let rows = prepared.record.rows() as f64;
-        let variables = variables(kind, prepared, simulated);
+        let variables = variables(kind, prepared, simulated, signals);
         Rows { prepared, simulated, variables, from: (from * rows) as usize, to: (to * rows) as usize }
     })
     .collect()
 }
 
-/// The names and units of the variables of a correction, for one kind of record.
-fn names(kind: PlantKind, prepared: &Prepared) -> Vec<(&'static str, &'static str)> {
-    let signals = kind.outputs();
-    let mut list: Vec<(&str, &str)> = Vec::new();
-    let mut simulated = |output: usize| {
-        if prepared.outputs.contains(&output) {
-            list.push((signals[output].name, signals[output].unit));
+/// The records with the variables that all of them have, in one order.
+fn with_common_variables<'a>(mut training: Vec<Rows<'a>>, mut judging: Vec<Rows<'a>>) -> (Vec<Rows<'a>>, Vec<Rows<'a>>) {
+    let holds = |rows: &Rows<'_>, name: &str| rows.variables.iter().any(|it| it.name == name);
+    let mut names: Vec<String> =
+        training.first().map_or_else(Vec::new, |it| it.variables.iter().map(|it| it.name.clone()).collect());
+    names.retain(|name| training.iter().chain(&judging).all(|rows| holds(rows, name)));
+    for rows in training.iter_mut().chain(&mut judging) {
+        rows.variables.retain(|it| names.contains(&it.name));
+        rows.variables.sort_by_key(|it| names.iter().position(|name| *name == it.name));
+    }
+    (training, judging)
+}
+
+/// A variable on which a correction can depend.
+struct Variable {
+    name: String,
+    unit: String,
+    values: Vec<f64>,
+    /// Whether the values are nearly always +1 or -1.
+    is_direction: bool,
+}
+
+/// The variables of a correction along a record, from the simulation of the extended plant or from the record: outputs, the speeds of bodies that are
+/// no outputs, directions of motion, inputs, and parameters with whole values that the record determines.
+fn variables(kind: PlantKind, prepared: &Prepared, simulated: &Simulated, signals: &[SiteSignal]) -> Vec<Variable> {
+    let record = &prepared.record;
+    let mut list: Vec<Variable> = Vec::new();
+    let mut add = |name: &str, unit: &str, values: Vec<f64>, is_direction: bool| {
+        if values.len() == record.rows() && !list.iter().any(|it| it.name == name) {
+            list.push(Variable { name: name.to_string(), unit: unit.to_string(), values, is_direction });
         }
     };
-    match kind {
-        _ if kind.is("pmac") => {
-            (0..3).for_each(&mut simulated);
-            list.push(("load_torque", "N*m"));
-            list.push(("direction", "1"));
+    for (k, signal) in kind.outputs().iter().enumerate() {
+        if let Some(values) = of_output(prepared, simulated, k) {
+            add(signal.name, signal.unit, values.to_vec(), false);
         }
-        _ if kind.is("servo-axis") => {
-            simulated(0);
-            list.extend([("speed", "m/s"), ("direction", "1"), ("command", "V")]);
+    }
+    let is_body = |it: &&SiteSignal| matches!(it.kind, SiteKind::Rotation | SiteKind::Translation) && it.role == "speed";
+    let bodies: Vec<&SiteSignal> = signals.iter().filter(is_body).collect();
+    for body in &bodies {
+        let named = |name: &str| if bodies.len() == 1 { name.to_string() } else { format!("{}_{name}", body.at) };
+        let speed = &body.parts[0];
+        let is_output = |it: &&Body| it.at == body.at && it.speed.is_some_and(|it| kind.output(it).is_some());
+        if !equation_plant::bodies(kind).iter().any(|it| is_output(&it)) {
+            add(&named("speed"), &body.unit, speed.clone(), false);
         }
-        plant => {
-            (0..signals.len()).for_each(&mut simulated);
-            list.extend(plant.inputs.iter().map(|it| (it.name, it.unit)));
-            list.extend(plant.decisions.iter().filter(|it| it.is_whole).filter_map(|it| Some((it.column?, "1"))));
+        let direction = speed.iter().map(|speed| smooth_sign(*speed, sign_width(body.kind))).collect();
+        add(&named("direction"), "1", direction, true);
+    }
+    for (signal, values) in kind.inputs().iter().zip(&record.inputs) {
+        add(signal.name, signal.unit, values.clone(), false);
+    }
+    for it in kind.decisions.iter().filter(|it| it.is_whole) {
+        if let Some((column, value)) = it.column.zip(record.setting(it.parameter)) {
+            add(column, "1", vec![value; record.rows()], false);
         }
     }
     list
-}
-
-/// The values of these variables, from the simulation of the extended plant or from the record.
-fn variables(kind: PlantKind, prepared: &Prepared, simulated: &Simulated) -> Vec<Vec<f64>> {
-    let record = &prepared.record;
-    let zero = || vec![0.0; record.rows()];
-    let of = |output: usize| of_output(prepared, simulated, output).map(<[f64]>::to_vec);
-    let direction = |speed: &[f64]| speed.iter().map(|speed| smooth_sign(*speed, sign_width(kind))).collect::<Vec<f64>>();
-    match kind {
-        _ if kind.is("pmac") => {
-            let mut list: Vec<Vec<f64>> = (0..3).filter_map(of).collect();
-            list.push(record.inputs.get(2).cloned().unwrap_or_else(zero));
-            list.push(of(2).map_or_else(zero, |speed| direction(&speed)));
-            list
-        }
-        _ if kind.is("servo-axis") => {
-            let position = of(0);
-            let speed = position.as_ref().map_or_else(zero, |position| speed_of(position, record.period));
-            let command = if record.drive == Drive::Closed { of(1) } else { record.inputs.first().cloned() };
-            let mut list: Vec<Vec<f64>> = position.into_iter().collect();
-            list.push(speed.clone());
-            list.push(direction(&speed));
-            list.push(command.unwrap_or_else(zero));
-            list
-        }
-        plant => {
-            let mut list: Vec<Vec<f64>> = (0..plant.outputs.len()).filter_map(of).collect();
-            list.extend(record.inputs.iter().cloned());
-            let decides = plant.decisions.iter().filter(|it| it.is_whole && it.column.is_some());
-            list.extend(decides.map(|it| vec![record.setting(it.parameter).unwrap_or(0.0); record.rows()]));
-            list
-        }
-    }
 }
 
 /// A fitted surface.
@@ -313,7 +323,7 @@ fn averaged(output: usize, training: &[Rows<'_>]) -> Vec<Averaged> {
             }
             let mean = |value: &dyn Fn(usize) -> f64| run.clone().map(value).sum::<f64>() / run.len() as f64;
             list.push(Averaged {
-                point: rows.variables.iter().map(|values| mean(&|row| values[row])).collect(),
+                point: rows.variables.iter().map(|it| mean(&|row| it.values[row])).collect(),
                 error: mean(&|row| measured[row] - rows.simulated[k][row]),
                 part: if training.len() > 1 { record } else { PARTS * (first - rows.from) / (rows.to - rows.from).max(1) },
             });
@@ -322,34 +332,61 @@ fn averaged(output: usize, training: &[Rows<'_>]) -> Vec<Averaged> {
     list
 }
 
-/// The surface of an output over the variables that vary, if one is found that holds on all parts of the training records.
-fn fit(
-    kind: PlantKind,
-    output: usize,
-    sd: f64,
-    names: &[(&'static str, &'static str)],
-    training: &[Rows<'_>],
-) -> Option<Fitted> {
-    let rows = averaged(output, training);
-    let mut inputs = Vec::new();
-    let mut columns = Vec::new();
-    for (column, (name, unit)) in names.iter().enumerate() {
+/// The columns of the variables for a surface. The first ones, the outputs, are taken in their order. Then comes the variable with the largest share
+/// that no linear function of those before gives, and so on. Variables with a share of nearly 0 are left out, constant ones among them.
+fn independent(rows: &[Averaged], outputs: usize) -> Vec<usize> {
+    let count = rows.first().map_or(0, |row| row.point.len());
+    let centred = |column: usize| -> Vec<f64> {
         let values = rows.iter().map(|row| row.point[column]);
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
-        // A variable that is constant, within the accuracy of a simulation, is left out.
-        if high - low > 1e-6 * high.abs().max(low.abs()) && (high - low).is_finite() {
-            let input =
-                Input { name: (*name).to_string(), unit: (*unit).to_string(), range: [low, high], outside: Outside::Clamp };
-            inputs.push(input);
-            columns.push(column);
+        let mean = values.clone().sum::<f64>() / rows.len() as f64;
+        values.map(|value| value - mean).collect()
+    };
+    let energy = |values: &[f64]| dot(values, values);
+    let mut left: Vec<(usize, f64, Vec<f64>)> = (0..count)
+        .map(|column| {
+            let values = centred(column);
+            let largest = rows.iter().fold(0.0_f64, |most, row| most.max(row.point[column].abs()));
+            // A variation below the accuracy of a simulation counts as none.
+            let least = (1e-6 * largest).powi(2) * rows.len() as f64;
+            (column, energy(&values).max(least), values)
+        })
+        .collect();
+    let mut chosen = Vec::new();
+    while chosen.len() < MOST_VARIABLES {
+        let share = |it: &(usize, f64, Vec<f64>)| energy(&it.2) / it.1;
+        left.retain(|it| share(it) > LEAST_INDEPENDENT);
+        let output = left.iter().position(|it| it.0 < outputs);
+        let by_share = (0..left.len()).max_by(|a, b| share(&left[*a]).total_cmp(&share(&left[*b])));
+        let Some(next) = output.or(by_share) else { break };
+        let (column, _, values) = left.remove(next);
+        let whole = energy(&values);
+        for it in &mut left {
+            let factor = dot(&it.2, &values) / whole;
+            it.2.iter_mut().zip(&values).for_each(|(own, value)| *own -= factor * value);
         }
+        chosen.push(column);
     }
+    chosen
+}
+
+/// The surface of an output over the variables that vary, if one is found that holds on all parts of the training records.
+fn fit(kind: PlantKind, output: usize, sd: f64, training: &[Rows<'_>]) -> Option<Fitted> {
+    let rows = averaged(output, training);
+    let variables = &training.first()?.variables;
+    let columns = independent(&rows, variables.iter().filter(|it| kind.output(&it.name).is_some()).count());
+    let input = |column: &usize| {
+        let values = rows.iter().map(|row| row.point[*column]);
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+        let of = &variables[*column];
+        Input { name: of.name.clone(), unit: of.unit.clone(), range: [low, high], outside: Outside::Clamp }
+    };
+    let inputs: Vec<Input> = columns.iter().map(input).collect();
     let mut surface = Surface { inputs: inputs.iter().map(|input| input.name.clone()).collect(), ..Surface::default() };
     // A direction is +1 or -1: its square is a constant.
-    let direction = inputs.iter().position(|input| input.name == "direction");
+    let is_linear = |k: usize| variables[columns[k]].is_direction;
     let candidates = |order: u32| {
         let mut terms = design::terms_up_to(&surface, order);
-        terms.retain(|powers| direction.is_none_or(|k| powers[k] <= 1));
+        terms.retain(|powers| (0..powers.len()).all(|k| !is_linear(k) || powers[k] <= 1));
         terms
     };
     let max_order = (1..=HIGHEST_ORDER).rev().find(|order| candidates(*order).len() <= MOST_TERMS)?;

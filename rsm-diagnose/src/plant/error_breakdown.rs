@@ -6,7 +6,7 @@
 pub use super::cause::Contribution;
 use super::combinations::{self, Combinations, Combined};
 pub use super::compared::Compared;
-use super::correction::{self, CorrectionResult};
+use super::correction::{self, CorrectionResult, Simulation};
 use super::levenberg::Fit;
 use super::model::{Model, Place};
 use super::orders::{self, Orders};
@@ -148,23 +148,21 @@ pub fn error_breakdown(it: &Compared<'_>, accepted: &[AcceptedCause]) -> (ErrorB
 fn of_plants(it: &Compared<'_>) -> ErrorBreakdown {
     let judged = it.evaluation_records();
     let (before, after) = (&it.before.simulated, &it.after.simulated);
-    let quantities = quantities::quantities(judged, &it.fit.model, after);
+    let kind = it.fit.model.file.kind;
+    let signals = quantities::site_signals(judged, it.after);
+    let quantities = quantities::quantities(judged, kind, after, &signals);
     let slices = regions::slices(judged, before, after, &quantities);
     let spectra = spectrum::spectra(judged, before, after);
-    let orders = orders::orders(judged, &it.fit.model, before, after);
+    let orders = orders::orders(judged, &signals, before, after);
     let wrong = |side: Side| {
         let spectral = orders::spectral(judged, &slices, &spectra, &orders, side);
         regions::regions(&slices, &spectral, side)
     };
-    let kind = it.fit.model.file.kind;
     let correction = it.structure.then(|| {
-        correction::correction(
-            kind,
-            it.whitened,
-            &it.fit.simulated,
-            it.unseen,
-            if it.unseen.records.is_empty() { &[] } else { after },
-        )
+        let own = quantities::site_signals(it.whitened, it.fit);
+        let training = Simulation { whitened: it.whitened, simulated: &it.fit.simulated, signals: &own };
+        let unseen = Simulation { whitened: it.unseen, simulated: after, signals: &signals };
+        correction::correction(kind, training, unseen)
     });
     let names = |whitened: &WhitenedResiduals| -> Vec<(String, usize)> {
         whitened.records.iter().map(|it| (regions::name_of(&it.record.file), it.record.rows())).collect()
@@ -173,7 +171,9 @@ fn of_plants(it: &Compared<'_>) -> ErrorBreakdown {
     for (record, prepared) in judged.records.iter().enumerate() {
         for (k, output) in prepared.outputs.iter().enumerate() {
             let added = match &correction {
-                Some(CorrectionResult::Useful(found)) => correction::added(kind, found, prepared, &after[record], *output),
+                Some(CorrectionResult::Useful(found)) => {
+                    correction::added(kind, found, prepared, &after[record], &signals[record], *output)
+                }
                 _ => None,
             };
             let curves = [&it.nominal_there.simulated, before, after].map(|simulated| simulated[record][k].as_slice());
@@ -248,10 +248,11 @@ fn calibration(nominal: &Model, fit: &Fit) -> Vec<CalibratedParameter> {
 /// What a cause does on the evaluation records, compared with the plant without it.
 fn contribution(it: &Compared<'_>, without: &Fit) -> Contribution {
     let judged = it.evaluation_records();
-    let quantities = quantities::quantities(judged, &it.fit.model, &it.after.simulated);
+    let signals = quantities::site_signals(judged, it.after);
+    let quantities = quantities::quantities(judged, it.fit.model.file.kind, &it.after.simulated, &signals);
     let slices = regions::slices(judged, &without.simulated, &it.after.simulated, &quantities);
     let spectra = spectrum::spectra(judged, &without.simulated, &it.after.simulated);
-    let orders = orders::orders(judged, &it.fit.model, &without.simulated, &it.after.simulated);
+    let orders = orders::orders(judged, &signals, &without.simulated, &it.after.simulated);
     let spectral = orders::spectral(judged, &slices, &spectra, &orders, Side::Before);
     let squared = |fit: &Fit, record: usize| {
         let first = judged.first(record);

@@ -9,10 +9,12 @@
 use super::excitations::{self, Excitation, Limits};
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place};
+use super::quantities;
 use super::whitened_residuals::{Column, Prepared, Simulated, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::normal::{Normal, symmetric};
 use crate::engine::verdict::Verdict;
+use rsm_sim::equation_plant::{self, SiteKind, SiteSignal};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -270,8 +272,10 @@ impl<'a> Trial<'a> {
 /// The record with the largest expected error, from the present residual at each operating point.
 fn covering_record(whitened: &WhitenedResiduals, fit: &Fit, limits: &Limits) -> Option<NextExperiment> {
     let kind = fit.model.file.kind;
+    let signals = quantities::site_signals(whitened, fit);
+    let each = whitened.records.iter().zip(&fit.simulated).zip(&signals);
     let points: Vec<Vec<[f64; 2]>> =
-        whitened.records.iter().map(|it| operating_points(kind, &it.record, &it.outputs, fit_of(fit, whitened, it))).collect();
+        each.map(|((it, simulated), signals)| operating_points(kind, &it.record, simulated, signals)).collect();
     let edges: Vec<Vec<f64>> = (0..2)
         .map(|axis| {
             let mut all: Vec<f64> = points.iter().flatten().map(|point| point[axis]).collect();
@@ -322,32 +326,27 @@ fn covering_record(whitened: &WhitenedResiduals, fit: &Fit, limits: &Limits) -> 
         .filter_map(|it| {
             let outputs: Vec<usize> = held.iter().copied().filter(|k| it.record.measured[*k].is_some()).collect();
             let simulated = excitations::outputs_of(&it.record, &outputs)?;
-            let expected = expected(&operating_points(kind, &it.record, &outputs, &simulated));
+            let bare = PlantFile { initial: Vec::new(), ..fit.model.file.clone() };
+            let signals = equation_plant::site_signals(&bare, &it.record)?;
+            let expected = expected(&operating_points(kind, &it.record, &simulated, &signals));
             Some((it, expected))
         })
         .max_by(|a, b| a.1.total_cmp(&b.1))?;
     (best.1 > present).then_some(NextExperiment::CoversError { excitation: best.0, expected: best.1, present })
 }
 
-fn fit_of<'f>(fit: &'f Fit, whitened: &WhitenedResiduals, prepared: &Prepared) -> &'f Simulated {
-    let place = whitened.records.iter().position(|it| std::ptr::eq(it, prepared)).unwrap_or(0);
-    &fit.simulated[place]
-}
-
-/// Two quantities that give the operating point of a plant: speed and current; engine speed and throttle; position and speed.
-fn operating_points(kind: PlantKind, record: &Record, outputs: &[usize], simulated: &Simulated) -> Vec<[f64; 2]> {
-    let of = |output: usize| outputs.iter().position(|it| *it == output).map(|k| simulated[k].as_slice());
-    let at = |values: Option<&[f64]>, row: usize| values.and_then(|values| values.get(row)).copied().unwrap_or(0.0);
-    (0..record.rows())
-        .map(|row| match kind {
-            _ if kind.is("pmac") => [at(of(2), row), at(of(0), row).hypot(at(of(1), row))],
-            _ if kind.is("servo-axis") => {
-                let position = of(0);
-                let (before, after) = (row.saturating_sub(1), (row + 1).min(record.rows() - 1));
-                let span = (after - before).max(1) as f64 * record.period;
-                [at(position, row), (at(position, after) - at(position, before)) / span]
-            }
-            _ => [at(simulated.first().map(Vec::as_slice), row), record.inputs.first().map_or(0.0, |it| it[row])],
-        })
-        .collect()
+/// Two quantities that give the operating point of a plant: the speed of its first body, or its first output; then its current, its position or its
+/// first input, whichever varies.
+fn operating_points(kind: PlantKind, record: &Record, simulated: &Simulated, signals: &[SiteSignal]) -> Vec<[f64; 2]> {
+    let is_body = |it: &&SiteSignal| matches!(it.kind, SiteKind::Rotation | SiteKind::Translation);
+    let body = signals.iter().filter(is_body).find(|it| it.role == "speed");
+    let varies = |values: &Vec<f64>| values.windows(2).any(|pair| pair[0] != pair[1]);
+    let first = body.map(SiteSignal::length).or_else(|| simulated.first().cloned());
+    let current = signals.iter().find(|it| it.kind == SiteKind::Winding && it.role == "currents").map(SiteSignal::length);
+    let position = body.filter(|it| it.kind == SiteKind::Translation);
+    let position = position.and_then(|body| signals.iter().find(|it| it.at == body.at && it.role == "position"));
+    let inputs = record.inputs.iter().take(kind.inputs().len()).cloned();
+    let second = current.into_iter().chain(position.map(SiteSignal::length)).chain(inputs).find(varies);
+    let at = |values: &Option<Vec<f64>>, row: usize| values.as_ref().and_then(|it| it.get(row)).copied().unwrap_or(0.0);
+    (0..record.rows()).map(|row| [at(&first, row), at(&second, row)]).collect()
 }

@@ -1,6 +1,5 @@
 //! The hypotheses: every effect of the catalogue that is possible on the plant, a parameter error for each parameter with a physical meaning, a
 //! sensor effect for each output.
-//! sensor effect for each output.
 //!
 //! In: a model and a survey of the records. Out: a list, and the model with a hypothesis added. Evaluates none.
 
@@ -38,9 +37,6 @@ pub fn generalises(general: &str, special: &str) -> bool {
     is_one_place && equation_plant::special_case(general) == Some(special)
 }
 
-/// Parameters that are exact counts or limits set by the user. An error of them is not a hypothesis.
-const EXACT_PARAMETERS: [&str; 3] = ["pole_pairs", "bus_voltage", "current_limit"];
-
 /// All hypotheses of a plant. `outputs` are those that at least one record holds.
 #[must_use]
 pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesis> {
@@ -74,7 +70,6 @@ pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesi
                         && !is_counted
                         && !survey.exact.contains(&nominal.name)
                         && description.at.is_none_or(|at| at == nominal.name)
-                        && !EXACT_PARAMETERS.contains(&nominal.name)
                     {
                         add(Some(nominal.name), &Survey { nominal: value, ..survey.clone() });
                     }

@@ -55,6 +55,7 @@ pub mod noise_floor;
 pub mod nuisance;
 mod null;
 pub mod octave_spectrum;
+pub mod one_body;
 pub mod orders;
 pub mod other_units;
 mod outlier_correction;

@@ -4,7 +4,7 @@
 
 use crate::engine::columns::dot;
 use crate::engine::normal::Normal;
-use rsm_sim::equation_plant;
+use rsm_sim::equation_plant::{self, bodies};
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::{PlantKind, StartValues};
 use rsm_sim::plant_file::PlantFile;
@@ -146,11 +146,15 @@ pub enum InitialMotion {
 }
 
 impl InitialMotion {
-    /// For an axis: in motion if the first readings of any record show motion. Records of other plants count as steady until a simulation shows the
-    /// contrary.
+    /// In motion if the first readings of a position in any record show motion, and no reading gives the speed. Records of other plants count as steady
+    /// until a simulation shows the contrary.
     pub fn of<'a>(kind: PlantKind, mut records: impl Iterator<Item = &'a Record>) -> Self {
-        let moves = |record| speed_of(record).is_some_and(|(speed, sd)| speed.abs() > MOVING * sd);
-        if kind.is("servo-axis") && records.any(moves) { InitialMotion::InMotion } else { InitialMotion::Steady }
+        let positions = positions_without_speed(kind);
+        let moves = |record: &Record| {
+            let one = |position: &usize| speed_of(record, *position).is_some_and(|(speed, sd)| speed.abs() > MOVING * sd);
+            positions.iter().any(one)
+        };
+        if records.any(moves) { InitialMotion::InMotion } else { InitialMotion::Steady }
     }
 }
 
@@ -158,9 +162,15 @@ fn is_of_equations(file: &PlantFile) -> bool {
     !file.kind.is_first_format
 }
 
-/// The initial speed of an axis, and its standard deviation.
-fn speed_of(record: &Record) -> Option<(f64, f64)> {
-    speed_at_start(record.measured[0].as_deref().unwrap_or(&[]), record.period)
+/// The outputs that are the position of a body whose speed no reading gives.
+fn positions_without_speed(kind: PlantKind) -> Vec<usize> {
+    let is_free = |name: &str| kind.free_starts.iter().any(|it| it.name == name);
+    bodies(kind).iter().filter(|it| it.speed.is_some_and(is_free)).filter_map(|it| kind.output(it.position?)).collect()
+}
+
+/// The initial speed of a body from the readings of its position, and its standard deviation.
+fn speed_of(record: &Record, position: usize) -> Option<(f64, f64)> {
+    speed_at_start(record.measured[position].as_deref().unwrap_or(&[]), record.period)
 }
 
 /// A plant with its initial states.
@@ -243,17 +253,21 @@ impl Model {
         if self.at_start == InitialMotion::Steady || record.start(name).is_some() {
             return None;
         }
-        if let Some((_, sd)) = self.file.kind.start_sizes.iter().find(|it| it.0 == name) {
-            return (*sd > 0.0).then_some((at, 0.1 * sd, Some((at, *sd))));
+        let (is_new, kind) = (is_of_equations(&self.file), self.file.kind);
+        // Known if the plant file gives it.
+        if is_new && self.file.initial.iter().any(|(found, _)| *found == name) {
+            return None;
         }
-        if is_of_equations(&self.file) {
-            // Known if the plant file gives it. Otherwise its standard deviation is the largest value that the nominal plant reaches.
-            let is_given = self.file.initial.iter().any(|(found, _)| *found == name);
-            let sd = equation_plant::start_scales(&self.file, record).get(place).copied().unwrap_or(0.0);
-            return (!is_given && sd > 0.0).then_some((at, 0.1 * sd, Some((at, sd))));
+        let body = bodies(kind).into_iter().find(|it| it.speed == Some(name));
+        let position = body.and_then(|it| kind.output(it.position?));
+        if let Some((speed, sd)) = position.and_then(|it| speed_of(record, it)) {
+            return Some((speed, sd, Some((speed, EFFECTS_WITH_MEMORY * sd))));
         }
-        let (speed, sd) = speed_of(record)?;
-        Some((speed, sd, Some((speed, EFFECTS_WITH_MEMORY * sd))))
+        let size = kind.start_sizes.iter().find(|it| it.0 == name).map(|it| it.1);
+        // Otherwise the standard deviation is the largest value that the nominal plant reaches.
+        let largest = || equation_plant::start_scales(&self.file, record).get(place).copied();
+        let sd = size.or_else(|| is_new.then(largest).flatten()).unwrap_or(0.0);
+        (sd > 0.0).then_some((at, 0.1 * sd, Some((at, sd))))
     }
 
     /// The value of an unknown.

@@ -9,11 +9,11 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use super::model::Model;
-use super::quantities::{of_output, speed_of};
+use super::quantities::speed_of;
 use super::regions::{Region, Side, totals};
 use super::spectrum::peaks;
-use super::whitened_residuals::{Simulated, WhitenedResiduals};
+use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
+use rsm_sim::equation_plant::{SiteKind, SiteSignal};
 
 /// The length of a piece in turns. A window over eight turns separates half orders.
 const TURNS_A_PIECE: f64 = 8.0;
@@ -27,6 +27,9 @@ pub(super) const HIGHEST_FREQUENCY: f64 = 0.45;
 /// The largest number of waves over the whole travel of an axis.
 const MOST_WAVES: usize = 400;
 
+/// The highest order of a rotation without pole pairs.
+const HIGHEST_ORDER: usize = 24;
+
 /// The largest number of orders named for an output.
 const NAMED_ORDERS: usize = 3;
 
@@ -35,7 +38,7 @@ const NAMED_ORDERS: usize = 3;
 pub struct Orders {
     /// The output, by its place in the plant.
     pub output: usize,
-    /// The rotation or travel: "mechanical", "engine", "wheel", "position".
+    /// The rotation or travel: the name of a site, "wheel" or "position".
     pub of: &'static str,
     /// Orders in waves per turn or waves per metre.
     pub order: Vec<f64>,
@@ -70,9 +73,14 @@ pub(super) struct Coordinate {
 
 /// The orders of all outputs over all coordinates of the plant.
 #[must_use]
-pub fn orders(whitened: &WhitenedResiduals, model: &Model, before: &[Simulated], after: &[Simulated]) -> Vec<Orders> {
+pub fn orders(
+    whitened: &WhitenedResiduals,
+    signals: &[Vec<SiteSignal>],
+    before: &[Simulated],
+    after: &[Simulated],
+) -> Vec<Orders> {
     let mut list = Vec::new();
-    for coordinate in coordinates(whitened, model, after) {
+    for coordinate in coordinates(whitened, signals) {
         for output in 0..whitened.floors.len() {
             list.extend(of_one(whitened, &coordinate, output, before, after));
         }
@@ -80,50 +88,51 @@ pub fn orders(whitened: &WhitenedResiduals, model: &Model, before: &[Simulated],
     list
 }
 
-/// All coordinates along which the plant moves in these records.
-pub(super) fn coordinates(whitened: &WhitenedResiduals, model: &Model, simulated: &[Simulated]) -> Vec<Coordinate> {
-    let turns = |rate: &dyn Fn(usize) -> Option<Vec<f64>>| -> Option<Vec<Vec<f64>>> {
-        (0..whitened.records.len())
-            .map(|record| {
-                let period = whitened.records[record].record.period;
-                let mut at = 0.0;
-                Some(
-                    rate(record)?
-                        .iter()
-                        .map(|rate| {
-                            at += rate * period / TAU;
-                            at
-                        })
-                        .collect(),
-                )
-            })
-            .collect()
+/// All coordinates along which the plant moves in these records. `signals` are those of the sites along each record.
+pub(super) fn coordinates(whitened: &WhitenedResiduals, signals: &[Vec<SiteSignal>]) -> Vec<Coordinate> {
+    let first = signals.first().map_or(&[][..], Vec::as_slice);
+    let each = |at: &str, role: &str| -> Option<Vec<Vec<f64>>> {
+        signals.iter().map(|it| Some(it.iter().find(|it| it.at == at && it.role == role)?.length())).collect()
     };
-    let output =
-        |k: usize| move |record: usize| of_output(&whitened.records[record], &simulated[record], k).map(<[f64]>::to_vec);
-    let parameters = &model.file.parameters;
+    let turns = |speeds: Vec<Vec<f64>>| -> Vec<Vec<f64>> {
+        let one = |(speeds, prepared): (&Vec<f64>, &Prepared)| {
+            let mut at = 0.0;
+            let each = speeds.iter().map(|speed| {
+                at += speed * prepared.record.period / TAU;
+                at
+            });
+            each.collect()
+        };
+        speeds.iter().zip(&whitened.records).map(one).collect()
+    };
     let mut list = Vec::new();
-    match model.file.kind {
-        kind if kind.is("pmac") => {
-            let pole_pairs = parameters.number("pole_pairs");
-            // Twice the sixth electrical order. Cogging with more cycles has little effect.
-            let most = (24.0 * pole_pairs).max(48.0) as usize;
-            list.extend(turns(&output(2)).map(|at| rotation(whitened, "mechanical", at, most, Some(pole_pairs))));
+    for signal in first {
+        match (signal.kind, signal.role) {
+            (SiteKind::Rotation, "speed") => {
+                // The rotor of a machine: the machine's angle is the position of this body.
+                let position = each(signal.at, "position");
+                let is_of_rotor = |it: &&SiteSignal| {
+                    it.kind == SiteKind::Machine
+                        && it.role == "angle"
+                        && position.as_ref().is_some_and(|own| own[0] == it.parts[0])
+                };
+                let machine = first.iter().find(is_of_rotor).map(|it| it.at);
+                let pole_pairs = first.iter().find(|it| Some(it.at) == machine && it.role == "pole_pairs");
+                let pole_pairs = pole_pairs.and_then(|it| it.parts[0].first().copied());
+                // Twice the sixth electrical order. Cogging with more cycles has little effect.
+                let most = pole_pairs.map_or(HIGHEST_ORDER, |it| (24.0 * it).max(48.0) as usize);
+                list.extend(each(signal.at, "speed").map(|it| rotation(whitened, signal.at, turns(it), most, pole_pairs)));
+            }
+            (SiteKind::Vehicle, "wheel_speed") => {
+                list.extend(
+                    each(signal.at, "wheel_speed").map(|it| rotation(whitened, "wheel", turns(it), HIGHEST_ORDER, None)),
+                );
+            }
+            (SiteKind::Translation, "position") => {
+                list.extend(each(signal.at, "position").and_then(|at| travel(whitened, at)));
+            }
+            _ => {}
         }
-        kind if kind.is("driveline") => {
-            list.extend(turns(&output(0)).map(|at| rotation(whitened, "engine", at, 24, None)));
-            let radius = parameters.number("wheel_radius");
-            let wheel = |record: usize| -> Option<Vec<f64>> {
-                of_output(&whitened.records[record], &simulated[record], 1)
-                    .map(|road| road.iter().map(|v| v / radius).collect())
-            };
-            list.extend(turns(&wheel).map(|at| rotation(whitened, "wheel", at, 24, None)));
-        }
-        kind if kind.is("servo-axis") => {
-            let at: Option<Vec<Vec<f64>>> = (0..whitened.records.len()).map(&output(0)).collect();
-            list.extend(at.and_then(|at| travel(whitened, at)));
-        }
-        _ => {}
     }
     list
 }
@@ -309,7 +318,7 @@ impl Orders {
                 let energy = 0.5 * beyond * self.square * self.rows as f64;
                 Region {
                     output: self.output,
-                    quantity: "order",
+                    quantity: "order".to_string(),
                     region: self.words(self.order[peak.place]),
                     share_of_error: (energy / all).clamp(0.0, 1.0),
                     share_of_output: (energy / own).clamp(0.0, 1.0),
@@ -323,13 +332,13 @@ impl Orders {
     fn words(&self, order: f64) -> String {
         match (self.of, self.pole_pairs) {
             ("position", _) => format!("a wave of {:.3} mm over the position", 1e3 / order),
-            ("mechanical", Some(pole_pairs)) => {
+            (of, Some(pole_pairs)) => {
                 let electrical = order / pole_pairs;
                 let also =
                     if electrical.fract() == 0.0 { format!(", {electrical} of the electrical angle") } else { String::new() };
-                format!("order {order} of the mechanical angle{also}")
+                format!("order {order} of the {of} angle{also}")
             }
-            (of, _) => format!("order {order} of the {of}"),
+            (of, None) => format!("order {order} of the {of}"),
         }
     }
 }
@@ -394,14 +403,24 @@ mod tests {
         let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
         let whitened = WhitenedResiduals::new(vec![Prepared::new(record, 3)], [NoiseFloor::white(0.3); OUTPUTS], 1);
         assert_eq!(whitened.records[0].outputs, [2]);
-        let model = Model {
-            file,
-            starts: vec![rsm_sim::kind::StartValues::default()],
-            unknowns: Vec::new(),
-            at_start: super::super::model::InitialMotion::Steady,
+        let of = |role, parts: Vec<f64>| SiteSignal {
+            at: "rotor",
+            kind: SiteKind::Rotation,
+            role,
+            unit: String::new(),
+            parts: vec![parts],
         };
+        let mut angle = 0.0;
+        let turned = smooth.iter().map(|speed| {
+            angle += speed * period;
+            angle
+        });
+        let position = of("position", turned.collect());
+        let machine = |role, parts| SiteSignal { at: "motor", kind: SiteKind::Machine, ..of(role, parts) };
+        let angle = machine("angle", position.parts[0].clone());
+        let signals = vec![vec![position, of("speed", smooth.clone()), angle, machine("pole_pairs", vec![4.0; rows as usize])]];
         let simulated = vec![vec![smooth]];
-        let found = orders(&whitened, &model, &simulated, &simulated);
+        let found = orders(&whitened, &signals, &simulated, &simulated);
         assert_eq!(found.len(), 1);
         // The wave's energy beyond the noise.
         let all = 0.5 * (amplitude / 0.3).powi(2) * f64::from(rows);
@@ -413,7 +432,7 @@ mod tests {
         for order in [6.0, 1.5] {
             let list = found(order, 0.3);
             assert_eq!(list.len(), 1, "{list:?}");
-            assert!(list[0].region.starts_with(&format!("order {order} of the mechanical angle")), "{list:?}");
+            assert!(list[0].region.starts_with(&format!("order {order} of the rotor angle")), "{list:?}");
             // Most rows are in pieces of eight turns; the rest reverses or is left over.
             assert!(list[0].share_of_error > 0.4, "{list:?}");
         }

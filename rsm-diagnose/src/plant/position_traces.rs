@@ -1,14 +1,14 @@
-//! The motion of an axis in its records, and the response to a force that depends on it.
+//! The motion of one body in its records, and the response to a force that depends on it.
 //!
-//! In: prepared records and the simulation of a fit. Out: whitened responses of the linear axis and its controller to forces that depend on position,
+//! In: prepared records and the simulation of a fit. Out: whitened responses of the linear body and its controller to forces that depend on position,
 //! speed and command, and positions from a simulation corrected by the readings. Fits nothing.
 
 use std::f64::consts::TAU;
 
 use super::levenberg::Fit;
+use super::one_body::{Controller, Linear, OneBody};
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use rsm_sim::effect::Wave;
-use rsm_sim::plant_file::{PlantFile, VelocityFrom};
 use rsm_sim::record::Drive;
 
 /// Rows on either side for the speed, of which only the sign is needed. A difference over eleven rows has a tenth of the noise of one over two.
@@ -41,16 +41,14 @@ struct RowResponse {
     /// The displacement in a row, likewise.
     displacement: [f64; 4],
     force_gain: f64,
-    /// Position gain, velocity gain, whether the speed is a difference of positions, and the limit of the command.
-    controller: Option<(f64, f64, bool, f64)>,
+    controller: Option<Controller>,
 }
 
 impl RowResponse {
     /// M dv/dt + b v = f with a constant force in each row.
-    fn new(file: &PlantFile, closed: bool, period: f64) -> Self {
-        let number = |name| file.parameters.number(name);
-        let mass = number("mass");
-        let w = number("viscous_friction") / mass * period;
+    fn new(linear: &Linear, period: f64) -> Self {
+        let mass = linear.inertia;
+        let w = linear.damping / mass * period;
         // phi_1 = (1 - e^-w)/w and phi_2 = (1 - phi_1)/w; below 1e-4 the first two terms of their series hold eight digits.
         let (one, two) = if w < 1e-4 {
             (1.0 - w / 2.0, 0.5 - w / 6.0)
@@ -61,15 +59,12 @@ impl RowResponse {
         let rest = |node: usize| 1.0 - NODES[node];
         let blow = 0.5 * period / mass;
         let displacement = |node: usize| period * rest(node) * (1.0 - 0.5 * w * rest(node));
-        let gains = file.parameters.optional("position_gain").zip(file.parameters.optional("velocity_gain"));
         RowResponse {
             // A force at a node acts as an impulse of half a row. It decays until the end of the row.
             speed: [(-w).exp(), period * one / mass, blow * (-w * rest(0)).exp(), blow * (-w * rest(1)).exp()],
             displacement: [period * one, period * period * two / mass, blow * displacement(0), blow * displacement(1)],
-            force_gain: number("force_gain"),
-            controller: gains.filter(|_| closed).map(|(position, velocity)| {
-                (position, velocity, file.parameters.velocity_from == VelocityFrom::Difference, number("command_limit"))
-            }),
+            force_gain: linear.force_gain,
+            controller: linear.controller,
         }
     }
 }
@@ -87,12 +82,12 @@ impl RecordTrace<'_> {
             let at = |values: &[f64], share: f64| values[row] + share * (values[next] - values[row]);
             let [a, b] = NODES.map(|share| force(at(&self.position, share), at(&self.speed, share), self.command[row]));
             // A command at its limit does not respond.
-            let controller = it.controller.filter(|(_, _, _, limit)| self.command[row].abs() < *limit);
+            let controller = it.controller.filter(|it| self.command[row].abs() < it.limit);
             let here = q;
             for k in 0..N {
-                let command = controller.map_or(0.0, |(position_gain, velocity_gain, difference, _)| {
-                    let speed = if difference { (q[k] - past[1][k]) / (2.0 * self.period) } else { v[k] };
-                    velocity_gain * (-position_gain * q[k] - speed)
+                let command = controller.map_or(0.0, |it| {
+                    let speed = if it.is_difference { (q[k] - past[1][k]) / (2.0 * self.period) } else { v[k] };
+                    it.speed_gain * (-it.position_gain * q[k] - speed)
                 });
                 outputs[k][0].push(q[k]);
                 outputs[k][1].push(command);
@@ -120,7 +115,8 @@ impl RecordTrace<'_> {
         for (outputs, stack) in self.run(force).iter().zip(stacks) {
             white.clear();
             for (k, output) in self.prepared.outputs.iter().enumerate() {
-                let mut values = outputs[*output].clone();
+                let place = if *output == self.prepared.outputs[self.place] { 0 } else { 1 };
+                let mut values = outputs[place].clone();
                 whitened.floors[*output].scale_to_uniform(self.prepared.measured(k), &mut values);
                 whitened.floors[*output].whiten(&values, &self.prepared.used[k], &mut white);
             }
@@ -159,11 +155,14 @@ impl<'k> PositionTraces<'k> {
     #[must_use]
     pub fn new(whitened: &'k WhitenedResiduals, fit: &Fit) -> Self {
         let mut list = Vec::new();
+        let body = OneBody::of(fit.model.file.kind);
         for (record, (prepared, simulated)) in whitened.records.iter().zip(&fit.simulated).enumerate() {
-            let Some(k) = prepared.outputs.iter().position(|it| *it == 0) else { continue };
+            let Some(body) = body else { continue };
+            let Some(k) = prepared.outputs.iter().position(|it| *it == body.position) else { continue };
             let of = &prepared.record;
+            let Some(linear) = body.linear(&fit.model.file, of) else { continue };
             let (position, closed) = (prepared.measured(k), of.drive == Drive::Closed);
-            let command = match prepared.outputs.iter().position(|it| *it == 1).filter(|_| closed) {
+            let command = match prepared.outputs.iter().position(|it| Some(*it) == body.command).filter(|_| closed) {
                 Some(k) => prepared.measured(k).to_vec(),
                 None if closed => simulated.get(1).cloned().unwrap_or_default(),
                 None => of.inputs[0].clone(),
@@ -185,7 +184,7 @@ impl<'k> PositionTraces<'k> {
                 command,
                 first: whitened.first(record),
                 period: of.period,
-                answer: RowResponse::new(&fit.model.file, closed, of.period),
+                answer: RowResponse::new(&linear, of.period),
             });
         }
         PositionTraces { whitened, list, rows: fit.residual.len() }

@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 
 use super::levenberg::Fit;
 use super::orders::{self, Coordinate, HIGHEST_FREQUENCY};
-use super::quantities::rounded;
+use super::quantities::{self, rounded};
 use super::whitened_residuals::WhitenedResiduals;
 use super::whiteness::TESTS;
 use crate::engine::columns::Basis;
@@ -70,14 +70,18 @@ impl PredictorRegression {
 /// The best predictor of the residual of a fit; `None` if chance could predict as much.
 #[must_use]
 pub fn best_predictor(whitened: &WhitenedResiduals, fit: &Fit) -> Option<Predictor> {
-    let ways = orders::coordinates(whitened, &fit.model, &fit.simulated);
+    best_among(whitened, fit, &orders::coordinates(whitened, &quantities::site_signals(whitened, fit)))
+}
+
+/// The same with waves over these coordinates.
+fn best_among(whitened: &WhitenedResiduals, fit: &Fit, ways: &[Coordinate]) -> Option<Predictor> {
     let mut tried = Vec::new();
     for output in 0..whitened.floors.len() {
         let parts = parts(whitened, fit, output);
         if parts.is_empty() {
             continue;
         }
-        for way in &ways {
+        for way in ways {
             tried.extend(waves(whitened, way, output, &parts));
         }
         tried.extend(powers(whitened, fit, output, &parts));
@@ -234,6 +238,7 @@ mod tests {
     use crate::engine::columns::dot;
     use rsm_core::source::Source;
     use rsm_fit::random::Random;
+    use rsm_sim::equation_plant::{SiteKind, SiteSignal};
     use rsm_sim::kind::OUTPUTS;
     use rsm_sim::plant_file::PlantFile;
     use rsm_sim::record::Record;
@@ -265,11 +270,14 @@ mod tests {
             unknowns: Vec::new(),
             at_start: super::super::model::InitialMotion::Steady,
         };
+        let of =
+            |role, parts| SiteSignal { at: "rotor", kind: SiteKind::Rotation, role, unit: String::new(), parts: vec![parts] };
+        let ways = orders::coordinates(&whitened, &[vec![of("speed", smooth.clone())]]);
         let simulated = vec![vec![smooth]];
         let residual = whitened.residual(&simulated);
         let cost = dot(&residual, &residual);
         let fit = Fit { model, simulated, residual, cost, free: Vec::new(), columns: Vec::new(), held: Vec::new() };
-        best_predictor(&whitened, &fit)
+        best_among(&whitened, &fit, &ways)
     }
 
     #[test]

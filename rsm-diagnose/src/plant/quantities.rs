@@ -3,9 +3,11 @@
 //! In: records and a simulation along them. Out: a value of each quantity for every row, and classes with the same bounds in all records. Does not
 //! use the residual.
 
-use super::model::Model;
+use super::levenberg::Fit;
 use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
-use rsm_sim::record::Drive;
+use rsm_sim::equation_plant::{self, SiteKind, SiteSignal};
+use rsm_sim::kind::PlantKind;
+use rsm_sim::threads::in_threads;
 
 /// Below this share of its largest speed, a plant counts as at rest or reversing.
 const RESTING: f64 = 0.05;
@@ -14,25 +16,31 @@ const RESTING: f64 = 0.05;
 const FEWEST: f64 = 0.01;
 
 /// How a quantity is divided.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 enum Division {
     /// By magnitude, in thirds of the rows. Small values are a separate class if the plant is then at rest.
     Size { rests: bool },
     /// By value, in thirds of the rows.
     Value,
     /// By sign, with the words for positive and negative values.
-    Sign(&'static str, &'static str),
+    Sign(String, String),
     /// By value: every value is a class.
     Whole,
+}
+
+impl Division {
+    fn sign(negative: &str, positive: &str) -> Division {
+        Division::Sign(negative.to_string(), positive.to_string())
+    }
 }
 
 /// A quantity along all records.
 #[derive(Debug, Clone)]
 pub struct Quantity {
     /// Its name.
-    pub name: &'static str,
+    pub name: String,
     /// Its unit.
-    pub unit: &'static str,
+    pub unit: String,
     /// A value for each row of each record.
     pub values: Vec<Vec<f64>>,
     division: Division,
@@ -42,7 +50,7 @@ pub struct Quantity {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Classes {
     /// The quantity.
-    pub quantity: &'static str,
+    pub quantity: String,
     /// The name of each class, with its bounds and their unit.
     pub names: Vec<String>,
     /// The class of each row of each record.
@@ -67,102 +75,148 @@ pub fn of_output<'s>(prepared: &Prepared, simulated: &'s Simulated, output: usiz
     prepared.outputs.iter().position(|it| *it == output).map(|k| simulated[k].as_slice())
 }
 
-/// All quantities by which the rows of a plant's records are divided. Simulated values replace measured ones, because they have no noise.
+/// All quantities by which the rows of a plant's records are divided. Simulated values replace measured ones, because they have no noise. `signals` are
+/// those of the sites along each record.
 #[must_use]
-pub fn quantities(whitened: &WhitenedResiduals, model: &Model, simulated: &[Simulated]) -> Vec<Quantity> {
-    let kind = model.file.kind;
-    let each =
-        |name: &'static str, unit: &'static str, division: Division, of: &dyn Fn(&Prepared, &Simulated) -> Option<Vec<f64>>| {
-            let values: Option<Vec<Vec<f64>>> =
-                whitened.records.iter().zip(simulated).map(|(prepared, it)| of(prepared, it)).collect();
-            values.map(|values| Quantity { name, unit, values, division })
+pub fn quantities(
+    whitened: &WhitenedResiduals,
+    kind: PlantKind,
+    simulated: &[Simulated],
+    signals: &[Vec<SiteSignal>],
+) -> Vec<Quantity> {
+    let mut list = Collected { list: Vec::new(), whitened };
+    let first = signals.first().map_or(&[][..], Vec::as_slice);
+    let is_body = |kind: SiteKind| matches!(kind, SiteKind::Rotation | SiteKind::Translation | SiteKind::Vehicle);
+    for signal in first {
+        let of = |role: &str| -> Option<Vec<Vec<f64>>> {
+            signals.iter().map(|it| Some(it.iter().find(|it| it.at == signal.at && it.role == role)?.length())).collect()
         };
-    let output = |k: usize| move |prepared: &Prepared, it: &Simulated| of_output(prepared, it, k).map(<[f64]>::to_vec);
-    let input = |k: usize| move |prepared: &Prepared, _: &Simulated| prepared.record.inputs.get(k).cloned();
-    let by_size = Division::Size { rests: false };
-    let or_rest = Division::Size { rests: true };
-    let mut list = Vec::new();
-    match kind {
-        _ if kind.is("pmac") => {
-            let current = |prepared: &Prepared, it: &Simulated| {
-                let i_q = of_output(prepared, it, 1)?;
-                let i_d = of_output(prepared, it, 0);
-                Some(i_q.iter().enumerate().map(|(k, q)| q.hypot(i_d.map_or(0.0, |d| d[k]))).collect())
-            };
-            let power = |prepared: &Prepared, it: &Simulated| {
-                let (i_q, speed) = (of_output(prepared, it, 1)?, of_output(prepared, it, 2)?);
-                Some(i_q.iter().zip(speed).map(|(current, speed)| current * speed).collect())
-            };
-            let voltage = |prepared: &Prepared, _: &Simulated| {
-                let v_q = prepared.record.inputs.get(1)?;
-                let v_d = &prepared.record.inputs[0];
-                Some(v_q.iter().enumerate().map(|(k, q)| q.hypot(v_d.get(k).copied().unwrap_or(0.0))).collect())
-            };
-            list.extend(each("speed", "rad/s", or_rest, &output(2)));
-            list.extend(each("direction of rotation", "", Division::Sign("turning backward", "turning forward"), &output(2)));
-            list.extend(each("current", "A", by_size, &current));
-            list.extend(each("direction of torque", "", Division::Sign("torque backward", "torque forward"), &output(1)));
-            list.extend(each("flow of power", "", Division::Sign("braking", "motoring"), &power));
-            list.extend(each("voltage", "V", by_size, &voltage));
-            list.extend(each("load torque", "N*m", Division::Value, &input(2)));
-        }
-        _ if kind.is("driveline") => {
-            let gear =
-                |prepared: &Prepared, _: &Simulated| Some(vec![prepared.record.setting("gear")?; prepared.record.rows()]);
-            let acceleration = |prepared: &Prepared, it: &Simulated| {
-                let road = of_output(prepared, it, 1)?;
-                Some(speed_of(road, prepared.record.period))
-            };
-            list.extend(each("throttle", "1", Division::Value, &input(0)));
-            list.extend(each("time since the throttle moved", "s", Division::Value, &since_the_throttle_moved));
-            list.extend(each("engine speed", "rad/s", Division::Value, &output(0)));
-            list.extend(each("road speed", "m/s", or_rest, &output(1)));
-            list.extend(each("direction of force", "", Division::Sign("slowing down", "speeding up"), &acceleration));
-            list.extend(each("gear", "", Division::Whole, &gear));
-        }
-        _ if kind.is("servo-axis") => {
-            let speed = |prepared: &Prepared, it: &Simulated| {
-                of_output(prepared, it, 0).map(|positions| speed_of(positions, prepared.record.period))
-            };
-            let command = |prepared: &Prepared, it: &Simulated| match prepared.record.drive {
-                Drive::Closed => of_output(prepared, it, 1).map(<[f64]>::to_vec),
-                _ => prepared.record.inputs.first().cloned(),
-            };
-            list.extend(each("speed", "m/s", or_rest, &speed));
-            list.extend(each("direction of motion", "", Division::Sign("moving backward", "moving forward"), &speed));
-            list.extend(each("position", "m", Division::Value, &output(0)));
-            list.extend(each("command", "V", by_size, &command));
-            list.extend(each("direction of command", "", Division::Sign("pushing backward", "pushing forward"), &command));
-        }
-        plant => {
-            for (k, signal) in plant.outputs.iter().enumerate() {
-                list.extend(each(signal.name, signal.unit, Division::Value, &output(k)));
-                let rate = |prepared: &Prepared, it: &Simulated| {
-                    of_output(prepared, it, k).map(|values| speed_of(values, prepared.record.period))
-                };
-                list.extend(each(signal.name, "", Division::Sign("falling", "rising"), &rate));
+        let Some(values) = of(signal.role) else { continue };
+        // The site is named if there are several like it.
+        let is_like = |it: &&SiteSignal| it.kind == signal.kind || is_body(it.kind) && is_body(signal.kind);
+        let is_only = first.iter().filter(is_like).all(|it| it.at == signal.at);
+        let named = |name: &str| if is_only { name.to_string() } else { format!("{name} of {}", signal.at) };
+        let sign = |words: [&str; 2]| {
+            let [negative, positive] = words.map(|it| if is_only { it.to_string() } else { format!("{}: {it}", signal.at) });
+            Division::Sign(negative, positive)
+        };
+        let (unit, or_rest, by_size) = (&signal.unit, Division::Size { rests: true }, Division::Size { rests: false });
+        match (signal.kind, signal.role) {
+            (SiteKind::Rotation, "speed") => {
+                list.add(&named("speed"), unit, or_rest, values.clone());
+                list.add(&named("direction of rotation"), "", sign(["turning backward", "turning forward"]), values);
             }
-            for (k, signal) in plant.inputs.iter().enumerate() {
-                list.extend(each(signal.name, signal.unit, Division::Value, &input(k)));
+            (SiteKind::Translation, "speed") => {
+                list.add(&named("speed"), unit, or_rest, values.clone());
+                list.add(&named("direction of motion"), "", sign(["moving backward", "moving forward"]), values);
             }
+            (SiteKind::Translation, "position") => list.add(&named("position"), unit, Division::Value, values),
+            (SiteKind::Rotation | SiteKind::Translation, "drive") => {
+                let speed = of("speed").unwrap_or_default();
+                let product = |(force, speed): (&Vec<f64>, &Vec<f64>)| force.iter().zip(speed).map(|(a, b)| a * b).collect();
+                let power = values.iter().zip(&speed).map(product).collect();
+                list.add(&named("direction of drive"), "", sign(["driven backward", "driven forward"]), values);
+                list.add(&named("flow of power"), "", sign(["braking", "driving"]), power);
+            }
+            (SiteKind::Vehicle, "road_speed") => list.add("road speed", unit, or_rest, values),
+            (SiteKind::Vehicle, "acceleration") => {
+                list.add(&named("direction of force"), "", sign(["slowing down", "speeding up"]), values);
+            }
+            (SiteKind::Winding, "currents") => list.add(&named("current"), unit, by_size, values),
+            (SiteKind::Winding, "voltages") => list.add(&named("voltage"), unit, by_size, values),
+            (SiteKind::Joint, "effort") => {
+                let of = format!("effort in {}", signal.at);
+                list.add(&of, "", sign(["joint loaded backward", "joint loaded forward"]), values);
+            }
+            (SiteKind::Storage, "level") | (SiteKind::Heat, "temperature") => {
+                list.add(&named(signal.role), unit, Division::Value, values);
+            }
+            _ => {}
         }
     }
-    list.extend(each("time", "s", Division::Value, &|prepared: &Prepared, _: &Simulated| {
+    for (k, signal) in kind.outputs().iter().enumerate() {
+        let each = whitened.records.iter().zip(simulated);
+        let values: Option<Vec<Vec<f64>>> =
+            each.map(|(prepared, it)| of_output(prepared, it, k).map(<[f64]>::to_vec)).collect();
+        // An output that is a quantity of a site has its classes already.
+        let Some(values) = values.filter(|it| !list.holds(it)) else { continue };
+        let rate = |(values, prepared): (&Vec<f64>, &Prepared)| speed_of(values, prepared.record.period);
+        let rates = values.iter().zip(&whitened.records).map(rate).collect();
+        list.add(signal.name, signal.unit, Division::Value, values);
+        list.add(&format!("direction of {}", signal.name), "", Division::sign("falling", "rising"), rates);
+    }
+    for (k, signal) in kind.inputs().iter().enumerate() {
+        let values: Option<Vec<Vec<f64>>> = whitened.records.iter().map(|it| it.record.inputs.get(k).cloned()).collect();
+        let Some(values) = values.filter(|it| !list.holds(it)) else { continue };
+        if values.iter().flatten().any(|it| *it < 0.0) {
+            let of = format!("direction of {}", signal.name);
+            list.add(&of, "", Division::sign("input negative", "input positive"), values.clone());
+        }
+        let since = values.iter().zip(&whitened.records).map(|(values, it)| since_a_move(values, it.record.period)).collect();
+        list.add(signal.name, signal.unit, Division::Value, values);
+        list.add(&format!("time since {} moved", signal.name), "s", Division::Value, since);
+    }
+    for decision in kind.decisions.iter().filter(|it| it.is_whole) {
+        let Some(column) = decision.column else { continue };
+        let of = |prepared: &Prepared| Some(vec![prepared.record.setting(decision.parameter)?; prepared.record.rows()]);
+        if let Some(values) = whitened.records.iter().map(of).collect() {
+            list.add(column, "", Division::Whole, values);
+        }
+    }
+    let since_begin = |prepared: &Prepared| {
         let first = prepared.record.time.first().copied().unwrap_or(0.0);
-        Some(prepared.record.time.iter().map(|time| time - first).collect())
-    }));
-    list
+        prepared.record.time.iter().map(|time| time - first).collect()
+    };
+    list.add("time", "s", Division::Value, whitened.records.iter().map(since_begin).collect());
+    list.list
 }
 
-/// Seconds since the throttle last moved, or since the record began.
-fn since_the_throttle_moved(prepared: &Prepared, _: &Simulated) -> Option<Vec<f64>> {
-    let throttle = prepared.record.inputs.first()?;
+/// The signals of the sites along each record of a fit; an empty list for a record that the plant cannot follow.
+#[must_use]
+pub fn site_signals(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Vec<SiteSignal>> {
+    let places: Vec<usize> = (0..whitened.records.len()).collect();
+    in_threads(&places, whitened.threads, |&place| {
+        let record = &whitened.records[place].record;
+        equation_plant::site_signals(&fit.model.for_record(place, record), record).unwrap_or_default()
+    })
+}
+
+/// Quantities that have a value at every row of every record.
+struct Collected<'k> {
+    list: Vec<Quantity>,
+    whitened: &'k WhitenedResiduals,
+}
+
+/// Two traces of the same variable agree to this share of their largest value: both are integrated to a relative tolerance of 1e-6.
+const SAME: f64 = 1e-4;
+
+impl Collected<'_> {
+    fn add(&mut self, name: &str, unit: &str, division: Division, values: Vec<Vec<f64>>) {
+        let is_whole = values.len() == self.whitened.records.len()
+            && values.iter().zip(&self.whitened.records).all(|(values, it)| values.len() == it.record.rows());
+        if is_whole {
+            self.list.push(Quantity { name: name.to_string(), unit: unit.to_string(), values, division });
+        }
+    }
+
+    /// Whether a quantity has these values.
+    fn holds(&self, values: &[Vec<f64>]) -> bool {
+        let is_same = |(a, b): (&Vec<f64>, &Vec<f64>)| {
+            let largest = a.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= SAME * largest)
+        };
+        self.list.iter().any(|it| it.values.len() == values.len() && it.values.iter().zip(values).all(is_same))
+    }
+}
+
+/// Seconds since an input last moved, or since the record began.
+fn since_a_move(values: &[f64], period: f64) -> Vec<f64> {
     let mut since = 0.0;
-    let each = throttle.iter().enumerate().map(|(k, value)| {
-        since = if k > 0 && *value != throttle[k - 1] { 0.0 } else { since + prepared.record.period };
+    let each = values.iter().enumerate().map(|(k, value)| {
+        since = if k > 0 && *value != values[k - 1] { 0.0 } else { since + period };
         since
     });
-    Some(each.collect())
+    each.collect()
 }
 
 impl Quantity {
@@ -170,9 +224,9 @@ impl Quantity {
     #[must_use]
     pub fn classes(&self) -> Option<Classes> {
         let all: Vec<f64> = self.values.iter().flatten().copied().collect();
-        let (names, class): (Vec<String>, Box<dyn Fn(f64) -> usize>) = match self.division {
+        let (names, class): (Vec<String>, Box<dyn Fn(f64) -> usize>) = match &self.division {
             Division::Sign(negative, positive) => {
-                (vec![negative.to_string(), positive.to_string()], Box::new(|value| usize::from(value >= 0.0)))
+                (vec![negative.clone(), positive.clone()], Box::new(|value| usize::from(value >= 0.0)))
             }
             Division::Whole => {
                 let mut values = all.clone();
@@ -184,7 +238,7 @@ impl Quantity {
             Division::Size { .. } | Division::Value => {
                 let is_size = self.division != Division::Value;
                 let bounds = self.bounds(&all);
-                let names = names(self.name, self.unit, &bounds, self.division == Division::Size { rests: true });
+                let names = names(&self.name, &self.unit, &bounds, self.division == Division::Size { rests: true });
                 (names, Box::new(move |value| place(if is_size { value.abs() } else { value }, &bounds)))
             }
         };
@@ -193,7 +247,7 @@ impl Quantity {
         of.iter().flatten().for_each(|class| counts[*class] += 1);
         let enough = FEWEST * all.len() as f64;
         (counts.iter().filter(|count| **count as f64 > enough).count() > 1).then_some(Classes {
-            quantity: self.name,
+            quantity: self.name.clone(),
             names,
             of,
         })
@@ -259,7 +313,7 @@ mod tests {
     use super::*;
 
     fn quantity(values: Vec<f64>, division: Division) -> Quantity {
-        Quantity { name: "speed", unit: "rad/s", values: vec![values], division }
+        Quantity { name: "speed".to_string(), unit: "rad/s".to_string(), values: vec![values], division }
     }
 
     #[test]
@@ -281,7 +335,7 @@ mod tests {
     #[test]
     fn a_quantity_that_never_moves_has_no_classes() {
         assert_eq!(quantity(vec![3.0; 100], Division::Value).classes(), None);
-        assert_eq!(quantity(vec![3.0; 100], Division::Sign("back", "forth")).classes(), None);
+        assert_eq!(quantity(vec![3.0; 100], Division::sign("back", "forth")).classes(), None);
         assert_eq!(quantity(vec![2.0; 100], Division::Whole).classes(), None);
     }
 

@@ -14,7 +14,7 @@ pub struct Region {
     /// The output with the error, by its place in the plant.
     pub output: usize,
     /// The quantity that is divided: "speed", "frequency", "record"; "output" for the whole output.
-    pub quantity: &'static str,
+    pub quantity: String,
     /// The region in words, with numbers and units.
     pub region: String,
     /// The region's share of the squared error above the noise, of all outputs in units of their noise.
@@ -31,7 +31,7 @@ pub struct ErrorSlice {
     /// The output, by its place in the plant.
     pub output: usize,
     /// The quantity of which the region is a part.
-    pub quantity: &'static str,
+    pub quantity: String,
     /// The region.
     pub region: String,
     /// The number of rows of the output in it.
@@ -73,14 +73,14 @@ pub fn slices(
     quantities: &[Quantity],
 ) -> Vec<ErrorSlice> {
     let mut classes = vec![Classes {
-        quantity: "output",
+        quantity: "output".to_string(),
         names: vec!["everywhere".to_string()],
         of: whitened.records.iter().map(|it| vec![0; it.record.rows()]).collect(),
     }];
     classes.extend(quantities.iter().filter_map(Quantity::classes));
     if whitened.records.len() > 1 {
         classes.push(Classes {
-            quantity: "record",
+            quantity: "record".to_string(),
             names: whitened.records.iter().map(|it| format!("record {}", name_of(&it.record.file))).collect(),
             of: whitened.records.iter().enumerate().map(|(k, it)| vec![k; it.record.rows()]).collect(),
         });
@@ -110,7 +110,7 @@ pub fn slices(
                 if rows >= 20 {
                     list.push(ErrorSlice {
                         output,
-                        quantity: group.quantity,
+                        quantity: group.quantity.clone(),
                         region: name.clone(),
                         rows,
                         share_of_rows: rows as f64 / all.max(1) as f64,
@@ -177,7 +177,7 @@ pub fn regions(slices: &[ErrorSlice], spectral: &[Region], side: Side) -> Vec<Re
             let share = (slice.excess(side) / own).min(1.0);
             let region = Region {
                 output,
-                quantity: slice.quantity,
+                quantity: slice.quantity.clone(),
                 region: slice.region.clone(),
                 share_of_error: share * own / all,
                 share_of_output: share,
@@ -192,8 +192,8 @@ pub fn regions(slices: &[ErrorSlice], spectral: &[Region], side: Side) -> Vec<Re
         by_information.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut quantities: Vec<&str> = Vec::new();
         for (_, region) in &by_information {
-            if quantities.len() < QUANTITIES && !quantities.contains(&region.quantity) {
-                quantities.push(region.quantity);
+            if quantities.len() < QUANTITIES && !quantities.contains(&region.quantity.as_str()) {
+                quantities.push(&region.quantity);
                 list.push(region.clone());
             }
         }
@@ -226,11 +226,11 @@ pub fn most_informative(regions: &[Region], count: usize) -> Vec<Region> {
 mod tests {
     use super::*;
 
-    fn slice(quantity: &'static str, region: &str, rows: usize, before: f64) -> ErrorSlice {
+    fn slice(quantity: &str, region: &str, rows: usize, before: f64) -> ErrorSlice {
         let floor = NoiseFloor::white(1.0);
         ErrorSlice {
             output: 0,
-            quantity,
+            quantity: quantity.to_string(),
             region: region.to_string(),
             rows,
             share_of_rows: rows as f64 / 1000.0,

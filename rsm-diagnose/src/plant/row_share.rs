@@ -14,6 +14,7 @@ use super::model::Model;
 pub use super::prepared::Piece;
 use super::prepared::Prepared;
 use super::whitened_residuals::WhitenedResiduals;
+use rsm_sim::equation_plant::bodies;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -149,20 +150,21 @@ pub fn settling(beginning: &Record, file: &PlantFile) -> Option<usize> {
     checks::settling_rows(&prepared, file, 0..beginning.rows())
 }
 
-/// Some rows of a record, which its name states. The rotor angle at the first row is the initial angle of the record plus the integral of the
-/// measured speed.
+/// Some rows of a record, which its name states. A position that is not read, such as the angle of a rotor, starts at its value in the record plus the
+/// integral of the measured speed.
 #[must_use]
 pub fn piece(record: &Record, kind: PlantKind, rows: Range<usize>, settling: usize) -> Piece {
     let mut part = record.piece(rows.clone());
     if rows.len() < record.rows() {
         part.file = format!("{}, rows {} to {}", record.file, rows.start + 1, rows.end);
     }
-    if rows.start > 0
-        && kind.is("pmac")
-        && let Some(Some(speed)) = record.measured.get(2)
-    {
-        let turned: f64 = speed[..rows.start].windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).sum();
-        part.starts.push(("angle", record.start("angle").unwrap_or(0.0) + record.period * turned));
+    for body in bodies(kind).iter().filter(|_| rows.start > 0) {
+        let start = kind.start_columns().iter().find(|it| Some(it.name) == body.position);
+        let speed = body.speed.and_then(|it| record.measured.get(kind.output(it)?)?.as_ref());
+        if let Some((start, speed)) = start.zip(speed) {
+            let moved: f64 = speed[..rows.start].windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).sum();
+            part.starts.push((start.name, record.start(start.name).unwrap_or(0.0) + record.period * moved));
+        }
     }
     Piece { record: part, from: rows.start, settling }
 }

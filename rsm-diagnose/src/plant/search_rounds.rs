@@ -74,8 +74,8 @@ impl<'a> SearchInput<'a> {
         prepared.unseen.work = whitened.work.clone();
         // For long records, the final check on all rows takes work too.
         let most = if prepared.share.unused_rows().is_some() { MOST_STEPS / 2 } else { MOST_STEPS };
-        // The wave lengths of an axis are the best of many, and so are the terms and orders of the equations.
-        let waves = if file.kind.is("servo-axis") { 2 * waves::MOST } else { 0 };
+        // Wave lengths are the best of many, and so are the terms and orders of the equations.
+        let waves = if waves::has_waves(file.kind) { 2 * waves::MOST } else { 0 };
         let terms =
             equation_errors.as_ref().filter(|it| !it.terms.is_empty() || !it.orders.is_empty()).map_or(0, |it| it.looks);
         Ok(SearchInput {

@@ -191,7 +191,7 @@ impl Spectrum {
                 let beyond = energy(octave);
                 list.push(Region {
                     output: self.output,
-                    quantity: "frequency",
+                    quantity: "frequency".to_string(),
                     region,
                     share_of_error: (beyond / all).clamp(0.0, 1.0),
                     share_of_output: (beyond / own).clamp(0.0, 1.0),
@@ -206,7 +206,7 @@ impl Spectrum {
             let region = format!("a line at {} Hz", shown(self.frequency[peak.place]));
             list.push(Region {
                 output: self.output,
-                quantity: "line",
+                quantity: "line".to_string(),
                 region,
                 share_of_error: (beyond / all).clamp(0.0, 1.0),
                 share_of_output: (beyond / own).clamp(0.0, 1.0),

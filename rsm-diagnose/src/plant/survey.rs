@@ -59,7 +59,7 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
         largest,
         spread,
         noise: whitened.floors.map(|floor| floor.sd),
-        waves: if kind.is("servo-axis") { waves::waves(whitened, fit) } else { Vec::new() },
+        waves: waves::waves(whitened, fit),
         quantum,
         unused: equation_plant::unused(&fit.model.file, &records),
         output: 0,

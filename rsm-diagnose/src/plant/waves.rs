@@ -1,4 +1,4 @@
-//! Waves of force over the position of an axis, found in the residual of a calibrated simulation.
+//! Waves of force over the position of a body that one input moves, found in the residual of a calibrated simulation.
 //!
 //! In: prepared records and a fit without such a wave. Out: wave lengths with amplitude and phase, the strongest first; and a plant with one of them,
 //! near its best fit. Does not decide whether a wave is a cause.
@@ -14,11 +14,13 @@ use std::f64::consts::TAU;
 use super::curvature::{Curvature, curvatures};
 use super::levenberg::{self, Fit};
 use super::model::Model;
+use super::one_body::OneBody;
 use super::position_traces::PositionTraces;
 use super::whitened_residuals::{Column, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::normal::Normal;
 use rsm_sim::effect::{Arguments, Description, Role, Wave};
+use rsm_sim::equation_plant::{SiteKind, sign_width};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
 use rsm_sim::schema::Bound;
@@ -59,6 +61,7 @@ const SECOND_ORDER_ROUNDS: usize = 6;
 /// The data for the gain of waves.
 struct Waves<'k> {
     traces: PositionTraces<'k>,
+    body: Option<OneBody>,
     /// Orthonormal directions of all free unknowns.
     free: Vec<Vec<f64>>,
     /// The residual after projecting these out.
@@ -70,7 +73,8 @@ struct Waves<'k> {
 impl<'k> Waves<'k> {
     fn new(traces: PositionTraces<'k>, fit: &Fit) -> Self {
         let curvatures = curvatures(traces.whitened, fit);
-        let mut waves = Waves { traces, free: Vec::new(), residual: fit.residual.clone(), curvatures };
+        let body = OneBody::of(fit.model.file.kind);
+        let mut waves = Waves { traces, body, free: Vec::new(), residual: fit.residual.clone(), curvatures };
         // Initial states, calibration, accepted causes; and the effects of a load, of frictions and of a gain, which may be causes besides the wave.
         let held = fit.held.iter().map(|held| &held.column);
         for column in fit.columns.iter().chain(held) {
@@ -80,7 +84,8 @@ impl<'k> Waves<'k> {
         }
         let curvatures: Vec<Vec<f64>> = waves.curvatures.iter().map(|it| it.trace.clone()).collect();
         curvatures.into_iter().for_each(|bend| waves.add(bend));
-        let sign = |v: f64| (v / rsm_sim::effect::AXIS_SIGN_WIDTH).tanh();
+        let width = waves.body.map_or(1.0, |it| sign_width(it.kind));
+        let sign = |v: f64| (v / width).tanh();
         let laws = waves.traces.answer(|_, v, u| [1.0, v, sign(v), u]);
         laws.into_iter().for_each(|law| waves.add(law));
         for direction in &waves.free {
@@ -170,13 +175,22 @@ fn project_out(column: &mut [f64], direction: &[f64]) {
     column.iter_mut().zip(direction).for_each(|(value, direction)| *value -= share * direction);
 }
 
+/// Whether waves of any length are looked for on a plant: on a body on a line that one input moves. Over an angle a wave has a whole order.
+#[must_use]
+pub fn has_waves(kind: PlantKind) -> bool {
+    OneBody::of(kind).is_some_and(|it| it.kind == SiteKind::Translation)
+}
+
 /// The waves that explain most of the residual of a fit.
 #[must_use]
 pub fn waves(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Wave> {
+    let kind = fit.model.file.kind;
+    let Some((body, travel)) = OneBody::of(kind).filter(|_| has_waves(kind)).zip(travel(whitened, kind)) else {
+        return Vec::new();
+    };
     let waves = Waves::new(PositionTraces::new(whitened, fit), fit);
-    let Some(travel) = travel(whitened) else { return Vec::new() };
     let line = TAU * 0.5 / travel;
-    let finest = LARGEST_NOISE / whitened.floors[0].sd;
+    let finest = LARGEST_NOISE / whitened.floors[body.position].sd;
     let numbers: Vec<f64> =
         (LONGEST_WAVE..2 * MOST).map(|half| half as f64 * line).take_while(|number| *number < finest).collect();
     let gains = waves.gains(&numbers);
@@ -198,11 +212,12 @@ fn wave(number: f64, [sin, cos]: [f64; 2]) -> Wave {
     Wave { amplitude: sin.hypot(cos), pitch: TAU / number, phase: cos.atan2(sin) }
 }
 
-/// The travel of an axis in its records, in m, if any record has a position.
-fn travel(whitened: &WhitenedResiduals) -> Option<f64> {
+/// The travel of the body in its records, if any record has a position.
+fn travel(whitened: &WhitenedResiduals, kind: PlantKind) -> Option<f64> {
+    let body = OneBody::of(kind)?;
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for it in &whitened.records {
-        let Some(k) = it.outputs.iter().position(|output| *output == 0) else { continue };
+        let Some(k) = it.outputs.iter().position(|output| *output == body.position) else { continue };
         let used = it.measured(k).iter().zip(&it.used[k]).filter(|(_, used)| **used);
         (low, high) = used.fold((low, high), |(low, high), (value, _)| (low.min(*value), high.max(*value)));
     }
@@ -214,15 +229,15 @@ fn travel(whitened: &WhitenedResiduals) -> Option<f64> {
 #[must_use]
 pub fn has_whole_period(whitened: &WhitenedResiduals, entry: &Entry) -> bool {
     let wave = Some(entry).filter(|it| is_wave(it.description, it.arguments.plant));
-    wave.and_then(|it| of(&it.arguments)).is_none_or(|wave| travel(whitened).is_some_and(|travel| wave.pitch <= travel))
+    wave.and_then(|it| of(&it.arguments))
+        .is_none_or(|wave| travel(whitened, entry.arguments.plant).is_some_and(|travel| wave.pitch <= travel))
 }
 
-/// Whether an effect is such a wave on an axis of format 1: a wave of any length, not an integer order of a rotor. The response to a force that is
-/// used here is that of this axis; waves on other plants are found by the prediction errors.
+/// Whether an effect is such a wave: of any length, not an integer order of a rotor. The response to a force that is used here is that of one body;
+/// waves on other plants are found by the prediction errors.
 #[must_use]
 pub fn is_wave(effect: &Description, plant: PlantKind) -> bool {
-    let is_axis = plant.is("servo-axis");
-    is_axis && effect.declared.role == Role::Waves && effect.arguments.iter().all(|it| it.bound != Bound::Count)
+    has_waves(plant) && effect.declared.role == Role::Waves && effect.arguments.iter().all(|it| it.bound != Bound::Count)
 }
 
 /// The wave of an entry.
@@ -305,7 +320,7 @@ struct JointFit<'k> {
 /// The best wave within this many lines of a pitch, with the plant.
 fn joint_fit_near<'k>(traces: PositionTraces<'k>, fit: &Fit, pitch: f64, reach: f64) -> Option<JointFit<'k>> {
     let waves = Waves::new(traces, fit);
-    let line = TAU * 0.5 / travel(waves.traces.whitened)?;
+    let line = TAU * 0.5 / travel(waves.traces.whitened, fit.model.file.kind)?;
     let number = TAU / pitch;
     let number = waves.best_between((number - reach * line).max(LONGEST_WAVE as f64 * line), number + reach * line);
     let joint = Joint::new(fit, waves.traces.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 }));

@@ -5,10 +5,10 @@ use crate::random::Random;
 use rsm_core::check::Checked;
 use rsm_core::model_file;
 use rsm_core::source::Source;
-use rsm_diagnose::plant::correction::{self, CorrectionResult};
+use rsm_diagnose::plant::correction::{self, CorrectionResult, Simulation};
 use rsm_diagnose::plant::noise::NoiseFloor;
 use rsm_diagnose::plant::whitened_residuals::{Prepared, WhitenedResiduals};
-use rsm_sim::equation_plant::servo_axis;
+use rsm_sim::equation_plant::{SiteSignal, servo_axis, site_signals};
 use rsm_sim::kind::by_output;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -43,12 +43,25 @@ fn axis(stiffness: f64, periods: [f64; 2]) -> [Vec<f64>; 3] {
     columns
 }
 
-/// Whitened records of the axis with the spring and noise, and the simulation of the axis without the spring along them.
-fn records(stiffness: f64, all: &[[f64; 2]], seed: u64) -> (WhitenedResiduals, Vec<Vec<Vec<f64>>>) {
+/// Records with the simulation of the axis without the spring along them.
+struct Case {
+    whitened: WhitenedResiduals,
+    simulated: Vec<Vec<Vec<f64>>>,
+    signals: Vec<Vec<SiteSignal>>,
+}
+
+impl Case {
+    fn simulation(&self) -> Simulation<'_> {
+        Simulation { whitened: &self.whitened, simulated: &self.simulated, signals: &self.signals }
+    }
+}
+
+/// Whitened records of the axis with the spring and noise.
+fn records(stiffness: f64, all: &[[f64; 2]], seed: u64) -> Case {
     let plant = PlantFile::read(&Source::new("axis.toml", PLANT)).unwrap();
     let mut random = Random::new(seed);
     let mut records = Vec::new();
-    let mut simulated = Vec::new();
+    let (mut simulated, mut signals) = (Vec::new(), Vec::new());
     for periods in all {
         let [reference, position, command] = axis(stiffness, *periods);
         let mut text = "time[s],reference[m],position[m],command[V]\n".to_string();
@@ -57,12 +70,13 @@ fn records(stiffness: f64, all: &[[f64; 2]], seed: u64) -> (WhitenedResiduals, V
             text += &format!("{},{},{q},{u}\n", row as f64 / 1000.0, reference[row]);
         }
         let record = Record::read(&Source::new("axis.csv", text), &plant).unwrap();
+        signals.push(site_signals(&plant, &record).unwrap());
         records.push(Prepared::new(record, 2));
         let [_, position, command] = axis(0.0, *periods);
         simulated.push(vec![position, command]);
     }
     let floors = by_output(&NOISE, 1.0).map(NoiseFloor::white);
-    (WhitenedResiduals::new(records, floors, 1), simulated)
+    Case { whitened: WhitenedResiduals::new(records, floors, 1), simulated, signals }
 }
 
 const TRAINING: [[f64; 2]; 2] = [[3.0, 1.6], [2.4, 1.9]];
@@ -70,9 +84,8 @@ const UNSEEN: [[f64; 2]; 1] = [[2.7, 1.7]];
 
 #[test]
 fn a_square_spring_is_corrected_on_unseen_records_and_the_file_checks() {
-    let (whitened, simulated) = records(2000.0, &TRAINING, 1);
-    let (unseen, simulated_unseen) = records(2000.0, &UNSEEN, 2);
-    let found = correction::correction(servo_axis(), &whitened, &simulated, &unseen, &simulated_unseen);
+    let (training, unseen) = (records(2000.0, &TRAINING, 1), records(2000.0, &UNSEEN, 2));
+    let found = correction::correction(servo_axis(), training.simulation(), unseen.simulation());
     let CorrectionResult::Useful(found) = found else { panic!("{found:?}") };
     // The spring's force is a function of the position, and in a stiff loop the command compensates it, so nearly all of the error is removed. The
     // transients of the loop remain, and a third-order approximation of q abs(q).
@@ -86,17 +99,18 @@ fn a_square_spring_is_corrected_on_unseen_records_and_the_file_checks() {
     assert!(text.contains("command_correction") && text.contains("black box"), "{text}");
     Checked::read(&Source::new("correction.toml", text)).unwrap();
     // The report draws the same signals as were validated.
-    let prepared = &unseen.records[0];
-    let added = correction::added(servo_axis(), &found, prepared, &simulated_unseen[0], 1).unwrap();
-    let left: f64 = (0..ROWS).map(|row| (prepared.measured(1)[row] - simulated_unseen[0][1][row] - added[row]).powi(2)).sum();
+    let (prepared, simulated) = (&unseen.whitened.records[0], &unseen.simulated[0]);
+    let added = correction::added(servo_axis(), &found, prepared, simulated, &unseen.signals[0], 1).unwrap();
+    let left: f64 = (0..ROWS).map(|row| (prepared.measured(1)[row] - simulated[1][row] - added[row]).powi(2)).sum();
     assert!(((left / ROWS as f64).sqrt() / NOISE[1] - command.after).abs() < 1e-6);
 }
 
 #[test]
 fn without_unseen_records_the_last_third_judges() {
-    let (whitened, simulated) = records(2000.0, &TRAINING, 1);
-    let nobody = whitened.with_records(Vec::new());
-    let found = correction::correction(servo_axis(), &whitened, &simulated, &nobody, &[]);
+    let training = records(2000.0, &TRAINING, 1);
+    let nobody = training.whitened.with_records(Vec::new());
+    let unseen = Simulation { whitened: &nobody, simulated: &[], signals: &[] };
+    let found = correction::correction(servo_axis(), training.simulation(), unseen);
     let CorrectionResult::Useful(found) = found else { panic!("{found:?}") };
     assert!(!found.unseen && found.gain > 0.8, "{}", found.gain);
 }
@@ -104,9 +118,8 @@ fn without_unseen_records_the_last_third_judges() {
 #[test]
 fn noise_is_not_corrected() {
     for seed in 1..=5 {
-        let (whitened, simulated) = records(0.0, &TRAINING, seed);
-        let (unseen, simulated_unseen) = records(0.0, &UNSEEN, 100 + seed);
-        let found = correction::correction(servo_axis(), &whitened, &simulated, &unseen, &simulated_unseen);
+        let (training, unseen) = (records(0.0, &TRAINING, seed), records(0.0, &UNSEEN, 100 + seed));
+        let found = correction::correction(servo_axis(), training.simulation(), unseen.simulation());
         assert!(matches!(found, CorrectionResult::NoGain { .. }), "seed {seed}: {found:?}");
     }
 }
@@ -115,17 +128,16 @@ fn noise_is_not_corrected() {
 fn what_hangs_on_nothing_that_is_simulated_is_refused() {
     // A disturbance at 3.1 Hz, independent of the axis. Its phase is different in each record, and so is the motion.
     let disturbed = |all: &[[f64; 2]], seed: u64| {
-        let (mut whitened, simulated) = records(0.0, all, seed);
-        for (k, prepared) in whitened.records.iter_mut().enumerate() {
+        let mut case = records(0.0, all, seed);
+        for (k, prepared) in case.whitened.records.iter_mut().enumerate() {
             let phase = (seed + k as u64) as f64;
             for (row, value) in prepared.record.measured[1].as_mut().unwrap().iter_mut().enumerate() {
                 *value += 0.1 * (std::f64::consts::TAU * 3.1 * row as f64 / 1000.0 + phase).sin();
             }
         }
-        (whitened, simulated)
+        case
     };
-    let (whitened, simulated) = disturbed(&TRAINING, 1);
-    let (unseen, simulated_unseen) = disturbed(&UNSEEN, 6);
-    let found = correction::correction(servo_axis(), &whitened, &simulated, &unseen, &simulated_unseen);
+    let (training, unseen) = (disturbed(&TRAINING, 1), disturbed(&UNSEEN, 6));
+    let found = correction::correction(servo_axis(), training.simulation(), unseen.simulation());
     assert!(matches!(found, CorrectionResult::NoGain { .. }), "{found:?}");
 }

@@ -1,4 +1,5 @@
-//! The search does not use names of effects: special properties of an effect are declared in its own file.
+//! The search does not use names of effects or of plants: special properties of an effect are declared in its own file, those of a plant follow from
+//! its text and its sites.
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +17,7 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Lines that contain the name of an effect as a string, outside of tests and comments. A module of tests with its code is the end of a file;
+/// Lines that contain the name of an effect or of a plant as a string, outside of tests and comments. A module of tests with its code is the end of a file;
 /// `mod tests;` names another file, and code follows it.
 fn named(text: &str) -> Vec<(usize, &str)> {
     let lines: Vec<&str> = text.lines().collect();
@@ -26,12 +27,14 @@ fn named(text: &str) -> Vec<(usize, &str)> {
     let code = before_tests.filter(|(_, line)| !line.trim_start().starts_with("//"));
     let plants = rsm_sim::equation_plant::first_format();
     let effects: Vec<_> = plants.iter().flat_map(|(_, kind)| rsm_sim::equation_plant::effects_on(*kind)).collect();
-    let names = |line: &str| effects.iter().any(|it| line.contains(&format!("\"{}\"", it.kind)));
+    let kinds = effects.iter().map(|it| it.kind);
+    let quoted: Vec<String> = kinds.chain(plants.iter().map(|it| it.0)).map(|name| format!("\"{name}\"")).collect();
+    let names = |line: &str| quoted.iter().any(|name| line.contains(name));
     code.filter(|(_, line)| names(line)).map(|(number, line)| (number + 1, line)).collect()
 }
 
 #[test]
-fn no_source_of_the_diagnosis_names_an_effect() {
+fn no_source_of_the_diagnosis_names_an_effect_or_a_plant() {
     let list = sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src/plant"));
     assert!(list.len() > 60, "{}", list.len());
     for path in list {
@@ -47,4 +50,6 @@ fn a_name_is_seen() {
         named("// \"windage\"\n#[cfg(test)]\nmod tests;\nlet a = of(\"windage\");\n#[cfg(test)]\nmod own {\n\"windage\"\n}\n"),
         [(4, "let a = of(\"windage\");")]
     );
+    assert_eq!(named("if kind.is(\"pmac\") {}\n").len(), 1);
+    assert_eq!(named("let force = of(\"rotor\");\n"), []);
 }

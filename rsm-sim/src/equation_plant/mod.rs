@@ -17,6 +17,7 @@ mod plant_file;
 mod rates;
 mod run;
 mod scales;
+mod site_signals;
 
 use std::cell::RefCell;
 use std::sync::{Arc, OnceLock};
@@ -42,8 +43,10 @@ use crate::record::Record;
 pub use first_format::{driveline, kinds as first_format, pmac, servo_axis};
 pub use observer::Observer;
 pub use rates::Rates;
+pub use rsm_model::effects::SiteKind;
 pub use run::{Run, Values, shown, together, unused};
 pub use scales::scales;
+pub use site_signals::{Body, RoleName, SiteSignal, bodies, role_names, sign_width, site_signals};
 
 /// The number of plants that run side by side at no additional cost: the number of lanes in a vector register.
 pub const SIDE_BY_SIDE: usize = crate::code::WIDE;
@@ -52,6 +55,7 @@ pub const SIDE_BY_SIDE: usize = crate::code::WIDE;
 struct Plant {
     file: EquationFile,
     places: Vec<Place>,
+    role_names: OnceLock<Vec<RoleName>>,
     descriptions: OnceLock<Vec<&'static Description>>,
     models: run::Models,
     /// The catalogue without the plant's own files of effects.
@@ -183,7 +187,14 @@ fn described(
     let list = places.list;
     let is_free = |it: &&Signal| !outputs.contains(it) && by_text.iter().any(|name| name == it.name);
     let free_starts: Vec<Signal> = starts.iter().filter(is_free).copied().collect();
-    let plant = Plant { places: list, descriptions: OnceLock::new(), models: run::Models::default(), given, file };
+    let plant = Plant {
+        places: list,
+        role_names: OnceLock::new(),
+        descriptions: OnceLock::new(),
+        models: run::Models::default(),
+        given,
+        file,
+    };
     let kind: &'static Described = Box::leak(Box::new(Described {
         name: first.map_or_else(|| kept(&machine.system().flat().name), |it| it.name),
         model: kept(&machine.system().flat().name),

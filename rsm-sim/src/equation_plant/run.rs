@@ -124,7 +124,7 @@ pub(super) fn without_effects(
 ) -> Result<(EquationFile, Machine, Vec<Point>), Faults> {
     let without = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
     let (whole, machine, start) = begun(kind, &without, record)?;
-    let points = points(&machine, start, record);
+    let points = points(&machine, start, record, spread(record));
     Ok((whole, machine, points))
 }
 
@@ -136,23 +136,29 @@ fn begun(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<
     Ok((whole, machine, start))
 }
 
-/// The points of a run at some rows of a record, evenly spread.
-fn points(machine: &Machine, start: Point, record: &Record) -> Vec<Point> {
+/// The points of a run at every row of a record, at every second one, and so on.
+fn points(machine: &Machine, start: Point, record: &Record, every: usize) -> Vec<Point> {
     let inputs = Inputs { time: &record.time, values: &record.inputs };
-    lanes::points(machine, start, inputs, Setting::default(), (record.rows() / ROWS).max(1))
+    lanes::points(machine, start, inputs, Setting::default(), every)
 }
 
-/// The equations of a plant file without its effects, and the points of a run with its effects at some rows of a record, evenly spread: time, states
-/// and inputs of the equations without effects.
+/// The distance of a few hundred rows that are evenly spread over a record.
+pub(super) fn spread(record: &Record) -> usize {
+    (record.rows() / ROWS).max(1)
+}
+
+/// The equations of a plant file without its effects, and the points of a run with its effects at every row of a record, at every second one, and so
+/// on: time, states and inputs of the equations without effects.
 pub(super) fn with_effects(
     kind: &'static Described,
     file: &PlantFile,
     record: &Record,
+    every: usize,
 ) -> Result<(EquationFile, Machine, Vec<Point>), Faults> {
     let without = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
     let (plain, plain_machine, start) = begun(kind, &without, record)?;
     let (_, machine, begin) = begun(kind, file, record)?;
-    let points = points(&machine, begin, record);
+    let points = points(&machine, begin, record, every);
     let states = machine.states();
     let places: Vec<Option<usize>> =
         plain_machine.states().iter().map(|it| states.iter().position(|other| other.0 == it.0)).collect();

@@ -158,7 +158,7 @@ fn test(kind: PlantKind, found: &Diagnosis) -> String {
 
 /// A region with its output and share.
 pub fn place(kind: PlantKind, region: &Region) -> String {
-    let rows = match region.quantity {
+    let rows = match region.quantity.as_str() {
         "frequency" | "line" | "order" => String::new(),
         _ => format!(", which is {:.0} % of the rows", 100.0 * region.share_of_rows),
     };

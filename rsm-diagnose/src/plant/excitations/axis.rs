@@ -1,14 +1,17 @@
-//! Excitations of an axis: motions within the recorded travel, in closed loop as a reference, in open loop as a command.
+//! Excitations of a body on a line: motions within the recorded travel, in closed loop as a reference, in open loop as a command.
 //!
-//! In: accepted plants and limits. Out: records of a reference or a command. An open-loop command is either the one that a velocity and position
-//! controller needs for the motion on the accepted axis, or a pattern of pulses. The motion never leaves the recorded travel and never exceeds the
-//! recorded speed.
+//! In: accepted plants and limits. Out: records of a reference or a command, the only input. An open-loop command is either the one that a velocity and
+//! position controller needs for the motion on the accepted plant, or a pattern of pulses. The motion never leaves the recorded travel and never
+//! exceeds the recorded speed.
+
+use std::cell::{Cell, RefCell};
 
 use super::shapes::{Path, binary};
-use super::{Excitation, Limits, blank, largest_within_limits};
-use rsm_sim::plant_file::{Parameters, PlantFile, VelocityFrom};
+use super::{Collected, Excitation, Limits, blank, line};
+use rsm_sim::equation_plant::{Body, Rates};
+use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::{Drive, Record};
-use rsm_sim::simulate::Simulator;
+use rsm_sim::simulate::{Outputs, Simulator};
 
 /// Samples per time constant of the velocity loop that finds a command. The loop is fast, and sampled finely enough to be stable with any mechanics.
 const SAMPLES: f64 = 20.0;
@@ -22,6 +25,12 @@ const OF_COMMAND: f64 = 0.9;
 struct Axis<'a> {
     plant: &'a PlantFile,
     limits: &'a Limits,
+    /// The output that is the position.
+    position: usize,
+    /// The largest command, in its unit.
+    most: f64,
+    /// The acceleration by a command of 1, in m/s^2.
+    gain: f64,
     /// Ends of the travel, in m.
     low: f64,
     high: f64,
@@ -35,22 +44,34 @@ impl Axis<'_> {
         if self.limits.drive == Drive::Closed {
             return Some(self.at(blank(name, self.limits, rows, vec![reference])));
         }
-        // The command that the controller needs on the accepted axis.
-        let mut with_loop = self.plant.clone();
-        with_loop.initial.clear();
-        let parameters: &mut Parameters = &mut with_loop.parameters;
+        // The command that the controller needs on the accepted plant. Its speed is the difference of two positions.
         let rate = 1.0 / (SAMPLES * self.limits.period);
-        parameters.set("velocity_gain", rate * parameters.number("mass") / parameters.number("force_gain"));
-        parameters.set("position_gain", rate / CASCADE);
-        parameters.velocity_from = VelocityFrom::State;
-        let closed = Record { drive: Drive::Closed, ..self.at(blank(name, self.limits, rows, vec![reference])) };
-        let outputs = Simulator::new(&with_loop, &closed).ok()?.run(&closed).ok()?;
-        let commands = outputs.of("command")?.to_vec();
-        let most = OF_COMMAND * self.plant.parameters.number("command_limit");
-        if commands.iter().any(|command| command.abs() > most) {
+        let commands = RefCell::new(Vec::with_capacity(rows));
+        let before = Cell::new(self.middle());
+        let mut each_row = |row: usize, outputs: &[f64]| -> f64 {
+            let position = outputs[self.position];
+            let speed = (position - before.replace(position)) / self.limits.period;
+            let wanted = if row == 0 { 0.0 } else { rate / CASCADE * (reference[row] - position) };
+            let command = rate * (wanted - speed) / self.gain;
+            commands.borrow_mut().push(command);
+            command
+        };
+        let record = self.at(blank(name, self.limits, rows, vec![vec![0.0; rows]]));
+        Simulator::new(&self.without_sensors(), &record).ok()?.run_controlled(&record, &mut each_row).ok()?;
+        let commands = commands.into_inner();
+        let most = OF_COMMAND * self.most;
+        if commands.len() != rows || commands.iter().any(|command| command.abs() > most) {
             return None;
         }
         Some(self.at(blank(name, self.limits, rows, vec![commands])))
+    }
+
+    /// The plant without effects on its readings: a controller would react to a coarse reading.
+    fn without_sensors(&self) -> PlantFile {
+        let kind = self.plant.kind;
+        let is_inside = |it: &&Entry| it.arguments.subject.as_deref().is_none_or(|at| kind.output(at).is_none());
+        let effects = self.plant.effects.iter().filter(is_inside).cloned().collect();
+        PlantFile { initial: Vec::new(), effects, ..self.plant.clone() }
     }
 
     /// The record, starting in the middle of the travel.
@@ -59,7 +80,7 @@ impl Axis<'_> {
             Drive::Closed => record.inputs[0].first().copied().unwrap_or(0.0),
             _ => self.middle(),
         };
-        record.measured[0] = Some(vec![start; record.rows()]);
+        record.measured[self.position] = Some(vec![start; record.rows()]);
         record
     }
 
@@ -95,21 +116,29 @@ fn moves(path: &mut Path, to: f64, speed: f64, acceleration: f64, period: f64) {
     }
 }
 
-/// All excitations of an axis.
-pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
-    let Some(plant) = accepted.first() else { return Vec::new() };
-    let [low, high] = limits.seen[0];
+/// All excitations of a body on a line that one input moves; `None` for another plant.
+pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Option<Vec<Excitation>> {
+    let plant = accepted.first()?;
+    let kind = plant.kind;
+    let body = line(kind)?;
+    let position = kind.output(body.position?)?;
+    let [low, high] = limits.seen[position];
     let half = 0.5 * (high - low);
-    if half.is_nan() || half <= 0.0 || !half.is_finite() || limits.speed <= 0.0 || limits.acceleration <= 0.0 {
-        return Vec::new();
+    let moves_at_all = half > 0.0 && half.is_finite() && limits.speed > 0.0 && limits.acceleration > 0.0;
+    let [range] = limits.inputs[..] else { return None };
+    if !moves_at_all {
+        return None;
     }
-    let axis = Axis { plant, limits, low, high };
+    // A limit that the plant file does not have is that of the records.
+    let recorded = range[0].abs().max(range[1].abs());
+    let most = plant.parameters.optional("command_limit").unwrap_or(recorded);
+    let gain = if limits.drive == Drive::Closed { 1.0 } else { acceleration_of_command(plant, limits, &body)? };
+    let is_allowed = |_: &PlantFile, outputs: &Outputs| limits.holds(kind, outputs, position);
+    let axis = Axis { plant, limits, position, most, gain, low, high };
+    let mut list = Collected::new(accepted, &is_allowed);
     let (middle, period, seconds) = (axis.middle(), limits.period, axis.seconds());
     let (fast, steep) = (limits.speed, limits.acceleration);
-    let mut list = Vec::new();
-    let mut add = |name: &str, words: &'static str, make: &super::RecordMaker<'_>| {
-        list.extend(largest_within_limits(accepted, limits, name, words, make));
-    };
+    let mut add = |name: &str, words: &'static str, make: &super::RecordMaker<'_>| list.add(name, words, make);
     // Moves to one position after another at a speed, with rests, until the record is full.
     let places = |places: &[f64], speed: f64, rest: f64, a: f64| {
         let mut path = Path::from(middle);
@@ -162,17 +191,17 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         }
         axis.follows("chirp", &path)
     });
-    if limits.drive == Drive::Open {
+    if limits.drive != Drive::Closed {
         add("pulses", "pulses of the command in both directions, from rest", &|a| {
             // A pulse of half the limit. The amplitude is reduced until the motion stays within the travel.
-            let level = 0.5 * a * plant.parameters.number("command_limit");
+            let level = 0.5 * a * most;
             let hold = (limits.rows / 64).max(1);
             let pattern = [1.0, -1.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0];
             let commands = (0..limits.rows).map(|row| level * pattern[row / hold % pattern.len()]).collect();
             Some(axis.at(blank("pulses", limits, limits.rows, vec![commands])))
         });
         add("binary command", "a binary sequence of the command", &|a| {
-            let level = 0.3 * a * plant.parameters.number("command_limit");
+            let level = 0.3 * a * most;
             let hold = (limits.rows / 400).max(1);
             // Each value once forward and once backward, so that the sequence has no mean that drives the axis away.
             let half: Vec<f64> = binary(limits.rows / 2 + 1, hold, 0);
@@ -181,5 +210,16 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
             Some(axis.at(blank("binary command", limits, limits.rows, vec![commands])))
         });
     }
-    list
+    Some(list.list)
+}
+
+/// The acceleration of a body by a command of 1 more, at rest at the start.
+fn acceleration_of_command(plant: &PlantFile, limits: &Limits, body: &Body) -> Option<f64> {
+    let record = blank("at rest", limits, 2, vec![vec![0.0; 2]]);
+    let bare = PlantFile { initial: Vec::new(), effects: Vec::new(), ..plant.clone() };
+    let mut rates = Rates::new(&bare, &record).ok()?;
+    let speed = rates.states().iter().position(|it| Some(it.as_str()) == body.speed)?;
+    let start = rates.start().to_vec();
+    let [without, with] = [0.0, 1.0].map(|command| rates.at(0.0, &start, &[command])[speed]);
+    Some(with - without).filter(|it| it.is_finite() && *it != 0.0)
 }

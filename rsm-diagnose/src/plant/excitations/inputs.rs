@@ -4,9 +4,10 @@
 //! which all move. Independent of the equations.
 
 use super::shapes::{Path, binary};
-use super::{Excitation, Limits, blank, largest_within_limits};
+use super::{Collected, Excitation, Limits, blank};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
+use rsm_sim::simulate::Outputs;
 
 /// The levels of a staircase: two on either side of the middle, up and down again.
 const STAIRS: [f64; 8] = [0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0];
@@ -23,8 +24,10 @@ const HOLDS: [f64; 2] = [0.002, 0.02];
 /// All excitations of a plant of equations.
 pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
     let Some(plant) = accepted.first() else { return Vec::new() };
-    let mut list = Vec::new();
-    let names = plant.kind.inputs();
+    let kind = plant.kind;
+    let is_allowed = |_: &PlantFile, outputs: &Outputs| (0..kind.outputs().len()).all(|it| limits.holds(kind, outputs, it));
+    let mut list = Collected::new(accepted, &is_allowed);
+    let names = kind.inputs();
     for (moved, signal) in names.iter().enumerate().take(limits.inputs.len()) {
         let [low, high] = limits.inputs[moved];
         // An input that never moved in the records may be fixed.
@@ -34,7 +37,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         let mut add = |name: &str, words: &'static str, shape: &dyn Fn(usize) -> Vec<f64>| {
             let make =
                 |amplitude: f64| Some(record(limits, &|input, rows| (input == moved).then(|| scaled(shape(rows), amplitude))));
-            list.extend(largest_within_limits(accepted, limits, &format!("{name} of {}", signal.name), words, &make));
+            list.add(&format!("{name} of {}", signal.name), words, &make);
         };
         add("steps", "one input goes through levels of its range, up and down, while the others stay", &|rows| {
             steps(rows, limits.period)
@@ -57,15 +60,9 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
             // Sequences that start far apart in the register are uncorrelated.
             Some(record(limits, &|input, rows| Some(scaled(binary(rows, (rows / 100).max(1), 97 * (input + 1)), amplitude))))
         };
-        list.extend(largest_within_limits(
-            accepted,
-            limits,
-            "random steps of all inputs",
-            "all inputs jump between two values at random, each by itself",
-            &make,
-        ));
+        list.add("random steps of all inputs", "all inputs jump between two values at random, each by itself", &make);
     }
-    list
+    list.list
 }
 
 /// A record in which inputs have a shape about the middle of their range. Inputs without a shape stay at the middle.

@@ -2,17 +2,19 @@
 //!
 //! In: the accepted plant and the range of its records. Out: [`Excitation`]s, each a record of inputs whose motion stays within the [`Limits`] of the
 //! plant file (bus voltage, longest current vector, command limit) and of the records (speeds, travel, loads). A motion that exceeds them is made
-//! smaller, and left out if it becomes too small to be useful. Independent of causes; evaluates nothing.
+//! smaller, and left out if it becomes too small to be useful. The sites of a plant decide which records it gets: those of an electrical machine, of a
+//! vehicle, of a body on a line, or changes of any inputs. Independent of causes; evaluates nothing.
 
 mod axis;
-mod driveline;
 mod inputs;
 mod motor;
 mod shapes;
+mod vehicle;
 
 use super::levenberg::Fit;
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
-use rsm_sim::kind::OUTPUTS;
+use rsm_sim::equation_plant::{Body, SiteKind, SiteSignal, bodies, site_signals};
+use rsm_sim::kind::{OUTPUTS, PlantKind};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
 use rsm_sim::simulate::{Outputs, Simulator};
@@ -39,20 +41,20 @@ pub struct Limits {
     pub rows: usize,
     /// Lowest and highest simulated value of each output in the records.
     pub seen: [[f64; 2]; OUTPUTS],
-    /// Lowest and highest load torque of a motor in the records, in N m.
-    pub load: [f64; 2],
-    /// Highest speed of an axis in the records, in m/s.
+    /// Highest speed of the reference, or of the body on a line, in the records, in m/s.
     pub speed: f64,
-    /// Largest acceleration of the reference or the axis in the records, in m/s^2.
+    /// Largest acceleration of the reference, or of the body on a line, in the records, in m/s^2.
     pub acceleration: f64,
-    /// Gears of a car in the records.
-    pub gears: Vec<u8>,
-    /// Lowest and highest value of each input of a plant of equations in the records.
+    /// Lowest and highest value of each input in the records.
     pub inputs: Vec<[f64; 2]>,
-    /// For each output of a plant of equations, its first reading in the first record that holds it.
+    /// For each output, its first reading in the first record that holds it.
     pub starts: Vec<Option<f64>>,
-    /// The parameters of a plant of equations that are set by the first record.
+    /// The parameters that are set by the first record.
     pub settings: Vec<(&'static str, f64)>,
+    /// The parameters that are set by each record, without repetitions.
+    pub all_settings: Vec<Vec<(&'static str, f64)>>,
+    /// The quantities at the sites along the first record.
+    signals: Vec<SiteSignal>,
 }
 
 /// A motion may exceed the recorded range by this share of it. Models differ, and a small excess does no damage.
@@ -75,14 +77,15 @@ impl Limits {
             period: first.record.period,
             rows: whitened.records.iter().map(|it| it.record.rows()).max()?.clamp(ROWS[0], ROWS[1]),
             seen: [[f64::INFINITY, f64::NEG_INFINITY]; OUTPUTS],
-            load: [f64::INFINITY, f64::NEG_INFINITY],
             speed: 0.0,
             acceleration: 0.0,
-            gears: Vec::new(),
             inputs: Vec::new(),
             starts: Vec::new(),
             settings: first.record.settings.clone(),
+            all_settings: Vec::new(),
+            signals: site_signals(&fit.model.for_record(0, &first.record), &first.record).unwrap_or_default(),
         };
+        let path = line(fit.model.file.kind).and_then(|body| fit.model.file.kind.output(body.position?));
         limits.inputs = vec![[f64::INFINITY, f64::NEG_INFINITY]; first.record.inputs.len()];
         let first =
             |output: usize| whitened.records.iter().find_map(|it| it.record.measured[output].as_ref()?.first().copied());
@@ -92,66 +95,48 @@ impl Limits {
             for (output, values) in prepared.outputs.iter().zip(simulated) {
                 limits.seen[*output] = widened(limits.seen[*output], values);
             }
-            match fit.model.file.kind {
-                kind if kind.is("pmac") => limits.load = widened(limits.load, &record.inputs[2]),
-                kind if kind.is("driveline") => {
-                    let gear = record.setting("gear").map_or(1, |gear| gear as u8);
-                    if !limits.gears.contains(&gear) {
-                        limits.gears.push(gear);
-                    }
-                }
-                kind if kind.is("servo-axis") => {
-                    // The axis follows its reference except for overshoot. In open loop, the simulated motion gives the speeds.
-                    let path = match record.drive {
-                        Drive::Closed => record.inputs.first(),
-                        _ => simulated.first(),
-                    };
-                    let (speed, acceleration) = path.map_or((0.0, 0.0), |path| rates(path, record.period));
-                    limits.speed = limits.speed.max(speed);
-                    limits.acceleration = limits.acceleration.max(acceleration);
-                }
-                _ => {
-                    for (range, values) in limits.inputs.iter_mut().zip(&record.inputs) {
-                        *range = widened(*range, values);
-                    }
-                }
+            for (range, values) in limits.inputs.iter_mut().zip(&record.inputs) {
+                *range = widened(*range, values);
             }
+            if !limits.all_settings.contains(&record.settings) {
+                limits.all_settings.push(record.settings.clone());
+            }
+            // The body follows its reference except for overshoot. Without a controller, the simulated motion gives the speeds.
+            let path = match record.drive {
+                Drive::Closed => record.inputs.first(),
+                _ => prepared.outputs.iter().position(|it| Some(*it) == path).map(|k| &simulated[k]),
+            };
+            let (speed, acceleration) = path.map_or((0.0, 0.0), |path| rates(path, record.period));
+            limits.speed = limits.speed.max(speed);
+            limits.acceleration = limits.acceleration.max(acceleration);
         }
-        limits.gears.sort_unstable();
+        limits.all_settings.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
         Some(limits)
     }
 
-    /// Whether simulated outputs stay within the limits.
-    fn contain(&self, file: &PlantFile, outputs: &Outputs) -> bool {
-        let names = file.kind.outputs();
-        let within = |output: usize, [low, high]: [f64; 2]| {
-            let slack = SLACK * (high - low);
-            let values = outputs.of(names[output].name).unwrap_or(&[]);
-            values.iter().all(|value| *value >= low - slack && *value <= high + slack)
-        };
-        match file.kind {
-            kind if kind.is("pmac") => {
-                let most = file.parameters.number("current_limit");
-                let i_q = outputs.of("i_q").unwrap_or(&[]);
-                let short = |(k, q): (usize, &f64)| outputs.of("i_d").map_or(0.0, |i_d| i_d[k]).hypot(*q) <= most;
-                // A motor that turned in one direction may turn in the other.
-                let top = self.largest_speed();
-                i_q.iter().enumerate().all(short) && within(2, [-top, top])
-            }
-            kind if kind.is("driveline") => {
-                let seen = if self.seen[0][0].is_finite() { Some((0, self.seen[0])) } else { None };
-                seen.is_none_or(|(output, range)| within(output, range)) && within(1, [0.0, f64::MAX])
-            }
-            kind if kind.is("servo-axis") => within(0, self.seen[0]),
-            _ => (0..names.len()).all(|output| within(output, self.seen[output])),
-        }
+    /// The first value of a scalar role of a site in the first record.
+    fn role(&self, at: &str, role: &str) -> Option<f64> {
+        let signal = self.signals.iter().find(|it| it.at == at && it.role == role)?;
+        signal.parts.first()?.first().copied()
     }
 
-    /// The highest recorded speed of a motor, in rad/s.
-    fn largest_speed(&self) -> f64 {
-        let [low, high] = self.seen[2];
-        if low.is_finite() { low.abs().max(high.abs()) } else { 0.0 }
+    /// Whether the simulated values of an output stay within its values in the records.
+    fn holds(&self, kind: PlantKind, outputs: &Outputs, output: usize) -> bool {
+        let [low, high] = self.seen[output];
+        is_within(kind, outputs, output, [low, high])
     }
+}
+
+/// Whether the simulated values of an output stay within a range.
+fn is_within(kind: PlantKind, outputs: &Outputs, output: usize, [low, high]: [f64; 2]) -> bool {
+    let slack = SLACK * (high - low);
+    let values = outputs.of(kind.outputs()[output].name).unwrap_or(&[]);
+    values.iter().all(|value| *value >= low - slack && *value <= high + slack)
+}
+
+/// The first body that moves on a line.
+fn line(kind: PlantKind) -> Option<Body> {
+    bodies(kind).into_iter().find(|it| it.kind == SiteKind::Translation)
 }
 
 /// A range, extended to contain more values.
@@ -191,43 +176,51 @@ fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>) -> Rec
 /// the outputs.
 #[must_use]
 pub fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
-    let Some(first) = accepted.first() else { return Vec::new() };
-    match first.kind {
-        kind if kind.is("pmac") => motor::library(accepted, limits),
-        kind if kind.is("driveline") => driveline::library(accepted, limits),
-        kind if kind.is("servo-axis") => axis::library(accepted, limits),
-        _ => inputs::library(accepted, limits),
+    if accepted.is_empty() {
+        return Vec::new();
     }
+    motor::library(accepted, limits)
+        .or_else(|| vehicle::library(accepted, limits))
+        .or_else(|| axis::library(accepted, limits))
+        .unwrap_or_else(|| inputs::library(accepted, limits))
 }
 
-/// The record with the largest amplitude for which every plant stays within the limits.
-fn largest_within_limits(
-    accepted: &[&PlantFile],
-    limits: &Limits,
-    name: &str,
-    words: &'static str,
-    make: &RecordMaker<'_>,
-) -> Option<Excitation> {
-    AMPLITUDES.iter().find_map(|amplitude| {
-        let record = predicted(accepted, limits, make(*amplitude)?)?;
-        Some(Excitation { name: name.to_string(), words, record })
-    })
+/// Records that are being collected, and the rule that their outputs must keep.
+struct Collected<'a> {
+    accepted: &'a [&'a PlantFile],
+    is_allowed: &'a dyn Fn(&PlantFile, &Outputs) -> bool,
+    list: Vec<Excitation>,
 }
 
-/// The record with the first plant's outputs, if all plants stay within the limits.
-fn predicted(accepted: &[&PlantFile], limits: &Limits, mut record: Record) -> Option<Record> {
-    let mut prediction = None;
-    for plant in accepted {
-        let outputs = along(plant, &record)?;
-        if !limits.contain(plant, &outputs) {
-            return None;
+impl<'a> Collected<'a> {
+    fn new(accepted: &'a [&'a PlantFile], is_allowed: &'a dyn Fn(&PlantFile, &Outputs) -> bool) -> Self {
+        Collected { accepted, is_allowed, list: Vec::new() }
+    }
+
+    /// Adds the record with the largest amplitude for which every plant stays within the limits.
+    fn add(&mut self, name: &str, words: &'static str, make: &RecordMaker<'_>) {
+        let found = AMPLITUDES.iter().find_map(|amplitude| {
+            let record = self.predicted(make(*amplitude)?)?;
+            Some(Excitation { name: name.to_string(), words, record })
+        });
+        self.list.extend(found);
+    }
+
+    /// The record with the first plant's outputs, if all plants stay within the limits.
+    fn predicted(&self, mut record: Record) -> Option<Record> {
+        let mut prediction = None;
+        for plant in self.accepted {
+            let outputs = along(plant, &record)?;
+            if !(self.is_allowed)(plant, &outputs) {
+                return None;
+            }
+            prediction = prediction.or(Some(outputs));
         }
-        prediction = prediction.or(Some(outputs));
+        let kind = self.accepted.first()?.kind;
+        let outputs = prediction?;
+        record.measured = kind.outputs().iter().map(|signal| outputs.of(signal.name).map(<[f64]>::to_vec)).collect();
+        Some(record)
     }
-    let kind = accepted.first()?.kind;
-    let outputs = prediction?;
-    record.measured = kind.outputs().iter().map(|signal| outputs.of(signal.name).map(<[f64]>::to_vec)).collect();
-    Some(record)
 }
 
 /// The outputs along a record, without the start values of the plant file.

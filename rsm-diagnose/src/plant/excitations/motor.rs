@@ -5,9 +5,12 @@
 //! The bus voltage and the longest current vector are never exceeded.
 
 use super::shapes::{Path, binary};
-use super::{Excitation, Limits, blank, largest_within_limits};
+use super::{Collected, Excitation, Limits, blank, is_within};
+use rsm_sim::equation_plant::{SiteKind, bodies, role_names};
+use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
+use rsm_sim::simulate::Outputs;
 
 /// The share of the longest current vector for accelerations and d-axis currents. Friction and load need the rest.
 const OF_CURRENT: f64 = 0.7;
@@ -24,6 +27,11 @@ const LONG_ROWS: usize = 32_000;
 
 struct Motor<'a> {
     limits: &'a Limits,
+    holds_direct_current: bool,
+    /// The indices of the inputs: the voltages of both axes, the load.
+    inputs: [usize; 3],
+    /// Lowest and highest load torque in the records, in N m.
+    load: [f64; 2],
     resistance: f64,
     inductance: f64,
     flux: f64,
@@ -90,7 +98,7 @@ impl Motor<'_> {
 
     /// The load that is used for no load: the value nearest to 0 in the records.
     fn idle(&self) -> f64 {
-        let [low, high] = self.limits.load;
+        let [low, high] = self.load;
         if low.is_finite() { 0.0_f64.clamp(low, high) } else { 0.0 }
     }
 
@@ -137,40 +145,101 @@ impl Motor<'_> {
             voltages[1].push(v_q);
         }
         let [v_d, v_q] = voltages;
-        let v_d = if holds_direct_current(self.limits) { vec![0.0; rows] } else { v_d };
-        Some(blank(name, self.limits, rows, vec![v_d, v_q, wanted.load.clone()]))
+        let v_d = if self.holds_direct_current { vec![0.0; rows] } else { v_d };
+        let mut inputs = vec![Vec::new(); 3];
+        for (place, values) in self.inputs.into_iter().zip([v_d, v_q, wanted.load.clone()]) {
+            inputs[place] = values;
+        }
+        Some(blank(name, self.limits, rows, inputs))
     }
 }
 
-/// Whether the drive of the records holds i_d at 0.
-fn holds_direct_current(limits: &Limits) -> bool {
-    limits.settings.contains(&("holds_i_d", 1.0))
+/// Whether the drive of the records holds the direct current at 0: a parameter that the absence of columns determines.
+fn holds_direct_current(kind: PlantKind, limits: &Limits) -> bool {
+    let is_by_absence = |name: &str| kind.decisions.iter().any(|it| it.parameter == name && it.column.is_none());
+    limits.settings.iter().any(|(name, value)| is_by_absence(name) && *value == 1.0)
 }
 
-/// All excitations of a motor.
-pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitation> {
-    let Some(plant) = accepted.first() else { return Vec::new() };
+/// The motor of a plant: a machine with two axes, its winding, its rotor, inputs for both voltages and the load.
+struct Parts {
+    machine: &'static str,
+    winding: &'static str,
+    rotor: &'static str,
+    inputs: [usize; 3],
+    /// The indices of the outputs: the currents of both axes, the speed.
+    outputs: [usize; 3],
+}
+
+impl Parts {
+    fn of(kind: PlantKind) -> Option<Parts> {
+        let names = role_names(kind);
+        let name = |at: &str, role: &str, part| {
+            names.iter().find(|it| it.at == at && it.role == role && it.part == part).map(|it| it.name)
+        };
+        let machine = names.iter().find(|it| it.kind == SiteKind::Machine)?.at;
+        let winding = names.iter().find(|it| it.kind == SiteKind::Winding)?.at;
+        let angle = name(machine, "angle", 0)?;
+        let rotor = bodies(kind).into_iter().find(|it| it.kind == SiteKind::Rotation && it.position == Some(angle))?;
+        let input = |name: Option<&str>| kind.inputs().iter().position(|it| Some(it.name) == name);
+        let voltage = |part| input(name(machine, "voltages", part));
+        let current = |part| kind.output(name(machine, "currents", part)?);
+        // Another input would have an unknown purpose.
+        let has_three = kind.inputs().len() == 3;
+        has_three.then_some(())?;
+        Some(Parts {
+            machine,
+            winding,
+            rotor: rotor.at,
+            inputs: [voltage(0)?, voltage(1)?, input(name(rotor.at, "load", 0))?],
+            outputs: [current(0)?, current(1)?, kind.output(rotor.speed?)?],
+        })
+    }
+}
+
+/// All excitations of a motor; `None` for another plant.
+pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Option<Vec<Excitation>> {
+    let plant = accepted.first()?;
+    let kind = plant.kind;
+    let parts = Parts::of(kind)?;
     let parameters = plant.effective_parameters();
-    let of = |name| parameters.number(name);
+    let of = |at, role| limits.role(at, role);
+    let [d, q, speed] = parts.outputs;
+    let [low, high] = limits.seen[speed];
+    let top = if low.is_finite() { low.abs().max(high.abs()) } else { 0.0 };
+    // Limits that the plant file does not have are those of the records.
+    let recorded = |list: &[[f64; 2]]| {
+        let largest = list.iter().map(|[low, high]| if low.is_finite() { low.abs().max(high.abs()) } else { 0.0 });
+        largest.map(|it| it * it).sum::<f64>().sqrt()
+    };
+    let [v_d, v_q, load] = parts.inputs;
+    let voltage = parameters.optional("bus_voltage").map(|it| OF_VOLTAGE * it / 3.0_f64.sqrt());
+    let current = parameters.optional("current_limit").unwrap_or_else(|| recorded(&[limits.seen[d], limits.seen[q]]));
     let motor = Motor {
         limits,
-        resistance: of("phase_resistance"),
-        inductance: of("phase_inductance"),
-        flux: of("flux_linkage"),
-        pole_pairs: of("pole_pairs"),
-        inertia: of("inertia"),
-        friction: of("viscous_friction"),
-        voltage: OF_VOLTAGE * of("bus_voltage") / 3.0_f64.sqrt(),
-        current: of("current_limit"),
-        top: limits.largest_speed(),
+        holds_direct_current: holds_direct_current(kind, limits),
+        inputs: parts.inputs,
+        load: limits.inputs[load],
+        resistance: of(parts.winding, "resistance")?,
+        inductance: of(parts.winding, "inductance")?,
+        flux: of(parts.machine, "flux_linkage")?,
+        pole_pairs: of(parts.machine, "pole_pairs")?,
+        inertia: of(parts.rotor, "inertia")?,
+        friction: of(parts.rotor, "viscous_friction").unwrap_or(0.0),
+        voltage: voltage.unwrap_or_else(|| recorded(&[limits.inputs[v_d], limits.inputs[v_q]])),
+        current,
+        top,
     };
+    let is_allowed = |_: &PlantFile, outputs: &Outputs| {
+        let of = |output: usize| outputs.of(kind.outputs()[output].name).unwrap_or(&[]);
+        let is_short = |(k, q): (usize, &f64)| of(d).get(k).copied().unwrap_or(0.0).hypot(*q) <= current;
+        // A motor that turned in one direction may turn in the other.
+        of(q).iter().enumerate().all(is_short) && is_within(kind, outputs, speed, [-top, top])
+    };
+    let mut list = Collected::new(accepted, &is_allowed);
     let rows = limits.rows;
     let seconds = rows as f64 * limits.period;
     let none = Path::from(0.0);
-    let mut list = Vec::new();
-    let mut add = |name: &str, words: &'static str, make: &super::RecordMaker<'_>| {
-        list.extend(largest_within_limits(accepted, limits, name, words, make));
-    };
+    let mut add = |name: &str, words: &'static str, make: &super::RecordMaker<'_>| list.add(name, words, make);
     let turning = |name: &'static str, speeds: Vec<f64>, share: f64| {
         let motor = &motor;
         move |a: f64| {
@@ -220,7 +289,7 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         let wanted = Setpoints { off: rows / 2, ..motor.setpoints(&path, &none, rows) };
         motor.record("short-circuit", &wanted)
     });
-    let [low, high] = limits.load;
+    let [low, high] = motor.load;
     if high - low > 0.0 {
         add("load-steps", "steps of the load between its extremes, at medium speed in both directions", &|a| {
             let targets: Vec<f64> = [0.5, -0.5].iter().map(|it| a * it * motor.top).collect();
@@ -241,8 +310,8 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         wanted.extra = Some([sequence(0), sequence(200)]);
         motor.record("binary-voltage", &wanted)
     });
-    if holds_direct_current(limits) {
-        return list;
+    if motor.holds_direct_current {
+        return Some(list.list);
     }
     let levels = [0.4, -0.4, 0.8, -0.8, 0.2, 1.0, -1.0, 0.0];
     let scaled = |levels: &[f64], a: f64| -> Vec<f64> { levels.iter().map(|it| a * it * OF_CURRENT * motor.current).collect() };
@@ -263,5 +332,5 @@ pub(super) fn library(accepted: &[&PlantFile], limits: &Limits) -> Vec<Excitatio
         let direct = motor.levels(&levels, long as f64 * limits.period);
         motor.record("heating", &motor.setpoints(&none, &direct, long))
     });
-    list
+    Some(list.list)
 }

@@ -1,7 +1,7 @@
-//! The inverse model of an axis: the force that a measured motion needs, compared with the force that the drive gave.
+//! The inverse model of a body with one input: the force that a measured motion needs, compared with the force that the drive gave.
 //!
-//! In: a record of an axis with position and command. Out: regressions of the force on acceleration, speed and friction, and the relative error of
-//! the force, also for any plant file whose effects have no memory. Only filtered derivatives of the measured position are used: no simulation, no
+//! In: a record with the position of the body and the input, the command. Out: regressions of the force on acceleration, speed and friction, and the
+//! relative error of the force, also for any plant file whose effects have no memory. Only filtered derivatives of the measured position are used: no simulation, no
 //! loop, no initial state. Never decides about causes: a good fit of the force does not imply a good free run.
 //!
 //! Source: A. Janot, M. Gautier, M. Brunot, "Data Set and Reference Models of EMPS", 2019: inverse dynamic identification model with least squares
@@ -11,11 +11,11 @@ pub mod filter;
 
 use filter::LowPass;
 
+use super::one_body::OneBody;
 use crate::engine::normal::Normal;
-use rsm_sim::equation_plant::Rates;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
-use rsm_sim::record::{Drive, Record};
+use rsm_sim::record::Record;
 
 /// The position is filtered with a Butterworth of fourth order both ways. The cutoff as a share of the Nyquist frequency: 100 Hz at 1 kHz in the
 /// source.
@@ -62,8 +62,8 @@ impl Friction {
 /// Why a record has no inverse model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoMotion {
-    /// The plant is no axis, or the record lacks the position or the command.
-    NotAnAxis,
+    /// The plant is no body that one input moves, or the record lacks the position or the command.
+    NoBody,
     /// The record has fewer rows than the filters need.
     TooShort,
 }
@@ -75,6 +75,9 @@ pub struct Motion {
     speed: Vec<f64>,
     acceleration: Vec<f64>,
     command: Vec<f64>,
+    body: OneBody,
+    /// The first rows of the record, without a controller.
+    beginning: Record,
 }
 
 /// A regression of the force.
@@ -92,12 +95,9 @@ impl Motion {
     /// # Errors
     /// [`NoMotion`], if the record has no such motion.
     pub fn of(record: &Record, kind: PlantKind) -> Result<Motion, NoMotion> {
-        let position = record.measured.first().and_then(Option::as_ref).filter(|_| kind.is("servo-axis"));
-        let command = match record.drive {
-            Drive::Closed => record.measured.get(1).and_then(Option::as_ref),
-            _ => record.inputs.first(),
-        };
-        let (Some(position), Some(command)) = (position, command) else { return Err(NoMotion::NotAnAxis) };
+        let body = OneBody::of(kind).ok_or(NoMotion::NoBody)?;
+        let position = record.measured.get(body.position).and_then(Option::as_ref);
+        let (Some(position), Some(command)) = (position, body.command_of(record)) else { return Err(NoMotion::NoBody) };
         // After decimation there are ten rows for each of at most five coefficients: fifty rows.
         if position.len() < 50 * EVERY {
             return Err(NoMotion::TooShort);
@@ -113,6 +113,8 @@ impl Motion {
             acceleration,
             command: command[inner.clone()].to_vec(),
             position: position[inner].to_vec(),
+            body,
+            beginning: body.without_controller(record, kind),
         })
     }
 
@@ -140,26 +142,21 @@ impl Motion {
         length(&left) / whole
     }
 
-    /// The relative error of the force that a plant file with its effects needs. `None` for effects with states of their own (a second body, a lag):
-    /// their force does not follow from the motion at one instant.
+    /// The relative error of the force that a plant file with its effects needs. `None` for a plant or effects with further states (a current, a second
+    /// body, a lag): their force does not follow from the motion at one instant.
     #[must_use]
     pub fn relative_error_of(&self, file: &PlantFile) -> Option<f64> {
-        let parameters = file.effective_parameters();
-        // The axis without its controller, which gets the recorded command.
-        let columns: [(&str, &[f64]); 3] = [("time", &[0.0, 1.0]), ("command", &[0.0; 2]), ("position", &[0.0; 2])];
+        let linear = self.body.linear(file, &self.beginning)?;
         let bare = PlantFile { columns: Vec::new(), ..file.clone() };
-        let record = Some(file).filter(|it| it.kind.is("servo-axis")).and_then(|_| Record::in_memory(&bare, &columns).ok())?;
-        let mut axis = Rates::new(&bare, &record).ok().filter(|it| it.states().len() == 2 && !it.is_late)?;
-        let speed = axis.states().iter().position(|it| it == "speed")?;
-        let (mass, gain) = (parameters.number("mass"), parameters.number("force_gain"));
+        let (mut rates, speed) = self.body.rates(&bare, &self.beginning)?;
         let mut left = Vec::with_capacity(self.speed.len());
         for k in 0..self.speed.len() {
             let mut states = [self.position[k]; 2];
             states[speed] = self.speed[k];
-            let acceleration = axis.at(0.0, &states, &[self.command[k]])[speed];
-            left.push(mass * (acceleration - self.acceleration[k]));
+            let acceleration = rates.at(0.0, &states, &[self.command[k]])[speed];
+            left.push(linear.inertia * (acceleration - self.acceleration[k]));
         }
-        Some(length(&decimated(&left)) / length(&decimated(&self.force(gain))))
+        Some(length(&decimated(&left)) / length(&decimated(&self.force(linear.force_gain))))
     }
 
     fn force(&self, force_gain: f64) -> Vec<f64> {

@@ -40,8 +40,9 @@ pub fn section(body: &mut String, kind: PlantKind, found: &Diagnosis) {
         let most = slices.iter().map(|it| it.before.max(it.after).sqrt()).fold(1.0, f64::max);
         let _ = writeln!(
             body,
-            "<table><tr><th>{} by {quantity}</th><th>rows</th><th>calibrated</th><th>extended</th><th></th></tr>",
-            kind.outputs()[output].name
+            "<table><tr><th>{} by {}</th><th>rows</th><th>calibrated</th><th>extended</th><th></th></tr>",
+            kind.outputs()[output].name,
+            escaped(quantity)
         );
         for it in slices {
             let (before, after) = (it.before.sqrt(), it.after.sqrt());
@@ -65,7 +66,7 @@ pub fn table(body: &mut String, kind: PlantKind, regions: &[Region]) {
     body.push_str("<table><tr><th>output</th><th>where</th><th>of all error</th><th>of its output's</th><th>of the rows</th><th></th></tr>\n");
     for it in regions.iter().take(LINES) {
         // Spectral lines and octaves have no rows.
-        let rows = match it.quantity {
+        let rows = match it.quantity.as_str() {
             "frequency" | "line" | "order" => String::new(),
             _ => format!("{:.0} %", 100.0 * it.share_of_rows),
         };
@@ -84,12 +85,12 @@ pub fn table(body: &mut String, kind: PlantKind, regions: &[Region]) {
 }
 
 /// Outputs and quantities with a region of large error, in the order of the list of regions.
-fn quantities(found: &Diagnosis) -> Vec<(usize, &'static str)> {
+fn quantities(found: &Diagnosis) -> Vec<(usize, &str)> {
     let mut list = Vec::new();
     for it in &found.error_breakdown.before {
         let is_class =
             found.error_breakdown.slices.iter().any(|slice| slice.output == it.output && slice.quantity == it.quantity);
-        let one = (it.output, it.quantity);
+        let one = (it.output, it.quantity.as_str());
         if is_class && it.quantity != "output" && !list.contains(&one) && list.len() < 6 {
             list.push(one);
         }
