@@ -146,8 +146,8 @@ pub enum InitialMotion {
 }
 
 impl InitialMotion {
-    /// In motion if the first readings of a position in any record show motion, and no reading gives the speed. Records of other plants count as steady
-    /// until a simulation shows the contrary.
+    /// In motion if the first readings of a position in any record show motion, and no reading gives the speed. Records of other plants count as
+    /// steady until a simulation shows the contrary.
     pub fn of<'a>(kind: PlantKind, mut records: impl Iterator<Item = &'a Record>) -> Self {
         let positions = positions_without_speed(kind);
         let moves = |record: &Record| {

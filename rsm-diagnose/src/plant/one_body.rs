@@ -90,8 +90,8 @@ impl OneBody {
         first
     }
 
-    /// Rates of a plant at given states along a record without a controller, and the index of the speed among the states. `None` if effects add states
-    /// or delays.
+    /// Rates of a plant at given states along a record without a controller, and the index of the speed among the states. `None` if effects add
+    /// states or delays.
     #[must_use]
     pub fn rates(self, file: &PlantFile, without_controller: &Record) -> Option<(Rates, usize)> {
         let rates = Rates::new(file, without_controller).ok().filter(|it| it.states().len() == 2 && !it.is_late)?;
@@ -144,7 +144,7 @@ impl OneBody {
 #[cfg(test)]
 mod tests {
     use rsm_core::source::Source;
-    use rsm_sim::equation_plant::{driveline, pmac};
+    use rsm_sim::equation_plant::pmac;
 
     use super::*;
 
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motor_with_currents_and_a_car_are_not_one_body() {
-        assert!(OneBody::of(pmac()).is_none() && OneBody::of(driveline()).is_none());
+    fn a_motor_with_currents_is_not_one_body() {
+        assert!(OneBody::of(pmac()).is_none());
     }
 }

@@ -75,8 +75,8 @@ pub fn of_output<'s>(prepared: &Prepared, simulated: &'s Simulated, output: usiz
     prepared.outputs.iter().position(|it| *it == output).map(|k| simulated[k].as_slice())
 }
 
-/// All quantities by which the rows of a plant's records are divided. Simulated values replace measured ones, because they have no noise. `signals` are
-/// those of the sites along each record.
+/// All quantities by which the rows of a plant's records are divided. Simulated values replace measured ones, because they have no noise. `signals`
+/// are those of the sites along each record.
 #[must_use]
 pub fn quantities(
     whitened: &WhitenedResiduals,

@@ -150,8 +150,8 @@ pub fn settling(beginning: &Record, file: &PlantFile) -> Option<usize> {
     checks::settling_rows(&prepared, file, 0..beginning.rows())
 }
 
-/// Some rows of a record, which its name states. A position that is not read, such as the angle of a rotor, starts at its value in the record plus the
-/// integral of the measured speed.
+/// Some rows of a record, which its name states. A position that is not read, such as the angle of a rotor, starts at its value in the record plus
+/// the integral of the measured speed.
 #[must_use]
 pub fn piece(record: &Record, kind: PlantKind, rows: Range<usize>, settling: usize) -> Piece {
     let mut part = record.piece(rows.clone());

@@ -17,8 +17,8 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Lines that contain the name of an effect or of a plant as a string, outside of tests and comments. A module of tests with its code is the end of a file;
-/// `mod tests;` names another file, and code follows it.
+/// Lines that contain the name of an effect or of a plant as a string, outside of tests and comments. A module of tests with its code is the end of a
+/// file; `mod tests;` names another file, and code follows it.
 fn named(text: &str) -> Vec<(usize, &str)> {
     let lines: Vec<&str> = text.lines().collect();
     let begins_tests = |k: usize| lines[k] == "#[cfg(test)]" && lines.get(k + 1).is_some_and(|next| next.ends_with('{'));

@@ -80,10 +80,10 @@ pub fn sign_width(kind: SiteKind) -> f64 {
 /// The inputs, outputs and states that are elements of roles of the declared sites, in the order of the sites.
 ///
 /// ```
-/// use rsm_sim::equation_plant::{pmac, role_names};
+/// use rsm_sim::equation_plant::{driveline, role_names};
 ///
-/// let currents: Vec<&str> = role_names(pmac()).iter().filter(|it| it.at == "motor" && it.role == "currents").map(|it| it.name).collect();
-/// assert_eq!(currents, ["i_d", "i_q"]);
+/// let of_vehicle = role_names(driveline()).iter().filter(|it| it.at == "vehicle").map(|it| (it.role, it.name));
+/// assert_eq!(of_vehicle.take(2).collect::<Vec<_>>(), [("road_speed", "road_speed"), ("wheel_speed", "wheel_speed")]);
 /// ```
 #[must_use]
 pub fn role_names(kind: PlantKind) -> &'static [RoleName] {
@@ -93,10 +93,8 @@ pub fn role_names(kind: PlantKind) -> &'static [RoleName] {
 /// The bodies of a plant, in the order of its sites.
 ///
 /// ```
-/// use rsm_sim::equation_plant::{bodies, driveline, servo_axis};
+/// use rsm_sim::equation_plant::{bodies, driveline};
 ///
-/// let carriage = bodies(servo_axis())[0];
-/// assert_eq!((carriage.position, carriage.speed), (Some("position"), Some("speed")));
 /// let speeds: Vec<_> = bodies(driveline()).iter().map(|it| (it.at, it.speed)).collect();
 /// assert_eq!(speeds, [("engine", Some("engine_speed")), ("vehicle", Some("road_speed"))]);
 /// ```

@@ -1,7 +1,7 @@
 //! Excitations of a body on a line: motions within the recorded travel, in closed loop as a reference, in open loop as a command.
 //!
-//! In: accepted plants and limits. Out: records of a reference or a command, the only input. An open-loop command is either the one that a velocity and
-//! position controller needs for the motion on the accepted plant, or a pattern of pulses. The motion never leaves the recorded travel and never
+//! In: accepted plants and limits. Out: records of a reference or a command, the only input. An open-loop command is either the one that a velocity
+//! and position controller needs for the motion on the accepted plant, or a pattern of pulses. The motion never leaves the recorded travel and never
 //! exceeds the recorded speed.
 
 use std::cell::{Cell, RefCell};

@@ -2,8 +2,8 @@
 //!
 //! In: the accepted plant and the range of its records. Out: [`Excitation`]s, each a record of inputs whose motion stays within the [`Limits`] of the
 //! plant file (bus voltage, longest current vector, command limit) and of the records (speeds, travel, loads). A motion that exceeds them is made
-//! smaller, and left out if it becomes too small to be useful. The sites of a plant decide which records it gets: those of an electrical machine, of a
-//! vehicle, of a body on a line, or changes of any inputs. Independent of causes; evaluates nothing.
+//! smaller, and left out if it becomes too small to be useful. The sites of a plant decide which records it gets: those of an electrical machine, of
+//! a vehicle, of a body on a line, or changes of any inputs. Independent of causes; evaluates nothing.
 
 mod axis;
 mod inputs;

@@ -1,8 +1,8 @@
 //! The inverse model of a body with one input: the force that a measured motion needs, compared with the force that the drive gave.
 //!
 //! In: a record with the position of the body and the input, the command. Out: regressions of the force on acceleration, speed and friction, and the
-//! relative error of the force, also for any plant file whose effects have no memory. Only filtered derivatives of the measured position are used: no simulation, no
-//! loop, no initial state. Never decides about causes: a good fit of the force does not imply a good free run.
+//! relative error of the force, also for any plant file whose effects have no memory. Only filtered derivatives of the measured position are used: no
+//! simulation, no loop, no initial state. Never decides about causes: a good fit of the force does not imply a good free run.
 //!
 //! Source: A. Janot, M. Gautier, M. Brunot, "Data Set and Reference Models of EMPS", 2019: inverse dynamic identification model with least squares
 //! (IDIM-LS).
@@ -142,8 +142,8 @@ impl Motion {
         length(&left) / whole
     }
 
-    /// The relative error of the force that a plant file with its effects needs. `None` for a plant or effects with further states (a current, a second
-    /// body, a lag): their force does not follow from the motion at one instant.
+    /// The relative error of the force that a plant file with its effects needs. `None` for a plant or effects with further states (a current, a
+    /// second body, a lag): their force does not follow from the motion at one instant.
     #[must_use]
     pub fn relative_error_of(&self, file: &PlantFile) -> Option<f64> {
         let linear = self.body.linear(file, &self.beginning)?;
