@@ -4,7 +4,8 @@
 //! r.high. After that, r.high is any number, and r.low any number of that size.
 
 use super::derive::{half_pi, polynomial_bound};
-use super::engine::{Span, outcomes, span};
+use super::engine::outcomes;
+use super::span::{Span, span};
 use super::{Pins, in_units, parts, powers};
 use crate::elementary::circular::{LIMIT, of_remainder, tangent};
 use crate::elementary::coefficients::HALF_PI;

@@ -1,7 +1,8 @@
 //! exp, sinh, cosh, tanh.
 
 use super::derive::{log_of_two, polynomial_bound};
-use super::engine::{Pin, Span, outcomes, span};
+use super::engine::{Pin, outcomes};
+use super::span::{Span, span};
 use super::{Pins, in_units, lacks, otherwise, powers, product_of, sum_of};
 use crate::elementary::{Function, coefficients, range};
 use crate::tape::{Op, Reg, Tape};

@@ -1,8 +1,9 @@
 //! asin, acos, atan, atan2.
 
 use super::derive::{atan_of_half, half_pi, polynomial_bound};
-use super::engine::{Pin, Span, outcomes, span};
+use super::engine::{Pin, outcomes};
 use super::logarithm::root;
+use super::span::{Span, span};
 use super::{Pins, in_units, lacks, otherwise, parts, powers, sum_of, then};
 use crate::elementary::coefficients::{ATAN_OF_HALF, HALF_PI_PAIR, PI_PAIR, QUARTER_PI};
 use crate::elementary::{Function, range};

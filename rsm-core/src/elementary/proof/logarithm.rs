@@ -1,7 +1,8 @@
 //! log, log10, sqrt.
 
 use super::derive::{log_of_ten, log_of_two, polynomial_bound};
-use super::engine::{Pin, Span, outcomes, span};
+use super::engine::{Pin, outcomes};
+use super::span::{Span, span};
 use super::{Pins, in_units, lacks, otherwise, powers, then};
 use crate::elementary::{Function, coefficients, range};
 use crate::number::integer;

@@ -14,6 +14,7 @@ mod engine;
 mod exponential;
 mod inverse;
 mod logarithm;
+mod span;
 
 use std::collections::HashMap;
 
@@ -22,7 +23,8 @@ use num_traits::Signed;
 use super::{Function, derive};
 use crate::number::{Precision, Rational, exact};
 use crate::tape::{Op, Reg, Tape};
-use engine::{Found, Span, span, unit};
+use engine::Found;
+use span::{Span, span, unit};
 
 /// No known registers.
 type Pins = HashMap<Reg, engine::Pin>;
