@@ -3,7 +3,7 @@
 //! In: a fit and the results of its screen. Out: candidates, the best first, and the one to accept, if any. A candidate is evaluated on training and
 //! validation records together. Parameters are fitted to training records only. Independent of how the fit was found.
 
-use super::hypotheses::{Hypothesis, label};
+use super::hypotheses::{Hypothesis, label_of};
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::nuisance::Nuisance;
@@ -35,6 +35,9 @@ const LEAST_PREDICTED_SHARE: f64 = 0.3;
 /// The largest number of forms with the same trace that are fitted: those with the largest predicted gain. More would displace other traces, and the
 /// data do not distinguish them.
 const MOST_OF_ONE_TRACE: usize = 4;
+
+/// The number of candidates, the best ones, that may get numbers by configuration.
+const BY_CONFIGURATION: usize = 3;
 
 /// Steps of a free-run fit of a wave. Where the axis creeps over crests, nearby solutions separate, so each step is short.
 const WAVE_STEPS: usize = 16;
@@ -168,7 +171,25 @@ impl Search<'_> {
             let alike = std::mem::take(&mut best.aliases_not_fitted);
             *best = Candidate { aliases_not_fitted: alike, ..settled };
         }
+        for it in candidates.iter_mut().take(BY_CONFIGURATION) {
+            self.separate_numbers(fit, it, threshold);
+        }
+        candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
         candidates
+    }
+
+    /// Replaces a candidate by the same cause with numbers by configuration, if the records need them.
+    fn separate_numbers(&self, fit: &Fit, candidate: &mut Candidate, threshold: f64) {
+        let effects = |it: &Fit| it.model.file.effects.last().map(|it| it.arguments.numbers.clone());
+        let before = effects(&candidate.fit);
+        let place = candidate.fit.model.file.effects.len() - 1;
+        let found = self.with_own_numbers(candidate.fit.clone(), place, threshold);
+        if effects(&found).map(|it| it.len()) != before.map(|it| it.len())
+            && let Some(found) = self.evaluated(fit, found)
+        {
+            let alike = std::mem::take(&mut candidate.aliases_not_fitted);
+            *candidate = Candidate { aliases_not_fitted: alike, ..found };
+        }
     }
 
     /// A candidate with more steps. If no parameter scales the cause, the fit also tries other local minima. `None` if that changes nothing.
@@ -283,7 +304,7 @@ impl Search<'_> {
             return None;
         }
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;
-        let label = label(entry.description.kind, entry.arguments.subject.as_deref());
+        let label = label_of(entry);
         (self.progress)(&format!("{label} gains {:.0}", without.cost - fit.cost));
         // Integers and rounding steps count as parameters although no fit changes them: each was chosen among many.
         let numbers = entry.arguments.numbers.len();
@@ -382,13 +403,19 @@ pub fn count(model: &Model) -> usize {
 /// Whether the parameters are consistent with physics: friction rises towards rest.
 #[must_use]
 pub fn is_physical(entry: &Entry) -> bool {
-    let of = |name| entry.arguments.optional(name);
-    !matches!((of("coulomb"), of("static")), (Some(coulomb), Some(rest)) if rest < coulomb)
+    entry.variants().iter().all(|it| {
+        let of = |name| it.arguments.optional(name);
+        !matches!((of("coulomb"), of("static")), (Some(coulomb), Some(rest)) if rest < coulomb)
+    })
 }
 
-/// Whether a parameter error is within the range of calibration: two standard deviations of its tolerance.
+/// Whether a parameter error is within the range of calibration, in each configuration in which it acts: two standard deviations of its tolerance.
 #[must_use]
 pub fn within_tolerance(nominal: &Model, entry: &Entry) -> bool {
+    entry.variants().iter().all(|it| is_within_tolerance(nominal, it))
+}
+
+fn is_within_tolerance(nominal: &Model, entry: &Entry) -> bool {
     let Some(subject) = entry.arguments.subject.as_deref() else { return false };
     let Some((_, tolerance)) = nominal.file.tolerance.iter().find(|(name, _)| *name == subject) else { return false };
     let (Some(value), Some(nominal)) = (entry.arguments.optional("value"), nominal.file.parameters.optional(subject)) else {

@@ -185,7 +185,7 @@ impl<'k> PositionTraces<'k> {
                 command,
                 first: whitened.first(record),
                 period: of.period,
-                answer: RowResponse::new(&fit.model.file, closed, of.period),
+                answer: RowResponse::new(&fit.model.file.along(of), closed, of.period),
             });
         }
         PositionTraces { whitened, list, rows: fit.residual.len() }

@@ -7,7 +7,7 @@
 use super::all_rows::AllRows;
 use super::candidates::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
 use super::final_test::Refusal;
-use super::hypotheses::label;
+use super::hypotheses::label_of;
 use super::known_loop::KnownLoop;
 use super::levenberg::{self, Fit};
 use super::model::Model;
@@ -129,6 +129,7 @@ impl Search<'_> {
             }
         }
         let fit = self.split(self.narrowed(self.levelled(fit), threshold));
+        let fit = self.by_configuration(fit, threshold, true);
         self.whitened.work.set_limit(until + self.limits.steps_for_rivals);
         let fit = self.merged(fit, threshold, &mut path);
         let (fit, causes) = self.exchanged(&calibrated, fit, &competed, threshold, &mut path);
@@ -170,6 +171,7 @@ impl Search<'_> {
             (self.progress)(&format!("found {}", winner.label));
             let name = winner.label.clone();
             fit = self.backward_elimination(winner.fit.clone(), threshold);
+            fit = self.by_configuration(fit, threshold, false);
             competed.push((name, candidates));
             stages.push(fit.clone());
             if !path.visit(labels(&fit.model)) {
@@ -299,7 +301,7 @@ impl Search<'_> {
             let mut causes = Vec::new();
             let entries = fit.model.file.effects.clone();
             for (place, entry) in entries.iter().enumerate() {
-                let name = label(entry.description.kind, entry.arguments.subject.as_deref());
+                let name = label_of(entry);
                 let (base, rivals_tested) = if entries.len() == 1 {
                     // The first competition was for the place of a single cause, so its result can be used again.
                     let known = competed.first().filter(|(_, list)| list.iter().all(|it| it.fit.model.file.effects.len() == 1));
@@ -435,7 +437,7 @@ fn count_of(fit: &Fit) -> usize {
 /// The names of a model's causes.
 fn labels(model: &Model) -> Vec<String> {
     let entries = model.file.effects.iter();
-    entries.map(|it| label(it.description.kind, it.arguments.subject.as_deref())).collect()
+    entries.map(label_of).collect()
 }
 
 #[cfg(test)]

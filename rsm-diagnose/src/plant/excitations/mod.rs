@@ -53,6 +53,8 @@ pub struct Limits {
     pub starts: Vec<Option<f64>>,
     /// The parameters of a plant of equations that are set by the first record.
     pub settings: Vec<(&'static str, f64)>,
+    /// The configuration of the first record.
+    pub configuration: Option<usize>,
 }
 
 /// A motion may exceed the recorded range by this share of it. Models differ, and a small excess does no damage.
@@ -82,6 +84,7 @@ impl Limits {
             inputs: Vec::new(),
             starts: Vec::new(),
             settings: first.record.settings.clone(),
+            configuration: first.record.configuration,
         };
         limits.inputs = vec![[f64::INFINITY, f64::NEG_INFINITY]; first.record.inputs.len()];
         let first =
@@ -182,6 +185,7 @@ fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>) -> Rec
         inputs,
         starts: Vec::new(),
         settings: limits.settings.clone(),
+        configuration: limits.configuration,
         breaks: Vec::new(),
         measured: vec![Some(vec![0.0]); OUTPUTS],
     }

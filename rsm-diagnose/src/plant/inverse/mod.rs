@@ -75,6 +75,8 @@ pub struct Motion {
     speed: Vec<f64>,
     acceleration: Vec<f64>,
     command: Vec<f64>,
+    /// The configuration of the record.
+    configuration: Option<usize>,
 }
 
 /// A regression of the force.
@@ -113,6 +115,7 @@ impl Motion {
             acceleration,
             command: command[inner.clone()].to_vec(),
             position: position[inner].to_vec(),
+            configuration: record.configuration,
         })
     }
 
@@ -144,6 +147,7 @@ impl Motion {
     /// their force does not follow from the motion at one instant.
     #[must_use]
     pub fn relative_error_of(&self, file: &PlantFile) -> Option<f64> {
+        let file = &*file.in_configuration(self.configuration);
         let parameters = file.effective_parameters();
         // The axis without its controller, which gets the recorded command.
         let columns: [(&str, &[f64]); 3] = [("time", &[0.0, 1.0]), ("command", &[0.0; 2]), ("position", &[0.0; 2])];
