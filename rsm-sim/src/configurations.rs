@@ -238,7 +238,12 @@ pub(crate) fn read(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<
         read.places.push([parameters, tolerance].map(|list| list.into_iter().map(|it| (it.at, it.value_at)).collect()));
     }
     if read.configurations.is_empty() {
-        faults.push(table.fault(read.span.clone(), "found no configuration, expected at least one table, such as [configurations.loaded]"));
+        faults.push(
+            table.fault(
+                read.span.clone(),
+                "found no configuration, expected at least one table, such as [configurations.loaded]",
+            ),
+        );
     }
     Some(read)
 }
@@ -315,7 +320,8 @@ impl Unchecked {
                 if find(name).is_none() {
                     faults.push(unknown(&who, name, at));
                 } else if !self.configurations.has_own(place, name) {
-                    let what = format!("{who}: found `{name}`, expected a parameter with a value of its own in this configuration");
+                    let what =
+                        format!("{who}: found `{name}`, expected a parameter with a value of its own in this configuration");
                     let help = "set it under `parameters` of this configuration, or name it under `differ`";
                     faults.push(source.fault(at.clone(), what).help(help));
                 }
@@ -351,7 +357,14 @@ mod tests {
 
     #[test]
     fn a_star_stands_for_any_characters() {
-        let yes = [("a*.csv", "a.csv"), ("a*.csv", "ab.csv.csv"), ("*", ""), ("*7*", "run-7.csv"), ("run.csv", "run.csv"), ("ü*", "üb")];
+        let yes = [
+            ("a*.csv", "a.csv"),
+            ("a*.csv", "ab.csv.csv"),
+            ("*", ""),
+            ("*7*", "run-7.csv"),
+            ("run.csv", "run.csv"),
+            ("ü*", "üb"),
+        ];
         assert!(yes.iter().all(|(pattern, name)| matches(pattern, name)));
         let no = [("a*.csv", "b.csv"), ("a*.csv", "a.csvx"), ("run.csv", "run.csv2"), ("", "a"), ("*7*", "run")];
         assert!(!no.iter().any(|(pattern, name)| matches(pattern, name)));
@@ -374,7 +387,8 @@ mod tests {
     #[test]
     fn each_parameter_of_a_configuration_has_its_tolerance() {
         let found = read_text(TWO).unwrap();
-        let own = [("friction[light]", 0.1), ("friction[heavy]", 0.1), ("mass[heavy]", 0.05)].map(|it| (it.0.to_string(), it.1));
+        let own =
+            [("friction[light]", 0.1), ("friction[heavy]", 0.1), ("mass[heavy]", 0.05)].map(|it| (it.0.to_string(), it.1));
         // All configurations have a friction of their own; the light one has the mass of [parameters].
         let list = found.tolerances(&[("friction", 0.1), ("mass", 0.01)]);
         assert_eq!(list[0], ("mass".to_string(), 0.01));

@@ -31,7 +31,8 @@ pub(super) fn present(whitened: &WhitenedResiduals) -> Vec<usize> {
 /// Whether an entry may have numbers by configuration. A parameter of one configuration is already separate. Rounding and waves are properties of a
 /// machine, not of its load.
 fn may_differ(entry: &Entry) -> bool {
-    let is_own = entry.description.subject == Subject::Parameter && entry.arguments.subject.as_deref().is_some_and(|it| parts(it).is_some());
+    let is_own = entry.description.subject == Subject::Parameter
+        && entry.arguments.subject.as_deref().is_some_and(|it| parts(it).is_some());
     !is_own && !matches!(entry.description.declared.role, Role::Rounding | Role::Waves)
 }
 
@@ -206,4 +207,119 @@ fn shared_one(entry: &Entry) -> Vec<Entry> {
         Some(form)
     };
     numbers.iter().filter_map(|number| form(number)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::hypotheses::{self, label_of};
+    use super::super::model::Model;
+    use super::super::noise::NoiseFloor;
+    use super::super::whitened_residuals::Prepared;
+    use super::super::{axis_under_steps, survey};
+    use super::*;
+    use rsm_core::source::Source;
+    use rsm_fit::random::Random;
+    use rsm_sim::kind::OUTPUTS;
+    use rsm_sim::plant_file::PlantFile;
+    use rsm_sim::record::Record;
+    use rsm_sim::simulate::Simulator;
+
+    /// Standard deviation of the noise of the position, in m.
+    const NOISE: f64 = 1e-5;
+
+    const CONFIGURATIONS: &str = "[configurations]\ndiffer = [\"viscous_friction\"]\n[configurations.light]\nrecords = [\"light*\"]\n\
+                                  [configurations.heavy]\nrecords = [\"heavy*\"]\nparameters = { mass = 4 }\n";
+
+    fn file(effects: &str) -> PlantFile {
+        axis_under_steps::file("mass = 0.02\nviscous_friction = 0.02", &format!("{CONFIGURATIONS}{effects}"))
+    }
+
+    fn friction(force: &str) -> String {
+        format!("[[effects]]\nkind = \"coulomb-friction\"\nparameters = {{ force = {force} }}\n")
+    }
+
+    /// A record of 0.6 s of the true axis in each configuration, and the nominal plant.
+    fn records(truth: &PlantFile) -> (WhitenedResiduals, Model) {
+        let mut random = Random::new(7);
+        let one = |name: &str| {
+            let mut csv = "time[s],command[V],position[m]\n".to_string();
+            for k in 0..600 {
+                csv += &format!("{},{},0\n", f64::from(k) / 1000.0, if k % 200 < 100 { 2.0 } else { -1.5 });
+            }
+            let mut record = Record::read(&Source::new(name, csv), truth).unwrap();
+            let simulated = Simulator::new(truth, &record).unwrap().run(&record).unwrap();
+            let readings = simulated.of("position").unwrap().iter().map(|value| value + NOISE * random.normal());
+            record.measured[0] = Some(readings.collect());
+            record
+        };
+        let records: Vec<Record> = ["light.csv", "heavy.csv"].map(one).into();
+        let model = Model::nominal(&file(""), &records.iter().collect::<Vec<_>>(), [NOISE; OUTPUTS]);
+        let prepared = records.into_iter().map(|it| Prepared::new(it, 2)).collect();
+        (WhitenedResiduals::new(prepared, [NoiseFloor::white(NOISE); OUTPUTS], 1), model)
+    }
+
+    /// The numbers of dry friction, fitted with one number and then tested for a difference.
+    fn numbers(truth: &str) -> Vec<(&'static str, f64)> {
+        let (whitened, nominal) = records(&file(truth));
+        let calibrated = levenberg::fit(&whitened, nominal.clone(), 8).unwrap();
+        let survey = survey::survey(&whitened, &calibrated);
+        let hypotheses = hypotheses::all(nominal.file.kind, &survey, &[0]);
+        let unseen = WhitenedResiduals::new(Vec::new(), whitened.floors, 1);
+        let search = axis_under_steps::search(&whitened, &unseen, &nominal, &hypotheses, &survey);
+        let shared = levenberg::fit(&whitened, nominal.with_effects(&nominal, file(&friction("0.8")).effects), 20).unwrap();
+        let fit = search.by_configuration(shared, 30.0, true);
+        fit.model.file.effects[0].arguments.numbers.clone()
+    }
+
+    #[test]
+    fn a_number_differs_only_where_the_records_need_it() {
+        let names = |found: &[(&'static str, f64)]| found.iter().map(|it| it.0).collect::<Vec<_>>();
+        let common = numbers(&friction("0.8"));
+        assert_eq!(names(&common), ["force"]);
+        let each = numbers(&friction("{ light = 0.5, heavy = 1.2 }"));
+        assert_eq!(names(&each), ["force[light]", "force[heavy]"]);
+        // The noise tells a friction to some thousandths.
+        assert!((each[0].1 - 0.5).abs() < 0.02 && (each[1].1 - 1.2).abs() < 0.02, "{each:?}");
+        let one = numbers(&friction("{ heavy = 1.2 }"));
+        assert_eq!(names(&one), ["force[heavy]"]);
+        assert!((one[0].1 - 1.2).abs() < 0.02, "{one:?}");
+    }
+
+    #[test]
+    fn a_number_of_a_configuration_moves_its_records_alone() {
+        let (whitened, nominal) = records(&file(""));
+        let simulated = whitened.run(&nominal).unwrap();
+        let place = |name: &str| {
+            nominal.unknowns.iter().position(|it| matches!(it.place, Place::Nominal(found) if found == name)).unwrap()
+        };
+        let which = ["mass", "mass[heavy]", "viscous_friction[light]"].map(place);
+        let columns = whitened.derivatives(&nominal, &simulated, &which).unwrap();
+        let moves = |column: &Column, record: usize| column.values[whitened.first(record)..][..600].iter().any(|it| *it != 0.0);
+        let moved: Vec<[bool; 2]> = columns.iter().map(|column| [0, 1].map(|record| moves(column, record))).collect();
+        assert_eq!(moved, [[true, false], [false, true], [true, false]]);
+    }
+
+    #[test]
+    fn hypotheses_of_one_configuration_have_its_name_and_leave_its_own_parameters_out() {
+        let (whitened, nominal) = records(&file(""));
+        let fit = levenberg::linearised(&whitened, nominal).unwrap();
+        let kind = fit.model.file.kind;
+        let common = hypotheses::all(kind, &survey::survey(&whitened, &fit), &[0]);
+        let labels: Vec<String> = common.iter().map(hypotheses::Hypothesis::label).collect();
+        // No record has the common viscous friction.
+        assert!(labels.iter().any(|it| it == "parameter-error:viscous_friction[heavy]"));
+        assert!(!labels.iter().any(|it| it == "parameter-error:viscous_friction"), "{labels:?}");
+        let own = hypotheses::by_configuration(kind, &common, &present(&whitened));
+        let labels: Vec<String> = own.iter().map(hypotheses::Hypothesis::label).collect();
+        assert!(
+            labels.iter().any(|it| it == "coulomb-friction[heavy]")
+                && labels.iter().any(|it| it == "parameter-error:force_gain[light]")
+        );
+        // The mass of each configuration is a parameter already.
+        assert!(!labels.iter().any(|it| it.contains("mass")), "{labels:?}");
+        let heavy = own.iter().find(|it| it.label() == "coulomb-friction[heavy]").unwrap();
+        let entry = heavy.entry(kind, &[0.7]);
+        assert_eq!((entry.arguments.numbers.clone(), label_of(&entry)), (vec![("force[heavy]", 0.7)], heavy.label()));
+        assert!(hypotheses::by_configuration(kind, &common, &[1]).is_empty());
+    }
 }

@@ -36,9 +36,6 @@ const LEAST_PREDICTED_SHARE: f64 = 0.3;
 /// data do not distinguish them.
 const MOST_OF_ONE_TRACE: usize = 4;
 
-/// The number of candidates, the best ones, that may get numbers by configuration.
-const BY_CONFIGURATION: usize = 3;
-
 /// Steps of a free-run fit of a wave. Where the axis creeps over crests, nearby solutions separate, so each step is short.
 const WAVE_STEPS: usize = 16;
 
@@ -171,7 +168,8 @@ impl Search<'_> {
             let alike = std::mem::take(&mut best.aliases_not_fitted);
             *best = Candidate { aliases_not_fitted: alike, ..settled };
         }
-        for it in candidates.iter_mut().take(BY_CONFIGURATION) {
+        // All of them: with one number for all configurations, a wrong cause may be the best one.
+        for it in &mut candidates {
             self.separate_numbers(fit, it, threshold);
         }
         candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
@@ -179,7 +177,7 @@ impl Search<'_> {
     }
 
     /// Replaces a candidate by the same cause with numbers by configuration, if the records need them.
-    fn separate_numbers(&self, fit: &Fit, candidate: &mut Candidate, threshold: f64) {
+    pub(super) fn separate_numbers(&self, fit: &Fit, candidate: &mut Candidate, threshold: f64) {
         let effects = |it: &Fit| it.model.file.effects.last().map(|it| it.arguments.numbers.clone());
         let before = effects(&candidate.fit);
         let place = candidate.fit.model.file.effects.len() - 1;

@@ -310,6 +310,7 @@ mod tests {
         let hypothesis = |guesses: Vec<Guess>| Hypothesis {
             description: rsm_sim::equation_plant::effect(rsm_sim::equation_plant::driveline(), "clutch-slip").unwrap(),
             subject: None,
+            configuration: None,
             guesses,
         };
         let list =

@@ -46,7 +46,9 @@ pub fn label_of(entry: &Entry) -> String {
 /// If both name a parameter or output, it must be the same, and so must be the configuration in which both act.
 #[must_use]
 pub fn generalises(general: &str, special: &str) -> bool {
-    if let (Some((general, in_one)), Some((special, in_other))) = (configurations::parts(general), configurations::parts(special)) {
+    if let (Some((general, in_one)), Some((special, in_other))) =
+        (configurations::parts(general), configurations::parts(special))
+    {
         return in_one == in_other && generalises(general, special);
     }
     let parts = |name| str::split_once(name, ':').map_or((name, None), |(kind, at)| (kind, Some(at)));
@@ -152,7 +154,10 @@ impl Hypothesis {
             arguments: Arguments {
                 plant: kind,
                 subject: self.subject.map(str::to_string),
-                numbers: numbers.filter(|(_, value)| value.is_finite()).map(|(it, value)| (self.name_of(kind, it.name), *value)).collect(),
+                numbers: numbers
+                    .filter(|(_, value)| value.is_finite())
+                    .map(|(it, value)| (self.name_of(kind, it.name), *value))
+                    .collect(),
             },
         }
     }
@@ -231,8 +236,9 @@ impl Model {
         let mut model = self.clone();
         let in_error = |name: &str| {
             // An error in some configurations leaves the common parameter to the others.
-            let is_whole =
-                |entry: &Entry| entry.arguments.numbers.iter().all(|it| configurations::parts(it.0).is_none()) || entry.acts_everywhere();
+            let is_whole = |entry: &Entry| {
+                entry.arguments.numbers.iter().all(|it| configurations::parts(it.0).is_none()) || entry.acts_everywhere()
+            };
             entries.iter().any(|entry| {
                 entry.description.subject == Subject::Parameter
                     && entry.arguments.subject.as_deref() == Some(name)

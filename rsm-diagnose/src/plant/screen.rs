@@ -425,8 +425,12 @@ mod tests {
         let fit = levenberg::fit(&whitened, model.clone(), 8).unwrap();
         // The largest effort is 8 N: 20 N hold the axis where it is.
         let guesses = vec![Guess::scaled(vec![20.0], 0.0)];
-        let hypotheses =
-            [Hypothesis { description: effect(servo_axis(), "coulomb-friction").unwrap(), subject: None, configuration: None, guesses }];
+        let hypotheses = [Hypothesis {
+            description: effect(servo_axis(), "coulomb-friction").unwrap(),
+            subject: None,
+            configuration: None,
+            guesses,
+        }];
         let screened = screen(&whitened, &fit, &model, &hypotheses);
         // A smooth law of friction is in proportion but for what the few rows at rest differ.
         assert!((screened[0].values[0] / 0.02 - 1.0).abs() < 0.2, "{:?}", screened[0].values);

@@ -15,8 +15,8 @@ use super::selection::Selection;
 use super::verdict;
 use super::whitened_residuals::WhitenedResiduals;
 use super::{
-    Options, Refused, all_rows, by_configuration, calibration, configurations, effect_size, equations, experiment, final_fit, growth, hypotheses,
-    initial_motion, known_loop, tested, waves,
+    Options, Refused, all_rows, by_configuration, calibration, configurations, effect_size, equations, experiment, final_fit,
+    growth, hypotheses, initial_motion, known_loop, tested, waves,
 };
 use rsm_sim::effect::{Role, Survey};
 use rsm_sim::equation_plant::added;

@@ -160,7 +160,7 @@ impl Search<'_> {
             });
             *remaining = self.ranking(&screened);
             let mut candidates = self.fit_candidates(&fit, &screened, threshold);
-            self.add_equation_error_cause(&fit, &mut candidates);
+            self.add_equation_error_cause(&fit, &mut candidates, threshold);
             if !self.winner(&fit, &candidates, threshold).is_some_and(|it| self.leaves_noise(&it.fit, threshold)) {
                 self.add_from_first_horizon(&fit, &mut candidates, threshold);
             }
@@ -182,10 +182,11 @@ impl Search<'_> {
     }
 
     /// A single cause from the equation errors competes with the other candidates for the first place.
-    fn add_equation_error_cause(&self, fit: &Fit, candidates: &mut Vec<Candidate>) {
+    fn add_equation_error_cause(&self, fit: &Fit, candidates: &mut Vec<Candidate>, threshold: f64) {
         let alone =
             self.equation_error_fits.first().filter(|it| it.model.file.effects.len() == 1 && fit.model.file.effects.is_empty());
-        let Some(from_equations) = alone.and_then(|it| self.evaluated(fit, it.clone())) else { return };
+        let Some(mut from_equations) = alone.and_then(|it| self.evaluated(fit, it.clone())) else { return };
+        self.separate_numbers(fit, &mut from_equations, threshold);
         match candidates.iter_mut().find(|it| it.label == from_equations.label) {
             Some(known) if from_equations.score < known.score => {
                 *known = Candidate { aliases_not_fitted: std::mem::take(&mut known.aliases_not_fitted), ..from_equations }

@@ -247,7 +247,8 @@ impl WhitenedResiduals {
             all.map(|(model, record)| (model, record, changes(model, &self.records[record].record))).collect();
         let jobs: Vec<(usize, &Model)> = all.iter().filter(|it| it.2).map(|it| (it.1, &models[it.0])).collect();
         let mut done = self.simulate(&jobs).into_iter();
-        let mut found = all.into_iter().map(|(_, record, is_run)| if is_run { done.next().flatten() } else { Some(from[record].clone()) });
+        let mut found =
+            all.into_iter().map(|(_, record, is_run)| if is_run { done.next().flatten() } else { Some(from[record].clone()) });
         models.iter().map(|_| found.by_ref().take(self.records.len()).collect::<Vec<_>>().into_iter().collect()).collect()
     }
 

@@ -122,7 +122,10 @@ impl Entry {
             }
             (subject, _) => subject.map(str::to_string),
         };
-        has_all.then(|| Entry { description: self.description, arguments: Arguments { subject, numbers, ..self.arguments.clone() } })
+        has_all.then(|| Entry {
+            description: self.description,
+            arguments: Arguments { subject, numbers, ..self.arguments.clone() },
+        })
     }
 
     /// The configurations of its plant in which it acts. Empty for a plant without configurations.

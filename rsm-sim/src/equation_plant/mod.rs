@@ -123,8 +123,7 @@ pub fn read_with(
     let kind = configured::kind(kind, &whole.configurations);
     let parameters = kind.nominal();
     let file = &whole;
-    let named =
-        |list: &[NamedValue]| list.iter().map(|it| (kept(&it.name), it.value)).collect::<Vec<(&'static str, f64)>>();
+    let named = |list: &[NamedValue]| list.iter().map(|it| (kept(&it.name), it.value)).collect::<Vec<(&'static str, f64)>>();
     let columns =
         file.columns.iter().map(|it| Renamed { signal: kept(&it.signal), column: it.name.clone(), unit: it.unit.clone() });
     let mut plant_file = PlantFile {

@@ -488,7 +488,12 @@ impl EquationFile {
         for (entry, place) in self.effects.iter().zip(&places) {
             if place.is_none() {
                 let what = format!("[[effects]]: `{}` has all of its numbers in no configuration", entry.kind);
-                faults.push(self.origin.source.fault(entry.place.clone(), what).help("give each number once, or for the same configurations"));
+                faults.push(
+                    self.origin
+                        .source
+                        .fault(entry.place.clone(), what)
+                        .help("give each number once, or for the same configurations"),
+                );
             }
         }
         faults.finish(Some(places.into_iter().flatten().collect()))

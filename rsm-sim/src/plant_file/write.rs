@@ -99,7 +99,9 @@ fn of_equations(kind: &Described, file: &PlantFile) -> String {
         let numbers = numbers.into_iter().map(|(name, value)| {
             let value = match value {
                 ByConfiguration::One(value) => Value::Float(value),
-                ByConfiguration::Each(list) => Value::Table(list.into_iter().map(|it| (it.0.to_string(), Value::Float(it.1))).collect()),
+                ByConfiguration::Each(list) => {
+                    Value::Table(list.into_iter().map(|it| (it.0.to_string(), Value::Float(it.1))).collect())
+                }
             };
             (name.to_string(), value)
         });

@@ -90,7 +90,8 @@ const CART_FILE: &str = "format = 2\nmodel = \"cart.mo\"\n[tolerance]\nfriction 
                          [configurations]\ndiffer = [\"friction\"]\n[configurations.light]\nrecords = [\"light*\"]\n\
                          [configurations.heavy]\nrecords = [\"heavy*\"]\nparameters = { mass = 6 }\n";
 
-const CART_EFFECT: &str = "[[effects]]\nkind = \"coulomb-friction\"\nat = \"cart\"\nparameters = { force = { heavy = 0.25 } }\n";
+const CART_EFFECT: &str =
+    "[[effects]]\nkind = \"coulomb-friction\"\nat = \"cart\"\nparameters = { force = { heavy = 0.25 } }\n";
 
 fn open(name: &str) -> Result<Source, Faults> {
     Ok(Source::new(name, CART))
@@ -115,14 +116,16 @@ fn a_plant_of_equations_has_the_equations_of_its_record() {
     let plant = equation_plant::read(&source, &open).unwrap_or_else(|faults| panic!("{faults}"));
     assert_eq!(plant.effects[0].acts_in(), ["heavy"]);
     let text = plant.write();
-    let again = equation_plant::read(&Source::new("cart.toml", text.clone()), &open).unwrap_or_else(|faults| panic!("{faults}\n{text}"));
+    let again = equation_plant::read(&Source::new("cart.toml", text.clone()), &open)
+        .unwrap_or_else(|faults| panic!("{faults}\n{text}"));
     assert_eq!((again.effects[0].acts_in(), again.tolerance.len()), (vec!["heavy"], plant.tolerance.len()), "{text}");
 }
 
 #[test]
 fn faults_of_configurations_have_their_places() {
     let text = CART_FILE.replace("mass = 6", "mass = -6, lenght = 1, count = 3") + &CART_EFFECT.replace("heavy", "huge");
-    let faults = equation_plant::read(&Source::new("cart.toml", text), &open).err().map(|it| it.to_string()).unwrap_or_default();
+    let faults =
+        equation_plant::read(&Source::new("cart.toml", text), &open).err().map(|it| it.to_string()).unwrap_or_default();
     for part in [
         "cart.toml:15:23: [configurations.heavy]: `parameters`: `mass`: found -6, expected a number above 0",
         "`parameters`: found `lenght`, expected a parameter of the plant that a file may set",

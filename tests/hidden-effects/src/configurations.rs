@@ -101,7 +101,9 @@ fn benches() -> [Bench; 3] {
         },
         Bench {
             name: "two-mass-drive",
-            plant: Which::Equations(systems::ALL.into_iter().find(|it| it.name == "two-mass-drive").expect("a plant of the examples")),
+            plant: Which::Equations(
+                systems::ALL.into_iter().find(|it| it.name == "two-mass-drive").expect("a plant of the examples"),
+            ),
             configurations: ["small-wheel", "large-wheel"],
             sets: "load_inertia",
             both: false,
@@ -144,9 +146,8 @@ pub fn cases(seed: u64, name: Option<&str>, quick: bool, rows: Option<usize>) ->
     for bench in benches() {
         for (hidden, word) in Hidden::ALL {
             let its = format!("configurations-{}-{word}", bench.name);
-            let is_asked = name.is_none_or(|name| {
-                name.strip_suffix('*').map_or(name == its, |beginning| its.starts_with(beginning))
-            });
+            let is_asked =
+                name.is_none_or(|name| name.strip_suffix('*').map_or(name == its, |beginning| its.starts_with(beginning)));
             if is_asked && (!quick || QUICK.contains(&its.as_str())) {
                 list.push(case(its.clone(), &bench, hidden, Random::new(seed, &its), rows));
             }
@@ -217,7 +218,9 @@ fn case(name: String, bench: &Bench, hidden: Hidden, mut random: Random, rows: O
             for run in 0..count {
                 let stream = Random::new(random.whole(0, u64::from(u32::MAX)), "run");
                 let text = match bench.plant {
-                    Which::First(_) => first(nominal.as_ref().expect("a plant of format 1"), own, bench, stream, 2 * k + run + set, rows),
+                    Which::First(_) => {
+                        first(nominal.as_ref().expect("a plant of format 1"), own, bench, stream, 2 * k + run + set, rows)
+                    }
                     Which::Equations(system) => equations(system, own, bench, stream, rows),
                 };
                 let word = ["", "validate-"][set];
@@ -291,9 +294,7 @@ fn equations(system: &'static System, own: &Own, bench: &Bench, stream: Random, 
 /// The plant file, and the text that it names.
 fn plant_files(bench: &Bench, nominal: Option<&draw::Nominal>, filed: [f64; 2]) -> Vec<(String, String)> {
     let (mut text, more) = match (bench.plant, nominal) {
-        (Which::First(kind), Some(it)) => {
-            (files::plant_file(kind, &it.parameters, &it.tolerance, &it.noise, None, &[]), None)
-        }
+        (Which::First(kind), Some(it)) => (files::plant_file(kind, &it.parameters, &it.tolerance, &it.noise, None, &[]), None),
         (Which::Equations(system), _) => {
             let noise: Vec<f64> = system.outputs.iter().map(|it| it.noise).collect();
             let text = systems::files::plant_file(&systems::Truth::nominal(system), &noise, None, &[]);

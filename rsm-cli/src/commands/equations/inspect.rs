@@ -44,9 +44,7 @@ fn configurations_json(file: &EquationFile) -> serde_json::Value {
     let numbers = |list: &[(String, f64)]| -> serde_json::Map<String, serde_json::Value> {
         list.iter().map(|(name, value)| (name.clone(), json!(value))).collect()
     };
-    let one = |it: &Configuration| {
-        json!({ "name": it.name, "records": it.records, "parameters": numbers(&it.parameters), "tolerance": numbers(&it.tolerance) })
-    };
+    let one = |it: &Configuration| json!({ "name": it.name, "records": it.records, "parameters": numbers(&it.parameters), "tolerance": numbers(&it.tolerance) });
     let all = &file.configurations;
     json!({ "differ": all.differ, "list": all.list.iter().map(one).collect::<Vec<_>>() })
 }

@@ -65,7 +65,11 @@ pub fn refuse_several(path: &Path, file: &EquationFile, option: &str) -> Result<
         return Ok(());
     }
     let names: Vec<String> = file.configurations.names().map(|it| format!("`{it}`")).collect();
-    Err(Refusal::new(format!("{}: found several configurations, expected {option} with one of {}", path.display(), names.join(", "))))
+    Err(Refusal::new(format!(
+        "{}: found several configurations, expected {option} with one of {}",
+        path.display(),
+        names.join(", ")
+    )))
 }
 
 /// A plant of equations, ready to be evaluated.
