@@ -4,6 +4,7 @@
 
 pub mod declared;
 
+use crate::configurations::{parts, without};
 use crate::kind::{OUTPUTS, PlantKind};
 use crate::parameters::Parameters;
 
@@ -36,7 +37,9 @@ impl Entry {
     #[must_use]
     pub fn changed_parameter(&self) -> Option<(&str, f64)> {
         let is_value = self.description.subject == Subject::Parameter && self.description.at.is_none();
-        let value = self.arguments.numbers.first().filter(|_| is_value)?.1;
+        // A value of some configurations changes the parameter of their records only.
+        let is_common = |it: &&(&'static str, f64)| is_value && parts(it.0).is_none();
+        let value = self.arguments.numbers.first().filter(is_common)?.1;
         Some((self.arguments.subject.as_deref()?, value))
     }
 
@@ -44,7 +47,8 @@ impl Entry {
     #[must_use]
     pub fn split(&self) -> f64 {
         let is_share = |it: &&(&'static str, f64)| self.description.argument(it.0).is_some_and(|argument| argument.is_share);
-        self.arguments.numbers.iter().filter(is_share).map(|it| it.1).sum()
+        let of = |entry: &Entry| -> f64 { entry.arguments.numbers.iter().filter(is_share).map(|it| it.1).sum() };
+        self.variants().iter().map(of).fold(0.0, f64::max)
     }
 }
 
@@ -199,9 +203,10 @@ impl Guess {
 }
 
 impl Description {
-    /// The number with this name.
+    /// The number with this name. A number of one configuration, such as `force[loaded]`, is declared as the number itself.
     #[must_use]
     pub fn argument(&self, name: &str) -> Option<&'static Argument> {
+        let name = without(name);
         self.arguments.iter().find(|argument| argument.name == name)
     }
 }

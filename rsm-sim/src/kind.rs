@@ -4,7 +4,10 @@
 //! simulation.
 
 use std::any::Any;
+use std::collections::BTreeSet;
+use std::sync::{Mutex, PoisonError};
 
+use crate::configurations::{Configurations, name_in};
 use crate::quantity::Nominal;
 pub use crate::quantity::Signal;
 
@@ -65,8 +68,15 @@ pub struct Described {
     pub text: String,
     /// The files that the plant file names, with their texts.
     pub files: Vec<(String, String)>,
+    /// The configurations of the plant file.
+    pub configurations: Configurations,
+    /// The last of `parameters` are those that some configurations have in place of a common one: for each the index of the common parameter, and that
+    /// of the configuration.
+    pub own: Vec<(usize, usize)>,
+    /// The same plant without configurations, which simulates each record; `None` if the plant file has no configurations.
+    pub common: Option<PlantKind>,
     /// The equations, in a type that only the module that runs them uses.
-    pub equations: Box<dyn Any + Send + Sync>,
+    pub equations: &'static (dyn Any + Send + Sync),
 }
 
 /// A parameter that a record determines.
@@ -106,6 +116,20 @@ impl Described {
     #[must_use]
     pub fn start_columns(&self) -> &[Signal] {
         if self.open_loop.is_some() { &[] } else { &self.free_starts }
+    }
+
+    /// The name of a number of an effect in a configuration. Each name is stored once.
+    #[must_use]
+    pub fn number_in(&self, number: &'static str, configuration: &str) -> &'static str {
+        static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+        let name = name_in(number, configuration);
+        let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = names.get(name.as_str()) {
+            return known;
+        }
+        let name: &'static str = Box::leak(name.into_boxed_str());
+        names.insert(name);
+        name
     }
 
     /// Whether a name is that of a parameter on which only the start depends.
@@ -155,6 +179,12 @@ impl PlantKind {
     #[must_use]
     pub fn name(self) -> &'static str {
         self.0.name
+    }
+
+    /// The names of the configurations of the plant file.
+    #[must_use]
+    pub fn configuration_names(self) -> Vec<&'static str> {
+        self.0.configurations.names().collect()
     }
 
     /// The kind that simulates a record that this drives: the kind itself, or the plant without its controller.

@@ -32,6 +32,8 @@
 
 pub mod quantity;
 
+pub mod configurations;
+
 pub mod kind;
 
 pub mod schema;

@@ -3,7 +3,7 @@
 //! In: a file, which `equation_plant` reads. Out: [`PlantFile`], and, by `write`, its text again with the effects included. All numbers of a
 //! [`PlantFile`] that was read are within their bounds.
 
-mod write;
+pub(crate) mod write;
 
 pub use crate::effect::Entry;
 use crate::kind::PlantKind;

@@ -35,6 +35,8 @@ pub struct Record {
     pub measured: Vec<Option<Vec<f64>>>,
     /// Parameters of a plant of equations that the record determines.
     pub settings: Vec<(&'static str, f64)>,
+    /// The index of the configuration of the plant file to which the record belongs.
+    pub configuration: Option<usize>,
     /// Rows (from 0) before which time is missing or goes back. A record from [`Record::read`] has none.
     pub breaks: Vec<usize>,
 }
@@ -69,8 +71,16 @@ impl Record {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn in_memory(plant: &PlantFile, columns: &[(&str, &[f64])]) -> Result<Record, Faults> {
+        Self::in_memory_as("record in memory", plant, columns)
+    }
+
+    /// The same with a name, from which the configuration follows if the plant file has `[configurations]`.
+    ///
+    /// # Errors
+    /// Those of [`Record::in_memory`]; a name of no configuration, or of two.
+    pub fn in_memory_as(name: &str, plant: &PlantFile, columns: &[(&str, &[f64])]) -> Result<Record, Faults> {
         let open = |wanted: &Wanted| {
-            let mut table = Table::in_memory("record in memory", columns, wanted)?;
+            let mut table = Table::in_memory(name, columns, wanted)?;
             for signal in plant.kind.columns() {
                 let name = name_of(plant, signal.name);
                 let column = table.columns.iter_mut().find(|column| column.name == name);
@@ -119,10 +129,15 @@ impl Record {
         let time = take("time").unwrap_or_default();
         let (period, breaks) = uniform(&time, &table, gaps, &mut faults);
         let settings = columns.settings(plant.kind.0, &table, &take, &mut faults);
+        let configuration = plant.kind.configurations.of_record(&table.file).unwrap_or_else(|fault| {
+            faults.push(fault);
+            None
+        });
         // An optional input that a record of a plant of equations does not have is 0.
         let left_out = if drive == Drive::Inputs { vec![0.0; time.len()] } else { Vec::new() };
         let record = Record {
             settings,
+            configuration,
             file: table.file.clone(),
             drive,
             period,
@@ -142,6 +157,12 @@ impl Record {
     #[must_use]
     pub fn first_time(&self) -> f64 {
         self.time.first().copied().unwrap_or(0.0)
+    }
+
+    /// The name of its configuration, for the kind of its plant file.
+    #[must_use]
+    pub fn configuration_name(&self, kind: PlantKind) -> Option<&'static str> {
+        kind.0.configurations.list.get(self.configuration?).map(|it| it.name.as_str())
     }
 
     /// The number of rows.
@@ -193,6 +214,7 @@ impl Record {
             period: self.period,
             inputs: self.inputs.iter().map(cut).collect(),
             settings: self.settings.clone(),
+            configuration: self.configuration,
             starts: if rows.start == 0 { self.starts.clone() } else { Vec::new() },
             measured: self.measured.iter().map(|values| values.as_ref().map(cut)).collect(),
             breaks: self

@@ -49,6 +49,9 @@ pub struct Arguments {
     /// For a plant: a record whose first row gives the starting point, as for `rsm simulate`
     #[arg(long, requires = "step", conflicts_with = "at")]
     record: Option<PathBuf>,
+    /// For a plant file with [configurations]: the configuration to emit
+    #[arg(long, requires = "step", conflicts_with = "record", value_name = "NAME")]
+    configuration: Option<String>,
     /// For a plant: the name of the module and the prefix of C names [default: the name of the model in its text]
     #[arg(long, requires = "step")]
     name: Option<String>,
@@ -87,6 +90,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
                 name: arguments.name.as_deref(),
                 at: arguments.at.as_deref(),
                 record: arguments.record.as_deref(),
+                configuration: arguments.configuration.as_deref(),
                 out: &arguments.out,
                 as_json: arguments.json,
             };

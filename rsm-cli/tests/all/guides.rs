@@ -16,7 +16,7 @@ const PAGES: [(&str, &[&str]); 15] = [
     // The Rust code of `design.md`, `fit.md`, `optimise.md` and `embed-rust.md` is compiled as documentation tests of the crates `rsm` and
     // `rsm-macros`.
     ("design.md", &["toml", "sh", "toml", "sh", "sh", "rust"]),
-    ("diagnose-plant.md", &["toml", "sh"]),
+    ("diagnose-plant.md", &["toml", "sh", "toml", "sh"]),
     ("diagnose-surface.md", &["sh"]),
     ("embed-c.md", &["sh", "c", "c"]),
     ("embed-rust.md", &["rust,ignore", "rust,ignore", "rust,ignore", "rust"]),
@@ -243,6 +243,30 @@ fn the_guide_to_the_diagnosis_of_a_plant_runs() {
     for name in ["report.html", "diagnosis.json", "extended.toml"] {
         assert!(folder.path().join("found").join(name).is_file(), "{name}\n{text}");
     }
+}
+
+#[test]
+fn the_guide_to_configurations_finds_a_friction_of_the_loaded_axis() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    let plant = std::fs::read_to_string(of_the_project("rsm-sim/plants/servo-axis.toml")).unwrap();
+    let plant = format!("{plant}\n{}", block("diagnose-plant.md", 2));
+    write("axis.toml", &plant);
+    let friction = "[[effects]]\nkind = \"coulomb-friction\"\nparameters = { force = { loaded = 15.0 } }\n";
+    write("machine.toml", &format!("{plant}\n{friction}"));
+    let inputs = std::fs::read_to_string(of_the_project("rsm-sim/plants/servo-axis.csv")).unwrap();
+    let mut simulate = String::new();
+    for name in ["unloaded", "loaded"] {
+        write(&format!("{name}-inputs.csv"), &inputs);
+        for run in [1, 2] {
+            simulate += &format!("rsm simulate machine.toml --record {name}-inputs.csv --out {name}-{run}.csv\n");
+        }
+    }
+    run(&simulate, folder.path());
+    let text = run(&block("diagnose-plant.md", 3), folder.path());
+    assert!(text.contains("Only in loaded: A dry friction of 15 N is missing from the model."), "{text}");
+    let extended = std::fs::read_to_string(folder.path().join("found/extended.toml")).unwrap();
+    assert!(extended.contains("force = { loaded = "), "{extended}");
 }
 
 /// A MAT file of version 5 with column vectors of doubles (MathWorks, "MAT-File Format", level 5).

@@ -3,7 +3,7 @@
 //! In: a fit and the results of its screen. Out: candidates, the best first, and the one to accept, if any. A candidate is evaluated on training and
 //! validation records together. Parameters are fitted to training records only. Independent of how the fit was found.
 
-use super::hypotheses::{Hypothesis, label};
+use super::hypotheses::{Hypothesis, label_of};
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::nuisance::Nuisance;
@@ -168,7 +168,26 @@ impl Search<'_> {
             let alike = std::mem::take(&mut best.aliases_not_fitted);
             *best = Candidate { aliases_not_fitted: alike, ..settled };
         }
+        // All of them: with one number for all configurations, a wrong cause may be the best one.
+        for it in &mut candidates {
+            self.separate_numbers(fit, it, threshold);
+        }
+        candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
         candidates
+    }
+
+    /// Replaces a candidate by the same cause with numbers by configuration, if the records need them.
+    pub(super) fn separate_numbers(&self, fit: &Fit, candidate: &mut Candidate, threshold: f64) {
+        let effects = |it: &Fit| it.model.file.effects.last().map(|it| it.arguments.numbers.clone());
+        let before = effects(&candidate.fit);
+        let place = candidate.fit.model.file.effects.len() - 1;
+        let found = self.with_own_numbers(candidate.fit.clone(), place, threshold);
+        if effects(&found).map(|it| it.len()) != before.map(|it| it.len())
+            && let Some(found) = self.evaluated(fit, found)
+        {
+            let alike = std::mem::take(&mut candidate.aliases_not_fitted);
+            *candidate = Candidate { aliases_not_fitted: alike, ..found };
+        }
     }
 
     /// A candidate with more steps. If no parameter scales the cause, the fit also tries other local minima. `None` if that changes nothing.
@@ -283,7 +302,7 @@ impl Search<'_> {
             return None;
         }
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;
-        let label = label(entry.description.kind, entry.arguments.subject.as_deref());
+        let label = label_of(entry);
         (self.progress)(&format!("{label} gains {:.0}", without.cost - fit.cost));
         // Integers and rounding steps count as parameters although no fit changes them: each was chosen among many.
         let numbers = entry.arguments.numbers.len();
@@ -382,13 +401,19 @@ pub fn count(model: &Model) -> usize {
 /// Whether the parameters are consistent with physics: friction rises towards rest.
 #[must_use]
 pub fn is_physical(entry: &Entry) -> bool {
-    let of = |name| entry.arguments.optional(name);
-    !matches!((of("coulomb"), of("static")), (Some(coulomb), Some(rest)) if rest < coulomb)
+    entry.variants().iter().all(|it| {
+        let of = |name| it.arguments.optional(name);
+        !matches!((of("coulomb"), of("static")), (Some(coulomb), Some(rest)) if rest < coulomb)
+    })
 }
 
-/// Whether a parameter error is within the range of calibration: two standard deviations of its tolerance.
+/// Whether a parameter error is within the range of calibration, in each configuration in which it acts: two standard deviations of its tolerance.
 #[must_use]
 pub fn within_tolerance(nominal: &Model, entry: &Entry) -> bool {
+    entry.variants().iter().all(|it| is_within_tolerance(nominal, it))
+}
+
+fn is_within_tolerance(nominal: &Model, entry: &Entry) -> bool {
     let Some(subject) = entry.arguments.subject.as_deref() else { return false };
     let Some((_, tolerance)) = nominal.file.tolerance.iter().find(|(name, _)| *name == subject) else { return false };
     let (Some(value), Some(nominal)) = (entry.arguments.optional("value"), nominal.file.parameters.optional(subject)) else {

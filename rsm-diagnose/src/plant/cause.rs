@@ -4,6 +4,7 @@
 
 use super::hypotheses::label;
 use super::regions::Region;
+use rsm_sim::configurations;
 use rsm_sim::effect::Subject;
 
 /// A number with its 95 % interval.
@@ -52,13 +53,17 @@ pub struct Cause {
     pub contribution: Option<Contribution>,
     /// The file of the only record in which it acts; `None` if it acts in all.
     pub only_in: Option<String>,
+    /// The configurations of the plant file in which it acts; empty if it acts in all.
+    pub acts_in: Vec<String>,
 }
 
 impl Cause {
     /// Its name in lists: the kind and the subject.
     #[must_use]
     pub fn label(&self) -> String {
-        label(self.kind, self.subject.as_deref())
+        let name = label(self.kind, self.subject.as_deref());
+        let is_own = self.parameters.iter().any(|it| configurations::parts(it.name).is_some());
+        if is_own && !self.acts_in.is_empty() { configurations::name_in(&name, &self.acts_in.join(",")) } else { name }
     }
 
     /// Half of a number's interval as a share of its value. `None` if that means nothing: for a phase, for 0, and for a number that was not

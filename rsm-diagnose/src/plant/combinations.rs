@@ -4,7 +4,7 @@
 //! records. No verdict depends on it.
 
 use super::compared::Compared;
-use super::hypotheses::label;
+use super::hypotheses::label_of;
 use super::levenberg::{self, Fit};
 use super::search::AcceptedCause;
 use super::validation::{self, Error};
@@ -40,7 +40,7 @@ pub(super) fn combinations(it: &Compared<'_>, accepted: &[AcceptedCause], withou
     let mut training = it.whitened.clone();
     training.work = it.whitened.work.with_new_count();
     let effects = &it.fit.model.file.effects;
-    let names = order.iter().map(|place| label(effects[*place].description.kind, effects[*place].arguments.subject.as_deref()));
+    let names = order.iter().map(|place| label_of(&effects[*place]));
     Combinations::of(names.collect(), |is_in| {
         let mut out: Vec<usize> = (0..order.len()).filter(|k| !is_in[*k]).collect();
         match out[..] {

@@ -60,6 +60,12 @@ pub fn separate_record(
             Some(place) => (whitened.clone(), unseen.with_records(without(&unseen.records, place)?)),
         };
         let record = if which < trained { &whitened.records[which] } else { &unseen.records[which - trained] };
+        // A record that is the only one of its configuration in the plant file is told by causes of this configuration.
+        let all = || whitened.records.iter().chain(&unseen.records).map(|it| &it.record);
+        let is_like = |it: &&Record| it.configuration == record.record.configuration;
+        if record.record.configuration.is_some() && all().filter(is_like).count() == 1 {
+            continue;
+        }
         let Some(it) = is_separate(it, record, nominal, floors) else { continue };
         if found.is_some() {
             return None;

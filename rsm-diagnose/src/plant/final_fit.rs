@@ -106,13 +106,17 @@ fn moves(whitened: &WhitenedResiduals, fit: &Fit, place: usize) -> bool {
 fn with_normalised_waves(mut model: Model) -> Model {
     for entry in &mut model.file.effects {
         let numbers = &mut entry.arguments.numbers;
-        let place = |name: &str| numbers.iter().position(|it| it.0 == name);
-        let (Some(amplitude), Some(phase)) = (place("amplitude"), place("phase")) else { continue };
-        if numbers[amplitude].1 < 0.0 {
-            numbers[amplitude].1 = -numbers[amplitude].1;
-            numbers[phase].1 += PI;
+        for amplitude in 0..numbers.len() {
+            // A wave of one configuration has its own phase.
+            let Some(of_wave) = numbers[amplitude].0.strip_prefix("amplitude") else { continue };
+            let its_phase = format!("phase{of_wave}");
+            let Some(phase) = numbers.iter().position(|it| it.0 == its_phase) else { continue };
+            if numbers[amplitude].1 < 0.0 {
+                numbers[amplitude].1 = -numbers[amplitude].1;
+                numbers[phase].1 += PI;
+            }
+            numbers[phase].1 -= TAU * (numbers[phase].1 / TAU).round();
         }
-        numbers[phase].1 -= TAU * (numbers[phase].1 / TAU).round();
     }
     model
 }

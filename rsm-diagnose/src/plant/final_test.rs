@@ -10,6 +10,7 @@ use super::posterior::Posterior;
 use super::search::{AcceptedCause, Search};
 use super::whitened_residuals::WhitenedResiduals;
 use super::{effect_size, plausible, validation};
+use rsm_sim::configurations;
 use rsm_sim::plant_file::Entry;
 
 /// A cause that was tried and rejected.
@@ -177,14 +178,21 @@ fn neutral(fit: &Fit, entry: usize, hypotheses: &[Hypothesis]) -> Option<String>
     let its = &fit.model.file.effects[entry];
     let hypothesis = hypotheses.iter().find(|it| it.describes(its))?;
     let (place, without) = hypothesis.guesses.first()?.neutral?;
-    let (name, value) = *its.arguments.numbers.get(place)?;
-    let unknown = fit.model.unknowns.iter().position(|it| it.place == Place::Effect { entry, number: name })?;
-    let (low, high) = Posterior::of(fit).interval(fit, unknown)?;
-    (low <= without && without <= high).then(|| {
-        format!(
+    // With numbers by configuration, it has no effect if it has none in any of them.
+    let scaling = its.description.arguments.get(place)?.name;
+    let posterior = Posterior::of(fit);
+    let mut why = None;
+    for (name, value) in its.arguments.numbers.iter().filter(|it| configurations::without(it.0) == scaling) {
+        let unknown = fit.model.unknowns.iter().position(|it| it.place == Place::Effect { entry, number: name })?;
+        let (low, high) = posterior.interval(fit, unknown)?;
+        if without < low || high < without {
+            return None;
+        }
+        why = Some(format!(
             "{name} = {value:.4}, and its 95 % interval, {low:.4} to {high:.4}, contains {without}, at which it has no effect"
-        )
-    })
+        ));
+    }
+    why
 }
 
 #[cfg(test)]

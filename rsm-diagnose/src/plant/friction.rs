@@ -8,6 +8,7 @@ use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::search::Search;
 use crate::engine::significance::best_gain_by_chance;
+use rsm_sim::configurations::parts;
 use rsm_sim::effect::declared::{Forms, Part};
 use rsm_sim::plant_file::Entry;
 
@@ -71,24 +72,36 @@ impl Search<'_> {
     /// Replaces a law by its special case with fewer parameters, if the records do not distinguish them: a Stribeck curve or two levels by one level.
     pub(super) fn narrowed(&self, fit: Fit, threshold: f64) -> Fit {
         let entries = &fit.model.file.effects;
-        let special =
-            |it: &Entry| self.hypotheses.iter().find(|other| generalises(it.description.kind, other.description.kind));
+        // At the same site, if the plant has several.
+        let special = |it: &Entry| {
+            let at = it.arguments.subject.as_deref();
+            self.hypotheses.iter().find(|other| generalises(it.description.kind, other.description.kind) && other.subject == at)
+        };
         let Some((place, special)) = entries.iter().enumerate().find_map(|(place, it)| Some((place, special(it)?))) else {
             return fit;
         };
         if entries.iter().any(|it| special.describes(it)) {
             return fit;
         }
-        let levels = levels(&entries[place]);
-        let sum: f64 = levels.iter().map(|number| entries[place].arguments.numbers[*number].1).sum();
-        let level = sum / levels.len().max(1) as f64;
         // If no parameter of the law is a level, the special case starts from its own guess.
         let guess = special.guesses.first().and_then(|it| it.values.first()).copied().unwrap_or(0.0);
-        let level = if levels.is_empty() { guess } else { level };
-        let model = fit
-            .model
-            .without_cause(self.nominal, place)
-            .with_cause(self.nominal, special.entry(self.nominal.file.kind, &[level]));
+        let level = |entry: &Entry| {
+            let levels = levels(entry);
+            let sum: f64 = levels.iter().map(|number| entry.arguments.numbers[*number].1).sum();
+            if levels.is_empty() { guess } else { sum / levels.len() as f64 }
+        };
+        let kind = self.nominal.file.kind;
+        let mut simpler = special.entry(kind, &[level(&entries[place])]);
+        // A law with numbers by configuration has a special case with a number for each.
+        if entries[place].arguments.numbers.iter().any(|it| parts(it.0).is_some())
+            && let Some((number, _)) = simpler.arguments.numbers.pop()
+        {
+            for name in entries[place].acts_in() {
+                let own = entries[place].in_configuration(Some(name));
+                simpler.arguments.numbers.extend(own.map(|own| (kind.number_in(number, name), level(&own))));
+            }
+        }
+        let model = fit.model.without_cause(self.nominal, place).with_cause(self.nominal, simpler);
         let worse = self.deciding_difference(&fit, threshold);
         self.simpler_if_as_good(fit, model, worse)
     }

@@ -148,7 +148,9 @@ fn followed_to_end(
 fn scanned(hypotheses: &[Hypothesis]) -> Vec<Hypothesis> {
     // Rounding steps have no derivative, and rounding does not accumulate.
     let follows = |it: &&Hypothesis| {
-        it.description.declared.role != Role::Rounding && it.guesses.iter().all(|guess| guess.neutral.is_none())
+        it.configuration.is_none()
+            && it.description.declared.role != Role::Rounding
+            && it.guesses.iter().all(|guess| guess.neutral.is_none())
     };
     let nonlinear = hypotheses.iter().filter(follows);
     let each = nonlinear.map(|it| {
@@ -308,6 +310,7 @@ mod tests {
         let hypothesis = |guesses: Vec<Guess>| Hypothesis {
             description: rsm_sim::equation_plant::effect(rsm_sim::equation_plant::driveline(), "clutch-slip").unwrap(),
             subject: None,
+            configuration: None,
             guesses,
         };
         let list =

@@ -4,6 +4,7 @@
 //! In: a model and a survey of the records. Out: a list, and the model with a hypothesis added. Evaluates none.
 
 use super::model::{Model, Place, Unknown};
+use rsm_sim::configurations;
 use rsm_sim::effect::{Argument, Arguments, Description, Guess, Role, Step, Subject, Survey};
 use rsm_sim::equation_plant;
 use rsm_sim::kind::PlantKind;
@@ -17,6 +18,8 @@ pub struct Hypothesis {
     pub description: &'static Description,
     /// The parameter or output that it refers to, if any.
     pub subject: Option<&'static str>,
+    /// The only configuration of the plant file in which it acts; `None` if it acts in all with the same numbers.
+    pub configuration: Option<&'static str>,
     /// The starting points of a search.
     pub guesses: Vec<Guess>,
 }
@@ -27,10 +30,26 @@ pub fn label(kind: &str, subject: Option<&str>) -> String {
     subject.map_or(kind.to_string(), |subject| format!("{kind}:{subject}"))
 }
 
+/// The name of an entry in lists. A cause that acts in some configurations only has their names in brackets: KIND:SITE[loaded].
+#[must_use]
+pub fn label_of(entry: &Entry) -> String {
+    let name = label(entry.description.kind, entry.arguments.subject.as_deref());
+    let is_own = entry.arguments.numbers.iter().any(|it| configurations::parts(it.0).is_some());
+    if !is_own || entry.acts_everywhere() {
+        return name;
+    }
+    configurations::name_in(&name, &entry.acts_in().join(","))
+}
+
 /// Whether one cause contains another as a special case, by kinds or by names in lists. It then always fits at least as well, which is no evidence.
-/// If both name a parameter or output, it must be the same.
+/// If both name a parameter or output, it must be the same, and so must be the configuration in which both act.
 #[must_use]
 pub fn generalises(general: &str, special: &str) -> bool {
+    if let (Some((general, in_one)), Some((special, in_other))) =
+        (configurations::parts(general), configurations::parts(special))
+    {
+        return in_one == in_other && generalises(general, special);
+    }
     let parts = |name| str::split_once(name, ':').map_or((name, None), |(kind, at)| (kind, Some(at)));
     let ((general, at), (special, other)) = (parts(general), parts(special));
     let is_one_place = at.is_none() || other.is_none() || at == other;
@@ -53,7 +72,7 @@ pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesi
             };
             let guesses: Vec<Guess> = guesses.into_iter().filter(finite).collect();
             if !guesses.is_empty() {
-                list.push(Hypothesis { description, subject, guesses });
+                list.push(Hypothesis { description, subject, configuration: None, guesses });
             }
         };
         match description.subject {
@@ -86,11 +105,39 @@ pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesi
     list
 }
 
+/// The same hypotheses for each of these configurations of the plant file alone. A parameter with a value of its own in the configuration is already a
+/// hypothesis of this configuration. Rounding and waves are properties of a machine, not of its load.
+#[must_use]
+pub fn by_configuration(kind: PlantKind, common: &[Hypothesis], present: &[usize]) -> Vec<Hypothesis> {
+    let mut list = Vec::new();
+    if present.len() < 2 {
+        return list;
+    }
+    let configurations = &kind.configurations;
+    let names: Vec<&'static str> = kind.configuration_names();
+    for &place in present {
+        for it in common {
+            let is_of_machine = matches!(it.description.declared.role, Role::Rounding | Role::Waves);
+            let parameter = it.subject.filter(|_| it.description.subject == Subject::Parameter);
+            // A parameter that one configuration uses has no other hypothesis.
+            let is_shared = |name: &str| {
+                let uses = |place: &usize| configurations::parts(name).is_none() && !configurations.has_own(*place, name);
+                uses(&place) && present.iter().filter(|it| uses(it)).count() > 1
+            };
+            if !is_of_machine && parameter.is_none_or(is_shared) {
+                list.push(Hypothesis { configuration: Some(names[place]), ..it.clone() });
+            }
+        }
+    }
+    list
+}
+
 impl Hypothesis {
     /// Its name in lists.
     #[must_use]
     pub fn label(&self) -> String {
-        label(self.description.kind, self.subject)
+        let name = label(self.description.kind, self.subject);
+        self.configuration.map_or(name.clone(), |configuration| configurations::name_in(&name, configuration))
     }
 
     /// Its entry in a plant file with these parameters.
@@ -102,9 +149,17 @@ impl Hypothesis {
             arguments: Arguments {
                 plant: kind,
                 subject: self.subject.map(str::to_string),
-                numbers: numbers.filter(|(_, value)| value.is_finite()).map(|(it, value)| (it.name, *value)).collect(),
+                numbers: numbers
+                    .filter(|(_, value)| value.is_finite())
+                    .map(|(it, value)| (self.name_of(kind, it.name), *value))
+                    .collect(),
             },
         }
+    }
+
+    /// The name of a number in its configuration.
+    fn name_of(&self, kind: PlantKind, number: &'static str) -> &'static str {
+        self.configuration.map_or(number, |configuration| kind.number_in(number, configuration))
     }
 
     /// Whether the parameters have physically possible signs. The search determines their size.
@@ -119,7 +174,7 @@ impl Hypothesis {
         })
     }
 
-    /// Whether an entry of a file is this hypothesis.
+    /// Whether an entry of a file is the effect of this hypothesis, in any configuration.
     #[must_use]
     pub fn describes(&self, entry: &Entry) -> bool {
         entry.description.kind == self.description.kind && entry.arguments.subject.as_deref() == self.subject
@@ -160,7 +215,7 @@ fn unknowns_of(entry: &Entry, place: usize) -> Vec<Unknown> {
         }
         let mut unknown = Unknown::bounded(Place::Effect { entry: place, number: name }, bound, *value);
         match declared(entry, name).map_or(Step::Usual, |argument| argument.step) {
-            _ if *name == "phase" => unknown.scale = 0.1,
+            _ if configurations::without(name) == "phase" => unknown.scale = 0.1,
             Step::PerCent if !unknown.logarithmic && *value != 0.0 => unknown.scale = 0.01 * value.abs(),
             _ => {}
         }
@@ -175,8 +230,14 @@ impl Model {
     pub fn with_effects(&self, nominal: &Model, entries: Vec<Entry>) -> Model {
         let mut model = self.clone();
         let in_error = |name: &str| {
+            // An error in some configurations leaves the common parameter to the others.
+            let is_whole = |entry: &Entry| {
+                entry.arguments.numbers.iter().all(|it| configurations::parts(it.0).is_none()) || entry.acts_everywhere()
+            };
             entries.iter().any(|entry| {
-                entry.description.subject == Subject::Parameter && entry.arguments.subject.as_deref() == Some(name)
+                entry.description.subject == Subject::Parameter
+                    && entry.arguments.subject.as_deref() == Some(name)
+                    && is_whole(entry)
             })
         };
         let starts = model.unknowns.iter().filter(|it| matches!(it.place, Place::Start { .. })).cloned();

@@ -143,6 +143,7 @@ impl KnownLoop {
                 check: entry.description.check,
                 contribution: None,
                 only_in: None,
+                acts_in: Vec::new(),
             };
             (cause, entry)
         });
@@ -178,13 +179,14 @@ struct Row {
 
 /// The rows of the law if the position is read this many rows late.
 fn rows(records: &[Prepared], file: &PlantFile, late: isize) -> Vec<Row> {
-    let Some((position_gain, velocity_gain)) =
-        file.parameters.optional("position_gain").zip(file.parameters.optional("velocity_gain"))
-    else {
-        return Vec::new();
-    };
     let mut list = Vec::new();
     for prepared in records.iter().filter(|it| it.record.drive == Drive::Closed) {
+        let file = file.along(&prepared.record);
+        let Some((position_gain, velocity_gain)) =
+            file.parameters.optional("position_gain").zip(file.parameters.optional("velocity_gain"))
+        else {
+            continue;
+        };
         let place = |output: usize| prepared.outputs.iter().position(|it| *it == output);
         let (Some(position), Some(command)) = (place(0), place(1)) else { continue };
         let (q, u, reference) = (prepared.measured(position), prepared.measured(command), &prepared.record.inputs[0]);

@@ -15,6 +15,7 @@ pub mod all_rows;
 mod axis_under_steps;
 pub mod bootstrap;
 pub mod bursts;
+mod by_configuration;
 pub mod calibrated_records;
 pub mod calibration;
 pub mod candidates;

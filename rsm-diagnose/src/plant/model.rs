@@ -4,6 +4,7 @@
 
 use crate::engine::columns::dot;
 use crate::engine::normal::Normal;
+use rsm_sim::configurations;
 use rsm_sim::equation_plant::{self, bodies};
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::{PlantKind, StartValues};
@@ -280,6 +281,25 @@ impl Model {
             Place::Nominal(name) => self.file.parameters.number(name),
             Place::Effect { entry, number } => self.file.effects[entry].arguments.number(number),
             Place::Start { record, place } => self.starts[record][place],
+        }
+    }
+
+    /// Whether an unknown that is no initial state can change a record: whether it acts in the configuration of the record.
+    #[must_use]
+    pub fn acts_on(&self, place: Place, record: &Record) -> bool {
+        let configurations = &self.file.kind.configurations;
+        let Some(its) = record.configuration.filter(|_| !configurations.is_empty()) else { return true };
+        let name = configurations.list[its].name.as_str();
+        let is_parameter = |parameter: &str| {
+            configurations::parts(parameter).map_or_else(|| !configurations.has_own(its, parameter), |it| it.1 == name)
+        };
+        match place {
+            Place::Start { .. } => true,
+            Place::Nominal(parameter) => is_parameter(parameter),
+            Place::Effect { entry, number } => {
+                let acts = || self.file.effects[entry].in_configuration(Some(name)).is_some();
+                configurations::parts(number).map_or_else(acts, |it| it.1 == name)
+            }
         }
     }
 

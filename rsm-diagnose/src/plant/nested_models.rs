@@ -4,7 +4,7 @@
 //! of the inverse model. A cause that contains simpler ones as special cases comes after them, so that a reader sees what each part contributes. The
 //! set of causes does not change.
 
-use super::hypotheses::label;
+use super::hypotheses::label_of;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::validation::{self, Error};
@@ -44,7 +44,7 @@ pub fn steps(
         let force: Option<Vec<f64>> = motions.iter().map(|motion| motion.relative_error_of(&model.file)).collect();
         let force = force.filter(|list| !list.is_empty());
         Some(Step {
-            causes: entries.map(|it| label(it.description.kind, it.arguments.subject.as_deref())).collect(),
+            causes: entries.map(label_of).collect(),
             errors: validation::errors(judged, &fit),
             force_error: force.map(|list| (list.iter().map(|it| it * it).sum::<f64>() / list.len() as f64).sqrt()),
         })

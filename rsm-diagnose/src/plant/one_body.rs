@@ -102,7 +102,8 @@ impl OneBody {
     /// The linear equation along a record. The effects of the file do not act.
     #[must_use]
     pub fn linear(self, file: &PlantFile, record: &Record) -> Option<Linear> {
-        let bare = PlantFile { effects: Vec::new(), initial: Vec::new(), columns: Vec::new(), ..file.clone() };
+        let own = file.along(record).into_owned();
+        let bare = PlantFile { effects: Vec::new(), initial: Vec::new(), columns: Vec::new(), ..own };
         let first = self.without_controller(record, file.kind);
         let signals = site_signals(&bare, &first)?;
         let inertia = signals.iter().find(|it| it.at == self.at && it.role == "inertia")?;

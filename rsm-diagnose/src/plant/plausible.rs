@@ -25,6 +25,10 @@ const NEAR_UNIT: f64 = 0.02;
 /// Why an entry is implausible; `None` if it is plausible.
 #[must_use]
 pub fn implausibility(entry: &Entry, survey: &Survey, file: &PlantFile) -> Option<String> {
+    entry.variants().iter().find_map(|it| of_variant(it, survey, file))
+}
+
+fn of_variant(entry: &Entry, survey: &Survey, file: &PlantFile) -> Option<String> {
     let numbers = entry.arguments.numbers.iter();
     let mut beyond = numbers.filter_map(|(name, value)| {
         let (low, high) = range(entry, name, survey, file)?;

@@ -19,6 +19,7 @@ use rsm_fit::random::Random;
 use rsm_sim::effect::{Guess, Subject};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
+use rsm_sim::record::Record;
 
 /// The smallest share of a trace, as a square, that must be left after projection. With less, the free unknowns can make the same trace, within the
 /// accuracy of finite differences.
@@ -137,6 +138,7 @@ fn traces(
     let is_wave = |k: usize| waves::is_wave(hypotheses[k].description, kind);
     let traces = guesses.iter().any(|(k, _)| is_wave(*k)).then(|| PositionTraces::new(whitened, fit));
     let mut models = Vec::new();
+    let mut configurations = Vec::new();
     for (k, guess) in guesses.iter().filter(|(k, _)| !is_wave(*k)) {
         let mut shifted = guess.values.clone();
         models.push(at(&fit.model, nominal, &hypotheses[*k], &guess.values, kind));
@@ -144,8 +146,14 @@ fn traces(
             shifted[phase] += std::f64::consts::FRAC_PI_2;
             models.push(at(&fit.model, nominal, &hypotheses[*k], &shifted, kind));
         }
+        configurations.resize(models.len(), hypotheses[*k].configuration);
     }
-    let mut runs = whitened.run_all(&models).into_iter();
+    // A cause of one configuration changes the records of this configuration only, unless it replaces another cause.
+    let changes = |model: usize, record: &Record| {
+        let replaces = models[model].file.effects.len() != fit.model.file.effects.len() + 1;
+        replaces || configurations[model].is_none_or(|its| record.configuration_name(kind) == Some(its))
+    };
+    let mut runs = whitened.run_changed(&models, &fit.simulated, &changes).into_iter();
     let of = |(k, guess): &(usize, Guess)| {
         if let Some(traces) = traces.as_ref().filter(|_| is_wave(*k)) {
             // With a wave, the simulated position differs from the true one. The record has the true position.
@@ -289,7 +297,10 @@ pub fn pairs(fit: &Fit, hypotheses: &[Hypothesis], screened: &[&Screened]) -> Ve
     for (k, a) in screened.iter().enumerate() {
         for b in &screened[..k] {
             let kinds = [a, b].map(|it| hypotheses[it.hypothesis].description.kind);
-            if a.hypothesis == b.hypothesis || generalises(kinds[0], kinds[1]) || generalises(kinds[1], kinds[0]) {
+            let [one, other] = [a, b].map(|it| &hypotheses[it.hypothesis]);
+            // An effect in all configurations and in one of them is one effect.
+            let is_one = one.subject == other.subject && kinds[0] == kinds[1];
+            if is_one || generalises(kinds[0], kinds[1]) || generalises(kinds[1], kinds[0]) {
                 continue;
             }
             let traces: Vec<&[f64]> = a.traces.iter().chain(&b.traces).map(Vec::as_slice).collect();
@@ -414,8 +425,12 @@ mod tests {
         let fit = levenberg::fit(&whitened, model.clone(), 8).unwrap();
         // The largest effort is 8 N: 20 N hold the axis where it is.
         let guesses = vec![Guess::scaled(vec![20.0], 0.0)];
-        let hypotheses =
-            [Hypothesis { description: effect(servo_axis(), "coulomb-friction").unwrap(), subject: None, guesses }];
+        let hypotheses = [Hypothesis {
+            description: effect(servo_axis(), "coulomb-friction").unwrap(),
+            subject: None,
+            configuration: None,
+            guesses,
+        }];
         let screened = screen(&whitened, &fit, &model, &hypotheses);
         // A smooth law of friction is in proportion but for what the few rows at rest differ.
         assert!((screened[0].values[0] / 0.02 - 1.0).abs() < 0.2, "{:?}", screened[0].values);

@@ -15,8 +15,8 @@ use super::selection::Selection;
 use super::verdict;
 use super::whitened_residuals::WhitenedResiduals;
 use super::{
-    Options, Refused, all_rows, calibration, configurations, effect_size, equations, experiment, final_fit, growth, hypotheses,
-    initial_motion, known_loop, tested, waves,
+    Options, Refused, all_rows, by_configuration, calibration, configurations, effect_size, equations, experiment, final_fit,
+    growth, hypotheses, initial_motion, known_loop, tested, waves,
 };
 use rsm_sim::effect::{Role, Survey};
 use rsm_sim::equation_plant::added;
@@ -65,6 +65,8 @@ impl<'a> SearchInput<'a> {
         (options.progress)("evaluating the equations along the records");
         let equation_errors = equations::screen(&prepared.whitened, &prepared.nominal, &hypotheses);
         equation_errors.iter().for_each(|it| it.add_orders(&mut hypotheses));
+        let present = by_configuration::present(&prepared.whitened);
+        hypotheses.extend(hypotheses::by_configuration(file.kind, &hypotheses, &present));
         let whitened = &mut prepared.whitened;
         let before = whitened.work.done();
         whitened.run(&prepared.calibrated.model).ok_or(Refused::CannotSimulate)?;

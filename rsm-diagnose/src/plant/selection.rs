@@ -7,7 +7,7 @@
 use super::all_rows::AllRows;
 use super::candidates::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
 use super::final_test::Refusal;
-use super::hypotheses::label;
+use super::hypotheses::label_of;
 use super::known_loop::KnownLoop;
 use super::levenberg::{self, Fit};
 use super::model::Model;
@@ -129,6 +129,7 @@ impl Search<'_> {
             }
         }
         let fit = self.split(self.narrowed(self.levelled(fit), threshold));
+        let fit = self.by_configuration(fit, threshold, true);
         self.whitened.work.set_limit(until + self.limits.steps_for_rivals);
         let fit = self.merged(fit, threshold, &mut path);
         let (fit, causes) = self.exchanged(&calibrated, fit, &competed, threshold, &mut path);
@@ -159,7 +160,7 @@ impl Search<'_> {
             });
             *remaining = self.ranking(&screened);
             let mut candidates = self.fit_candidates(&fit, &screened, threshold);
-            self.add_equation_error_cause(&fit, &mut candidates);
+            self.add_equation_error_cause(&fit, &mut candidates, threshold);
             if !self.winner(&fit, &candidates, threshold).is_some_and(|it| self.leaves_noise(&it.fit, threshold)) {
                 self.add_from_first_horizon(&fit, &mut candidates, threshold);
             }
@@ -170,6 +171,7 @@ impl Search<'_> {
             (self.progress)(&format!("found {}", winner.label));
             let name = winner.label.clone();
             fit = self.backward_elimination(winner.fit.clone(), threshold);
+            fit = self.by_configuration(fit, threshold, false);
             competed.push((name, candidates));
             stages.push(fit.clone());
             if !path.visit(labels(&fit.model)) {
@@ -180,10 +182,11 @@ impl Search<'_> {
     }
 
     /// A single cause from the equation errors competes with the other candidates for the first place.
-    fn add_equation_error_cause(&self, fit: &Fit, candidates: &mut Vec<Candidate>) {
+    fn add_equation_error_cause(&self, fit: &Fit, candidates: &mut Vec<Candidate>, threshold: f64) {
         let alone =
             self.equation_error_fits.first().filter(|it| it.model.file.effects.len() == 1 && fit.model.file.effects.is_empty());
-        let Some(from_equations) = alone.and_then(|it| self.evaluated(fit, it.clone())) else { return };
+        let Some(mut from_equations) = alone.and_then(|it| self.evaluated(fit, it.clone())) else { return };
+        self.separate_numbers(fit, &mut from_equations, threshold);
         match candidates.iter_mut().find(|it| it.label == from_equations.label) {
             Some(known) if from_equations.score < known.score => {
                 *known = Candidate { aliases_not_fitted: std::mem::take(&mut known.aliases_not_fitted), ..from_equations }
@@ -299,7 +302,7 @@ impl Search<'_> {
             let mut causes = Vec::new();
             let entries = fit.model.file.effects.clone();
             for (place, entry) in entries.iter().enumerate() {
-                let name = label(entry.description.kind, entry.arguments.subject.as_deref());
+                let name = label_of(entry);
                 let (base, rivals_tested) = if entries.len() == 1 {
                     // The first competition was for the place of a single cause, so its result can be used again.
                     let known = competed.first().filter(|(_, list)| list.iter().all(|it| it.fit.model.file.effects.len() == 1));
@@ -435,7 +438,7 @@ fn count_of(fit: &Fit) -> usize {
 /// The names of a model's causes.
 fn labels(model: &Model) -> Vec<String> {
     let entries = model.file.effects.iter();
-    entries.map(|it| label(it.description.kind, it.arguments.subject.as_deref())).collect()
+    entries.map(label_of).collect()
 }
 
 #[cfg(test)]

@@ -228,9 +228,9 @@ fn travel(whitened: &WhitenedResiduals, kind: PlantKind) -> Option<f64> {
 /// smooth force, for example a spring.
 #[must_use]
 pub fn has_whole_period(whitened: &WhitenedResiduals, entry: &Entry) -> bool {
-    let wave = Some(entry).filter(|it| is_wave(it.description, it.arguments.plant));
-    wave.and_then(|it| of(&it.arguments))
-        .is_none_or(|wave| travel(whitened, entry.arguments.plant).is_some_and(|travel| wave.pitch <= travel))
+    let waves = entry.variants().into_iter().filter(|it| is_wave(it.description, it.arguments.plant));
+    let mut waves = waves.filter_map(|it| of(&it.arguments));
+    waves.all(|wave| travel(whitened, entry.arguments.plant).is_some_and(|travel| wave.pitch <= travel))
 }
 
 /// Whether an effect is such a wave: of any length, not an integer order of a rotor. The response to a force that is used here is that of one body;

@@ -12,6 +12,7 @@ use crate::engine::work::WorkCount;
 use rsm_sim::equation_plant;
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::{Entry, PlantFile};
+use rsm_sim::record::Record;
 use rsm_sim::simulate::{Outputs, Simulator};
 use rsm_sim::threads::in_threads;
 
@@ -233,6 +234,24 @@ impl WhitenedResiduals {
         self.simulate(&jobs).into_iter().collect()
     }
 
+    /// Several models along all records. Where a model does not change a record, the simulation of the record is that of `from`.
+    #[must_use]
+    pub fn run_changed(
+        &self,
+        models: &[Model],
+        from: &[Simulated],
+        changes: &dyn Fn(usize, &Record) -> bool,
+    ) -> Vec<Option<Vec<Simulated>>> {
+        let all = (0..models.len()).flat_map(|model| (0..self.records.len()).map(move |record| (model, record)));
+        let all: Vec<(usize, usize, bool)> =
+            all.map(|(model, record)| (model, record, changes(model, &self.records[record].record))).collect();
+        let jobs: Vec<(usize, &Model)> = all.iter().filter(|it| it.2).map(|it| (it.1, &models[it.0])).collect();
+        let mut done = self.simulate(&jobs).into_iter();
+        let mut found =
+            all.into_iter().map(|(_, record, is_run)| if is_run { done.next().flatten() } else { Some(from[record].clone()) });
+        models.iter().map(|_| found.by_ref().take(self.records.len()).collect::<Vec<_>>().into_iter().collect()).collect()
+    }
+
     /// Several models along all records.
     #[must_use]
     pub fn run_all(&self, models: &[Model]) -> Vec<Option<Vec<Simulated>>> {
@@ -329,6 +348,12 @@ impl WhitenedResiduals {
         columns.into_iter().collect()
     }
 
+    /// The records on which an unknown acts: those of its configurations.
+    fn changed(&self, model: &Model, unknown: usize) -> Vec<usize> {
+        let acts = |record: &usize| model.acts_on(model.unknowns[unknown].place, &self.records[*record].record);
+        (0..self.records.len()).filter(acts).collect()
+    }
+
     /// Forward differences for unknowns with their steps; `None` where one cannot be simulated.
     fn differences(&self, model: &Model, simulated: &[Simulated], wanted: &[(usize, f64)]) -> Vec<Option<Column>> {
         let mut moved = Vec::new();
@@ -344,7 +369,7 @@ impl WhitenedResiduals {
         for (k, _, other) in &moved {
             match model.unknowns[*k].place {
                 Place::Start { record, .. } => jobs.push((record, other)),
-                _ => jobs.extend((0..self.records.len()).map(|record| (record, other))),
+                _ => jobs.extend(self.changed(model, *k).into_iter().map(|record| (record, other))),
             }
         }
         let mut done = self.simulate(&jobs).into_iter();
@@ -356,8 +381,13 @@ impl WhitenedResiduals {
                     values: self.change(record, &simulated[record], &to, *step),
                 }),
                 _ => {
-                    let to: Vec<Option<Simulated>> = done.by_ref().take(self.records.len()).collect();
-                    let to: Option<Vec<Simulated>> = to.into_iter().collect();
+                    let mut to: Option<Vec<Simulated>> = Some(simulated.to_vec());
+                    for record in self.changed(model, *k) {
+                        match (done.next().flatten(), &mut to) {
+                            (Some(run), Some(to)) => to[record] = run,
+                            _ => to = None,
+                        }
+                    }
                     to.map(|to| Column { first: 0, values: self.changes(simulated, &to, *step) })
                 }
             });
@@ -371,7 +401,6 @@ mod tests {
     use super::*;
     use rsm_core::source::Source;
     use rsm_sim::plant_file::PlantFile;
-    use rsm_sim::record::Record;
 
     #[test]
     fn a_difference_that_moves_more_than_the_noise_is_taken_again_over_a_shorter_step() {

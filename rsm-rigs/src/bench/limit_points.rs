@@ -193,6 +193,7 @@ mod tests {
             inputs: vec![of(r * i_d - w_e * l * i_q), of(r * i_q + w_e * (l * i_d + flux)), of(0.0)],
             starts: Vec::new(),
             breaks: Vec::new(),
+            configuration: None,
             measured: vec![Some(of(i_d)), Some(of(i_q)), Some(of(speed))],
         }
     }

@@ -155,6 +155,7 @@ pub fn tip_in(plant: &PlantFile, run: &TipIn, seed: u64, compensation: Option<&C
         starts: Vec::new(),
         measured: vec![None, Some(vec![road_speed; ROWS]), None],
         breaks: Vec::new(),
+        configuration: None,
     };
     let sigma = driveline().outputs().iter().map(|output| {
         let found = plant.noise.iter().find(|(name, _)| *name == output.name);

@@ -62,8 +62,7 @@ pub fn balances(kind: PlantKind) -> Vec<Balance> {
 /// plant cannot follow the record. Effects of the file act; the variables are those of the equations without them.
 #[must_use]
 pub fn along(file: &PlantFile, record: &Record, sites: &[&Balance]) -> Option<Vec<Vec<Vec<f64>>>> {
-    let (whole, machine, points) =
-        run::with_effects(file.kind.driven_by(record.drive).0, file, record, run::spread(record)).ok()?;
+    let (whole, machine, points) = run::with_effects(file, record, run::spread(record)).ok()?;
     let places = whole.places_of_effects().ok()?;
     let part = |at: &str, name: &str| {
         let place = places.list.iter().find(|it| it.at == at)?;

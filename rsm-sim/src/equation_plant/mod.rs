@@ -10,6 +10,7 @@
 //! effect.
 
 pub mod added;
+mod configured;
 mod describe;
 mod first_format;
 mod observer;
@@ -28,6 +29,7 @@ use rsm_model::expression::Node;
 use rsm_model::flat::{Basic, Variable};
 
 use self::first_format::FirstFormat;
+use crate::configurations::{self, Configurations};
 use crate::effect::declared::Part;
 use crate::effect::{Arguments, Description, Role, Subject};
 use crate::equations::extended::DeterminedBy;
@@ -120,17 +122,18 @@ pub fn read_with(
     };
     let whole = EquationFile::read_with(source, &open_and_keep, catalogue)?;
     let entries = whole.effects.clone();
-    let at: Vec<String> = whole.places().iter().map(|it| (*it).to_string()).collect();
+    let at = whole.all_places()?;
     let kind = described(source, opened, whole.without_effects()?, catalogue.clone(), None)?;
+    let kind = configured::kind(kind, &whole.configurations);
     let parameters = kind.nominal();
     let file = &whole;
-    let named = |list: &[NamedValue]| list.iter().map(|it| (kept(&it.name), it.value)).collect();
+    let named = |list: &[NamedValue]| list.iter().map(|it| (kept(&it.name), it.value)).collect::<Vec<(&'static str, f64)>>();
     let columns =
         file.columns.iter().map(|it| Renamed { signal: kept(&it.signal), column: it.name.clone(), unit: it.unit.clone() });
     let mut plant_file = PlantFile {
         kind: PlantKind(kind),
         parameters,
-        tolerance: named(&file.tolerance),
+        tolerance: configured::tolerances(kind, &named(&file.tolerance)),
         noise: named(&file.noise),
         initial: named(&file.initial),
         given: Vec::new(),
@@ -138,7 +141,7 @@ pub fn read_with(
         columns: columns.collect(),
     };
     for (entry, at) in entries.iter().zip(&at) {
-        plant_file.effects.push(placed(kind, entry, at, source)?);
+        plant_file.effects.extend(configured::entries(kind, placed(kind, entry, at, source)?));
     }
     Ok(plant_file)
 }
@@ -211,7 +214,10 @@ fn described(
         decisions,
         files: opened.into_inner(),
         text: source.text().to_string(),
-        equations: Box::new(plant),
+        configurations: Configurations::default(),
+        own: Vec::new(),
+        common: None,
+        equations: Box::leak(Box::new(plant)),
     }));
     let plant = plant_of(kind);
     plant.descriptions.get_or_init(|| match first {
@@ -305,15 +311,9 @@ fn nominals(machine: &Machine, decisions: &[Decision], is_first_format: bool) ->
     };
     let variables = system.parameters().into_iter().map(|it| system.flat().variable(it));
     let one = |it: &Variable| {
-        let bound = match (it.basic, it.min, it.value.and_then(|id| system.flat().pool.value(id))) {
-            (Basic::Integer, ..) => Bound::Count,
-            (_, Some(min), _) if min < 0.0 && it.max.is_some_and(|max| max > 0.0) => {
-                Bound::Between(min, it.max.unwrap_or(f64::INFINITY))
-            }
-            (_, Some(min), _) if min > 0.0 => Bound::Positive,
-            (_, Some(min), Some(value)) if min >= 0.0 && value > 0.0 && !is_first_format => Bound::Positive,
-            (_, Some(min), _) if min >= 0.0 => Bound::NotNegative,
-            _ => Bound::Any,
+        let bound = match equations::file::bound(system.flat(), it) {
+            Bound::Positive if is_first_format && it.min == Some(0.0) => Bound::NotNegative,
+            bound => bound,
         };
         Nominal { name: kept(&it.name), unit: kept(&spelled(it.unit.as_deref().unwrap_or_default())), bound, optional: false }
     };
@@ -367,9 +367,12 @@ fn placed(kind: &'static Described, entry: &equations::Entry, at: &str, source: 
         return Err(Faults::one(Fault::whole_file(source.name(), what)));
     };
     let numbers = description.arguments.iter().filter_map(|argument| {
-        let given = entry.numbers.iter().find(|it| it.name == argument.name)?;
-        Some((argument.name, given.value))
+        // Numbers by configuration stay together.
+        let given = entry.numbers.iter().filter(|it| configurations::without(&it.name) == argument.name);
+        let named = |it: &NamedValue| (if it.name == argument.name { argument.name } else { kept(&it.name) }, it.value);
+        Some(given.map(named).collect::<Vec<_>>())
     });
+    let numbers = numbers.flatten();
     let subject = (description.subject != Subject::None).then(|| at.to_string());
     Ok(Entry { description, arguments: Arguments { plant: PlantKind(kind), subject, numbers: numbers.collect() } })
 }

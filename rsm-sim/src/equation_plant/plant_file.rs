@@ -5,7 +5,8 @@
 use rsm_core::source::{Collector, Faults, Source};
 use rsm_core::toml_reader::{TableReader, Value, parse};
 
-use super::{effects_on, first_format, plant_of};
+use super::{configured, effects_on, first_format, kept, plant_of};
+use crate::configurations::{self, Settable, name_in};
 use crate::effect::{Arguments, Description, Subject};
 use crate::kind::PlantKind;
 use crate::plant_file::{Entry, Named, Parameters, PlantFile, Renamed, VelocityFrom};
@@ -35,19 +36,33 @@ fn read(top: &mut TableReader<'_>, faults: &mut Collector) -> Option<PlantFile> 
     // Without the kind, no other name can be checked.
     let kind = required_choice(top, "plant", &first_format::kinds(), faults)?;
     let parameters = top.required("parameters", faults).and_then(|value| parameters(kind, top.source(), value, faults));
+    let by_configuration = configurations::read(top, faults);
     let tolerated: Vec<&'static str> = schema::parameters(kind).iter().map(|nominal| nominal.name).collect();
     let outputs: Vec<&'static str> = kind.outputs().iter().map(|signal| signal.name).collect();
     let tolerance = named(top, "tolerance", &tolerated, Bound::NotNegative, faults);
+    let common = kind;
+    let kind = match by_configuration {
+        Some(it) => {
+            let settable = schema::parameters(kind).iter();
+            let settable = settable.map(|it| Settable { name: it.name.to_string(), bound: it.bound });
+            let tolerated: Vec<&str> = tolerance.iter().map(|it| it.0).collect();
+            let found = it.checked(top.source(), &settable.collect::<Vec<_>>(), &tolerated, faults);
+            PlantKind(configured::kind(kind.0, &found))
+        }
+        None => kind,
+    };
+    let tolerance = configured::tolerances(kind.0, &tolerance);
     let noise = named(top, "noise", &outputs, Bound::NotNegative, faults);
     let initial = named(top, "initial", &starts(kind), Bound::Any, faults);
     let effects = entries(kind, top, faults);
     let columns = renamed(kind, top, faults);
     // An incomplete file is checked to its end, and then refused.
     let parameters = parameters.unwrap_or(Parameters {
-        kind,
-        values: vec![None; schema::parameters(kind).len()],
+        kind: common,
+        values: vec![None; schema::parameters(common).len()],
         velocity_from: VelocityFrom::State,
     });
+    let parameters = configured::parameters(kind, &parameters);
     Some(PlantFile { kind, parameters, tolerance, noise, initial, given: Vec::new(), effects, columns })
 }
 
@@ -183,6 +198,11 @@ fn entries(kind: PlantKind, top: &mut TableReader<'_>, faults: &mut Collector) -
     let mut split = 0.0;
     for item in items {
         let Some(entry) = entry(kind, top.source(), item, faults) else { continue };
+        if !kind.configurations.is_empty() && entry.acts_in().is_empty() {
+            let what = format!("effect `{}`: it has all of its numbers in no configuration", entry.description.kind);
+            let help = "give each number once, or for the same configurations";
+            faults.push(top.source().fault(item.span(), what).help(help));
+        }
         split += entry.split();
         if split >= 1.0 {
             let what = format!(
@@ -191,7 +211,7 @@ fn entries(kind: PlantKind, top: &mut TableReader<'_>, faults: &mut Collector) -
             );
             faults.push(top.source().fault(item.span(), what));
         }
-        found.push(entry);
+        found.extend(configured::entries(kind.0, entry));
     }
     found
 }
@@ -224,6 +244,12 @@ fn entry(kind: PlantKind, source: &Source, item: Value<'_>, faults: &mut Collect
     Some(Entry { description, arguments })
 }
 
+/// The parameters without those of single configurations.
+fn common_parameters(kind: PlantKind) -> Vec<&'static str> {
+    let common = kind.common.unwrap_or(kind);
+    schema::parameters(common).iter().map(|nominal| nominal.name).collect()
+}
+
 fn arguments(
     kind: PlantKind,
     description: &'static Description,
@@ -234,7 +260,7 @@ fn arguments(
     let mut table = TableReader::of(source, value, format!("effect `{}`", description.kind), faults)?;
     let (key, names): (&'static str, Vec<&'static str>) = match description.subject {
         Subject::None | Subject::Site => ("", Vec::new()),
-        Subject::Parameter => ("parameter", schema::parameters(kind).iter().map(|nominal| nominal.name).collect()),
+        Subject::Parameter => ("parameter", common_parameters(kind)),
         Subject::Output => ("output", kind.outputs().iter().map(|signal| signal.name).collect()),
     };
     let mut complete = true;
@@ -260,6 +286,22 @@ fn arguments(
             _ => argument.bound,
         };
         let what = format!("effect `{}`: `{}`", description.kind, argument.name);
+        // A table has a number for each configuration.
+        if !kind.configurations.is_empty()
+            && value.get_ref().is_table()
+            && let Some(each) = TableReader::of(source, value, what.clone(), faults)
+        {
+            for (name, place, value) in each.entries() {
+                if let Err(fault) = kind.configurations.of_name(name) {
+                    faults.push(each.fault(place, fault.what));
+                }
+                match bounded(&table, &format!("{what}: `{name}`"), value, bound, faults) {
+                    Some(number) => numbers.push((kept(&name_in(argument.name, name)), number)),
+                    None => complete = false,
+                }
+            }
+            continue;
+        }
         match bounded(&table, &what, value, bound, faults) {
             Some(number) => numbers.push((argument.name, number)),
             None => complete = false,

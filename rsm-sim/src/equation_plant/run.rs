@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use rsm_core::source::{Fault, Faults};
 
 use super::{first_format, plant_of};
+use crate::configurations::name_in;
 use crate::effect::Subject;
 use crate::equations::file::{EquationFile, NamedValue, of_rows};
 use crate::equations::lanes::Controller;
@@ -71,6 +72,7 @@ impl Models {
 
     /// The equations of a plant file for a record.
     pub(super) fn of(&self, file: &PlantFile, record: &Record) -> Result<&'static Model, Faults> {
+        let file = &*file.along(record);
         let decides = decided(file, record);
         let mut name = key(decides.iter().map(|it| (it.name.as_str(), it.value)));
         for entry in in_equations(file) {
@@ -117,19 +119,16 @@ fn count(kind: &'static Described, holds: &[bool], settings: &[NamedValue]) -> V
 }
 
 /// The equations of a plant file without its effects, and the points of a run at some rows of a record, evenly spread.
-pub(super) fn without_effects(
-    kind: &'static Described,
-    file: &PlantFile,
-    record: &Record,
-) -> Result<(EquationFile, Machine, Vec<Point>), Faults> {
-    let without = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
-    let (whole, machine, start) = begun(kind, &without, record)?;
+pub(super) fn without_effects(file: &PlantFile, record: &Record) -> Result<(EquationFile, Machine, Vec<Point>), Faults> {
+    let without = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.along(record).into_owned() };
+    let (whole, machine, start) = begun(&without, record)?;
     let points = points(&machine, start, record, spread(record));
     Ok((whole, machine, points))
 }
 
-/// The equations of a plant file, and the start along a record.
-fn begun(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<(EquationFile, Machine, Point), Faults> {
+/// The equations of a plant file without configurations, and the start along a record.
+fn begun(file: &PlantFile, record: &Record) -> Result<(EquationFile, Machine, Point), Faults> {
+    let kind = file.kind.driven_by(record.drive).0;
     let whole = file_of(kind, file, record)?;
     let mut machine = Machine::new(&whole)?;
     let start = started(&whole, &mut machine, &initial(kind, file, record), record)?;
@@ -150,14 +149,14 @@ pub(super) fn spread(record: &Record) -> usize {
 /// The equations of a plant file without its effects, and the points of a run with its effects at every row of a record, at every second one, and so
 /// on: time, states and inputs of the equations without effects.
 pub(super) fn with_effects(
-    kind: &'static Described,
     file: &PlantFile,
     record: &Record,
     every: usize,
 ) -> Result<(EquationFile, Machine, Vec<Point>), Faults> {
+    let file = &*file.along(record);
     let without = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
-    let (plain, plain_machine, start) = begun(kind, &without, record)?;
-    let (_, machine, begin) = begun(kind, file, record)?;
+    let (plain, plain_machine, start) = begun(&without, record)?;
+    let (_, machine, begin) = begun(file, record)?;
     let points = points(&machine, begin, record, every);
     let states = machine.states();
     let places: Vec<Option<usize>> =
@@ -178,7 +177,7 @@ pub(super) fn with_effects(
 
 /// The largest magnitude of each start variable of a kind along a record.
 pub(super) fn largest(kind: &'static Described, file: &PlantFile, record: &Record) -> Result<Vec<f64>, Faults> {
-    let (_, machine, points) = without_effects(kind, file, record)?;
+    let (_, machine, points) = without_effects(file, record)?;
     let names: Vec<String> = machine.states().into_iter().chain(machine.outputs()).map(|it| it.0).collect();
     let mut most = vec![0.0_f64; names.len()];
     for point in &points {
@@ -191,7 +190,8 @@ pub(super) fn largest(kind: &'static Described, file: &PlantFile, record: &Recor
     Ok(kind.starts.iter().map(of).collect())
 }
 
-/// The parameters of a plant that occur in no equation of any of these records, such as the ratio of a gear that none of them uses.
+/// The parameters of a plant that occur in no equation of any of these records, such as the ratio of a gear that none of them uses, or a parameter of
+/// another configuration.
 #[must_use]
 pub fn unused(file: &PlantFile, records: &[&Record]) -> Vec<&'static str> {
     let without = PlantFile { effects: Vec::new(), given: Vec::new(), ..file.clone() };
@@ -200,6 +200,12 @@ pub fn unused(file: &PlantFile, records: &[&Record]) -> Vec<&'static str> {
         // A record that the plant cannot follow shows nothing.
         let Ok(model) = models(&without, record).of(&without, record) else { return Vec::new() };
         let used = used_parameters(model.machine.system().flat());
+        let configurations = &file.kind.configurations;
+        let name_there = |name: &str| match record.configuration {
+            Some(place) if configurations.has_own(place, name) => name_in(name, &configurations.list[place].name),
+            _ => name.to_string(),
+        };
+        let used: Vec<String> = used.iter().map(|name| name_there(name)).collect();
         unused.retain(|name| !used.iter().any(|it| it == name));
     }
     unused
@@ -320,6 +326,7 @@ impl Model {
 
     /// Gives a machine the parameters of a plant file. Returns its start along a record.
     pub(super) fn begin(&self, machine: &mut Machine, file: &PlantFile, record: &Record) -> Result<Point, Faults> {
+        let file = &*file.along(record);
         let parameters = file.effective_parameters();
         let kind = file.kind.driven_by(record.drive).0;
         let own = kind.parameters.iter().filter_map(|it| Some((it.name, parameters.optional(it.name)?)));

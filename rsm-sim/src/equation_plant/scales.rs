@@ -83,7 +83,7 @@ fn of_site(term: f64, sizes: &mut Vec<(String, f64)>) {
 /// Along a record: for each place, the largest magnitude of each role, then of the terms of the balance.
 fn along(file: &PlantFile, record: &Record) -> Result<Vec<Vec<f64>>, Faults> {
     // Sites belong to the equations without effects, so these equations are run.
-    let (whole, machine, points) = run::without_effects(file.kind.driven_by(record.drive).0, file, record)?;
+    let (whole, machine, points) = run::without_effects(file, record)?;
     let places = whole.places_of_effects()?;
     let mut system = System::new(&places.flat)?;
     let mut expressed = |list: &[Id]| -> Vec<Id> { list.iter().map(|id| system.expressed(*id)).collect() };

@@ -158,7 +158,7 @@ fn found(kind: PlantKind) -> Option<Vec<RoleName>> {
 #[must_use]
 pub fn site_signals(file: &PlantFile, record: &Record) -> Option<Vec<SiteSignal>> {
     let kind = file.kind.driven_by(record.drive).0;
-    let (whole, machine, points) = run::with_effects(kind, file, record, 1).ok()?;
+    let (whole, machine, points) = run::with_effects(file, record, 1).ok()?;
     let places = whole.places_of_effects().ok()?;
     let mut system = System::new(&places.flat).ok()?;
     let mut signals = Vec::new();

@@ -9,7 +9,7 @@
 //! [[effects]]
 //! kind = "coulomb-friction"
 //! at = "carriage"               # left out where only one fits
-//! parameters = { force = 20.0 }
+//! parameters = { force = 20.0 } # or { force = { unloaded = 20.0, loaded = 35.0 } }, by configuration
 //! [record]
 //! gear = "gear"                 # a parameter that a column gives; the column is constant in a record
 //! holds_i_d = "without v_d, i_d"   # a Boolean one: whether these columns are absent. Absent inputs are 0
@@ -24,6 +24,8 @@ use rsm_core::source::{Collector, Fault, Faults, Source};
 use rsm_core::toml_reader::{TableReader, Value};
 use rsm_fit::table::{Table, Wanted};
 use rsm_model::effects::{Catalogue, Placed};
+
+use crate::configurations::{Configurations, name_in, parts, without};
 
 /// A value that a plant file assigns to a name of the text.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,6 +55,27 @@ impl Entry {
     pub fn new(kind: &str, at: Option<&str>, numbers: &[(&str, f64)]) -> Entry {
         let numbers = numbers.iter().map(|(name, value)| NamedValue { name: (*name).to_string(), value: *value }).collect();
         Entry { kind: kind.to_string(), at: at.map(str::to_string), numbers, place: 0..0 }
+    }
+
+    /// Whether it has numbers by configuration.
+    pub(super) fn differs(&self) -> bool {
+        self.numbers.iter().any(|it| parts(&it.name).is_some())
+    }
+
+    /// The effect with the numbers of a configuration. `None` if it does not act there, because a number is given for other configurations only.
+    pub(super) fn in_configuration(&self, configuration: Option<&str>) -> Option<Entry> {
+        let mut numbers: Vec<NamedValue> = Vec::new();
+        for it in &self.numbers {
+            match parts(&it.name) {
+                None => numbers.push(it.clone()),
+                Some((number, its)) if Some(its) == configuration => {
+                    numbers.push(NamedValue { name: number.to_string(), value: it.value });
+                }
+                Some(_) => {}
+            }
+        }
+        let has_all = self.numbers.iter().all(|it| numbers.iter().any(|own| own.name == without(&it.name)));
+        has_all.then(|| Entry { numbers, ..self.clone() })
     }
 }
 
@@ -101,12 +124,34 @@ fn entry(source: &Source, value: Value<'_>, faults: &mut Collector) -> Option<En
         && let Some(inner) = TableReader::of(source, value, "[[effects]]: `parameters`", faults)
     {
         for (name, _, value) in inner.entries() {
+            // A table has a number for each configuration.
+            if value.get_ref().is_table()
+                && let Some(each) = TableReader::of(source, value, format!("[[effects]]: `{name}`"), faults)
+            {
+                for (configuration, _, value) in each.entries() {
+                    let value = each.number(&format!("`{configuration}`"), value, faults);
+                    numbers.extend(value.map(|value| NamedValue { name: name_in(name, configuration), value }));
+                }
+                continue;
+            }
             let value = inner.number(&format!("`{name}`"), value, faults);
             numbers.extend(value.map(|value| NamedValue { name: name.to_string(), value }));
         }
     }
     table.finish(faults);
     Some(Entry { kind: kind?, at, numbers, place })
+}
+
+/// Reports numbers of effects for configurations that the file does not have.
+pub(super) fn known_configurations(source: &Source, entries: &[Entry], known: &Configurations, faults: &mut Collector) {
+    for entry in entries {
+        for (number, name) in entry.numbers.iter().filter_map(|it| parts(&it.name)) {
+            if let Err(fault) = known.of_name(name) {
+                let what = format!("[[effects]]: `{}`: `{number}`: {}", entry.kind, fault.what);
+                faults.push(source.fault(entry.place.clone(), what));
+            }
+        }
+    }
 }
 
 /// Reads `[record]`.

@@ -20,7 +20,7 @@
 //! engine_map = { model = "engine.toml", surface = "torque" }
 //! ```
 //!
-//! Sites, effects and the rules of `[record]`: [`super::extended`].
+//! Sites, effects and the rules of `[record]`: [`super::extended`]. `[configurations]`: [`crate::configurations`].
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -38,6 +38,8 @@ use super::effect_files;
 pub use super::extended::NamedValue;
 use super::extended::{self, Entry, RecordValues, Rules};
 use super::start_parameters::start_parameters;
+use crate::configurations::{self, Configurations, Settable};
+use crate::quantity::Bound;
 
 /// A signal with a different name in the record.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -86,6 +88,11 @@ pub struct EquationFile {
     pub effects: Vec<Entry>,
     /// `[record]`.
     pub rules: Rules,
+    /// `[configurations]`.
+    pub configurations: Configurations,
+    /// The index of the configuration whose values the equations have. Without one, the equations have the values of `[parameters]`, and an effect with
+    /// numbers by configuration does not act.
+    pub configuration: Option<usize>,
     /// Signals that effects delay.
     pub(super) delays: Vec<Delay>,
     /// Outputs that effects read with a delay.
@@ -162,6 +169,7 @@ impl EquationFile {
         };
         let effects = extended::effects(&mut top, &mut faults);
         let rules = extended::rules(&mut top, &mut faults);
+        let by_configuration = configurations::read(&mut top, &mut faults);
         top.finish(&mut faults);
         let Some(model) = faults.finish(Some(model))? else { unreachable!("a missing model is a fault") };
         let catalogue = &effect_files::added(catalogue, &effect_files, open)?;
@@ -199,6 +207,12 @@ impl EquationFile {
         let mut free = known(&|it| it.role == Role::Unknown && it.basic == Basic::Real);
         free.extend(of_start.iter().map(|it| (*it).clone()));
         check(source, "initial", &initial, &free, "variable", &mut faults);
+        let tolerated: Vec<&str> = tolerance.iter().map(|it| it.given.name.as_str()).collect();
+        let is_decided = |name: &str| is_of_record(name) || rules.parameters.iter().any(|it| it.parameter == name);
+        let configurations = by_configuration.map_or_else(Configurations::default, |it| {
+            it.checked(source, &settable(&plain, &|name| !is_decided(name)), &tolerated, &mut faults)
+        });
+        extended::known_configurations(source, &effects, &configurations, &mut faults);
         let signals = known(&|it| it.is_output || it.role == Role::Input);
         for (column, place) in &columns {
             unknown(source, "columns", &column.signal, place, &signals, "input or output", &mut faults);
@@ -252,6 +266,8 @@ impl EquationFile {
             sites,
             effects,
             rules,
+            configurations,
+            configuration: None,
             delays: Vec::new(),
             late_readings: Vec::new(),
             read_of: Vec::new(),
@@ -260,12 +276,47 @@ impl EquationFile {
             plain,
             origin: Origin { source: source.clone(), text, model: name, catalogue: catalogue.clone() },
         };
-        parts.built()
+        parts.probed()?.built()
+    }
+
+    /// Reports faults of effects in the configurations in which they act.
+    fn probed(self) -> Result<EquationFile, Faults> {
+        for place in 0..self.configurations.list.len() {
+            let file = EquationFile { configuration: Some(place), ..self.clone() };
+            if file.effects.iter().any(Entry::differs) {
+                file.built()?;
+            }
+        }
+        Ok(self)
+    }
+
+    /// The file with the values of a configuration.
+    ///
+    /// # Errors
+    /// An unknown name.
+    pub fn in_configuration(&self, name: &str) -> Result<EquationFile, Faults> {
+        let place = self.configurations.of_name(name).map_err(Faults::one)?;
+        EquationFile { configuration: Some(place), ..self.clone() }.built()
+    }
+
+    /// The name of the configuration whose values the equations have.
+    fn configuration_name(&self) -> Option<&str> {
+        self.configuration.map(|place| self.configurations.list[place].name.as_str())
+    }
+
+    /// The effects that act in the configuration, with its numbers.
+    #[must_use]
+    pub fn acting(&self) -> Vec<Entry> {
+        self.effects.iter().filter_map(|it| it.in_configuration(self.configuration_name())).collect()
     }
 
     /// Builds the equations again, from the text, its parameters, the values that a record determines, and the effects.
     fn built(mut self) -> Result<EquationFile, Faults> {
         let mut parameters: Vec<(String, f64)> = self.parameters.iter().map(|it| (it.name.clone(), it.value)).collect();
+        if let Some(own) = self.configuration.map(|place| &self.configurations.list[place].parameters) {
+            parameters.retain(|it| !own.iter().any(|own| own.0 == it.0));
+            parameters.extend(own.iter().cloned());
+        }
         for (name, value) in &self.record_values.parameters {
             parameters.retain(|it| it.0 != *name);
             parameters.push((name.clone(), *value));
@@ -273,11 +324,12 @@ impl EquationFile {
         let Origin { source, text, model, catalogue } = &self.origin;
         let flat = Flat::read(text, &Options { model: model.clone(), parameters })?;
         self.plain = flat.clone();
-        if self.effects.is_empty() && self.sites.is_empty() {
+        let acting = self.acting();
+        if acting.is_empty() && self.sites.is_empty() {
             self.system = System::new(&flat)?;
             return Ok(self);
         }
-        let placed = extended::placed(source, &self.effects, catalogue)?;
+        let placed = extended::placed(source, &acting, catalogue)?;
         let extended = extend(&flat, &self.sites, &placed)?;
         self.system = System::new(&extended.flat)?;
         self.delays = extended.delays;
@@ -303,7 +355,11 @@ impl EquationFile {
     /// # Errors
     /// A column that is not constant; a file that is not a record.
     pub fn of_record(&self, record: &Source) -> Result<EquationFile, Faults> {
-        self.of_table(&|wanted| Table::read(record, wanted))
+        let configuration = self.configurations.of_record(record.name()).map_err(Faults::one)?;
+        if configuration == self.configuration {
+            return self.of_table(&|wanted| Table::read(record, wanted));
+        }
+        EquationFile { configuration, ..self.clone() }.built()?.of_table(&|wanted| Table::read(record, wanted))
     }
 
     /// The same for columns in memory.
@@ -407,10 +463,40 @@ impl EquationFile {
         rooms(&self.plain, &self.sites, &self.origin.catalogue)
     }
 
-    /// The place of each effect.
+    /// The place of each effect that acts.
     #[must_use]
     pub fn places(&self) -> Vec<&str> {
         self.placed.iter().map(|it| it.0.as_str()).collect()
+    }
+
+    /// The place of each effect, also of those that act in some configurations only.
+    ///
+    /// # Errors
+    /// An effect that acts in no configuration.
+    pub fn all_places(&self) -> Result<Vec<String>, Faults> {
+        if !self.effects.iter().any(Entry::differs) {
+            return Ok(self.places().into_iter().map(str::to_string).collect());
+        }
+        let mut places: Vec<Option<String>> = vec![None; self.effects.len()];
+        for name in self.configurations.names() {
+            let file = self.in_configuration(name)?;
+            let acts = |it: &Entry| it.in_configuration(Some(name)).is_some();
+            let acting = places.iter_mut().zip(&file.effects).filter(|(_, entry)| acts(entry));
+            acting.zip(file.places()).for_each(|((place, _), at)| *place = Some(at.to_string()));
+        }
+        let mut faults = Collector::new();
+        for (entry, place) in self.effects.iter().zip(&places) {
+            if place.is_none() {
+                let what = format!("[[effects]]: `{}` has all of its numbers in no configuration", entry.kind);
+                faults.push(
+                    self.origin
+                        .source
+                        .fault(entry.place.clone(), what)
+                        .help("give each number once, or for the same configurations"),
+                );
+            }
+        }
+        faults.finish(Some(places.into_iter().flatten().collect()))
     }
 
     /// The file of a text alone: the values of the text, no tolerances, no noise.
@@ -439,6 +525,8 @@ impl EquationFile {
             sites: Vec::new(),
             effects: Vec::new(),
             rules: Rules::default(),
+            configurations: Configurations::default(),
+            configuration: None,
             delays: Vec::new(),
             late_readings: Vec::new(),
             read_of: Vec::new(),
@@ -467,6 +555,29 @@ const BEGIN: &str = "record_start";
 #[must_use]
 pub fn is_of_record(parameter: &str) -> bool {
     [PERIOD, BEGIN].contains(&parameter)
+}
+
+/// The parameters of a text that a configuration may set, with their bounds: those that do not change the structure of the equations.
+fn settable(plain: &Flat, is_free: &dyn Fn(&str) -> bool) -> Vec<Settable> {
+    let start: Vec<Symbol> = start_parameters(plain);
+    let symbols = plain.symbols().filter(|it| !start.contains(it));
+    let variables = symbols.map(|it| plain.variable(it)).filter(|it| it.role == Role::Parameter && !it.is_structural);
+    let one = |it: &rsm_model::flat::Variable| Settable { name: it.name.clone(), bound: bound(plain, it) };
+    variables.filter(|it| it.basic != Basic::Boolean && is_free(&it.name)).map(one).collect()
+}
+
+/// The permitted values of a parameter, from `min` and `max` of the text. A parameter with `min = 0` and a value above 0 stays above 0.
+pub(crate) fn bound(flat: &Flat, it: &rsm_model::flat::Variable) -> Bound {
+    match (it.basic, it.min, it.value.and_then(|id| flat.pool.value(id))) {
+        (Basic::Integer, ..) => Bound::Count,
+        (_, Some(min), _) if min < 0.0 && it.max.is_some_and(|max| max > 0.0) => {
+            Bound::Between(min, it.max.unwrap_or(f64::INFINITY))
+        }
+        (_, Some(min), _) if min > 0.0 => Bound::Positive,
+        (_, Some(min), Some(value)) if min >= 0.0 && value > 0.0 => Bound::Positive,
+        (_, Some(min), _) if min >= 0.0 => Bound::NotNegative,
+        _ => Bound::Any,
+    }
 }
 
 /// The values for a text with these parameters: the period of the rows and their first instant, in s.

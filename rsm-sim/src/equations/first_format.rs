@@ -12,7 +12,7 @@ use rsm_model::effects::Catalogue;
 
 use super::file::EquationFile;
 use crate::parameters::VelocityFrom;
-use crate::plant_file::PlantFile;
+use crate::plant_file::{PlantFile, write};
 use crate::schema;
 
 impl EquationFile {
@@ -46,7 +46,7 @@ fn text(plant: &PlantFile, closed: bool) -> String {
         Some(open) => format!("{name}#{}", if closed { plant.kind.model } else { open.model }),
     };
     let mut text = format!("format = 2\nmodel = \"rsm:{model}\"\n\n[parameters]\n");
-    for nominal in schema::parameters(plant.kind) {
+    for nominal in schema::parameters(plant.kind.common.unwrap_or(plant.kind)) {
         // Only a text with the controller has its parameters.
         if let Some(value) = plant.parameters.optional(nominal.name).filter(|_| closed || !nominal.optional) {
             // The name of an element of an array has brackets.
@@ -56,7 +56,7 @@ fn text(plant: &PlantFile, closed: bool) -> String {
     if closed && plant.parameters.velocity_from == VelocityFrom::Difference {
         text.push_str("velocity_from_difference = true\n");
     }
-    for (name, list) in [("tolerance", &plant.tolerance), ("noise", &plant.noise), ("initial", &plant.initial)] {
+    for (name, list) in [("tolerance", &write::common_tolerance(plant)), ("noise", &plant.noise), ("initial", &plant.initial)] {
         let _ = write!(text, "\n[{name}]\n");
         // An output that does not determine the start may have a value in format 1 only.
         let counts = |key: &str| name != "initial" || plant.kind.starts().iter().any(|it| it.name == key);
@@ -69,13 +69,14 @@ fn text(plant: &PlantFile, closed: bool) -> String {
         let unit = it.unit.as_ref().map_or(String::new(), |unit| format!(", unit = {unit:?}"));
         let _ = writeln!(text, "{} = {{ name = {:?}{unit} }}", it.signal, it.column);
     }
+    write::configurations(&mut text, plant);
     for entry in plant.acting() {
         let _ = write!(text, "\n[[effects]]\nkind = \"{}\"\n", entry.description.kind);
-        if let Some(at) = &entry.arguments.subject {
+        let (subject, numbers) = write::numbers(entry);
+        if let Some(at) = subject {
             let _ = writeln!(text, "at = {at:?}");
         }
-        let numbers = entry.arguments.numbers.iter().map(|(name, value)| format!("{name} = {}", decimal(*value)));
-        let _ = writeln!(text, "parameters = {{ {} }}", numbers.collect::<Vec<_>>().join(", "));
+        let _ = writeln!(text, "parameters = {{ {} }}", numbers.join(", "));
     }
     text
 }

@@ -6,7 +6,8 @@ use std::fmt::Write as _;
 
 use rsm_core::number::decimal;
 
-use super::{Named, PlantFile, VelocityFrom};
+use super::{Entry, Named, PlantFile, VelocityFrom};
+use crate::configurations::{name_in, parts};
 use crate::effect::Subject;
 use crate::kind::Described;
 use crate::schema;
@@ -20,7 +21,8 @@ impl PlantFile {
         }
         let mut text = format!("format = 1\nplant = \"{}\"\n\n[parameters]\n", self.kind.name());
         let mut array: Vec<String> = Vec::new();
-        let names = schema::parameters(self.kind).iter().map(|it| it.name);
+        let common = self.kind.common.unwrap_or(self.kind);
+        let names = schema::parameters(common).iter().map(|it| it.name);
         for (name, next) in names.clone().zip(names.skip(1).map(Some).chain([None])) {
             let Some(value) = self.parameters.optional(name).map(decimal) else { continue };
             let of = |name| schema::element(name).map(|it| it.0);
@@ -38,7 +40,7 @@ impl PlantFile {
         if self.parameters.velocity_from == VelocityFrom::Difference {
             text.push_str("velocity_from = \"difference\"\n");
         }
-        table(&mut text, "tolerance", &self.tolerance);
+        table(&mut text, "tolerance", &common_tolerance(self));
         table(&mut text, "noise", &self.noise);
         table(&mut text, "initial", &self.initial);
         if !self.columns.is_empty() {
@@ -48,6 +50,7 @@ impl PlantFile {
             let unit = renamed.unit.as_ref().map_or(String::new(), |unit| format!(", unit = {}", quoted(unit)));
             let _ = writeln!(text, "{} = {{ column = {}{unit} }}", renamed.signal, quoted(&renamed.column));
         }
+        configurations(&mut text, self);
         for entry in self.acting() {
             let word = match entry.description.subject {
                 Subject::None => "",
@@ -55,8 +58,8 @@ impl PlantFile {
                 Subject::Output => "output",
                 Subject::Site => "at",
             };
-            let subject = entry.arguments.subject.iter().map(|name| format!("{word} = \"{name}\""));
-            let numbers = entry.arguments.numbers.iter().map(|(name, value)| format!("{name} = {}", decimal(*value)));
+            let (subject, numbers) = numbers(entry);
+            let subject = subject.iter().map(|name| format!("{word} = \"{name}\""));
             let all: Vec<String> = subject.chain(numbers).collect();
             let _ =
                 write!(text, "\n[[effects]]\nkind = \"{}\"\nparameters = {{ {} }}\n", entry.description.kind, all.join(", "));
@@ -80,13 +83,30 @@ fn of_equations(kind: &Described, file: &PlantFile) -> String {
         let value = file.parameters.optional(it.name)?;
         (value.to_bits() != was.to_bits()).then_some((it.name, value))
     });
-    inside(&mut whole, "parameters", &mut changed.collect::<Vec<_>>().into_iter());
+    let (own, common): (Vec<_>, Vec<_>) = changed.partition(|it| parts(it.0).is_some());
+    inside(&mut whole, "parameters", &mut common.into_iter());
+    for (name, value) in own {
+        let Some((name, configuration)) = parts(name) else { continue };
+        let its = whole.get_mut("configurations").and_then(Value::as_table_mut).and_then(|it| it.get_mut(configuration));
+        if let Some(its) = its.and_then(Value::as_table_mut) {
+            inside(its, "parameters", &mut std::iter::once((name, value)));
+        }
+    }
     inside(&mut whole, "initial", &mut file.initial.iter().copied());
     whole.remove("effects");
     let effects = file.acting().map(|entry| {
-        let numbers = entry.arguments.numbers.iter().map(|(name, value)| ((*name).to_string(), Value::Float(*value)));
+        let (subject, numbers) = by_configuration(entry);
+        let numbers = numbers.into_iter().map(|(name, value)| {
+            let value = match value {
+                ByConfiguration::One(value) => Value::Float(value),
+                ByConfiguration::Each(list) => {
+                    Value::Table(list.into_iter().map(|it| (it.0.to_string(), Value::Float(it.1))).collect())
+                }
+            };
+            (name.to_string(), value)
+        });
         let mut one = Table::from_iter([("kind".to_string(), Value::String(entry.description.kind.to_string()))]);
-        one.extend(entry.arguments.subject.iter().map(|at| ("at".to_string(), Value::String(at.clone()))));
+        one.extend(subject.iter().map(|at| ("at".to_string(), Value::String((*at).to_string()))));
         one.insert("parameters".to_string(), Value::Table(numbers.collect()));
         Value::Table(one)
     });
@@ -96,6 +116,88 @@ fn of_equations(kind: &Described, file: &PlantFile) -> String {
     }
     remove_folders(&mut whole);
     whole.to_string()
+}
+
+/// A number of an effect: one for all configurations, or one for each of some.
+enum ByConfiguration<'e> {
+    One(f64),
+    Each(Vec<(&'e str, f64)>),
+}
+
+/// The subject of an entry and its numbers, those of configurations together. An error of a parameter of one configuration is the error of the
+/// parameter in this configuration.
+fn by_configuration(entry: &Entry) -> (Option<&str>, Vec<(&str, ByConfiguration<'_>)>) {
+    let subject = entry.arguments.subject.as_deref();
+    let of_subject = subject.and_then(parts).filter(|_| entry.description.subject == Subject::Parameter);
+    let mut numbers: Vec<(&str, ByConfiguration<'_>)> = Vec::new();
+    for (name, value) in &entry.arguments.numbers {
+        let (name, configuration) = match (parts(name), of_subject) {
+            (Some((name, its)), _) => (name, Some(its)),
+            (None, Some((_, its))) => (*name, Some(its)),
+            (None, None) => (*name, None),
+        };
+        match (configuration, numbers.last_mut()) {
+            (None, _) => numbers.push((name, ByConfiguration::One(*value))),
+            (Some(its), Some((last, ByConfiguration::Each(list)))) if *last == name => list.push((its, *value)),
+            (Some(its), _) => numbers.push((name, ByConfiguration::Each(vec![(its, *value)]))),
+        }
+    }
+    (of_subject.map(|it| it.0).or(subject), numbers)
+}
+
+/// The subject of an entry and its numbers as in a file.
+pub(crate) fn numbers(entry: &Entry) -> (Option<&str>, Vec<String>) {
+    let (subject, numbers) = by_configuration(entry);
+    let one = |(name, number): (&str, ByConfiguration<'_>)| match number {
+        ByConfiguration::One(value) => format!("{name} = {}", decimal(value)),
+        ByConfiguration::Each(list) => {
+            let each: Vec<String> = list.iter().map(|(name, value)| format!("{name} = {}", decimal(*value))).collect();
+            format!("{name} = {{ {} }}", each.join(", "))
+        }
+    };
+    (subject, numbers.into_iter().map(one).collect())
+}
+
+/// `[tolerance]` of a plant file: that of a parameter without a common value follows from its configurations.
+pub(crate) fn common_tolerance(file: &PlantFile) -> Vec<Named> {
+    let mut list: Vec<Named> = file.tolerance.iter().filter(|it| parts(it.0).is_none()).copied().collect();
+    // A parameter under `differ` has no common tolerance any more.
+    for name in &file.kind.configurations.differ {
+        let Some(nominal) = schema::parameters(file.kind).iter().find(|it| it.name == name) else { continue };
+        let own = file.tolerance.iter().find(|it| parts(it.0).is_some_and(|it| it.0 == name));
+        if !list.iter().any(|it| it.0 == nominal.name) {
+            list.extend(own.map(|it| (nominal.name, it.1)));
+        }
+    }
+    list
+}
+
+/// `[configurations]` of a plant file of format 1, with the current parameters.
+pub(crate) fn configurations(text: &mut String, file: &PlantFile) {
+    let all = &file.kind.configurations;
+    if all.is_empty() {
+        return;
+    }
+    text.push_str("\n[configurations]\n");
+    let names = |list: &[String]| list.iter().map(|it| quoted(it)).collect::<Vec<_>>().join(", ");
+    if !all.differ.is_empty() {
+        let _ = writeln!(text, "differ = [{}]", names(&all.differ));
+    }
+    for (place, it) in all.list.iter().enumerate() {
+        let _ = write!(text, "\n[configurations.{}]\nrecords = [{}]\n", it.name, names(&it.records));
+        let own = |name: &str| parts(name).filter(|found| found.1 == it.name).map(|found| found.0.to_string());
+        let values = file.kind.own.iter().filter(|found| found.1 == place).filter_map(|(index, _)| {
+            let name = file.kind.parameters[*index].name;
+            file.parameters.optional(&name_in(name, &it.name)).map(|value| (name.to_string(), value))
+        });
+        let tolerances = file.tolerance.iter().filter_map(|(name, value)| own(name).map(|name| (name, *value)));
+        for (key, list) in [("parameters", values.collect::<Vec<_>>()), ("tolerance", tolerances.collect())] {
+            if !list.is_empty() {
+                let each: Vec<String> = list.iter().map(|(name, value)| format!("\"{name}\" = {}", decimal(*value))).collect();
+                let _ = writeln!(text, "{key} = {{ {} }}", each.join(", "));
+            }
+        }
+    }
 }
 
 /// Removes the folders from names of files.

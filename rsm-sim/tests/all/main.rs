@@ -1,6 +1,7 @@
 //! The tests of the plants, one binary.
 
 mod catalogue;
+mod configurations;
 mod cross_check;
 mod equations;
 mod fixed_steps;

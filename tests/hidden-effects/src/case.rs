@@ -39,11 +39,13 @@ pub enum Family {
     Noise,
     /// Only data that a logger damaged.
     Data,
+    /// Records of two configurations in one diagnosis.
+    Configurations,
 }
 
 impl Family {
     /// All families, in the order of the table.
-    pub const ALL: [Family; 12] = [
+    pub const ALL: [Family; 13] = [
         Family::Singles,
         Family::Nulls,
         Family::Pairs,
@@ -56,6 +58,7 @@ impl Family {
         Family::Missing,
         Family::Noise,
         Family::Data,
+        Family::Configurations,
     ];
 
     /// Its name on the command line.
@@ -73,6 +76,7 @@ impl Family {
             Family::Missing => "missing",
             Family::Noise => "noise",
             Family::Data => "data",
+            Family::Configurations => "configurations",
         }
     }
 
@@ -80,7 +84,7 @@ impl Family {
     pub fn threshold(self) -> f64 {
         match self {
             Family::Singles | Family::Nulls | Family::Faults | Family::Far => 0.95,
-            Family::Pairs | Family::Records | Family::Symmetries | Family::Beyond => 0.85,
+            Family::Pairs | Family::Configurations | Family::Records | Family::Symmetries | Family::Beyond => 0.85,
             Family::Outside | Family::Missing | Family::Noise | Family::Data => 0.90,
         }
     }

@@ -12,6 +12,7 @@ pub mod axis;
 pub mod bench;
 pub mod car;
 pub mod case;
+pub mod configurations;
 pub mod coverage;
 pub mod draw;
 pub mod excitation;

@@ -3,6 +3,7 @@
 //! In: arguments, the command `rsm`, an output folder. Out: tables on standard output, progress on standard error; status 0 if every threshold was
 //! reached, 1 if not, 2 for unknown arguments. It writes only into that folder.
 
+mod configuration_table;
 mod report;
 mod surface_table;
 mod system_table;
@@ -18,14 +19,14 @@ use hidden_effects::{files, judge, verification};
 use report::{Line, Report};
 
 const USAGE: &str = "\
-usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|outside|faults|records|symmetries|far|beyond|missing|noise|data] [--case NAME] [--quick]
+usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|outside|faults|records|symmetries|far|beyond|missing|noise|data|configurations] [--case NAME] [--quick]
                               [--rows N] [--colour CORRELATION] [--stated FACTOR]
                               [--lost N] [--growing SHARE] [--tails FREEDOM] [--outliers SHARE] [--without OUTPUT,...] [--late ROWS] [--plants new]
            makes cases, runs `rsm diagnose` on each, compares with the truth
            --case: a case, or all whose names begin so (`servo-axis-*`); --rows: shorter records; --colour: the noise of all outputs, from row to row; --stated: the plant file states the noise times this, 0: not at all
            --lost: one row in N is lost, in gaps of 1 to 3; --growing: noise grows by so many times itself up to the largest reading; --tails: it is Student's t;
            --outliers: such a share of the readings has 20 times the noise;
-           families noise and data (records as benches make them) are made only where --family or --case asks for them, but for --plants new
+           families noise, data (records as benches make them) and configurations are made only where --family or --case asks for them, but for --plants new
            --plants new: the plants of examples/plants, families singles, pairs, nulls, outside, missing, noise, data, in place of those that are built in; `make` and `verify` too
            --without: no record holds these outputs; --late: so many rows of each beginning are missing, so that records begin in motion
        hidden-effects make   --out DIR [the same]      makes the cases only
@@ -228,6 +229,7 @@ fn judge_all(words: &Words) -> Result<bool, String> {
             println!("{line}");
             report.lines.push(line);
         }
+        configuration_table::judge(words, seed, &mut report)?;
     }
     if report.lines.is_empty() {
         return Err("no such case".to_string());

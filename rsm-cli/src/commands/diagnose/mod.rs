@@ -281,6 +281,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
             Subject::None => Vec::new(),
         };
         let mut evidence: cause_json::Keys = cause.only_in.iter().map(|record| ("only_in", json!([record]))).collect();
+        evidence.extend((!cause.acts_in.is_empty()).then(|| ("configurations", json!(cause.acts_in))));
         evidence.push(("evidence", error_breakdown::evidence(kind, found, cause)));
         let numbers = cause.parameters.iter();
         let cause_json = CauseJson {

@@ -20,6 +20,8 @@ pub struct Options<'a> {
     pub name: Option<&'a str>,
     pub at: Option<&'a str>,
     pub record: Option<&'a Path>,
+    /// The configuration of the plant file.
+    pub configuration: Option<&'a str>,
     /// A folder of further effects.
     pub effects: Option<&'a Path>,
     pub out: &'a Path,
@@ -27,7 +29,7 @@ pub struct Options<'a> {
 }
 
 pub fn run(path: &Path, options: &Options<'_>) -> Outcome {
-    let mut file = super::file(path, options.effects)?;
+    let mut file = super::in_configuration(super::file(path, options.effects)?, options.configuration)?;
     let record = match options.record {
         Some(record) => Some(Source::read(record)?),
         None => None,
@@ -35,6 +37,7 @@ pub fn run(path: &Path, options: &Options<'_>) -> Outcome {
     if let Some(record) = &record {
         file = file.of_record(record)?;
     }
+    super::refuse_several(path, &file, "--configuration or --record")?;
     let mut machine = Machine::new(&file)?;
     let (start, words) = match &record {
         None => {

@@ -7,7 +7,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 use rsm_model::system::Method;
-use rsm_sim::equations::linearise;
+use rsm_sim::configurations::Configuration;
+use rsm_sim::equations::{EquationFile, linearise};
 use serde_json::json;
 
 use super::{plant, point, pole_lines, poles_json, room_lines, rooms_json};
@@ -21,6 +22,9 @@ pub struct Arguments {
     /// A folder of further effects, one TOML file each
     #[arg(long, value_name = "DIR")]
     effects: Option<PathBuf>,
+    /// The configuration of a plant file with [configurations]
+    #[arg(long, value_name = "NAME")]
+    configuration: Option<String>,
     /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
@@ -35,8 +39,33 @@ fn words(method: Method) -> &'static str {
     }
 }
 
+/// The configurations of the plant file as JSON.
+fn configurations_json(file: &EquationFile) -> serde_json::Value {
+    let numbers = |list: &[(String, f64)]| -> serde_json::Map<String, serde_json::Value> {
+        list.iter().map(|(name, value)| (name.clone(), json!(value))).collect()
+    };
+    let one = |it: &Configuration| json!({ "name": it.name, "records": it.records, "parameters": numbers(&it.parameters), "tolerance": numbers(&it.tolerance) });
+    let all = &file.configurations;
+    json!({ "differ": all.differ, "list": all.list.iter().map(one).collect::<Vec<_>>() })
+}
+
+/// The configurations of the plant file in words.
+fn configuration_lines(file: &EquationFile) -> Vec<String> {
+    let all = &file.configurations;
+    let one = |it: &Configuration| {
+        let values: Vec<String> = it.parameters.iter().map(|(name, value)| format!("{name} = {value}")).collect();
+        let values = if values.is_empty() { "the common parameters".to_string() } else { values.join(", ") };
+        format!("configuration {}: {values}; records {}", it.name, it.records.join(", "))
+    };
+    let mut lines: Vec<String> = all.list.iter().map(one).collect();
+    if !all.differ.is_empty() {
+        lines.push(format!("may differ between configurations: {}", all.differ.join(", ")));
+    }
+    lines
+}
+
 pub fn run(arguments: &Arguments) -> Outcome {
-    let (file, mut machine) = plant(&arguments.plant, arguments.effects.as_deref())?;
+    let (file, mut machine) = plant(&arguments.plant, arguments.effects.as_deref(), arguments.configuration.as_deref())?;
     // Without a starting point there are no time constants; all other results remain valid.
     let start = point(&file, &mut machine, "");
     let poles = match &start {
@@ -90,7 +119,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         output::json(&json!({
             "plant": flat.name, "inputs": names(&machine.inputs()), "outputs": names(&machine.outputs()),
             "states": states, "parameters": parameters, "equations": blocks, "conditions": switches, "poles": poles_json(&poles),
-            "sites": sites, "effects": rooms_json(&rooms),
+            "sites": sites, "effects": rooms_json(&rooms), "configurations": configurations_json(&file),
         }))?;
         return Ok(Answer::Positive);
     }
@@ -100,6 +129,9 @@ pub fn run(arguments: &Arguments) -> Outcome {
         if let Some(tolerance) = tolerance {
             output::line(&format!("{name} has a tolerance of {} %", 100.0 * tolerance))?;
         }
+    }
+    for line in configuration_lines(&file) {
+        output::line(&line)?;
     }
     match start {
         Ok(_) => {

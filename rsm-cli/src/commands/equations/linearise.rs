@@ -9,7 +9,7 @@ use rsm_core::number::decimal;
 use rsm_sim::equations::{Linearised, linearise};
 use serde_json::json;
 
-use super::{plant, point, pole_lines, poles_json, with_unit};
+use super::{plant, point, pole_lines, poles_json, refuse_several, with_unit};
 use crate::outcome::{Answer, Outcome};
 use crate::output;
 
@@ -26,6 +26,9 @@ pub struct Arguments {
     /// A folder of further effects, one TOML file each
     #[arg(long, value_name = "DIR")]
     effects: Option<PathBuf>,
+    /// The configuration of a plant file with [configurations]
+    #[arg(long, value_name = "NAME")]
+    configuration: Option<String>,
     /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
@@ -37,7 +40,8 @@ fn finite(matrix: &[Vec<f64>]) -> Vec<Vec<Option<f64>>> {
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
-    let (file, mut machine) = plant(&arguments.plant, arguments.effects.as_deref())?;
+    let (file, mut machine) = plant(&arguments.plant, arguments.effects.as_deref(), arguments.configuration.as_deref())?;
+    refuse_several(&arguments.plant, &file, "--configuration")?;
     let at = point(&file, &mut machine, &arguments.at)?;
     let found = linearise(&file, &machine, &at)?;
     let (states, inputs, outputs) = (machine.states(), machine.inputs(), machine.outputs());

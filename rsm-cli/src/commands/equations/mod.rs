@@ -54,9 +54,27 @@ pub fn file(path: &Path, effects: Option<&Path>) -> Result<EquationFile, Refusal
     Ok(EquationFile::read_with(&source, &open, &catalogue(effects)?)?)
 }
 
+/// The plant in a configuration of its file, if one is named.
+pub fn in_configuration(file: EquationFile, configuration: Option<&str>) -> Result<EquationFile, Refusal> {
+    Ok(configuration.map_or(Ok(file.clone()), |name| file.in_configuration(name))?)
+}
+
+/// Refuses a plant with several configurations if none is chosen.
+pub fn refuse_several(path: &Path, file: &EquationFile, option: &str) -> Result<(), Refusal> {
+    if file.configurations.is_empty() || file.configuration.is_some() {
+        return Ok(());
+    }
+    let names: Vec<String> = file.configurations.names().map(|it| format!("`{it}`")).collect();
+    Err(Refusal::new(format!(
+        "{}: found several configurations, expected {option} with one of {}",
+        path.display(),
+        names.join(", ")
+    )))
+}
+
 /// A plant of equations, ready to be evaluated.
-pub fn plant(path: &Path, effects: Option<&Path>) -> Result<(EquationFile, Machine), Refusal> {
-    let file = file(path, effects)?;
+pub fn plant(path: &Path, effects: Option<&Path>, configuration: Option<&str>) -> Result<(EquationFile, Machine), Refusal> {
+    let file = in_configuration(file(path, effects)?, configuration)?;
     let machine = Machine::new(&file)?;
     Ok((file, machine))
 }

@@ -334,7 +334,7 @@ impl<'w> Equations<'w> {
             let first = model.with_effects(nominal, model.file.effects[..=k].to_vec());
             let settled = if k + 1 == count { model.clone() } else { self.fitted_to_equations(first)? };
             let entry = model.file.effects[k].clone();
-            let label = super::hypotheses::label(entry.description.kind, entry.arguments.subject.as_deref());
+            let label = super::hypotheses::label_of(&entry);
             Some((Term { label, left: self.base(&settled)?.left().0 / whole, entry }, settled))
         };
         (0..count).map_while(up_to).unzip()

@@ -55,6 +55,8 @@ pub struct Limits {
     pub all_settings: Vec<Vec<(&'static str, f64)>>,
     /// The quantities at the sites along the first record.
     signals: Vec<SiteSignal>,
+    /// The configuration of the first record.
+    pub configuration: Option<usize>,
 }
 
 /// A motion may exceed the recorded range by this share of it. Models differ, and a small excess does no damage.
@@ -84,6 +86,7 @@ impl Limits {
             settings: first.record.settings.clone(),
             all_settings: Vec::new(),
             signals: site_signals(&fit.model.for_record(0, &first.record), &first.record).unwrap_or_default(),
+            configuration: first.record.configuration,
         };
         let path = line(fit.model.file.kind).and_then(|body| fit.model.file.kind.output(body.position?));
         limits.inputs = vec![[f64::INFINITY, f64::NEG_INFINITY]; first.record.inputs.len()];
@@ -167,6 +170,7 @@ fn blank(name: &str, limits: &Limits, rows: usize, inputs: Vec<Vec<f64>>) -> Rec
         inputs,
         starts: Vec::new(),
         settings: limits.settings.clone(),
+        configuration: limits.configuration,
         breaks: Vec::new(),
         measured: vec![Some(vec![0.0]); OUTPUTS],
     }

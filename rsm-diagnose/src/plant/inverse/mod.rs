@@ -147,7 +147,7 @@ impl Motion {
     #[must_use]
     pub fn relative_error_of(&self, file: &PlantFile) -> Option<f64> {
         let linear = self.body.linear(file, &self.beginning)?;
-        let bare = PlantFile { columns: Vec::new(), ..file.clone() };
+        let bare = PlantFile { columns: Vec::new(), ..file.along(&self.beginning).into_owned() };
         let (mut rates, speed) = self.body.rates(&bare, &self.beginning)?;
         let mut left = Vec::with_capacity(self.speed.len());
         for k in 0..self.speed.len() {

@@ -9,6 +9,8 @@ use super::super::posterior::Posterior;
 use super::super::search::AcceptedCause;
 use super::super::whitened_residuals::WhitenedResiduals;
 use crate::engine::probability::Probability;
+use crate::plant::law::curve::joined;
+use rsm_sim::configurations;
 use rsm_sim::effect::{Arguments, Role, Subject};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
@@ -38,17 +40,26 @@ pub(crate) fn cause(
     let subject = entry.arguments.subject.clone();
     let parameters = numbers(fit, place);
     let mut sentence = entry.description.sentence.to_string();
-    for it in &parameters {
-        sentence = sentence.replace(&format!("{{{}}}", it.name), &with_unit(it));
+    for argument in entry.description.arguments {
+        let its: Vec<&Interval> = parameters.iter().filter(|it| configurations::without(it.name) == argument.name).collect();
+        if !its.is_empty() {
+            sentence = sentence.replace(&format!("{{{}}}", argument.name), &by_configuration(&its));
+        }
     }
+    let acts_in: Vec<String> =
+        if entry.acts_everywhere() { Vec::new() } else { entry.acts_in().into_iter().map(str::to_string).collect() };
     let name = subject.clone().unwrap_or_default();
-    sentence = sentence.replace("{parameter}", &name).replace("{output}", &name);
+    let name = configurations::without(&name);
+    sentence = sentence.replace("{parameter}", name).replace("{output}", name);
     while let (Some(open), Some(close)) = (sentence.find('{'), sentence.find('}')) {
         // mutant `> to >=`: a bracket cannot open and close at one position.
         if open > close {
             break;
         }
         sentence.replace_range(open..=close, "");
+    }
+    if !acts_in.is_empty() {
+        sentence = format!("Only in {}: {sentence}", joined(&acts_in));
     }
     Cause {
         kind: entry.description.kind,
@@ -65,6 +76,21 @@ pub(crate) fn cause(
         check: entry.description.check,
         contribution,
         only_in: None,
+        acts_in,
+    }
+}
+
+/// A number with its unit: one for all configurations, or one for each.
+fn by_configuration(numbers: &[&Interval]) -> String {
+    match numbers {
+        [one] => with_unit(one),
+        several => {
+            let each = several.iter().filter_map(|it| {
+                let (_, configuration) = configurations::parts(it.name)?;
+                Some(format!("{} in {configuration}", with_unit(it)))
+            });
+            joined(&each.collect::<Vec<_>>())
+        }
     }
 }
 
@@ -122,6 +148,7 @@ pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows
         check: description.check,
         contribution: None,
         only_in: None,
+        acts_in: Vec::new(),
     })
 }
 
