@@ -73,6 +73,8 @@ pub mod records;
 
 mod sequence;
 
+mod series;
+
 pub mod left_out;
 
 pub mod random;
@@ -110,6 +112,8 @@ pub mod constrain;
 pub mod verdict;
 
 pub mod robust;
+
+pub mod autoregressive;
 
 mod warnings;
 

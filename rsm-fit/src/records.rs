@@ -102,6 +102,8 @@ pub struct Records {
     pub numbers: Vec<usize>,
     /// Rows that were left out because no response can use them: their places in run order if it is known, else their numbers.
     pub left_out: Vec<f64>,
+    /// The number of the series of each row; empty if no response has autoregressive noise.
+    pub series: Vec<usize>,
 }
 
 impl Records {
@@ -120,7 +122,7 @@ impl Records {
             Rows::ToFit => specification.responses.iter().map(|response| response.weights.clone()).collect(),
             Rows::Unseen => vec![None; specification.responses.len()],
         };
-        let mut wanted = wanted(specification);
+        let mut wanted = wanted(specification, rows);
         let variables = wanted.numbers.len();
         wanted.numbers.extend(weights.iter().flatten().map(|weights| weights.column().to_string()));
         let mut records = Records {
@@ -225,6 +227,7 @@ impl Records {
             order: rows.iter().filter_map(|row| self.order.get(*row).copied()).collect(),
             numbers: rows.iter().filter_map(|row| self.numbers.get(*row).copied()).collect(),
             left_out: self.left_out.clone(),
+            series: rows.iter().filter_map(|row| self.series.get(*row).copied()).collect(),
         }
     }
 
@@ -235,6 +238,12 @@ impl Records {
         let weights = self.weights.get(response).filter(|weights| !weights.is_empty());
         let columns: Vec<&Vec<f64>> = columns.chain([&self.responses[response]]).chain(weights).collect();
         (0..self.rows()).filter(|row| columns.iter().all(|column| !column[*row].is_nan())).collect()
+    }
+
+    /// The place of a row in run order if it is known, else its number.
+    pub(crate) fn place(&self, row: usize) -> f64 {
+        let number = || self.numbers.get(row).copied().unwrap_or(row) as f64;
+        self.order.get(row).copied().unwrap_or_else(number)
     }
 
     /// Leaves all but some rows out, and keeps where they were. A run order counts if it is known of all rows that are kept.
@@ -286,10 +295,14 @@ pub(crate) fn distinct(order: Vec<f64>, rows: usize) -> Vec<f64> {
     if sorted.len() == rows && order.len() == rows && !order.iter().any(|place| place.is_nan()) { order } else { Vec::new() }
 }
 
-fn wanted(specification: &Specification) -> Wanted {
+fn wanted(specification: &Specification, rows: Rows) -> Wanted {
     let inputs = specification.inputs.iter().map(|input| input.column.clone());
     let numbers = inputs.chain(specification.responses.iter().map(|response| response.column.clone())).collect();
-    let labels = specification.labels().into_iter().map(str::to_string).collect();
+    let labels = match rows {
+        Rows::ToFit => specification.labels(),
+        Rows::Unseen => specification.groups(),
+    };
+    let labels = labels.into_iter().map(str::to_string).collect();
     let missing = match specification.missing {
         Missing::Error => MissingAs::Counted(missing::HELP),
         Missing::DropRow => MissingAs::Nan,

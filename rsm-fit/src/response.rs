@@ -4,6 +4,7 @@
 //! constraints that cannot be met are outcomes; too few rows and terms that are not finite are faults.
 
 mod loss;
+mod noise;
 mod quality;
 mod spline;
 
@@ -80,6 +81,9 @@ impl Task<'_> {
     pub(crate) fn run(&self, surface: &mut Surface, progress: &mut dyn FnMut(Progress<'_>)) -> Result<ResponseOutcome, Faults> {
         if let Some(wanted) = &self.response.spline {
             return self.run_spline(surface, wanted, None);
+        }
+        if self.response.noise.is_some() {
+            return self.run_form(surface, None, progress);
         }
         let empty = surface.clone();
         let allowed = self.response.forms.as_deref().unwrap_or_default();
@@ -190,6 +194,9 @@ impl Task<'_> {
         if self.response.loss != Loss::LeastSquares {
             return Ok(self.run_robust(surface, &all));
         }
+        if let Some(order) = self.response.noise {
+            return self.run_autoregressive(surface, &all, order);
+        }
         let random_split = match &self.specification.validation {
             Validation::Split(split) => Some((split.share, &self.validate_weights[..])),
             _ => None,
@@ -291,6 +298,7 @@ impl Task<'_> {
             design: &design,
             fit: &self.fit,
             sequence: self.sequence,
+            whitening: None,
             constraints: &self.response.constraints,
             statistics: &statistics,
             is_shrunk: shrunk.is_some(),

@@ -194,6 +194,9 @@ pub fn in_words(fitted: &Fitted) -> String {
         if let Some(loss) = &statistics.loss {
             text += &format!("  loss: {}\n", loss.words(unit));
         }
+        if let Some(noise) = &statistics.noise {
+            text += &format!("  noise: {}\n", noise.words());
+        }
         if let Some(forms) = &statistics.forms {
             text += &format!("  form: {}\n", forms.words());
         }

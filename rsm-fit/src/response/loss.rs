@@ -48,6 +48,7 @@ impl Task<'_> {
             design,
             fit: &self.fit,
             sequence: self.sequence,
+            whitening: None,
             constraints: &self.response.constraints,
             statistics: &statistics,
             is_shrunk: true,
