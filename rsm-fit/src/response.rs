@@ -82,7 +82,8 @@ impl Task<'_> {
         if let Some(wanted) = &self.response.spline {
             return self.run_spline(surface, wanted, None);
         }
-        if self.response.noise.is_some() {
+        // Other forms are compared by errors that both of these do not have.
+        if self.response.noise.is_some() || self.response.loss != Loss::LeastSquares {
             return self.run_form(surface, None, progress);
         }
         let empty = surface.clone();
@@ -192,7 +193,7 @@ impl Task<'_> {
         let all = Design::new(surface, &self.inputs, terms);
         self.require_finite(&all)?;
         if self.response.loss != Loss::LeastSquares {
-            return Ok(self.run_robust(surface, &all));
+            return self.run_robust(surface, &all);
         }
         if let Some(order) = self.response.noise {
             return self.run_autoregressive(surface, &all, order);

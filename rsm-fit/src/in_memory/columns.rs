@@ -253,7 +253,7 @@ impl Response {
         self
     }
 
-    /// The loss that the coefficients minimise, for given terms. The default is least squares.
+    /// The loss that the coefficients minimise. The default is least squares.
     ///
     /// ```
     /// use rsm_fit::{Fit, Response, spec::Loss};

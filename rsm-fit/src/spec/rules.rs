@@ -220,7 +220,8 @@ fn check_method(specification: &Specification, faults: &mut Collector) {
     }
 }
 
-/// A robust loss needs given terms and a form without a search: criteria and proofs are for squared errors.
+/// A robust loss needs terms that are given or searched on weighted rows, and a form without a search: other criteria and proofs are for squared
+/// errors.
 fn check_loss(specification: &Specification, faults: &mut Collector) {
     for response in specification.responses.iter().filter(|response| response.loss != Loss::LeastSquares) {
         let name = &response.surface.name;
@@ -228,10 +229,20 @@ fn check_loss(specification: &Specification, faults: &mut Collector) {
             let what = format!("response `{name}`: `loss`: \"{}\" {what}", response.loss.word());
             faults.push(specification.fault(&format!("responses.{name}.loss"), what).help(help));
         };
-        if matches!(response.method, Method::Ladder { .. } | Method::Search(_)) {
+        let has_rows = specification.validation != Validation::None;
+        let is_possible = match &response.method {
+            Method::Fixed(_) | Method::FixedOrder(_) => true,
+            Method::Ladder { .. } => false,
+            Method::Search(search) => match search.criterion {
+                Some(criterion) => matches!(criterion, Criterion::KFold | Criterion::Aicc),
+                // The default is the error on validation rows.
+                None => !has_rows,
+            },
+        };
+        if !is_possible {
             fault(
-                "needs given terms: the criteria that choose terms are of squared errors",
-                "use `select = { method = \"fixed\", ... }`; least squares may choose the terms on rows without outliers",
+                "needs given terms, or a search by \"k-fold\" or \"aicc\", which weights the rows: the other criteria are of squared errors of all rows",
+                "use `select = { method = \"fixed\", ... }`, or \"stepwise\", \"best-subset\" or \"lasso\" with `criterion = \"k-fold\"`",
             );
         }
         if !response.constraints.is_empty() {
