@@ -10,6 +10,7 @@ use rsm_core::check::Checked;
 use rsm_core::model::{Input, Model};
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
+use crate::compressed;
 use crate::constrain::NotProven;
 use crate::evidence;
 use crate::left_out::{self, LeftOut, OfResponse};
@@ -154,7 +155,7 @@ pub(crate) struct Data {
 pub fn fit(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)) -> Result<Outcome, Refused> {
     let data = read(specification, &mut |file| {
         progress(Progress::Reading { file });
-        Source::read(&specification.path_of(file))
+        compressed::read(&specification.path_of(file))
     })?;
     fit_rows(specification, data, progress)
 }

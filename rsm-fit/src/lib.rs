@@ -65,6 +65,8 @@ pub mod units;
 
 pub mod missing;
 
+mod compressed;
+
 pub mod table;
 
 pub mod spec;

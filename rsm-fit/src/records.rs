@@ -118,20 +118,8 @@ impl Records {
         units: &mut Units,
         open: &mut dyn FnMut(&str) -> Result<Source, Faults>,
     ) -> Result<Self, Refused> {
-        let weights: Vec<Option<Weights>> = match rows {
-            Rows::ToFit => specification.responses.iter().map(|response| response.weights.clone()).collect(),
-            Rows::Unseen => vec![None; specification.responses.len()],
-        };
-        let mut wanted = wanted(specification, rows);
-        let variables = wanted.numbers.len();
-        wanted.numbers.extend(weights.iter().flatten().map(|weights| weights.column().to_string()));
-        let mut records = Records {
-            inputs: vec![Vec::new(); specification.inputs.len()],
-            responses: vec![Vec::new(); specification.responses.len()],
-            labels: vec![Vec::new(); wanted.labels.len()],
-            weights: vec![Vec::new(); weights.len()],
-            ..Records::default()
-        };
+        let wanted = Self::wanted(specification, rows);
+        let mut records = Self::without_rows(specification, &wanted);
         let mut refused = Vec::new();
         let mut runs: Vec<String> = Vec::new();
         for name in files {
@@ -143,11 +131,10 @@ impl Records {
                 }
             };
             let read = Table::read(&source, &wanted).and_then(|table| {
-                let rows = records.append(&table, &wanted.numbers[..variables], &wanted.labels, units)?;
-                records.append_weights(&table, &weights)?;
+                let count = records.add(specification, &table, rows, units)?;
                 let of_run = |column: &&Column| is_run(&column.name) && column.labels.len() == table.rows();
                 runs.extend(table.columns.iter().find(of_run).into_iter().flat_map(|column| column.labels.iter().cloned()));
-                Ok(rows)
+                Ok(count)
             });
             match read {
                 Ok(rows) => records.files.push(DataFile { name: name.clone(), sha256: hash(source.text()), rows }),
@@ -156,6 +143,38 @@ impl Records {
         }
         records.order = in_order(&runs, records.rows(), specification.missing);
         if refused.is_empty() { Ok(records) } else { Err(Refused(refused)) }
+    }
+
+    /// The columns that some rows need.
+    pub(crate) fn wanted(specification: &Specification, rows: Rows) -> Wanted {
+        let mut wanted = wanted(specification, rows);
+        let weights = weights_of(specification, rows);
+        wanted.numbers.extend(weights.iter().flatten().map(|weights| weights.column().to_string()));
+        wanted
+    }
+
+    pub(crate) fn without_rows(specification: &Specification, wanted: &Wanted) -> Self {
+        Records {
+            inputs: vec![Vec::new(); specification.inputs.len()],
+            responses: vec![Vec::new(); specification.responses.len()],
+            labels: vec![Vec::new(); wanted.labels.len()],
+            weights: vec![Vec::new(); specification.responses.len()],
+            ..Records::default()
+        }
+    }
+
+    /// Adds the rows of a table with the wanted columns. Returns their number.
+    pub(crate) fn add(
+        &mut self,
+        specification: &Specification,
+        table: &Table,
+        rows: Rows,
+        units: &mut Units,
+    ) -> Result<usize, Faults> {
+        let wanted = wanted(specification, rows);
+        let count = self.append(table, &wanted.numbers, &wanted.labels, units)?;
+        self.append_weights(table, &weights_of(specification, rows))?;
+        Ok(count)
     }
 
     /// Weights are read without units, because only their ratios matter.
@@ -293,6 +312,14 @@ pub(crate) fn distinct(order: Vec<f64>, rows: usize) -> Vec<f64> {
     sorted.sort_by(f64::total_cmp);
     sorted.dedup();
     if sorted.len() == rows && order.len() == rows && !order.iter().any(|place| place.is_nan()) { order } else { Vec::new() }
+}
+
+/// The weights of each response for some rows.
+fn weights_of(specification: &Specification, rows: Rows) -> Vec<Option<Weights>> {
+    match rows {
+        Rows::ToFit => specification.responses.iter().map(|response| response.weights.clone()).collect(),
+        Rows::Unseen => vec![None; specification.responses.len()],
+    }
 }
 
 fn wanted(specification: &Specification, rows: Rows) -> Wanted {
