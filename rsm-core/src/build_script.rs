@@ -14,7 +14,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::compile::{self, RustModule};
+use crate::compile::{self, Parts, RustModule};
 use crate::number::Precision;
 use crate::source::{Fault, Faults, Source};
 
@@ -37,10 +37,30 @@ pub fn compile(model_file: impl AsRef<Path>, precisions: &[Precision]) {
 /// # Panics
 /// As [`compile()`].
 pub fn compile_with_gradients(model_file: impl AsRef<Path>, precisions: &[Precision]) {
+    compile_with_parts(model_file, precisions, &Parts { gradient: true, ..Parts::default() });
+}
+
+/// As [`compile()`], and after each surface the requested parts, such as the step with which it follows measured responses.
+///
+/// # Panics
+/// As [`compile()`]; if a part is not possible.
+///
+/// ```no_run
+/// use rsm_core::build_script;
+/// use rsm_core::compile::Parts;
+/// use rsm_core::lower::Recursive;
+/// use rsm_core::number::Precision;
+///
+/// // build.rs: a memory of 50 rows with noise of 0.01.
+/// let settings = Recursive { forgetting: 0.98, ..Recursive::new(0.01) };
+/// let parts = Parts { recursive: vec![("damping_ratio".to_string(), settings)], ..Parts::default() };
+/// build_script::compile_with_parts("models/driveline.toml", &[Precision::F32], &parts);
+/// ```
+pub fn compile_with_parts(model_file: impl AsRef<Path>, precisions: &[Precision], parts: &Parts) {
     let model_file = model_file.as_ref();
     println!("cargo::rerun-if-changed={}", model_file.display());
     let folder = std::env::var_os("OUT_DIR").expect("OUT_DIR is set by cargo: call this from build.rs");
-    let module = Source::read(model_file).and_then(|source| compile::rust_with_gradients(&source, precisions));
+    let module = Source::read(model_file).and_then(|source| compile::rust_with_parts(&source, precisions, parts));
     if let Err(faults) = module.and_then(|module| write_module(&module, Path::new(&folder))) {
         panic!("\n{faults}\n");
     }

@@ -45,8 +45,16 @@ impl Source {
     /// # Errors
     /// One fault that names the file and the reason of the operating system.
     pub fn read(path: &std::path::Path) -> Result<Self, Faults> {
-        let name = path.display().to_string();
-        match String::from_utf8(Self::bytes(path)?) {
+        Self::of_bytes(path.display().to_string(), Self::bytes(path)?)
+    }
+
+    /// A source from the bytes of its text.
+    ///
+    /// # Errors
+    /// One fault at the first byte that is not UTF-8.
+    pub fn of_bytes(name: impl Into<String>, bytes: Vec<u8>) -> Result<Self, Faults> {
+        let name = name.into();
+        match String::from_utf8(bytes) {
             Ok(text) => Ok(Source { name, text }),
             Err(error) => {
                 let at = error.utf8_error().valid_up_to();
@@ -56,6 +64,16 @@ impl Source {
                 Err(Faults::one(source.fault(at..at, "a byte that is not UTF-8 text").help(help)))
             }
         }
+    }
+
+    /// Opens a file with any content, to be read in parts.
+    ///
+    /// # Errors
+    /// One fault that names the file and the reason of the operating system.
+    pub fn open(path: &std::path::Path) -> Result<std::fs::File, Faults> {
+        READ.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_path_buf());
+        std::fs::File::open(path)
+            .map_err(|error| Faults::one(Fault::whole_file(&path.display().to_string(), format!("cannot be read: {error}"))))
     }
 
     /// The bytes of a file with any content.

@@ -35,7 +35,7 @@ pub(crate) fn of(
     tell("data", fit.map(|fit| files(&fit.files)));
     tell("specification", specification.source().map(file_of));
     let of_spline = statistics.spline.as_ref().map(|spline| spline.words());
-    tell("method", Some(Evidence::Text(of_spline.unwrap_or_else(|| method(&response.method, response.loss)))));
+    tell("method", Some(Evidence::Text(of_spline.unwrap_or_else(|| method(response)))));
     tell(
         "weights",
         response.weights.as_ref().map(|weights| {
@@ -45,6 +45,9 @@ pub(crate) fn of(
             })
         }),
     );
+    if let Some(noise) = &statistics.noise {
+        tell("noise", Some(Evidence::Text(noise.words())));
+    }
     if let Some(loss) = &statistics.loss {
         tell("error_scale", Some(Evidence::Number(loss.scale)));
     }
@@ -160,13 +163,14 @@ pub(crate) fn file_of(source: &Source) -> Evidence {
     Evidence::Table(vec![text("file", name), text("sha256", &hash(source.text()))])
 }
 
-fn method(method: &Method, loss: Loss) -> String {
-    let by = match loss {
+fn method(response: &ResponseSpec) -> String {
+    let by = match response.loss {
+        Loss::LeastSquares if response.noise.is_some() => "generalised least squares",
         Loss::LeastSquares => "least squares",
         Loss::Huber => "Huber's loss",
         Loss::L1 => "least absolute errors",
     };
-    match method {
+    match &response.method {
         Method::Ladder { max_order, confidence } => format!("ladder up to order {max_order}, confidence {confidence} % wanted"),
         Method::Fixed(terms) => format!("{by} on {} given terms", terms.len()),
         Method::FixedOrder(order) => format!("{by} on all terms up to order {order}"),

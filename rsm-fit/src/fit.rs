@@ -10,12 +10,14 @@ use rsm_core::check::Checked;
 use rsm_core::model::{Input, Model};
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
+use crate::compressed;
 use crate::constrain::NotProven;
 use crate::evidence;
 use crate::left_out::{self, LeftOut, OfResponse};
 use crate::records::{DataFile, Records, Refused, Rows, Units};
 use crate::response::Task;
 use crate::selection::Sample;
+use crate::series;
 use crate::spec::{ResponseSpec, Specification, Validation, check_basis_against_ranges};
 use crate::split;
 use crate::statistics::{Named, ResponseStatistics};
@@ -153,7 +155,7 @@ pub(crate) struct Data {
 pub fn fit(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)) -> Result<Outcome, Refused> {
     let data = read(specification, &mut |file| {
         progress(Progress::Reading { file });
-        Source::read(&specification.path_of(file))
+        compressed::read(&specification.path_of(file))
     })?;
     fit_rows(specification, data, progress)
 }
@@ -203,6 +205,9 @@ pub(crate) fn fit_rows(
 ) -> Result<Outcome, Refused> {
     let mut data = in_one_period(specification, data);
     let left_out = left_out::remove(specification, &mut data.fit, data.validate.as_mut(), data.test.as_mut())?;
+    if specification.has_series() {
+        series::mark(specification, &mut data.fit)?;
+    }
     let data = set_aside(specification, data)?;
     let rows = [Some(&data.fit), data.validate.as_ref(), data.test.as_ref()];
     let of_one = |(k, left_out): (usize, &Vec<LeftOut>)| left_out::of_response(specification, rows, k, left_out);
@@ -256,7 +261,9 @@ fn sample(specification: &Specification, records: &Records, used: &[usize], resp
     let groups = split::group_of(specification, records);
     let response = records.responses[response].clone();
     let mut sample = Sample { columns, response, weights, groups };
-    sample.groups = split::joined(&sample.groups, &sample.observed(|rows| rows.replicates()));
+    if records.series.is_empty() {
+        sample.groups = split::joined(&sample.groups, &sample.observed(|rows| rows.replicates()));
+    }
     sample
 }
 
@@ -321,7 +328,11 @@ fn set_aside(specification: &Specification, data: Data) -> Result<Data, Refused>
             return Err(Faults::one(fault.help("change `share`, or declare smaller groups")).into());
         }
         let aside = fit.select(&sides.validate);
+        let gaps: Vec<f64> = sides.validate.iter().map(|row| fit.place(*row)).collect();
         *fit = fit.select(&sides.fit);
+        if specification.has_series() {
+            fit.left_out.extend(gaps);
+        }
         Ok(Some(aside))
     };
     // Test rows are removed first, so that nothing else can depend on them.

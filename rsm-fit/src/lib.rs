@@ -65,6 +65,8 @@ pub mod units;
 
 pub mod missing;
 
+mod compressed;
+
 pub mod table;
 
 pub mod spec;
@@ -72,6 +74,8 @@ pub mod spec;
 pub mod records;
 
 mod sequence;
+
+mod series;
 
 pub mod left_out;
 
@@ -110,6 +114,8 @@ pub mod constrain;
 pub mod verdict;
 
 pub mod robust;
+
+pub mod autoregressive;
 
 mod warnings;
 

@@ -102,6 +102,8 @@ pub struct Records {
     pub numbers: Vec<usize>,
     /// Rows that were left out because no response can use them: their places in run order if it is known, else their numbers.
     pub left_out: Vec<f64>,
+    /// The number of the series of each row; empty if no response has autoregressive noise.
+    pub series: Vec<usize>,
 }
 
 impl Records {
@@ -116,20 +118,8 @@ impl Records {
         units: &mut Units,
         open: &mut dyn FnMut(&str) -> Result<Source, Faults>,
     ) -> Result<Self, Refused> {
-        let weights: Vec<Option<Weights>> = match rows {
-            Rows::ToFit => specification.responses.iter().map(|response| response.weights.clone()).collect(),
-            Rows::Unseen => vec![None; specification.responses.len()],
-        };
-        let mut wanted = wanted(specification);
-        let variables = wanted.numbers.len();
-        wanted.numbers.extend(weights.iter().flatten().map(|weights| weights.column().to_string()));
-        let mut records = Records {
-            inputs: vec![Vec::new(); specification.inputs.len()],
-            responses: vec![Vec::new(); specification.responses.len()],
-            labels: vec![Vec::new(); wanted.labels.len()],
-            weights: vec![Vec::new(); weights.len()],
-            ..Records::default()
-        };
+        let wanted = Self::wanted(specification, rows);
+        let mut records = Self::without_rows(specification, &wanted);
         let mut refused = Vec::new();
         let mut runs: Vec<String> = Vec::new();
         for name in files {
@@ -141,11 +131,10 @@ impl Records {
                 }
             };
             let read = Table::read(&source, &wanted).and_then(|table| {
-                let rows = records.append(&table, &wanted.numbers[..variables], &wanted.labels, units)?;
-                records.append_weights(&table, &weights)?;
+                let count = records.add(specification, &table, rows, units)?;
                 let of_run = |column: &&Column| is_run(&column.name) && column.labels.len() == table.rows();
                 runs.extend(table.columns.iter().find(of_run).into_iter().flat_map(|column| column.labels.iter().cloned()));
-                Ok(rows)
+                Ok(count)
             });
             match read {
                 Ok(rows) => records.files.push(DataFile { name: name.clone(), sha256: hash(source.text()), rows }),
@@ -154,6 +143,38 @@ impl Records {
         }
         records.order = in_order(&runs, records.rows(), specification.missing);
         if refused.is_empty() { Ok(records) } else { Err(Refused(refused)) }
+    }
+
+    /// The columns that some rows need.
+    pub(crate) fn wanted(specification: &Specification, rows: Rows) -> Wanted {
+        let mut wanted = wanted(specification, rows);
+        let weights = weights_of(specification, rows);
+        wanted.numbers.extend(weights.iter().flatten().map(|weights| weights.column().to_string()));
+        wanted
+    }
+
+    pub(crate) fn without_rows(specification: &Specification, wanted: &Wanted) -> Self {
+        Records {
+            inputs: vec![Vec::new(); specification.inputs.len()],
+            responses: vec![Vec::new(); specification.responses.len()],
+            labels: vec![Vec::new(); wanted.labels.len()],
+            weights: vec![Vec::new(); specification.responses.len()],
+            ..Records::default()
+        }
+    }
+
+    /// Adds the rows of a table with the wanted columns. Returns their number.
+    pub(crate) fn add(
+        &mut self,
+        specification: &Specification,
+        table: &Table,
+        rows: Rows,
+        units: &mut Units,
+    ) -> Result<usize, Faults> {
+        let wanted = wanted(specification, rows);
+        let count = self.append(table, &wanted.numbers, &wanted.labels, units)?;
+        self.append_weights(table, &weights_of(specification, rows))?;
+        Ok(count)
     }
 
     /// Weights are read without units, because only their ratios matter.
@@ -225,6 +246,7 @@ impl Records {
             order: rows.iter().filter_map(|row| self.order.get(*row).copied()).collect(),
             numbers: rows.iter().filter_map(|row| self.numbers.get(*row).copied()).collect(),
             left_out: self.left_out.clone(),
+            series: rows.iter().filter_map(|row| self.series.get(*row).copied()).collect(),
         }
     }
 
@@ -235,6 +257,12 @@ impl Records {
         let weights = self.weights.get(response).filter(|weights| !weights.is_empty());
         let columns: Vec<&Vec<f64>> = columns.chain([&self.responses[response]]).chain(weights).collect();
         (0..self.rows()).filter(|row| columns.iter().all(|column| !column[*row].is_nan())).collect()
+    }
+
+    /// The place of a row in run order if it is known, else its number.
+    pub(crate) fn place(&self, row: usize) -> f64 {
+        let number = || self.numbers.get(row).copied().unwrap_or(row) as f64;
+        self.order.get(row).copied().unwrap_or_else(number)
     }
 
     /// Leaves all but some rows out, and keeps where they were. A run order counts if it is known of all rows that are kept.
@@ -286,10 +314,22 @@ pub(crate) fn distinct(order: Vec<f64>, rows: usize) -> Vec<f64> {
     if sorted.len() == rows && order.len() == rows && !order.iter().any(|place| place.is_nan()) { order } else { Vec::new() }
 }
 
-fn wanted(specification: &Specification) -> Wanted {
+/// The weights of each response for some rows.
+fn weights_of(specification: &Specification, rows: Rows) -> Vec<Option<Weights>> {
+    match rows {
+        Rows::ToFit => specification.responses.iter().map(|response| response.weights.clone()).collect(),
+        Rows::Unseen => vec![None; specification.responses.len()],
+    }
+}
+
+fn wanted(specification: &Specification, rows: Rows) -> Wanted {
     let inputs = specification.inputs.iter().map(|input| input.column.clone());
     let numbers = inputs.chain(specification.responses.iter().map(|response| response.column.clone())).collect();
-    let labels = specification.labels().into_iter().map(str::to_string).collect();
+    let labels = match rows {
+        Rows::ToFit => specification.labels(),
+        Rows::Unseen => specification.groups(),
+    };
+    let labels = labels.into_iter().map(str::to_string).collect();
     let missing = match specification.missing {
         Missing::Error => MissingAs::Counted(missing::HELP),
         Missing::DropRow => MissingAs::Nan,

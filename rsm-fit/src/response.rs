@@ -4,6 +4,7 @@
 //! constraints that cannot be met are outcomes; too few rows and terms that are not finite are faults.
 
 mod loss;
+mod noise;
 mod quality;
 mod spline;
 
@@ -80,6 +81,10 @@ impl Task<'_> {
     pub(crate) fn run(&self, surface: &mut Surface, progress: &mut dyn FnMut(Progress<'_>)) -> Result<ResponseOutcome, Faults> {
         if let Some(wanted) = &self.response.spline {
             return self.run_spline(surface, wanted, None);
+        }
+        // Other forms are compared by errors that both of these do not have.
+        if self.response.noise.is_some() || self.response.loss != Loss::LeastSquares {
+            return self.run_form(surface, None, progress);
         }
         let empty = surface.clone();
         let allowed = self.response.forms.as_deref().unwrap_or_default();
@@ -188,7 +193,10 @@ impl Task<'_> {
         let all = Design::new(surface, &self.inputs, terms);
         self.require_finite(&all)?;
         if self.response.loss != Loss::LeastSquares {
-            return Ok(self.run_robust(surface, &all));
+            return self.run_robust(surface, &all);
+        }
+        if let Some(order) = self.response.noise {
+            return self.run_autoregressive(surface, &all, order);
         }
         let random_split = match &self.specification.validation {
             Validation::Split(split) => Some((split.share, &self.validate_weights[..])),
@@ -291,6 +299,7 @@ impl Task<'_> {
             design: &design,
             fit: &self.fit,
             sequence: self.sequence,
+            whitening: None,
             constraints: &self.response.constraints,
             statistics: &statistics,
             is_shrunk: shrunk.is_some(),

@@ -34,6 +34,13 @@
 //! missing = "drop-row"             # leave it out for the responses that use the number; the default is "error"
 //! ```
 //!
+//! `noise` declares autoregressive errors, and `series` the columns whose cells tell one series of measurements from another:
+//!
+//! ```toml
+//! series = ["run"]                 # at the top; without it the rows of each file are one series
+//! noise = "autoregressive"         # of a response; or { order = 2 }, { max_order = 8 }: the order has the smallest AICc
+//! ```
+//!
 //! Rows with the same cell in every column of `keep_together` stay together (a run, a day, a specimen). So do rows whose inputs differ only in the
 //! sign of those named by `mirror` (a map with mirrored halves).
 
@@ -73,6 +80,8 @@ pub struct Specification {
     pub responses: Vec<ResponseSpec>,
     /// What to do with missing cells.
     pub missing: Missing,
+    /// Columns: rows that agree in all of them are one series of measurements. Without columns, the rows of each file are one.
+    pub series: Vec<String>,
     /// Rows that stay together in every split, in addition to the settings of the splits.
     pub(crate) together: Together,
     /// Its text; `None` if it was made in memory.
@@ -149,6 +158,8 @@ pub struct ResponseSpec {
     pub weights: Option<Weights>,
     /// The loss that the coefficients minimise.
     pub loss: Loss,
+    /// The order of autoregressive errors; `None` if errors are independent.
+    pub noise: Option<NoiseOrder>,
     /// The constraints, over its whole supported region.
     pub constraints: Vec<Constraint>,
     /// Whether the model contains the region supported by the data.
@@ -212,6 +223,23 @@ impl Loss {
             Loss::L1 => "l1",
         }
     }
+}
+
+/// The order of autoregressive errors: the number of rows before on which an error depends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NoiseOrder {
+    /// This order.
+    Given(usize),
+    /// The order with the smallest AICc, from 0 to this one.
+    UpTo(usize),
+}
+
+impl NoiseOrder {
+    /// The default of a specification: errors of a slow sensor or of a control loop have order 1 or 2.
+    pub const DEFAULT: NoiseOrder = NoiseOrder::UpTo(4);
+
+    /// The largest order: each one takes several fits of all rows.
+    pub const MOST: usize = 12;
 }
 
 /// A column of the data with the weights of the rows.
@@ -376,6 +404,7 @@ impl Specification {
                 inputs: draft.inputs,
                 responses: draft.responses,
                 missing: draft.missing,
+                series: draft.series,
                 together: Together::default(),
                 places: draft.places,
                 source: Some(source),
@@ -393,12 +422,24 @@ impl Specification {
         (validation, test): (Validation, Validation),
         inputs: Vec<InputSpec>,
         responses: Vec<ResponseSpec>,
-        (together, missing): (Together, Missing),
+        (together, missing, series): (Together, Missing, Vec<String>),
         faults: &mut Collector,
     ) -> Self {
         let (data, folder, places) = (Vec::new(), PathBuf::new(), Places::default());
-        let specification =
-            Specification { model, data, validation, test, inputs, responses, missing, together, source: None, folder, places };
+        let specification = Specification {
+            model,
+            data,
+            validation,
+            test,
+            inputs,
+            responses,
+            missing,
+            series,
+            together,
+            source: None,
+            folder,
+            places,
+        };
         rules::check(&specification, faults);
         specification
     }
@@ -415,9 +456,27 @@ impl Specification {
         self.folder.join(file)
     }
 
-    /// The columns that keep rows together in any split, each once.
+    /// Whether some response has autoregressive errors.
+    #[must_use]
+    pub fn has_series(&self) -> bool {
+        self.responses.iter().any(|response| response.noise.is_some())
+    }
+
+    /// The columns whose cells are read as text, each once: those of [`Specification::groups`], then those of the series.
     #[must_use]
     pub fn labels(&self) -> Vec<&str> {
+        let mut labels = self.groups();
+        for name in &self.series {
+            if !labels.contains(&name.as_str()) {
+                labels.push(name);
+            }
+        }
+        labels
+    }
+
+    /// The columns that keep rows together in any split, each once.
+    #[must_use]
+    pub fn groups(&self) -> Vec<&str> {
         let mut labels: Vec<&str> = Vec::new();
         for name in self.splits().flat_map(|split| &split.keep_together).chain(&self.together.columns) {
             if !labels.contains(&name.as_str()) {

@@ -3,13 +3,20 @@
 //! In: records and the specification of the split. Out: the rows to fit and the rows set aside, both in the order of the data; or parts of nearly
 //! equal size, each to be left out in turn. The same seed gives the same split on every machine. Rows at the same point of all inputs (repetitions,
 //! and exact copies) always belong together, because the response of one predicts that of the other. No row is on both sides. A group that is larger
-//! than the remaining share is taken as a whole.
+//! than the remaining share is taken as a whole. Where rows are series with autoregressive errors, whole series belong together, or blocks of rows if
+//! there are few series; the same point in two of them then means two independent measurements.
 
 use std::collections::BTreeMap;
 
 use crate::random::Random;
 use crate::records::Records;
-use crate::spec::{Specification, Split};
+use crate::spec::{PARTS, Specification, Split};
+
+/// With fewer series than this, rows are set aside in blocks: a fifth of the rows at once leaves most fits possible.
+const LEAST_SERIES: usize = 5;
+
+/// The number of blocks: each is a part of cross-validation.
+const BLOCKS: usize = PARTS;
 
 /// Row numbers on either side.
 #[derive(Debug, Clone, PartialEq)]
@@ -111,6 +118,11 @@ fn groups(specification: &Specification, split: Option<&Split>, records: &Record
             join((0..rows).map(key).collect());
         }
     }
+    let sections = sections(records);
+    let has_sections = !sections.is_empty();
+    if has_sections {
+        join(sections.into_iter().map(|section| section.to_string()).collect());
+    }
     let mirrored = splits.iter().flat_map(|split| &split.mirror).chain(&together.mirror);
     let mirrored: Vec<&String> = mirrored.collect();
     let is_mirrored: Vec<bool> = specification.inputs.iter().map(|input| mirrored.contains(&&input.name)).collect();
@@ -120,12 +132,37 @@ fn groups(specification: &Specification, split: Option<&Split>, records: &Record
     let own = |x: f64, row: usize| if x.is_nan() { format!("row {row},") } else { String::new() };
     let cell = |x: f64, mirrored: bool, row: usize| format!("{},{}", value(x, mirrored), own(x, row));
     let key = |row: usize| columns().map(|(column, mirrored)| cell(column[row], *mirrored, row)).collect();
-    join((0..rows).map(key).collect());
+    if !has_sections || !mirrored.is_empty() {
+        join((0..rows).map(key).collect());
+    }
     let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for row in 0..rows {
         groups.entry(find(&leader, row)).or_default().push(row);
     }
     groups.into_values().collect()
+}
+
+/// The section of each row: its series, or a block of consecutive rows of it if there are few series. Empty without series.
+fn sections(records: &Records) -> Vec<usize> {
+    if !has_blocks(&records.series) {
+        return records.series.clone();
+    }
+    let rows = records.rows();
+    let mut order: Vec<usize> = (0..rows).collect();
+    if !records.order.is_empty() {
+        order.sort_by(|a, b| records.order[*a].total_cmp(&records.order[*b]));
+    }
+    let mut sections = vec![0; rows];
+    for (k, row) in order.into_iter().enumerate() {
+        sections[row] = records.series[row] * BLOCKS + k * BLOCKS / rows;
+    }
+    sections
+}
+
+/// Whether rows of these series are set aside in blocks instead of whole series.
+pub(crate) fn has_blocks(series: &[usize]) -> bool {
+    let count = series.iter().max().map_or(0, |most| most + 1);
+    (1..LEAST_SERIES).contains(&count)
 }
 
 fn find(leader: &[usize], mut row: usize) -> usize {

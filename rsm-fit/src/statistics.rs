@@ -10,6 +10,7 @@ use rsm_core::model::Spline;
 use serde::Serialize;
 
 use crate::analysis::Report;
+use crate::autoregressive::NoiseReport;
 use crate::canonical::Canonical;
 use crate::constrain::ConstraintStatistics;
 use crate::dd::Dd;
@@ -266,6 +267,9 @@ pub struct ResponseStatistics {
     /// The report on a robust loss; `None` with least squares.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub loss: Option<LossReport>,
+    /// The report on autoregressive noise; `None` with independent errors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise: Option<NoiseReport>,
 }
 
 /// The value of a polynomial at a row of its design.
@@ -423,6 +427,7 @@ fn figures(design: &Design, coefficients: &[Dd], residual_square: Dd, total: Dd,
         support: None,
         constraints: None,
         loss: None,
+        noise: None,
     }
 }
 

@@ -7,7 +7,8 @@
 //! ```text
 //! lack-of-fit           F against replicates; and the largest t of a term that is not in the model, up to one order above
 //! outliers              the largest externally studentised residual, Bonferroni over rows
-//! correlated-residuals  neighbours in the run order, or as rows stand, against random orders
+//! correlated-residuals  neighbours in the run order, or as rows stand, against random orders; whitened errors with autoregressive noise
+//! near-random-walk      autoregressive noise whose level is hardly known (`autoregressive/report.rs`)
 //! explains-little       less than half of the spread about the mean on holdout rows
 //! output-bound          the output range limits the surface at some rows
 //! bounds-off-data       most responses lie beyond the bounds of a constraint or of the output range
@@ -23,6 +24,7 @@
 
 use rsm_core::model::{Input, Surface};
 
+use crate::autoregressive::Whitening;
 use crate::dd::Dd;
 use crate::design::{self, Design, count_of_terms};
 use crate::distributions::{two_sided_t, upper_f};
@@ -58,6 +60,8 @@ pub(crate) struct Notes<'a> {
     pub design: &'a Design,
     pub fit: &'a Sample,
     pub sequence: &'a Sequence,
+    /// The transformation of rows with autoregressive errors: all tests are then of whitened rows.
+    pub whitening: Option<&'a Whitening>,
     pub constraints: &'a [Constraint],
     pub statistics: &'a ResponseStatistics,
     /// Whether the coefficients are shrunken.
@@ -81,8 +85,10 @@ pub(crate) struct Noted {
 
 /// Residuals of the fitted rows with related figures.
 struct Residuals {
-    /// sqrt(weight) (y - yhat).
+    /// sqrt(weight) (y - yhat), or whitened errors.
     weighted: Vec<f64>,
+    /// The whitened terms of each row; empty with independent errors.
+    whitened: Vec<Vec<Dd>>,
     /// The values of the polynomial, before the output range.
     predicted: Vec<f64>,
     triangle: Triangle,
@@ -136,7 +142,26 @@ impl Notes<'_> {
             };
             (0..rows.response.len()).map(of_one).unzip()
         });
-        Residuals { weighted, predicted, triangle: self.fit.to_fit(self.design) }
+        let Some(whitening) = self.whitening else {
+            return Residuals { weighted, whitened: Vec::new(), predicted, triangle: self.fit.to_fit(self.design) };
+        };
+        let rows = self.fit.observed(|fit| whitening.rows(self.design, fit, self.sequence));
+        let mut errors = vec![0.0; rows.len()];
+        let mut whitened = vec![Vec::new(); rows.len()];
+        for (row, mut terms) in self.sequence.rows.iter().zip(rows) {
+            let response = terms.pop().expect("the response is behind the terms");
+            errors[*row] = (response - value(&terms, &coefficients)).to_f64();
+            whitened[*row] = terms;
+        }
+        Residuals { weighted: errors, whitened, predicted, triangle: self.triangle(self.design) }
+    }
+
+    /// The triangle of some terms and the response, of whitened rows if errors are autoregressive.
+    fn triangle(&self, design: &Design) -> Triangle {
+        match self.whitening {
+            None => self.fit.to_fit(design),
+            Some(whitening) => self.fit.observed(|fit| whitening.triangle(design, fit, self.sequence)),
+        }
     }
 
     fn explains_little(&self, spread: f64, is_held: bool) -> Option<String> {
@@ -167,7 +192,7 @@ impl Notes<'_> {
         let chosen = self.design.terms();
         let others: Vec<Vec<u32>> = terms.into_iter().filter(|powers| !chosen.contains(powers)).collect();
         let design = Design::new(self.surface, self.inputs, [chosen, &others].concat());
-        let triangle = self.fit.to_fit(&design);
+        let triangle = self.triangle(&design);
         let mut growing = Growing::new(&triangle);
         for k in 0..chosen.len() {
             growing.add(k).ok()?;
@@ -204,10 +229,13 @@ impl Notes<'_> {
         let freedom = rows.checked_sub(terms.len() + 1).filter(|freedom| *freedom > 0)? as f64;
         let square: f64 = residuals.weighted.iter().map(|error| error * error).sum();
         let studentised = |row: usize| {
-            let own = self.fit.observed(|all| {
-                let x = self.design.row_as_measured(&all.point(row));
-                1.0 - (all.weight(row) * growing.leverage(&x)).to_f64()
-            });
+            let own = match residuals.whitened.get(row) {
+                Some(x) => 1.0 - growing.leverage(x).to_f64(),
+                None => self.fit.observed(|all| {
+                    let x = self.design.row_as_measured(&all.point(row));
+                    1.0 - (all.weight(row) * growing.leverage(&x)).to_f64()
+                }),
+            };
             let error = residuals.weighted[row];
             let without = ((square - error * error / own) / freedom).max(0.0);
             let t = error / (without * own).sqrt();
@@ -245,7 +273,8 @@ impl Notes<'_> {
         let (correlation, p) = serial::of_neighbours(&errors, &sequence.places).filter(|(_, p)| *p <= ALARM)?;
         let errors = || {
             let terms: Vec<usize> = (0..self.design.width()).collect();
-            let solved = Growing::of(&residuals.triangle, &terms).ok().filter(|_| !is_held)?;
+            let is_possible = !is_held && self.whitening.is_none();
+            let solved = Growing::of(&residuals.triangle, &terms).ok().filter(|_| is_possible)?;
             let weighted = &residuals.weighted;
             self.fit.observed(|fit| serial::newey_west(self.design, &solved, fit, sequence, weighted, correlation))
         };
@@ -269,6 +298,11 @@ impl Notes<'_> {
             format!("; estimated with {lags} lags (Newey-West) they are up to {ratio:.1} times as large")
         });
         let (correlation, p) = (serial.correlation, serial.p);
+        if self.whitening.is_some() {
+            return format!(
+                "errors of neighbouring rows are correlated ({correlation:.2}) after the noise is whitened: give `noise` a higher order, or the surface has an error that neighbouring rows share"
+            );
+        }
         format!(
             "errors of neighbouring {who} are correlated ({correlation:.2}, p = {}): {why}. The standard errors are too small{known}",
             if p < 1e-3 { format!("{p:.1e}") } else { format!("{p:.3}") }

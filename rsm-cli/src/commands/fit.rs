@@ -9,7 +9,7 @@ use rsm_core::model_file;
 use rsm_core::source::Source;
 use rsm_fit::constrain::{ConstraintReport, ConstraintStatistics};
 use rsm_fit::fit::{self, ChosenBy, Outcome as Fitted, Progress, ResponseOutcome, Verdict};
-use rsm_fit::partial;
+use rsm_fit::partial::{self, Part};
 use rsm_fit::records::{DataFile, Refused};
 use rsm_fit::spec::Specification;
 use rsm_fit::statistics::{Named, ValidationStatistics};
@@ -93,8 +93,13 @@ pub fn give(
 /// Writes the sums of a shard.
 fn partial(specification: &Specification, path: &Path, arguments: &Arguments) -> Outcome {
     let part = spinning(|progress| partial::of_files(specification, &arguments.data, progress))?;
+    give_part(&part, path, arguments.json)
+}
+
+/// Writes a part, and prints what it has.
+pub fn give_part(part: &Part, path: &Path, json: bool) -> Outcome {
     output::write_all(&[(path.to_path_buf(), part.write())])?;
-    if arguments.json {
+    if json {
         let file = |file: &DataFile| json!({ "file": file.name, "sha256": file.sha256, "rows": file.rows });
         let files: Vec<_> = part.files().iter().map(file).collect();
         output::json(&json!({
@@ -193,6 +198,9 @@ pub fn in_words(fitted: &Fitted) -> String {
         text += &format!("  error estimate: {}\n", statistics.rows_used.error);
         if let Some(loss) = &statistics.loss {
             text += &format!("  loss: {}\n", loss.words(unit));
+        }
+        if let Some(noise) = &statistics.noise {
+            text += &format!("  noise: {}\n", noise.words());
         }
         if let Some(forms) = &statistics.forms {
             text += &format!("  form: {}\n", forms.words());

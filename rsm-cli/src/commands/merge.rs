@@ -1,6 +1,6 @@
 //! `rsm merge`: the fit of all parts that `rsm fit --partial` has written.
 //!
-//! In: files of parts. Out: the model file and the figures of `rsm fit`, as far as sums have them.
+//! In: files of parts. Out: the model file and the figures of `rsm fit`, as far as sums have them; or one part.
 
 use std::path::PathBuf;
 
@@ -20,13 +20,20 @@ pub struct Arguments {
     /// The model file to write [default: print the model]
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Write the sums of all parts to this file as one part, instead of a fit
+    #[arg(long, value_name = "PART", conflicts_with = "out")]
+    partial: Option<PathBuf>,
     /// Print one JSON object on standard output
     #[arg(long)]
     json: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
-    let merged = partial::merge(read(&arguments.parts)?)?;
+    let parts = read(&arguments.parts)?;
+    if let Some(path) = &arguments.partial {
+        return fit::give_part(&partial::combine(parts)?, path, arguments.json);
+    }
+    let merged = partial::merge(parts)?;
     let json = arguments.json.then(|| merged.report());
     fit::give(&merged.outcome, json, &in_words(&merged), arguments.out.as_deref(), Vec::new())
 }

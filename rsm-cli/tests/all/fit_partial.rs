@@ -89,6 +89,20 @@ fn a_merge_writes_the_model_of_one_fit_in_any_order() {
     assert_eq!(object["responses"]["y"]["press"], serde_json::Value::Null);
     assert_eq!((&object["merged"]["parts"], &object["merged"]["needs_rows"][1]), (&1.into(), &"press".into()));
     assert_eq!(object["merged"]["largest_difference"]["y"].as_array().unwrap().len(), 3);
+    // A merge in two steps; a shard that is compressed.
+    let said = ok(&["merge", "1.rsm", "0.rsm", "--partial", "01.rsm"], here);
+    assert_eq!(said, "written: 01.rsm, the sums of 40 rows of 2 files\n");
+    ok(&["merge", "2.rsm", "01.rsm", "--out", "steps.toml"], here);
+    assert_eq!(terms(&model(here, "steps.toml")), terms(&single));
+    let packed = Command::new("gzip").args(["-k", "2.csv"]).current_dir(here).status();
+    if packed.is_ok_and(|status| status.success()) {
+        ok(&["fit", "fit.toml", "--partial", "2.rsm", "--data", "2.csv.gz"], here);
+        ok(&["merge", "0.rsm", "1.rsm", "2.rsm", "--out", "packed.toml"], here);
+        assert_eq!(terms(&model(here, "packed.toml")), terms(&single));
+    } else {
+        eprintln!("SKIPPED: no gzip, so no compressed shard was read");
+        ok(&["fit", "fit.toml", "--partial", "2.rsm", "--data", "2.csv"], here);
+    }
     // A part replaces a part, and nothing else.
     ok(&["fit", "fit.toml", "--partial", "0.rsm", "--data", "1.csv"], here);
     let said = refused(&["fit", "fit.toml", "--partial", "a.toml"], here);

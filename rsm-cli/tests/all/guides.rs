@@ -23,7 +23,7 @@ const PAGES: [(&str, &[&str]); 15] = [
     // `the_guide_to_federations_does_what_it_says`, without the installation; `the_guide_to_streams_does_what_it_says`.
     ("federation.md", &["sh", "sh", "sh", "sh", "sh"]),
     // Its last block is run in `fit_partial.rs`.
-    ("fit.md", &["toml", "sh", "rust", "rust", "toml", "sh", "sh"]),
+    ("fit.md", &["toml", "sh", "toml", "rust", "rust", "toml", "sh", "sh"]),
     ("import.md", &["sh"]),
     ("optimise.md", &["toml", "sh", "sh", "rust"]),
     ("own-plant.md", &["modelica", "toml", "sh", "sh", "toml", "toml", "sh", "sh", "c", "sh"]),
@@ -77,9 +77,23 @@ fn the_guides_to_fits_constraints_and_designs_do_what_they_say() {
     for (name, rows) in [("monday.csv", &rows[..4]), ("tuesday.csv", &rows[4..])] {
         write(name, &format!("{header}\n{}\n", rows.join("\n")));
     }
-    write("shards.toml", &block("fit.md", 4));
-    let text = run(&block("fit.md", 5), folder.path());
+    write("shards.toml", &block("fit.md", 5));
+    let text = run(&block("fit.md", 6), folder.path());
     assert!(text.contains("3 terms from 9 rows") && text.contains("2 parts"), "{text}");
+    // Two recordings of a coasting car, with errors that change slowly.
+    let row = |row: usize| {
+        let (run, speed) = (row / 40, 20.0 - 0.4 * (row % 40) as f64);
+        let slow = 3.0 * (0.3 * row as f64).sin() + 0.5 * ((7 * row) % 5) as f64;
+        format!("{run},{speed},{}\n", 150.0 + 0.45 * speed * speed + slow)
+    };
+    write("coast.csv", &format!("run[1],speed[m/s],force[N]\n{}", (0..80).map(row).collect::<String>()));
+    write("coast.toml", &block("fit.md", 2));
+    let text = run("rsm fit coast.toml --out drag.toml --report coast-report", folder.path());
+    assert!(text.contains("  noise: autoregressive of order ") && text.contains(", 2 series, "), "{text}");
+    assert!(std::fs::read_to_string(folder.path().join("drag.toml")).unwrap().contains("noise = \"autoregressive of order "));
+    assert!(
+        std::fs::read_to_string(folder.path().join("coast-report/report.html")).unwrap().contains("autoregressive of order ")
+    );
     // The response of the guide to constraints, within a specification.
     let inputs = "format = 1\nmodel = \"constrained\"\ndata = [\"dyno.csv\"]\n[inputs.torque]\n[inputs.speed]\n\n";
     write("constrained.toml", &format!("{inputs}{}", block("constrain.md", 0)));

@@ -16,6 +16,10 @@ fn shipped(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants").join(name).canonicalize().unwrap().display().to_string()
 }
 
+fn example(name: &str) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(name)
+}
+
 /// A folder with input files for every subcommand.
 fn inputs() -> tempfile::TempDir {
     let here = folder();
@@ -28,6 +32,16 @@ fn inputs() -> tempfile::TempDir {
         write(copy, &std::fs::read(shipped(name)).unwrap());
     }
     write("motor.toml", &std::fs::read(published("motor.toml")).unwrap());
+    write("shards.toml", FIT.replace("[inputs.x]\n", "[inputs.x]\nrange = [0.0, 4.0]\n").as_bytes());
+    for (arguments, file) in [
+        (&["fit", "fit.toml", "--out", "line.toml"][..], "line.toml"),
+        (&["fit", "shards.toml", "--partial", "0.rsm"], "0.rsm"),
+    ] {
+        let output = rsm(arguments, here.path());
+        assert!(output.status.success() && here.path().join(file).is_file(), "{}", text(&output.stderr));
+    }
+    write("tyre.toml", &std::fs::read(example("tyre/tyre.toml")).unwrap());
+    write("goals.toml", &std::fs::read(example("tyre/goals.toml")).unwrap());
     here
 }
 
@@ -42,9 +56,42 @@ const RUNS: &[(&[&str], i32)] = &[
     (&["eval", "motor.toml", "--surface", "weakening_current", "--at", "torque=1,speed=500"], 0),
     (&["simulate", "plant.toml", "--record", "record.csv", "--out", "out.csv"], 0),
     (&["import", "record.csv", "--out", "imported.csv"], 0),
+    (&["fit", "fit.toml", "--out", "fitted.toml", "--report", "report"], 0),
+    (&["fit", "shards.toml", "--partial", "part.rsm"], 0),
+    (&["fit", "shards.toml", "--partial", "part.rsm", "--json"], 0),
+    (&["merge", "0.rsm"], 0),
+    (&["merge", "0.rsm", "--json"], 0),
+    (&["merge", "0.rsm", "--partial", "all.rsm"], 0),
+    (&["optimise", "tyre.toml", "--goals", "goals.toml"], 0),
+    (&["optimise", "tyre.toml", "--goals", "goals.toml", "--json"], 0),
+    (&["track", "line.toml", "--data", "data.csv"], 0),
+    (&["track", "line.toml", "--data", "data.csv", "--json"], 0),
+    (&["emit", "motor.toml", "--lang", "rust", "--out", "emitted"], 0),
+    (&["emit", "motor.toml", "--lang", "rust"], 2),
+    (&["eval", "motor.toml", "--surface", "weakening_current", "--at", "torque=1,speed=500", "--json"], 0),
+    (&["simulate", "plant.toml", "--record", "record.csv", "--out", "out.csv", "--json"], 0),
+    (&["experiment", "pmac", "--plan", "bench.csv", "--plant", "plant.toml", "--out", "measured.csv"], 0),
+    (&["inspect", "plant.toml"], 0),
+    (&["effects"], 0),
+    (&["effects", "--json"], 0),
+    (&["linearise", "plant.toml"], 0),
+    (&["completions", "bash"], 0),
+    (&["man"], 0),
+    (&["diagnose", "line.toml", "--data", "data.csv"], 2),
     (&["check", "fit.toml"], 2),
+    (&["fit", "data.csv"], 2),
+    (&["merge", "data.csv"], 2),
+    (&["optimise", "tyre.toml", "--goals", "fit.toml"], 2),
+    (&["sweep", "fit.toml", "--out", "swept"], 2),
+    (&["track", "fit.toml", "--data", "data.csv"], 2),
+    (&["cosim", "fit.toml", "--out", "records"], 2),
+    (&["federate", "nobody"], 2),
+    (&["stream", "nobody"], 2),
     (&["diagnose", "none.toml", "--record", "none.csv"], 2),
+    (&["nothing"], 2),
+    (&["--version"], 0),
     (&["--help"], 0),
+    (&["fit", "--help"], 0),
 ];
 
 #[test]
@@ -70,6 +117,45 @@ fn a_reader_that_closes_early_changes_neither_status_nor_files() {
     for name in ["plan.csv", "out.csv", "emitted/motor.h", "emitted/motor.c"] {
         let read = |folder: &Path| std::fs::read(folder.join(name)).unwrap();
         assert!(read(whole.path()) == read(early.path()), "{name}");
+    }
+}
+
+/// Every subcommand is among the runs above, so that a new one is tested.
+#[test]
+fn every_subcommand_is_run_with_closed_streams() {
+    // Programs of seconds: `demo` prints as `fit` and `emit` do.
+    let exempt = ["demo", "help"];
+    let help = text(&rsm(&["--help"], Path::new(".")).stdout);
+    let (_, list) = help.split_once("Commands:\n").unwrap();
+    let commands = list.lines().take_while(|line| !line.is_empty()).filter_map(|line| line.split_whitespace().next());
+    let without: Vec<&str> =
+        commands.filter(|name| !exempt.contains(name) && !RUNS.iter().any(|(arguments, _)| arguments.contains(name))).collect();
+    assert!(without.is_empty(), "{without:?}");
+}
+
+/// A reader that takes a few bytes and goes, as `| head -c 9`: writes fail in the middle of the output.
+#[test]
+fn a_reader_that_goes_in_the_middle_changes_no_status() {
+    let here = inputs();
+    for (arguments, status) in RUNS {
+        for is_out in [true, false] {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_rsm"));
+            command.args(*arguments).current_dir(here.path()).stdin(Stdio::null());
+            let (mut reader, writer) = std::io::pipe().unwrap();
+            if is_out {
+                command.stdout(writer).stderr(Stdio::null());
+            } else {
+                command.stdout(Stdio::null()).stderr(writer);
+            }
+            let mut running = command.spawn().unwrap();
+            // The writing end of this process closes with the command.
+            drop(command);
+            let mut few = [0; 9];
+            let _ = std::io::Read::read(&mut reader, &mut few);
+            drop(reader);
+            let stream = if is_out { "out" } else { "err" };
+            assert_eq!(running.wait().unwrap().code(), Some(*status), "{arguments:?}, {stream}");
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use rsm_core::model::{Coding, Knot, Outside, Sigmoid, Surface, Symmetry, Wave};
 
 use super::Select;
 use crate::spec::{
-    Constraint, FACES, Form, InputSpec, Loss, MOST_FACES, Method, ResponseSpec, SplineSpec, SupportSpec, Weights,
+    Constraint, FACES, Form, InputSpec, Loss, MOST_FACES, Method, NoiseOrder, ResponseSpec, SplineSpec, SupportSpec, Weights,
 };
 
 /// An input: one value for each row, and its properties.
@@ -110,6 +110,7 @@ pub struct Response {
     forms: Option<Vec<Form>>,
     spline: Option<SplineSpec>,
     loss: Loss,
+    noise: Option<NoiseOrder>,
 }
 
 /// The weights of the rows.
@@ -140,6 +141,7 @@ impl Response {
             forms: None,
             spline: None,
             loss: Loss::default(),
+            noise: None,
         }
     }
 
@@ -251,7 +253,7 @@ impl Response {
         self
     }
 
-    /// The loss that the coefficients minimise, for given terms. The default is least squares.
+    /// The loss that the coefficients minimise. The default is least squares.
     ///
     /// ```
     /// use rsm_fit::{Fit, Response, spec::Loss};
@@ -264,6 +266,25 @@ impl Response {
     #[must_use]
     pub fn loss(mut self, loss: Loss) -> Self {
         self.loss = loss;
+        self
+    }
+
+    /// The errors of a series are autoregressive: each depends on those of the rows before. The fit is one of generalised least squares, with noise
+    /// from the same rows. The rows are in the order of time; [`Fit::series`](crate::Fit::series) divides them into series.
+    ///
+    /// ```
+    /// use rsm_fit::{Fit, Response, spec::NoiseOrder};
+    ///
+    /// let x: Vec<f64> = (0..40).map(|k| f64::from(k % 8)).collect();
+    /// let slow = |k: i32| 0.3 * (f64::from(k) / 6.0).sin() + 0.05 * f64::from((7 * k) % 5);
+    /// let y: Vec<f64> = x.iter().zip(0..).map(|(x, k)| 1.0 + 2.0 * x + slow(k)).collect();
+    /// let outcome = Fit::new(&x, Response::new("y", y).noise(NoiseOrder::Given(1))).order(1).fit()?;
+    /// assert!(outcome.statistics("y").unwrap().noise.as_ref().unwrap().coefficients[0] > 0.5);
+    /// # Ok::<(), rsm_fit::Refused>(())
+    /// ```
+    #[must_use]
+    pub fn noise(mut self, order: NoiseOrder) -> Self {
+        self.noise = Some(order);
         self
     }
 
@@ -307,6 +328,7 @@ impl Response {
                 RowWeights::StandardErrors(_) => Weights::StandardError("standard errors in memory".to_string()),
             }),
             loss: self.loss,
+            noise: self.noise,
             constraints: self.constraints.clone(),
             support: self.support,
             forms: self.forms.clone(),

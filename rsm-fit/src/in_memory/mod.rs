@@ -39,6 +39,9 @@ use columns::RowWeights;
 /// The name of the column of groups in the specification.
 const GROUPS: &str = "groups";
 
+/// The name of the column of series.
+const SERIES: &str = "series";
+
 /// A fit of rows in memory. Nothing is checked before [`Fit::fit`], which reports all faults together.
 ///
 /// ```
@@ -61,6 +64,7 @@ pub struct Fit {
     validation: Apart,
     test: Apart,
     groups: Option<Vec<String>>,
+    series: Option<Vec<String>>,
     mirror: Vec<String>,
     run_order: Option<Vec<f64>>,
     missing: Missing,
@@ -96,6 +100,7 @@ impl Fit {
             validation: Apart::None,
             test: Apart::None,
             groups: None,
+            series: None,
             mirror: Vec::new(),
             run_order: None,
             missing: Missing::default(),
@@ -190,6 +195,13 @@ impl Fit {
     #[must_use]
     pub fn groups<T: ToString>(mut self, groups: impl IntoIterator<Item = T>) -> Self {
         self.groups = Some(groups.into_iter().map(|group| group.to_string()).collect());
+        self
+    }
+
+    /// The series of each row (a run, a recording), for responses with [`Response::noise`]. Without it all rows are one series.
+    #[must_use]
+    pub fn series<T: ToString>(mut self, series: impl IntoIterator<Item = T>) -> Self {
+        self.series = Some(series.into_iter().map(|one| one.to_string()).collect());
         self
     }
 
@@ -300,7 +312,8 @@ impl Fit {
         let together =
             Together { columns: self.groups.iter().map(|_| GROUPS.to_string()).collect(), mirror: self.mirror.clone() };
         let apart = (self.validation.specification(VALIDATE), self.test.specification(TEST));
-        Some(Specification::in_memory(self.name.clone(), apart, inputs, responses, (together, self.missing), faults))
+        let series = self.series.iter().map(|_| SERIES.to_string()).collect();
+        Some(Specification::in_memory(self.name.clone(), apart, inputs, responses, (together, self.missing, series), faults))
     }
 
     fn data(&self, faults: &mut Collector) -> Data {
@@ -309,6 +322,10 @@ impl Fit {
         if let Some(groups) = &self.groups {
             same_length(faults, "the groups", groups.len(), rows);
             fit.labels.push(groups.clone());
+        }
+        if let Some(series) = &self.series {
+            same_length(faults, "the series", series.len(), rows);
+            fit.labels.push(series.clone());
         }
         if let Some(order) = &self.run_order {
             same_length(faults, "the run order", order.len(), rows);

@@ -8,7 +8,7 @@ use rsm_core::source::{Collector, Fault, Faults};
 use serde::Serialize;
 
 use super::bound::{self, Work};
-use super::{Part, Sums, design_of};
+use super::{Part, Sums, design_of, file, plain};
 use crate::analysis;
 use crate::canonical;
 use crate::constrain::{self, Constrained, ConstraintStatistics};
@@ -20,7 +20,7 @@ use crate::left_out::{self, LeftOut};
 use crate::observations::Named;
 use crate::outcome::ResponseOutcome;
 use crate::qr::{BLOCK, Dependent, Growing, Triangle};
-use crate::records::{Records, Units};
+use crate::records::{Records, Units, hash};
 use crate::response::{LEAST_FOR_SEARCH, terms_of};
 use crate::search::{Found, Searcher};
 use crate::selection::{ChosenBy, Sample};
@@ -95,10 +95,8 @@ impl Merged {
 ///
 /// # Panics
 /// If there is no part.
-pub fn merge(mut parts: Vec<Part>) -> Result<Merged, Faults> {
-    belong_together(&parts)?;
-    let names = |part: &Part| part.files.iter().map(|file| file.name.clone()).collect::<Vec<String>>();
-    parts.sort_by(|a, b| names(a).cmp(&names(b)).then(a.sha256.cmp(&b.sha256)));
+pub fn merge(parts: Vec<Part>) -> Result<Merged, Faults> {
+    let parts = sorted(parts)?;
     let first = &parts[0];
     let specification = &first.specification;
     let left_out: Vec<Vec<LeftOut>> = (0..specification.responses.len()).map(|k| left_out_of(&parts, k)).collect();
@@ -109,9 +107,6 @@ pub fn merge(mut parts: Vec<Part>) -> Result<Merged, Faults> {
             .for_each(|fault| faults.push(fault));
     }
     faults.finish(Some(()))?;
-    let joined = |spans: &mut dyn Iterator<Item = [f64; 2]>| {
-        spans.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], span| [low.min(span[0]), high.max(span[1])])
-    };
     let spans: Vec<[f64; 2]> =
         (0..specification.inputs.len()).map(|k| joined(&mut parts.iter().map(|part| part.spans[k]))).collect();
     let inputs = fit::inputs(specification, &Units::known(first.units.clone()), &spans)?;
@@ -131,7 +126,7 @@ pub fn merge(mut parts: Vec<Part>) -> Result<Merged, Faults> {
             span: joined(&mut sums.iter().map(|sums| sums.span)),
             rows_outside: sums.iter().map(|sums| sums.rows_outside).sum(),
             left_out: &left_out[k],
-            all: All::of(&sums),
+            all: All::of(&sums, &parts),
         };
         let mut surface = response.surface.clone();
         surface.unit = first.units[specification.inputs.len() + k].clone();
@@ -151,6 +146,58 @@ pub fn merge(mut parts: Vec<Part>) -> Result<Merged, Faults> {
     let outcome = Outcome { model, responses, files, fitted: records, validation: None, test: None, left_out };
     let merge = MergeReport { parts: parts.len(), needs_rows: NEED_ROWS.to_vec(), largest_difference: Named(differences) };
     Ok(Merged { outcome, merge })
+}
+
+/// The parts as one part, for a merge in several steps: parts of machines, then of sites.
+///
+/// # Errors
+/// Those of [`merge`] about parts that do not belong together.
+///
+/// # Panics
+/// If there is no part.
+pub fn combine(parts: Vec<Part>) -> Result<Part, Faults> {
+    let parts = sorted(parts)?;
+    let first = &parts[0];
+    let specification = first.specification.clone();
+    let of_response = |k: usize| {
+        let sums: Vec<&Sums> = parts.iter().map(|part| &part.sums[k]).collect();
+        let triangles: Vec<&Triangle> = sums.iter().map(|sums| &sums.triangle).collect();
+        let triangle = Triangle::stacked(&triangles);
+        let columns = triangle.columns().iter().map(|column| column.iter().copied().map(plain).collect()).collect();
+        let weights = sums.iter().filter_map(|sums| sums.weights);
+        let weights = weights.reduce(|[weight, logs], [more, further]| [plain(weight + more), plain(logs + further)]);
+        Sums {
+            triangle: Triangle::of_columns(columns, triangle.rows()),
+            span: joined(&mut sums.iter().map(|sums| sums.span)),
+            rows_outside: sums.iter().map(|sums| sums.rows_outside).sum(),
+            left_out: sums.iter().map(|sums| sums.left_out).sum(),
+            cells: sums.iter().flat_map(|sums| sums.cells.iter().cloned()).collect(),
+            weights,
+        }
+    };
+    let part = Part {
+        name: String::new(),
+        files: parts.iter().flat_map(|part| part.files.iter().cloned()).collect(),
+        units: first.units.clone(),
+        spans: (0..specification.inputs.len()).map(|k| joined(&mut parts.iter().map(|part| part.spans[k]))).collect(),
+        sums: (0..specification.responses.len()).map(of_response).collect(),
+        specification,
+        sha256: String::new(),
+    };
+    let sha256 = hash(&file::body(&part));
+    Ok(Part { sha256, ..part })
+}
+
+fn joined(spans: &mut dyn Iterator<Item = [f64; 2]>) -> [f64; 2] {
+    spans.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], span| [low.min(span[0]), high.max(span[1])])
+}
+
+/// The parts in an order that does not depend on the caller, if they belong together.
+fn sorted(mut parts: Vec<Part>) -> Result<Vec<Part>, Faults> {
+    belong_together(&parts)?;
+    let names = |part: &Part| part.files.iter().map(|file| file.name.clone()).collect::<Vec<String>>();
+    parts.sort_by(|a, b| names(a).cmp(&names(b)).then(a.sha256.cmp(&b.sha256)));
+    Ok(parts)
 }
 
 /// Checks that the parts have one specification and one set of units, and that no rows are there twice.
@@ -247,10 +294,13 @@ struct All {
 }
 
 impl All {
-    fn of(sums: &[&Sums]) -> Self {
+    fn of(sums: &[&Sums], parts: &[Part]) -> Self {
         let triangles: Vec<&Triangle> = sums.iter().map(|sums| &sums.triangle).collect();
         let triangle = Triangle::stacked(&triangles);
         let reductions = triangles.iter().map(|triangle| triangle.rows() / BLOCK + 1).sum::<usize>() + 1;
+        // A part of several files may be combined of as many parts, in as many steps.
+        let files = parts.iter().map(|part| part.files.len()).filter(|files| *files > 1);
+        let reductions = reductions + 2 * files.sum::<usize>();
         let totals = sums.iter().filter_map(|sums| sums.weights);
         let total = totals.reduce(|[weight, logs], [more, further]| [weight + more, logs + further]);
         match total {

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! In: a specification and some of the rows. Out: a [`Part`]: for each response the triangle of all candidates (`qr.rs`), counts, sums of weights,
-//! ranges, and the text of the specification. [`merge`] stacks the triangles and solves once. A part holds no rows, so that figures of single rows
+//! ranges, and the text of the specification. Files are read block by block (`blocks.rs`). [`merge`] stacks the triangles and solves once. A part holds no rows, so that figures of single rows
 //! do not exist after a merge. What needs rows to choose terms is refused when the first part is made (`rules.rs`). The order of the parts does not
 //! change a bit of the result. Other shards of the same rows change coefficients by less than a bound that is computed (`bound.rs`).
 //!
@@ -24,6 +24,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod blocks;
 mod bound;
 mod file;
 mod merge;
@@ -34,6 +35,7 @@ use std::path::Path;
 use rsm_core::model::Input;
 use rsm_core::source::{Fault, Faults, Source};
 
+use crate::compressed;
 use crate::dd::Dd;
 use crate::design::{self, Design};
 use crate::fit::span;
@@ -43,8 +45,10 @@ use crate::qr::{Compressed, Triangle};
 use crate::records::{DataFile, Records, Refused, Rows, Units, hash};
 use crate::selection::Sample;
 use crate::spec::{Method, ResponseSpec, Specification};
+use crate::table::Table;
+use blocks::Blocks;
 
-pub use merge::{MergeReport, Merged, MergedReport, merge};
+pub use merge::{MergeReport, Merged, MergedReport, combine, merge};
 
 /// The sums of some rows.
 #[derive(Debug)]
@@ -98,7 +102,8 @@ impl Part {
     }
 }
 
-/// The sums of the data files of a specification, or of the files of one shard.
+/// The sums of the data files of a specification, or of the files of one shard. Files are read once, block by block, so the memory does not depend
+/// on the number of rows. They may be compressed with gzip. Only a file with a fault, and one that is not a regular file, is read as a whole.
 ///
 /// # Errors
 /// What the specification requires and sums do not hold; every fault of the data files.
@@ -107,11 +112,25 @@ pub fn of_files(
     shard: &[impl AsRef<Path>],
     progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Part, Refused> {
+    rules::check(specification)?;
     let shard: Vec<String> = shard.iter().map(|path| path.as_ref().display().to_string()).collect();
     let files = if shard.is_empty() { specification.data.clone() } else { shard.clone() };
+    let path_of = |file: &str| if shard.is_empty() { specification.path_of(file) } else { file.into() };
+    let in_blocks = |file: &String| std::fs::metadata(path_of(file)).is_ok_and(|found| found.is_file());
+    if files.iter().all(in_blocks) {
+        let mut builder = Builder::new(specification);
+        let all = files.iter().all(|file| {
+            progress(Progress::Reading { file });
+            builder.read(file, &path_of(file)).is_some()
+        });
+        // A fault is found again below, with its line in the file and beside all others.
+        if let Some(part) = all.then(|| builder.finish().ok()).flatten() {
+            return Ok(part);
+        }
+    }
     of(specification, &files, &mut |file| {
         progress(Progress::Reading { file });
-        Source::read(&if shard.is_empty() { specification.path_of(file) } else { file.into() })
+        compressed::read(&path_of(file))
     })
 }
 
@@ -133,35 +152,142 @@ fn of(
     open: &mut dyn FnMut(&str) -> Result<Source, Faults>,
 ) -> Result<Part, Refused> {
     rules::check(specification)?;
-    let mut units = Units::of(specification);
-    let mut records = Records::read(specification, files, Rows::ToFit, &mut units, open)?;
-    for file in &mut records.files {
-        // Without folders, because these are specific to one machine.
-        file.name = file.name.rsplit(['/', '\\']).next().unwrap_or_default().to_string();
-    }
-    let counts = left_out::remove(specification, &mut records, None, None)?;
-    let variables = specification.inputs.len() + specification.responses.len();
-    let sums: Vec<Sums> = (0..specification.responses.len())
-        .map(|k| {
-            let mut sums = sums_of(specification, &records, k)?;
-            for one in &counts[k] {
-                sums.left_out += one.rows;
-                sums.cells.extend(one.cells.iter().cloned());
+    let mut builder = Builder::new(specification);
+    let mut records = Records::read(specification, files, Rows::ToFit, &mut builder.units, open)?;
+    records.files.iter_mut().for_each(|file| file.name = short(&file.name));
+    builder.files = records.files.clone();
+    builder.add(records)?;
+    Ok(builder.finish()?)
+}
+
+/// A name without folders, because these are specific to one machine.
+fn short(name: &str) -> String {
+    name.rsplit(['/', '\\']).next().unwrap_or_default().to_string()
+}
+
+/// Sums to which rows are added.
+struct Builder<'a> {
+    specification: &'a Specification,
+    units: Units,
+    files: Vec<DataFile>,
+    spans: Vec<[f64; 2]>,
+    sums: Vec<Open>,
+}
+
+/// Sums of one response.
+struct Open {
+    design: Design,
+    compressed: Compressed,
+    span: [f64; 2],
+    rows_outside: usize,
+    left_out: usize,
+    cells: Vec<MissingCells>,
+    is_weighted: bool,
+    weight: Dd,
+    logs: Dd,
+    is_finite: bool,
+}
+
+/// No number: the first is above the second.
+const NOTHING: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
+
+fn both([low, high]: [f64; 2], [other, further]: [f64; 2]) -> [f64; 2] {
+    [low.min(other), high.max(further)]
+}
+
+impl<'a> Builder<'a> {
+    fn new(specification: &'a Specification) -> Self {
+        let open = |response: &ResponseSpec| {
+            // Where no range is given, the terms do not depend on it (`rules.rs`), and every row lies in the range of the data.
+            let range = |given: Option<[f64; 2]>| given.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            let input = |input: &crate::spec::InputSpec| Input {
+                name: input.name.clone(),
+                unit: String::new(),
+                range: range(input.range),
+                outside: input.outside,
+            };
+            let inputs: Vec<Input> = specification.inputs.iter().map(input).collect();
+            let (_, design) = design_of(specification, response, &inputs);
+            Open {
+                compressed: Compressed::new(design.width() + 1),
+                design,
+                span: NOTHING,
+                rows_outside: 0,
+                left_out: 0,
+                cells: Vec::new(),
+                is_weighted: response.weights.is_some(),
+                weight: Dd::ZERO,
+                logs: Dd::ZERO,
+                is_finite: true,
             }
-            Ok(sums)
-        })
-        .collect::<Result<_, Faults>>()?;
-    let part = Part {
-        name: String::new(),
-        units: (0..variables).map(|k| units.get(k).to_string()).collect(),
-        spans: (0..specification.inputs.len()).map(|k| span(&left_out::used_values(specification, &records, k))).collect(),
-        files: records.files,
-        sums,
-        specification: specification.clone(),
-        sha256: String::new(),
-    };
-    let sha256 = hash(&file::body(&part));
-    Ok(Part { sha256, ..part })
+        };
+        Builder {
+            units: Units::of(specification),
+            files: Vec::new(),
+            spans: vec![NOTHING; specification.inputs.len()],
+            sums: specification.responses.iter().map(open).collect(),
+            specification,
+        }
+    }
+
+    /// Adds a file block by block. `None` if there is any fault.
+    fn read(&mut self, file: &str, path: &Path) -> Option<()> {
+        let mut blocks = Blocks::new(compressed::decoded(Source::open(path).ok()?).ok()?, blocks::BLOCK);
+        let wanted = Records::wanted(self.specification, Rows::ToFit);
+        let name = short(file);
+        let mut rows = 0;
+        while let Some(block) = blocks.next().ok()? {
+            let table = Table::read(&Source::new(name.clone(), String::from_utf8(block).ok()?), &wanted).ok()?;
+            let mut records = Records::without_rows(self.specification, &wanted);
+            let count = records.add(self.specification, &table, Rows::ToFit, &mut self.units).ok()?;
+            records.files = vec![DataFile { name: name.clone(), sha256: String::new(), rows: count }];
+            rows += count;
+            self.add(records).ok()?;
+        }
+        self.files.push(DataFile { name, sha256: blocks.sha256(), rows });
+        (rows > 0).then_some(())
+    }
+
+    fn add(&mut self, mut records: Records) -> Result<(), Faults> {
+        let counts = left_out::remove(self.specification, &mut records, None, None)?;
+        for (k, span_of) in self.spans.iter_mut().enumerate() {
+            *span_of = both(*span_of, span(&left_out::used_values(self.specification, &records, k)));
+        }
+        for (k, (sums, counts)) in self.sums.iter_mut().zip(counts).enumerate() {
+            sums.add(self.specification, &records, k);
+            for one in counts {
+                sums.left_out += one.rows;
+                for cells in one.cells {
+                    let is_same = |known: &&mut MissingCells| known.file == cells.file && known.column == cells.column;
+                    match sums.cells.iter_mut().find(is_same) {
+                        Some(known) => known.cells += cells.cells,
+                        None => sums.cells.push(cells),
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> Result<Part, Faults> {
+        let specification = self.specification;
+        let responses = specification.responses.iter().zip(self.sums);
+        let sums = responses
+            .map(|(response, sums)| sums.finish(specification, response, &self.files))
+            .collect::<Result<_, Faults>>()?;
+        let variables = specification.inputs.len() + specification.responses.len();
+        let part = Part {
+            name: String::new(),
+            units: (0..variables).map(|k| self.units.get(k).to_string()).collect(),
+            spans: self.spans,
+            files: self.files,
+            sums,
+            specification: specification.clone(),
+            sha256: String::new(),
+        };
+        let sha256 = hash(&file::body(&part));
+        Ok(Part { sha256, ..part })
+    }
 }
 
 /// The surface of a response, its inputs and its candidates. `ranges`: those of all inputs.
@@ -176,63 +302,65 @@ fn design_of(specification: &Specification, response: &ResponseSpec, inputs: &[I
     (used, design)
 }
 
-fn sums_of(specification: &Specification, records: &Records, k: usize) -> Result<Sums, Faults> {
-    let response = &specification.responses[k];
-    // Where no range is given, the terms do not depend on it (`rules.rs`), and every row lies in the range of the data.
-    let range = |given: Option<[f64; 2]>| given.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-    let input = |input: &crate::spec::InputSpec| Input {
-        name: input.name.clone(),
-        unit: String::new(),
-        range: range(input.range),
-        outside: input.outside,
-    };
-    let inputs: Vec<Input> = specification.inputs.iter().map(input).collect();
-    let (_, design) = design_of(specification, response, &inputs);
-    let used = left_out::inputs_of(specification, response);
-    let rows = records.complete(&used, k);
-    let of = |column: &Vec<f64>| rows.iter().map(|row| column[*row]).collect::<Vec<f64>>();
-    let weights = &records.weights[k];
-    let sample = Sample {
-        columns: used.iter().map(|input| of(&records.inputs[*input])).collect(),
-        response: of(&records.responses[k]),
-        weights: if weights.is_empty() { Vec::new() } else { of(weights) },
-        groups: Vec::new(),
-    };
-    let mut compressed = Compressed::new(design.width() + 1);
-    let (mut rows_outside, mut weight, mut logs, mut is_finite) = (0, Dd::ZERO, Dd::ZERO, true);
-    sample.observed(|rows| {
-        for row in 0..rows.response.len() {
-            let point = rows.point(row);
-            rows_outside += usize::from(!design.is_inside(&point));
-            let terms = design.row_as_measured(&point);
-            is_finite &= terms.iter().all(|term| term.is_finite());
-            let terms = terms.into_iter().chain([Dd::from(rows.response[row])]);
-            if rows.weights.is_empty() {
-                compressed.push(terms);
-            } else {
-                let root = rows.weight(row).sqrt();
-                weight += rows.weight(row);
-                logs += Dd::from(rows.weights[row].ln());
-                compressed.push(terms.map(|term| term * root));
+impl Open {
+    fn add(&mut self, specification: &Specification, records: &Records, k: usize) {
+        let used = left_out::inputs_of(specification, &specification.responses[k]);
+        let rows = records.complete(&used, k);
+        let of = |column: &Vec<f64>| rows.iter().map(|row| column[*row]).collect::<Vec<f64>>();
+        let weights = &records.weights[k];
+        let sample = Sample {
+            columns: used.iter().map(|input| of(&records.inputs[*input])).collect(),
+            response: of(&records.responses[k]),
+            weights: if weights.is_empty() { Vec::new() } else { of(weights) },
+            groups: Vec::new(),
+        };
+        self.span = both(self.span, span(&sample.response));
+        sample.observed(|rows| {
+            for row in 0..rows.response.len() {
+                let point = rows.point(row);
+                self.rows_outside += usize::from(!self.design.is_inside(&point));
+                let terms = self.design.row_as_measured(&point);
+                self.is_finite &= terms.iter().all(|term| term.is_finite());
+                let terms = terms.into_iter().chain([Dd::from(rows.response[row])]);
+                if rows.weights.is_empty() {
+                    self.compressed.push(terms);
+                } else {
+                    let root = rows.weight(row).sqrt();
+                    self.weight += rows.weight(row);
+                    self.logs += Dd::from(rows.weights[row].ln());
+                    self.compressed.push(terms.map(|term| term * root));
+                }
             }
-        }
-    });
-    if !is_finite {
-        let what = format!("response `{}`: in some row a term is not a finite number", response.surface.name);
-        let help =
-            "lower the order, use coding = \"range\", or leave out rows where an input that enters by its reciprocal is 0";
-        return Err(Faults::one(specification.fault(&format!("responses.{}", response.surface.name), what).help(help)));
+        });
     }
-    let triangle = compressed.finish();
-    let columns = triangle.columns().iter().map(|column| column.iter().copied().map(plain).collect()).collect();
-    Ok(Sums {
-        triangle: Triangle::of_columns(columns, triangle.rows()),
-        span: span(&sample.response),
-        rows_outside,
-        left_out: 0,
-        cells: Vec::new(),
-        weights: (!sample.weights.is_empty() || response.weights.is_some()).then_some([plain(weight), plain(logs)]),
-    })
+
+    fn finish(self, specification: &Specification, response: &ResponseSpec, files: &[DataFile]) -> Result<Sums, Faults> {
+        if !self.is_finite {
+            let what = format!("response `{}`: in some row a term is not a finite number", response.surface.name);
+            let help =
+                "lower the order, use coding = \"range\", or leave out rows where an input that enters by its reciprocal is 0";
+            return Err(Faults::one(specification.fault(&format!("responses.{}", response.surface.name), what).help(help)));
+        }
+        // In the order of the files and of the columns, whatever the order of the blocks in which they were found.
+        let mut cells = self.cells;
+        let used = left_out::inputs_of(specification, response).into_iter().map(|k| &specification.inputs[k].column);
+        let weights = response.weights.as_ref().map(|weights| weights.column());
+        let columns: Vec<&str> = used.map(String::as_str).chain([response.column.as_str()]).chain(weights).collect();
+        cells.sort_by_key(|it| {
+            let file = files.iter().position(|file| file.name == it.file);
+            (file, columns.iter().position(|column| *column == it.column))
+        });
+        let triangle = self.compressed.finish();
+        let columns = triangle.columns().iter().map(|column| column.iter().copied().map(plain).collect()).collect();
+        Ok(Sums {
+            triangle: Triangle::of_columns(columns, triangle.rows()),
+            span: self.span,
+            rows_outside: self.rows_outside,
+            left_out: self.left_out,
+            cells,
+            weights: self.is_weighted.then_some([plain(self.weight), plain(self.logs)]),
+        })
+    }
 }
 
 /// The same number without negative zeros, as it is read from a file.

@@ -73,6 +73,10 @@ fn check_response(specification: &Specification, response: &ResponseSpec, faults
         let what = "sigmoids, waves and splines are found on rows, and a part holds only sums".to_string();
         faults.push(fault("forms", what).help("write `forms = [\"polynomial\"]`; `sigmoids` and `waves` may be given"));
     }
+    if response.noise.is_some() {
+        let what = "autoregressive errors relate each row to the rows before, and a part holds only sums".to_string();
+        faults.push(fault("noise", what).help("fit the rows of the series in one fit"));
+    }
     if response.loss != Loss::LeastSquares {
         let what = format!("`loss = \"{}\"` weights each row by its error, and a part holds only sums", response.loss.word());
         faults.push(fault("loss", what).help("from sums only least squares is possible"));

@@ -23,6 +23,7 @@ pub(super) struct Draft {
     pub validation: Validation,
     pub test: Validation,
     pub missing: Missing,
+    pub series: Vec<String>,
     pub inputs: Vec<InputSpec>,
     pub responses: Vec<ResponseSpec>,
     pub places: Places,
@@ -51,6 +52,10 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<Draft> {
     };
     let (validation, test) = (apart("validate"), apart("test"));
     let missing = top.choice("missing", &[("error", Missing::Error), ("drop-row", Missing::DropRow)], faults);
+    let series = top.optional("series").map_or(Some(Vec::new()), |value| {
+        places.note("series", value.span());
+        Some(top.texts("`series`", value, faults)?.into_iter().map(|(name, _)| name).collect())
+    });
     let mut inputs = Vec::new();
     let section = top.required("inputs", faults);
     places.each_entry(section, ("inputs", "input"), source, faults, |path, name, reader, places, faults| {
@@ -70,6 +75,7 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<Draft> {
         validation: validation.unwrap_or(Validation::None),
         test: test.unwrap_or(Validation::None),
         missing: missing.unwrap_or_default(),
+        series: series.unwrap_or_default(),
         inputs,
         responses,
         places,
@@ -250,6 +256,7 @@ fn read_response(
     note_key(places, format!("{path}.loss"), "loss", reader);
     let losses = [Loss::LeastSquares, Loss::Huber, Loss::L1].map(|loss| (loss.word(), loss));
     let loss = reader.choice("loss", &losses, faults);
+    let noise = shape::read_noise(path, reader, places, faults);
     let (unit, basis) = (unit?, basis?);
     let surface = Surface {
         name: name.to_string(),
@@ -271,6 +278,7 @@ fn read_response(
         method: select?,
         weights: weights?,
         loss: loss.unwrap_or_default(),
+        noise: noise?,
         constraints: constraints?,
         support: support?,
         forms: forms?,

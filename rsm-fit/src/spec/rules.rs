@@ -24,6 +24,7 @@ pub(super) fn check(specification: &Specification, faults: &mut Collector) {
         check_basis,
         check_method,
         check_loss,
+        check_noise,
         shape::check,
     ];
     for rule in rules {
@@ -219,7 +220,8 @@ fn check_method(specification: &Specification, faults: &mut Collector) {
     }
 }
 
-/// A robust loss needs given terms and a form without a search: criteria and proofs are for squared errors.
+/// A robust loss needs terms that are given or searched on weighted rows, and a form without a search: other criteria and proofs are for squared
+/// errors.
 fn check_loss(specification: &Specification, faults: &mut Collector) {
     for response in specification.responses.iter().filter(|response| response.loss != Loss::LeastSquares) {
         let name = &response.surface.name;
@@ -227,25 +229,77 @@ fn check_loss(specification: &Specification, faults: &mut Collector) {
             let what = format!("response `{name}`: `loss`: \"{}\" {what}", response.loss.word());
             faults.push(specification.fault(&format!("responses.{name}.loss"), what).help(help));
         };
-        if matches!(response.method, Method::Ladder { .. } | Method::Search(_)) {
+        let has_rows = specification.validation != Validation::None;
+        let is_possible = match &response.method {
+            Method::Fixed(_) | Method::FixedOrder(_) => true,
+            Method::Ladder { .. } => false,
+            Method::Search(search) => match search.criterion {
+                Some(criterion) => matches!(criterion, Criterion::KFold | Criterion::Aicc),
+                // The default is the error on validation rows.
+                None => !has_rows,
+            },
+        };
+        if !is_possible {
             fault(
-                "needs given terms: the criteria that choose terms are of squared errors",
-                "use `select = { method = \"fixed\", ... }`; least squares may choose the terms on rows without outliers",
+                "needs given terms, or a search by \"k-fold\" or \"aicc\", which weights the rows: the other criteria are of squared errors of all rows",
+                "use `select = { method = \"fixed\", ... }`, or \"stepwise\", \"best-subset\" or \"lasso\" with `criterion = \"k-fold\"`",
             );
         }
         if !response.constraints.is_empty() {
             fault("cannot be combined with `constraints`, which are proved for squared errors", "remove one of them");
         }
-        let is_periodic = |name: &String| specification.input(name).is_some_and(|input| input.period.is_some());
-        let searches_waves = response.forms.is_none() && response.surface.inputs.iter().any(is_periodic);
-        let searches = response.forms.iter().flatten().any(|form| *form != Form::Polynomial);
-        if searches || searches_waves {
+        if searches_forms(specification, response) {
             fault(
                 "cannot be combined with a search of sigmoids or waves, which compares squared errors",
                 "use `forms = [\"polynomial\"]`, and give `sigmoids` or `waves` if they are known",
             );
         }
     }
+}
+
+/// Autoregressive errors need terms that are given, or chosen by AICc, which is a function of whitened sums.
+fn check_noise(specification: &Specification, faults: &mut Collector) {
+    if !specification.series.is_empty() && !specification.has_series() {
+        let fault = specification.fault("series", "`series` is for responses with `noise`, and no response has it");
+        faults.push(fault.help("rows that must stay together in a split: `keep_together`"));
+    }
+    for response in specification.responses.iter().filter(|response| response.noise.is_some()) {
+        let name = &response.surface.name;
+        let mut fault = |what: &str, help: &str| {
+            let what = format!("response `{name}`: `noise`: autoregressive errors {what}");
+            faults.push(specification.fault(&format!("responses.{name}.noise"), what).help(help));
+        };
+        let is_possible = match &response.method {
+            Method::Fixed(_) | Method::FixedOrder(_) => true,
+            Method::Ladder { .. } => false,
+            Method::Search(search) => search.criterion == Some(Criterion::Aicc) && search.by != SearchBy::Lasso,
+        };
+        if !is_possible {
+            fault(
+                "need given terms, or a choice by AICc of whitened rows: the other criteria take the rows as independent",
+                "use `select = { method = \"fixed\", ... }`, or \"stepwise\" or \"best-subset\" with `criterion = \"aicc\"`",
+            );
+        }
+        if !response.constraints.is_empty() {
+            fault("cannot be combined with `constraints`, whose cost is that of independent rows", "remove one of them");
+        }
+        if response.loss != Loss::LeastSquares {
+            fault("cannot be combined with a robust `loss`, whose weights take the rows as independent", "remove one of them");
+        }
+        if searches_forms(specification, response) {
+            fault(
+                "cannot be combined with a search of sigmoids or waves, which compares errors of independent rows",
+                "use `forms = [\"polynomial\"]`, and give `sigmoids` or `waves` if they are known",
+            );
+        }
+    }
+}
+
+/// Whether the data choose sigmoids or waves, for a method that does not try them by itself.
+fn searches_forms(specification: &Specification, response: &ResponseSpec) -> bool {
+    let is_periodic = |name: &String| specification.input(name).is_some_and(|input| input.period.is_some());
+    let searches_waves = response.forms.is_none() && response.surface.inputs.iter().any(is_periodic);
+    response.forms.iter().flatten().any(|form| *form != Form::Polynomial) || searches_waves
 }
 
 fn check_search(specification: &Specification, response: &ResponseSpec, search: &Search, faults: &mut Collector) {

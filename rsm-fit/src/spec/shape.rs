@@ -10,7 +10,7 @@ use rsm_core::source::Collector;
 use rsm_core::toml_reader::{TableReader, Value, describe};
 use toml::de::DeValue;
 
-use super::{Form, Loss, Method, ResponseSpec, Specification, SplineSpec};
+use super::{Form, Loss, Method, NoiseOrder, ResponseSpec, Specification, SplineSpec};
 
 /// The default number of half-spaces of a support: those of a box and of four cut corners.
 pub(crate) const FACES: usize = 8;
@@ -181,6 +181,48 @@ pub(super) fn read_forms(
     Some(Some(forms))
 }
 
+/// Reads `noise`. `Some(None)` if absent.
+pub(super) fn read_noise(
+    path: &str,
+    reader: &mut TableReader<'_>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<Option<NoiseOrder>> {
+    let Some(value) = reader.optional("noise") else { return Some(None) };
+    let span = value.span();
+    places.note(format!("{path}.noise"), span.clone());
+    match value.get_ref() {
+        DeValue::String(word) if word == "autoregressive" => Some(Some(NoiseOrder::DEFAULT)),
+        DeValue::Table(_) => {
+            let mut table = TableReader::of(reader.source(), value, format!("{}: `noise`", reader.who()), faults)?;
+            let mut whole = |key: &'static str, least: i64| {
+                table.optional(key).map(|value| {
+                    let found = table.whole(&format!("`{key}`"), value, least, NoiseOrder::MOST as i64, faults);
+                    found.and_then(|found| usize::try_from(found).ok())
+                })
+            };
+            let (order, most) = (whole("order", 1), whole("max_order", 1));
+            table.finish(faults);
+            match (order, most) {
+                (Some(order), None) => order.map(|order| Some(NoiseOrder::Given(order))),
+                (None, Some(most)) => most.map(|most| Some(NoiseOrder::UpTo(most))),
+                _ => {
+                    faults.push(reader.fault(span, "`noise`: expected one of `order` and `max_order`"));
+                    None
+                }
+            }
+        }
+        other => {
+            let what = format!(
+                "`noise`: found {}, expected \"autoregressive\", {{ order = 2 }} or {{ max_order = 8 }}",
+                describe(other)
+            );
+            faults.push(reader.fault(span, what));
+            None
+        }
+    }
+}
+
 /// Reads `spline`. `Some(None)` if absent.
 pub(super) fn read_spline(
     path: &str,
@@ -231,6 +273,7 @@ fn check_spline(specification: &Specification, response: &ResponseSpec, faults: 
         ("coding", surface.coding != Coding::default()),
         ("constraints", !response.constraints.is_empty()),
         ("loss", response.loss != Loss::LeastSquares),
+        ("noise", response.noise.is_some()),
         ("forms", response.spline.is_some() && response.forms.is_some()),
     ];
     for (other, _) in others.iter().filter(|(_, is_there)| *is_there) {

@@ -1,6 +1,7 @@
 //! Tests of the fitter through its public interface, in one binary: each additional one would link everything again.
 
 mod analysis;
+mod autoregressive;
 mod constrained;
 mod constraint_family;
 mod constraints;

@@ -1,11 +1,12 @@
 //! Fits of parts: a merge has the digits of one fit, within the bound that it computes, and the same bits in any order; bad parts are refused.
 
+use std::io::Write as _;
 use std::path::Path;
 
 use rsm_core::model_file;
 use rsm_core::source::Source;
 use rsm_fit::fit::{Outcome, fit_sources};
-use rsm_fit::partial::{Merged, Part, merge, of_sources};
+use rsm_fit::partial::{Merged, Part, combine, merge, of_files, of_sources};
 use rsm_fit::random::Random;
 use rsm_fit::statistics::ResponseStatistics;
 use serde_json::Value;
@@ -185,6 +186,65 @@ fn a_merge_has_the_figures_of_one_fit_and_the_same_bits_in_any_order() {
     assert_eq!(found.outcome.files.iter().map(|file| file.rows).sum::<usize>(), 300);
     let evidence = &found.outcome.model.surfaces[0].evidence;
     assert!(evidence.iter().any(|(name, value)| name == "parts" && *value == rsm_core::model::Evidence::Whole(5)));
+}
+
+#[test]
+fn parts_of_parts_have_the_figures_of_all_parts() {
+    let (csv, text) = (table(), head(BOTH));
+    let shards = shards(&csv, 6, true);
+    let all = parts(&text, &shards);
+    let mut groups = all.into_iter();
+    let mut next = |count: usize| combine(groups.by_ref().take(count).collect()).unwrap();
+    let (one, two, three) = (next(3), next(2), next(1));
+    let read = |part: &Part| Part::read(&Source::new("p.rsm", part.write())).unwrap();
+    let found = merge(vec![read(&three), read(&combine(vec![one, two]).unwrap())]).unwrap();
+    let expected = single(&text, &csv);
+    assert!(against_bound(&found, &expected) <= 1.0, "{}", against_bound(&found, &expected));
+    let (own, whole) = (figures(&found.outcome, 0), figures(&expected, 0));
+    // Weights are divided by their mean in f64 by one fit, with an error of 2^-53 for each row.
+    assert!(own.rows == whole.rows && is_near(own.residual_sd, whole.residual_sd, 300.0 * f64::EPSILON));
+    assert_eq!(found.outcome.left_out[0][0].rows, expected.left_out[0][0].rows);
+    assert_eq!(found.outcome.files.len(), 6);
+    // A shard in two parts.
+    let again = parts(&text, &shards[..2]);
+    let refused =
+        combine(again.into_iter().chain([three]).chain(parts(&text, &shards[..1])).collect()).unwrap_err().to_string();
+    assert!(refused.contains("is the same part as"), "{refused}");
+}
+
+/// Some MB, so that the file is read in several blocks; a comment and a quoted cell with an end of line within.
+#[test]
+fn a_file_in_blocks_has_the_part_of_the_whole_text() {
+    let mut random = Random::new(9);
+    let mut csv = "# bench 3\na[m],note,b[s],y[V],z[N],sigma\n".to_string();
+    for row in 0..40_000 {
+        let (a, b) = (10.0 * random.share(), 2.0 * random.share() - 1.0);
+        let y = if row % 9001 == 4000 { String::new() } else { (3.0 + a * b).to_string() };
+        let note = if row % 977 == 0 { "\"cold,\nthen \"\"warm\"\"\"" } else { "x" };
+        csv += &format!("{a},{note},{b},{y},{},{}\n", 1e3 - b, 0.1 + random.share());
+    }
+    let folder = std::env::temp_dir().join(format!("rsm-blocks-{}", std::process::id()));
+    std::fs::create_dir_all(folder.join("packed")).unwrap();
+    let specification = specification(&head(BOTH), &folder);
+    let plain = folder.join("data.csv");
+    std::fs::write(&plain, &csv).unwrap();
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(csv.as_bytes()).unwrap();
+    let packed = folder.join("packed").join("data.csv");
+    std::fs::write(&packed, encoder.finish().unwrap()).unwrap();
+    let expected = of_sources(&specification, &[Source::new("data.csv", csv.clone())]).unwrap().write();
+    assert!(csv.len() > 3 << 20 && expected.contains("rows = 40000") && expected.contains("cells = 4"), "{}", csv.len());
+    for path in [&plain, &packed] {
+        assert_eq!(of_files(&specification, &[path], &mut |_| {}).unwrap().write(), expected, "{}", path.display());
+    }
+    // The file of the specification, and the whole fit of a compressed file.
+    assert_eq!(of_files(&specification, &[] as &[&Path], &mut |_| {}).unwrap().write(), expected);
+    // A fault far down has its line.
+    let line = csv.lines().count();
+    std::fs::write(&plain, format!("{csv}1,x,2,3,four,5\n")).unwrap();
+    let refused = of_files(&specification, &[&plain], &mut |_| {}).unwrap_err().to_string();
+    assert!(refused.contains(&format!("data.csv:{}: column 5 `z`: found `four`", line + 1)), "{refused}");
+    std::fs::remove_dir_all(&folder).unwrap();
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use rsm_core::model::Coding;
 use rsm_fit::random::Random;
-use rsm_fit::spec::Loss;
+use rsm_fit::spec::{Criterion, Direction, Form, Loss, Search, SearchBy};
 use rsm_fit::statistics::ResponseStatistics;
 use rsm_fit::{Fit, Input, Outcome, Response, Select};
 
@@ -189,5 +189,131 @@ fn contaminated_surfaces_keep_a_small_error() {
         // Wrong rows of 25 in the mean, a tenth of all, shift a surface of squares by 2.5 and scatter it by about as much; they shift a robust one by
         // 0.2, and the noise alone gives 0.3. So the ratio is about 0.4/3. The bounds: twice that in the median, four times in the worst of thirty.
         assert!(own[15] < 0.25 && own[29] < 0.5, "{own:?}");
+    }
+}
+
+/// A surface of two inputs with five terms among the 15 of order 4, its rows with noise of 1, and a share of wrong rows.
+struct Family {
+    x: Vec<[f64; 2]>,
+    y: Vec<f64>,
+    is_wrong: Vec<bool>,
+    truth: Vec<([u32; 2], f64)>,
+}
+
+fn family(seed: u64, rows: usize, wrong: f64) -> Family {
+    let mut random = Random::new(seed);
+    let x: Vec<[f64; 2]> = (0..rows).map(|_| [2.0 * random.share() - 1.0, 2.0 * random.share() - 1.0]).collect();
+    let all: Vec<[u32; 2]> = (0..=4).flat_map(|order| (0..=order).map(move |k| [order - k, k])).collect();
+    let mut others = all[1..].to_vec();
+    random.shuffle(&mut others);
+    let mut truth = vec![([0, 0], 10.0)];
+    // Effects of 3 to 6 noises, so that a fit of clean rows finds nearly all of them.
+    truth.extend(
+        others[..4]
+            .iter()
+            .map(|powers| (*powers, (3.0 + 3.0 * random.share()) * if random.share() < 0.5 { -1.0 } else { 1.0 })),
+    );
+    let value =
+        |[a, b]: [f64; 2]| truth.iter().map(|(powers, c)| c * a.powi(powers[0] as i32) * b.powi(powers[1] as i32)).sum::<f64>();
+    let mut is_wrong: Vec<bool> = (0..rows).map(|row| (row as f64) < wrong * rows as f64).collect();
+    random.shuffle(&mut is_wrong);
+    let y = x.iter().zip(&is_wrong).map(|(x, is_wrong)| {
+        // Wrong by 10 to 40 noises, mostly to one side.
+        let by = if *is_wrong { (10.0 + 30.0 * random.share()) * if random.share() < 0.8 { 1.0 } else { -1.0 } } else { 0.0 };
+        value(*x) + random.normal() + by
+    });
+    let y = y.collect();
+    Family { x, y, is_wrong, truth }
+}
+
+impl Family {
+    fn clean(&self) -> Family {
+        let kept: Vec<usize> = (0..self.y.len()).filter(|row| !self.is_wrong[*row]).collect();
+        let (x, y) = (kept.iter().map(|row| self.x[*row]).collect(), kept.iter().map(|row| self.y[*row]).collect());
+        Family { x, y, is_wrong: vec![false; kept.len()], truth: self.truth.clone() }
+    }
+
+    fn fit(&self, loss: Loss, search: Search) -> ResponseStatistics {
+        let inputs =
+            [0, 1].map(|k| Input::new(["a", "b"][k], self.x.iter().map(|x| x[k]).collect::<Vec<f64>>()).range([-1.0, 1.0]));
+        let response = Response::new("y", &self.y).loss(loss).select(Select::search(search)).forms([Form::Polynomial]);
+        Fit::new(inputs, response).fit().unwrap().statistics("y").unwrap().clone()
+    }
+
+    /// The root mean square difference to the truth on a grid, and the numbers of needless and of absent terms.
+    fn judged(&self, found: &ResponseStatistics) -> (f64, usize, usize) {
+        let at = |[a, b]: [f64; 2], powers: &[u32]| a.powi(powers[0] as i32) * b.powi(powers[1] as i32);
+        let error = |x: [f64; 2]| {
+            let truth: f64 = self.truth.iter().map(|(powers, c)| c * at(x, powers)).sum();
+            found.terms.iter().map(|term| term.coefficient * at(x, &term.powers)).sum::<f64>() - truth
+        };
+        let grid = (0..441).map(|k| [f64::from(k % 21) / 10.0 - 1.0, f64::from(k / 21) / 10.0 - 1.0]);
+        let square: f64 = grid.map(|x| error(x).powi(2)).sum();
+        let is_true = |powers: &[u32]| self.truth.iter().any(|(known, _)| known[..] == *powers);
+        let needless = found.terms.iter().filter(|term| !is_true(&term.powers)).count();
+        let absent = self.truth.len() + needless - found.terms.len();
+        ((square / 441.0).sqrt(), needless, absent)
+    }
+}
+
+#[test]
+fn terms_are_chosen_as_on_rows_without_the_wrong_ones() {
+    let searches = [
+        ("stepwise, k-fold", SearchBy::Stepwise(Direction::Both), Criterion::KFold),
+        ("stepwise, aicc", SearchBy::Stepwise(Direction::Both), Criterion::Aicc),
+        ("lasso, k-fold", SearchBy::Lasso, Criterion::KFold),
+    ];
+    for (name, by, criterion) in searches {
+        let search = Search { criterion: Some(criterion), ..Search::new(by, 4) };
+        let mut figures: Vec<(&str, Vec<f64>, usize, usize)> =
+            ["clean, least squares", "least squares", "huber", "l1"].map(|who| (who, Vec::new(), 0, 0)).to_vec();
+        let surfaces = 20;
+        for seed in 0..surfaces {
+            let family = family(seed, 200, 0.05);
+            let clean = family.clean();
+            let fits = [
+                clean.fit(Loss::LeastSquares, search),
+                family.fit(Loss::LeastSquares, search),
+                family.fit(Loss::Huber, search),
+                family.fit(Loss::L1, search),
+            ];
+            for ((_, errors, needless, absent), found) in figures.iter_mut().zip(&fits) {
+                let (error, more, fewer) = family.judged(found);
+                errors.push(error);
+                *needless += more;
+                *absent += fewer;
+            }
+            // The wrong rows are named, and the report says how the terms were chosen.
+            let huber = &fits[2];
+            assert!(
+                huber.selection.is_some() && huber.rows_used.terms.ends_with("with the weights of a robust fit"),
+                "{:?}",
+                huber.rows_used
+            );
+            let listed: Vec<usize> = huber.loss.as_ref().unwrap().low_weight.iter().map(|row| row.row - 1).collect();
+            assert!((0..200).filter(|row| family.is_wrong[*row]).all(|row| listed.contains(&row)), "{seed}");
+        }
+        let median = |errors: &Vec<f64>| {
+            let mut sorted = errors.clone();
+            sorted.sort_by(f64::total_cmp);
+            sorted[sorted.len() / 2]
+        };
+        for (who, errors, needless, absent) in &figures {
+            println!(
+                "{name}, {who}: error {:.3}, {needless} needless and {absent} absent terms of {surfaces} surfaces",
+                median(errors)
+            );
+        }
+        let [clean, least, huber, l1] = [0, 1, 2, 3].map(|k| median(&figures[k].1));
+        // Huber's loss has 95 % of the efficiency of least squares on clean rows, which also are 5 % fewer, but wrong rows are to one side and pull by
+        // k scales each. Least absolute errors have 64 %: errors 25 % larger. Measured: up to 1.07 and 1.17 times those on clean rows.
+        assert!(huber < 1.2 * clean && l1 < 1.4 * clean, "{name}: {clean} {huber} {l1}");
+        assert!(huber < 0.3 * least && l1 < 0.3 * least, "{name}: {least} {huber} {l1}");
+        // All true terms, and as many needless ones as on clean rows: some twenty to ninety, whose difference has a standard deviation of about 5.
+        for k in [2, 3] {
+            assert_eq!((figures[k].3, figures[0].3), (0, 0), "{name}");
+            assert!(figures[k].2 <= figures[0].2 + 12, "{name}");
+        }
+        assert!(figures[1].3 > 20, "{name}");
     }
 }

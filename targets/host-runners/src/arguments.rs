@@ -2,6 +2,7 @@
 //!
 //! In: `--seconds N`, `--rate HZ`, `--json`. Out: settings of a loop, or what was found and what is accepted. Exit status 2 for bad usage.
 
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use host_loop::Settings;
@@ -56,11 +57,12 @@ pub fn main(run: impl FnOnce(&Settings) -> (String, String)) -> ExitCode {
     match parse(std::env::args().skip(1)) {
         Ok(Arguments { settings, json }) => {
             let (text, object) = run(&settings);
-            println!("{}", if json { object } else { text });
+            // A reader that closes the stream early changes no status.
+            let _ = writeln!(std::io::stdout(), "{}", if json { object } else { text });
             ExitCode::SUCCESS
         }
         Err(fault) => {
-            eprintln!("{fault}");
+            let _ = writeln!(std::io::stderr(), "{fault}");
             ExitCode::from(2)
         }
     }

@@ -25,7 +25,7 @@
 //! assert!(torn < 0.9 && torn > 0.2 && state.bad.all == 1);              // a torn wire: the last good pedal is held
 //! ```
 //!
-//! [`published`] is the damping surface of the paper, (32).
+//! [`wear`] lets the damping surface follow a car that wears. [`published`] is the damping surface of the paper, (32).
 #![no_std]
 // Denied, not forbidden: on a host the emitted evaluators clamp with SSE instructions, which are `unsafe` functions in Rust. There is no other unsafe
 // code.
@@ -34,6 +34,7 @@
 pub mod published;
 pub mod raw;
 mod step;
+pub mod wear;
 
 pub use branch_free::BadSamples;
 pub use step::{

@@ -3,3 +3,4 @@
 mod published;
 mod raw;
 mod step;
+mod wear;
