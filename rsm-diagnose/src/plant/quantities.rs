@@ -118,9 +118,11 @@ pub fn quantities(
                 list.add(&named("direction of drive"), "", sign(["driven backward", "driven forward"]), values);
                 list.add(&named("flow of power"), "", sign(["braking", "driving"]), power);
             }
-            (SiteKind::Vehicle, "road_speed") => list.add("road speed", unit, or_rest, values),
-            (SiteKind::Vehicle, "acceleration") => {
-                list.add(&named("direction of force"), "", sign(["slowing down", "speeding up"]), values);
+            (SiteKind::Vehicle, "road_speed") => {
+                let rates = values.iter().zip(&whitened.records).map(|(it, prepared)| speed_of(it, prepared.record.period));
+                let force = sign(["slowing down", "speeding up"]);
+                list.add(&named("direction of force"), "", force, rates.collect());
+                list.add("road speed", unit, or_rest, values);
             }
             (SiteKind::Winding, "currents") => list.add(&named("current"), unit, by_size, values),
             (SiteKind::Winding, "voltages") => list.add(&named("voltage"), unit, by_size, values),
@@ -237,8 +239,8 @@ impl Quantity {
             }
             Division::Size { .. } | Division::Value => {
                 let is_size = self.division != Division::Value;
-                let bounds = self.bounds(&all);
-                let names = names(&self.name, &self.unit, &bounds, self.division == Division::Size { rests: true });
+                let (bounds, has_rest) = self.bounds(&all);
+                let names = names(&self.name, &self.unit, &bounds, has_rest);
                 (names, Box::new(move |value| place(if is_size { value.abs() } else { value }, &bounds)))
             }
         };
@@ -253,16 +255,17 @@ impl Quantity {
         })
     }
 
-    /// The bounds between classes, rounded to two significant digits.
-    fn bounds(&self, all: &[f64]) -> Vec<f64> {
+    /// The bounds between classes, rounded to two significant digits, and whether the first class is that of rest.
+    fn bounds(&self, all: &[f64]) -> (Vec<f64>, bool) {
         let is_size = matches!(self.division, Division::Size { .. });
         let mut values: Vec<f64> = all.iter().map(|value| if is_size { value.abs() } else { *value }).collect();
         values.sort_by(f64::total_cmp);
         let mut bounds = Vec::new();
-        let (Some(first), Some(last)) = (values.first().copied(), values.last().copied()) else { return bounds };
+        let mut has_rest = false;
+        let (Some(first), Some(last)) = (values.first().copied(), values.last().copied()) else { return (bounds, has_rest) };
         // All values are equal, within the accuracy of a simulation.
         if last - first <= 1e-6 * last.abs().max(first.abs()) {
-            return bounds;
+            return (bounds, has_rest);
         }
         let mut moving = values.as_slice();
         if self.division == (Division::Size { rests: true }) {
@@ -270,6 +273,7 @@ impl Quantity {
             let at = values.partition_point(|value| *value < rest);
             if at as f64 > FEWEST * values.len() as f64 {
                 bounds.push(rest);
+                has_rest = true;
                 moving = &values[at..];
             }
         }
@@ -279,7 +283,7 @@ impl Quantity {
                 bounds.push(bound);
             }
         }
-        bounds
+        (bounds, has_rest)
     }
 }
 
@@ -330,6 +334,12 @@ mod tests {
         ];
         assert_eq!(classes.names, expected);
         assert_eq!([14, 15, 109, 110, 199, 200].map(|row: usize| classes.of[0][row]), [0, 1, 1, 2, 2, 3]);
+    }
+
+    #[test]
+    fn a_plant_that_never_rests_has_no_class_of_rest() {
+        let classes = quantity((100..=400).map(f64::from).collect(), Division::Size { rests: true }).classes().unwrap();
+        assert_eq!(classes.names[0], "speed below 200 rad/s");
     }
 
     #[test]

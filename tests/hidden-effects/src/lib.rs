@@ -22,6 +22,7 @@ pub mod folder;
 pub mod judge;
 pub mod motor;
 pub mod outside;
+mod plans;
 pub mod plant;
 pub mod random;
 pub mod reliability;
