@@ -186,13 +186,16 @@ pub(crate) struct Settable {
     pub(crate) bound: Bound,
 }
 
+/// The places of a name and of its value.
+type Places = (Range<usize>, Range<usize>);
+
 /// The table as it was read, before its names are compared with the plant.
 pub(crate) struct Unchecked {
     configurations: Configurations,
     /// The names under `differ`, with their places.
     differ: Vec<(String, Range<usize>)>,
     /// The place of each parameter and of each tolerance of each configuration.
-    places: Vec<[Vec<(Range<usize>, Range<usize>)>; 2]>,
+    places: Vec<[Vec<Places>; 2]>,
     span: Range<usize>,
 }
 

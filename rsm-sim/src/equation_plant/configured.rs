@@ -71,7 +71,7 @@ pub(super) fn tolerances(kind: &'static Described, common: &[Named]) -> Vec<Name
 
 /// The entries of an effect of a plant file. The error of a parameter with values by configuration is an error of the parameters of these
 /// configurations.
-pub(super) fn entries(kind: &'static Described, entry: Entry) -> Vec<Entry> {
+pub(super) fn entries(kind: &'static Described, entry: &Entry) -> Vec<Entry> {
     let subject = entry.arguments.subject.clone().unwrap_or_default();
     let is_value = entry.description.subject == Subject::Parameter && entry.description.at.is_none();
     let parameter = |configuration: &str| {
@@ -82,7 +82,7 @@ pub(super) fn entries(kind: &'static Described, entry: Entry) -> Vec<Entry> {
     let mut rest = entry.clone();
     rest.arguments.numbers.retain(|(name, value)| {
         let Some((number, its)) = parts(name).filter(|_| is_value) else { return true };
-        let Some((parameter, number)) = parameter(its).zip(own_name(&entry, number)) else { return true };
+        let Some((parameter, number)) = parameter(its).zip(own_name(entry, number)) else { return true };
         let arguments =
             Arguments { subject: Some(parameter.to_string()), numbers: vec![(number, *value)], ..entry.arguments.clone() };
         list.push(Entry { description: entry.description, arguments });

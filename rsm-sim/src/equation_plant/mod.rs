@@ -141,7 +141,7 @@ pub fn read_with(
         columns: columns.collect(),
     };
     for (entry, at) in entries.iter().zip(&at) {
-        plant_file.effects.extend(configured::entries(kind, placed(kind, entry, at, source)?));
+        plant_file.effects.extend(configured::entries(kind, &placed(kind, entry, at, source)?));
     }
     Ok(plant_file)
 }
@@ -366,13 +366,12 @@ fn placed(kind: &'static Described, entry: &equations::Entry, at: &str, source: 
         let what = format!("the effect `{}` stands at `{at}`, which a diagnosis does not vary", entry.kind);
         return Err(Faults::one(Fault::whole_file(source.name(), what)));
     };
-    let numbers = description.arguments.iter().filter_map(|argument| {
+    let numbers = description.arguments.iter().flat_map(|argument| {
         // Numbers by configuration stay together.
         let given = entry.numbers.iter().filter(|it| configurations::without(&it.name) == argument.name);
         let named = |it: &NamedValue| (if it.name == argument.name { argument.name } else { kept(&it.name) }, it.value);
-        Some(given.map(named).collect::<Vec<_>>())
+        given.map(named).collect::<Vec<_>>()
     });
-    let numbers = numbers.flatten();
     let subject = (description.subject != Subject::None).then(|| at.to_string());
     Ok(Entry { description, arguments: Arguments { plant: PlantKind(kind), subject, numbers: numbers.collect() } })
 }

@@ -211,7 +211,7 @@ fn entries(kind: PlantKind, top: &mut TableReader<'_>, faults: &mut Collector) -
             );
             faults.push(top.source().fault(item.span(), what));
         }
-        found.extend(configured::entries(kind.0, entry));
+        found.extend(configured::entries(kind.0, &entry));
     }
     found
 }

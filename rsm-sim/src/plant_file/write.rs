@@ -193,7 +193,8 @@ pub(crate) fn configurations(text: &mut String, file: &PlantFile) {
         let tolerances = file.tolerance.iter().filter_map(|(name, value)| own(name).map(|name| (name, *value)));
         for (key, list) in [("parameters", values.collect::<Vec<_>>()), ("tolerance", tolerances.collect())] {
             if !list.is_empty() {
-                let each: Vec<String> = list.iter().map(|(name, value)| format!("\"{name}\" = {}", decimal(*value))).collect();
+                let each: Vec<String> =
+                    list.iter().map(|(name, value)| format!("{} = {}", toml_key(name), decimal(*value))).collect();
                 let _ = writeln!(text, "{key} = {{ {} }}", each.join(", "));
             }
         }
@@ -221,8 +222,13 @@ fn table(text: &mut String, name: &str, values: &[Named]) {
     }
     let _ = write!(text, "\n[{name}]\n");
     for (key, value) in values {
-        let _ = writeln!(text, "{key} = {}", decimal(*value));
+        let _ = writeln!(text, "{} = {}", toml_key(key), decimal(*value));
     }
+}
+
+/// A name as a TOML key: the name of an element of an array has brackets.
+fn toml_key(name: &str) -> String {
+    if name.contains('[') { quoted(name) } else { name.to_string() }
 }
 
 /// A TOML string: quotes, backslashes and control characters are escaped.

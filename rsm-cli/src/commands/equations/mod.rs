@@ -56,7 +56,10 @@ pub fn file(path: &Path, effects: Option<&Path>) -> Result<EquationFile, Refusal
 
 /// The plant in a configuration of its file, if one is named.
 pub fn in_configuration(file: EquationFile, configuration: Option<&str>) -> Result<EquationFile, Refusal> {
-    Ok(configuration.map_or(Ok(file.clone()), |name| file.in_configuration(name))?)
+    match configuration {
+        Some(name) => Ok(file.in_configuration(name)?),
+        None => Ok(file),
+    }
 }
 
 /// Refuses a plant with several configurations if none is chosen.
