@@ -91,8 +91,8 @@ pub(crate) fn least_rows(terms: usize, order: usize) -> usize {
     terms + order + 3
 }
 
-/// Estimates the noise of all terms of a design. `start`: partial autocorrelations near the result, for a given order. Linearly dependent terms are an
-/// outcome.
+/// Estimates the noise of all terms of a design. `start`: partial autocorrelations near the result, for a given order. Linearly dependent terms are
+/// an outcome.
 pub(crate) fn estimate(
     design: &Design,
     fit: Observations<'_>,
