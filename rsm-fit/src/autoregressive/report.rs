@@ -8,8 +8,8 @@ use serde::Serialize;
 use super::{Estimate, autocovariances};
 use crate::sequence::Sequence;
 
-/// A random walk has the sum 1 of phi. It is excluded if the sum is below 1 by this number of standard errors (Dickey, Fuller 1979, with a constant: 5
-/// % for 100 rows).
+/// A random walk has the sum 1 of phi. It is excluded if the sum is below 1 by this number of standard errors (Dickey, Fuller 1979, with a constant:
+/// 5 % for 100 rows).
 const EXCLUDED: f64 = 2.89;
 
 /// Autoregressive noise, for `rsm fit --json`.

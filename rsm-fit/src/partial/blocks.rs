@@ -1,8 +1,8 @@
 //! Reads a CSV block by block.
 //!
-//! In: the text of a file. Out: its text in blocks of whole rows, each with the header of the file above it, so that a block is read like a file; the SHA-256 of
-//! the text. The memory does not depend on the size of the file. Parses no number. A file that is read in blocks and has a fault is read again as a
-//! whole by the caller, whose messages then have the lines of the file.
+//! In: the text of a file. Out: its text in blocks of whole rows, each with the header of the file above it, so that a block is read like a file; the
+//! SHA-256 of the text. The memory does not depend on the size of the file. Parses no number. A file that is read in blocks and has a fault is read
+//! again as a whole by the caller, whose messages then have the lines of the file.
 
 use std::io::Read;
 

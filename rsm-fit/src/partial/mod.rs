@@ -6,9 +6,10 @@
 //! ```
 //!
 //! In: a specification and some of the rows. Out: a [`Part`]: for each response the triangle of all candidates (`qr.rs`), counts, sums of weights,
-//! ranges, and the text of the specification. Files are read block by block (`blocks.rs`). [`merge`] stacks the triangles and solves once. A part holds no rows, so that figures of single rows
-//! do not exist after a merge. What needs rows to choose terms is refused when the first part is made (`rules.rs`). The order of the parts does not
-//! change a bit of the result. Other shards of the same rows change coefficients by less than a bound that is computed (`bound.rs`).
+//! ranges, and the text of the specification. Files are read block by block (`blocks.rs`). [`merge`] stacks the triangles and solves once. A part
+//! holds no rows, so that figures of single rows do not exist after a merge. What needs rows to choose terms is refused when the first part is made
+//! (`rules.rs`). The order of the parts does not change a bit of the result. Other shards of the same rows change coefficients by less than a bound
+//! that is computed (`bound.rs`).
 //!
 //! ```
 //! use rsm_core::source::Source;
@@ -28,6 +29,7 @@ mod blocks;
 mod bound;
 mod file;
 mod merge;
+mod parquet;
 mod rules;
 
 use std::path::Path;
@@ -119,10 +121,18 @@ pub fn of_files(
     let in_blocks = |file: &String| std::fs::metadata(path_of(file)).is_ok_and(|found| found.is_file());
     if files.iter().all(in_blocks) {
         let mut builder = Builder::new(specification);
+        let mut refused: Option<Faults> = None;
         let all = files.iter().all(|file| {
             progress(Progress::Reading { file });
-            builder.read(file, &path_of(file)).is_some()
+            let path = path_of(file);
+            if parquet::is_parquet(&path) {
+                return builder.read_parquet(file, &path).inspect_err(|faults| refused = Some(faults.clone())).is_ok();
+            }
+            builder.read(file, &path).is_some()
         });
+        if let Some(faults) = refused {
+            return Err(faults.into());
+        }
         // A fault is found again below, with its line in the file and beside all others.
         if let Some(part) = all.then(|| builder.finish().ok()).flatten() {
             return Ok(part);
@@ -246,6 +256,24 @@ impl<'a> Builder<'a> {
         }
         self.files.push(DataFile { name, sha256: blocks.sha256(), rows });
         (rows > 0).then_some(())
+    }
+
+    /// Adds a Parquet file in batches of rows.
+    fn read_parquet(&mut self, file: &str, path: &Path) -> Result<(), Faults> {
+        let wanted = Records::wanted(self.specification, Rows::ToFit);
+        let name = short(file);
+        let rows = parquet::read(&name, path, &wanted, &mut |table| {
+            let mut records = Records::without_rows(self.specification, &wanted);
+            let rows = records.add(self.specification, table, Rows::ToFit, &mut self.units)?;
+            records.files = vec![DataFile { name: name.clone(), sha256: String::new(), rows }];
+            self.add(records)
+        })?;
+        if rows == 0 {
+            return Err(Faults::one(Fault::whole_file(&name, "there is no row")));
+        }
+        let sha256 = compressed::hash(path)?;
+        self.files.push(DataFile { name, sha256, rows });
+        Ok(())
     }
 
     fn add(&mut self, mut records: Records) -> Result<(), Faults> {

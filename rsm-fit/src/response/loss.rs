@@ -1,7 +1,7 @@
 //! The fit of a response with a robust loss.
 //!
-//! In: the rows of a response. Out: its outcome. Terms are given, or searched on rows whose weights bound the influence of wrong rows; then the loss is
-//! minimised on them. Figures that are defined for squared errors only do not exist, and a sentence says so.
+//! In: the rows of a response. Out: its outcome. Terms are given, or searched on rows whose weights bound the influence of wrong rows; then the loss
+//! is minimised on them. Figures that are defined for squared errors only do not exist, and a sentence says so.
 
 use rsm_core::model::Surface;
 use rsm_core::source::Faults;
@@ -211,8 +211,8 @@ impl Task<'_> {
 }
 
 /// The weights of rows for a search, with a mean of 1: those of the rows, times 1 up to [`FAR`] scales and (FAR scales/error)^4 beyond. Normal errors
-/// keep their weights, so the choice on clean rows is that of least squares; the square of a weighted error falls beyond the limit, so that a wrong row
-/// counts little in every sum of squares.
+/// keep their weights, so the choice on clean rows is that of least squares; the square of a weighted error falls beyond the limit, so that a wrong
+/// row counts little in every sum of squares.
 fn weighted(rows: &Sample, found: &Robust) -> Vec<f64> {
     let own = |row: usize| rows.weights.get(row).copied().unwrap_or(1.0);
     let limit = FAR * found.scale;

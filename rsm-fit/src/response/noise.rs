@@ -1,7 +1,7 @@
 //! The fit of a response with autoregressive errors.
 //!
-//! In: the rows of a response, in series. Out: its outcome. Terms are given, or chosen by AICc of whitened rows, in turns with the noise. Figures that
-//! need independent rows do not exist; errors on new rows are those of whole series, or of blocks of consecutive rows.
+//! In: the rows of a response, in series. Out: its outcome. Terms are given, or chosen by AICc of whitened rows, in turns with the noise. Figures
+//! that need independent rows do not exist; errors on new rows are those of whole series, or of blocks of consecutive rows.
 
 use rsm_core::model::Surface;
 use rsm_core::source::Faults;

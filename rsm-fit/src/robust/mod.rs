@@ -1,7 +1,8 @@
 //! Robust fits of given terms: Huber's loss, and least absolute errors.
 //!
 //! In: the terms, the rows, a loss. Out: coefficients in double-double, the scale of the errors, the rows with low weight, standard errors where a
-//! formula gives them. With weights w the error of a row is sqrt(w) (y - yhat). Chooses no terms: `response/loss.rs` does, with the weights of such fits.
+//! formula gives them. With weights w the error of a row is sqrt(w) (y - yhat). Chooses no terms: `response/loss.rs` does, with the weights of such
+//! fits.
 //!
 //! ```text
 //! scale     s = median |error|/0.6745: the standard deviation of normal errors

@@ -124,8 +124,8 @@ fn the_fit_is_dense_generalised_least_squares_and_the_noise_most_likely() {
         near(found.terms.iter().map(|term| term.standard_error.unwrap()), &exact.standard_errors, 1e-10);
         let half = found.terms[1].standard_error.unwrap() * 1.980_447_6; // Student's t with 117 degrees of freedom
         near(noise.intervals[1].into_iter(), &[exact.coefficients[1] - half, exact.coefficients[1] + half], 1e-6);
-        // No noise beside it is more likely. A change of 0.001 lowers twice the likelihood by 0.0001 or more, since a standard error is about 0.1; the
-        // search ends within 10^-6.
+        // No noise beside it is more likely. A change of 0.001 lowers twice the likelihood by 0.0001 or more, since a standard error is about 0.1;
+        // the search ends within 10^-6.
         for k in 0..phi.len() {
             for change in [-1e-3, 1e-3] {
                 let mut beside = noise.coefficients.clone();
@@ -191,7 +191,8 @@ fn weights_scale_the_errors() {
     near(found.noise.unwrap().coefficients.into_iter(), &other.noise.unwrap().coefficients, 1e-6);
 }
 
-/// Intervals by the usual iteration for order 1: least squares on rows that are transformed as by Prais and Winsten, the correlation from the residuals.
+/// Intervals by the usual iteration for order 1: least squares on rows that are transformed as by Prais and Winsten, the correlation from the
+/// residuals.
 fn prais_winsten(rows: &Rows) -> Vec<[f64; 2]> {
     let count = rows.y.len();
     let is_first = |row: usize| row == 0 || rows.series[row] != rows.series[row - 1];

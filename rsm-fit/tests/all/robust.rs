@@ -305,8 +305,8 @@ fn terms_are_chosen_as_on_rows_without_the_wrong_ones() {
             );
         }
         let [clean, least, huber, l1] = [0, 1, 2, 3].map(|k| median(&figures[k].1));
-        // Huber's loss has 95 % of the efficiency of least squares on clean rows, which also are 5 % fewer, but wrong rows are to one side and pull by
-        // k scales each. Least absolute errors have 64 %: errors 25 % larger. Measured: up to 1.07 and 1.17 times those on clean rows.
+        // Huber's loss has 95 % of the efficiency of least squares on clean rows, which also are 5 % fewer, but wrong rows are to one side and pull
+        // by k scales each. Least absolute errors have 64 %: errors 25 % larger. Measured: up to 1.07 and 1.17 times those on clean rows.
         assert!(huber < 1.2 * clean && l1 < 1.4 * clean, "{name}: {clean} {huber} {l1}");
         assert!(huber < 0.3 * least && l1 < 0.3 * least, "{name}: {least} {huber} {l1}");
         // All true terms, and as many needless ones as on clean rows: some twenty to ninety, whose difference has a standard deviation of about 5.

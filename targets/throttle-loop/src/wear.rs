@@ -1,7 +1,7 @@
 //! The damping surface of the driveline follows the wear of the car, in f32.
 //!
-//! In: after each tip-in that was followed without the compensator, road speed, gear and the damping ratio that the speed showed. Out: the surface with
-//! adapted coefficients. The step is recursive least squares of constant cost without a branch; a bad value changes nothing. The compensator of
+//! In: after each tip-in that was followed without the compensator, road speed, gear and the damping ratio that the speed showed. Out: the surface
+//! with adapted coefficients. The step is recursive least squares of constant cost without a branch; a bad value changes nothing. The compensator of
 //! [`crate::step`] keeps the surface of the file, for which `rsm check` proved that it is stable.
 //!
 //! ```
@@ -29,8 +29,8 @@ pub struct Update {
     pub error: f32,
     /// The variance of this error, in units of that of the noise.
     pub variance: f32,
-    /// 0, or why the sample changed nothing: 1 a number is not finite, 2 outside the range of an input or the support, 3 an error above five standard deviations, 4 a
-    /// coefficient would not be finite.
+    /// 0, or why the sample changed nothing: 1 a number is not finite, 2 outside the range of an input or the support, 3 an error above five standard
+    /// deviations, 4 a coefficient would not be finite.
     pub frozen: f32,
 }
 
