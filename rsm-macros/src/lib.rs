@@ -11,6 +11,7 @@
 //! include_model!("models/pmac.toml", gradient = true);      // also the derivatives of each surface by its inputs
 //! include_model!("models/pmac.toml", inside = true);        // also each surface without clamps, for a caller that keeps to the ranges
 //! include_model!("models/pmac.toml", once = "current");     // also without clamps, and what the current gives to it apart
+//! include_model!("models/pmac.toml", recursive = "current_advance", noise = 0.5);   // also the step by which it follows measured responses
 //!
 //! let angle = pmac::current_advance_f32(10.8, 400.0);
 //! ```

@@ -25,6 +25,28 @@ mod with_gradient {
     rsm_macros::include_model!("tests/models/two_inputs.toml", gradient = true, precision = "f64");
 }
 
+mod following {
+    rsm_macros::include_model!(
+        "tests/models/two_inputs.toml",
+        recursive = "angle",
+        noise = 0.5,
+        forgetting = 1,
+        precision = "f64"
+    );
+}
+
+#[test]
+fn a_surface_follows_measured_responses() {
+    use following::two_inputs::{angle, angle_adapted, angle_init, angle_update};
+    let mut state = angle_init();
+    let [error, _, frozen] = angle_update(&mut state, 1.5, 0.5, angle(1.5, 0.5) + 1.0);
+    // The noise is 0.5: an error of two standard deviations is taken, and the surface moves towards it. A division by the half range in place of a
+    // product with its inverse rounds the error.
+    assert!((error - 1.0).abs() < 1e-12 && frozen == 0.0);
+    assert!(angle_adapted(&state, 1.5, 0.5) > angle(1.5, 0.5) + 0.1);
+    assert_eq!(angle_update(&mut state, 1.5, 0.5, 100.0)[2], 3.0);
+}
+
 #[test]
 fn gradients_come_where_they_are_wanted() {
     // By differences in the middle of the box, where the surface is smooth: a step of 2^-10 leaves less than 10^-6 of its curvature.
