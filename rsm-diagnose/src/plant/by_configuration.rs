@@ -2,8 +2,8 @@
 //!
 //! In: the fit of a search. Out: the same causes; a number has a value for each configuration if the records need it, and a cause acts in some
 //! configurations only if the records of the others show nothing of it. One value for all configurations is a special case of one for each: the
-//! difference must gain as much as decides between two explanations on the training records, and lower the error of the validation records. Never adds
-//! or removes a cause.
+//! difference must gain as much as decides between two explanations on the training records, and lower the error of the validation records. Never
+//! adds or removes a cause.
 
 use super::levenberg::{self, Fit};
 use super::model::Place;

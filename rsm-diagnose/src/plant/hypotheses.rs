@@ -110,8 +110,8 @@ pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesi
     list
 }
 
-/// The same hypotheses for each of these configurations of the plant file alone. A parameter with a value of its own in the configuration is already a
-/// hypothesis of this configuration. Rounding and waves are properties of a machine, not of its load.
+/// The same hypotheses for each of these configurations of the plant file alone. A parameter with a value of its own in the configuration is already
+/// a hypothesis of this configuration. Rounding and waves are properties of a machine, not of its load.
 #[must_use]
 pub fn by_configuration(kind: PlantKind, common: &[Hypothesis], present: &[usize]) -> Vec<Hypothesis> {
     let mut list = Vec::new();
