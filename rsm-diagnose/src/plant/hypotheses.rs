@@ -31,7 +31,7 @@ pub fn label(kind: &str, subject: Option<&str>) -> String {
     subject.map_or(kind.to_string(), |subject| format!("{kind}:{subject}"))
 }
 
-/// The name of an entry in lists. A cause that acts in some configurations only has their names in brackets: KIND:SITE[loaded].
+/// The name of an entry in lists. A cause that acts in some configurations only has their names in brackets: `KIND:SITE[loaded]`.
 #[must_use]
 pub fn label_of(entry: &Entry) -> String {
     let name = label(entry.description.kind, entry.arguments.subject.as_deref());
