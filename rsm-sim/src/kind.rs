@@ -70,8 +70,8 @@ pub struct Described {
     pub files: Vec<(String, String)>,
     /// The configurations of the plant file.
     pub configurations: Configurations,
-    /// The last of `parameters` are those that some configurations have in place of a common one: for each the index of the common parameter, and that
-    /// of the configuration.
+    /// The last of `parameters` are those that some configurations have in place of a common one: for each the index of the common parameter, and
+    /// that of the configuration.
     pub own: Vec<(usize, usize)>,
     /// The same plant without configurations, which simulates each record; `None` if the plant file has no configurations.
     pub common: Option<PlantKind>,

@@ -31,7 +31,7 @@ usage: cargo xtask test     everything that must hold, the same commands as cont
        cargo xtask bench    times and counts the evaluators, prints one table; `bench simulation`: simulations alone
        cargo xtask bench loops
                             instructions, stack and flash of the control steps on an emulated Cortex-M4F, errors and costs of the measured motor's controllers, rates of the loops between processes and hosts
-       cargo xtask hidden-effects [--seed N] [--family singles|nulls|pairs|outside|faults|records|symmetries|far|beyond] [--case NAME] [--quick] [--plants new]
+       cargo xtask hidden-effects [--seed N] [--family singles|nulls|pairs|outside|faults|records|symmetries|far|beyond|configurations] [--case NAME] [--quick] [--plants new]
                             makes records with hidden effects, runs `rsm diagnose` on them, compares with the truth; without words surfaces too
        cargo xtask hidden-effects coverage [--seed N] [--seeds COUNT] [--rows N]      how often intervals hold the truth
        cargo xtask hidden-effects verify [--seed N] [--quick]

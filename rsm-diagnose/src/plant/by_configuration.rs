@@ -2,8 +2,8 @@
 //!
 //! In: the fit of a search. Out: the same causes; a number has a value for each configuration if the records need it, and a cause acts in some
 //! configurations only if the records of the others show nothing of it. One value for all configurations is a special case of one for each: the
-//! difference must gain as much as decides between two explanations on the training records, and lower the error of the validation records. Never adds
-//! or removes a cause.
+//! difference must gain as much as decides between two explanations on the training records, and lower the error of the validation records. Never
+//! adds or removes a cause.
 
 use super::levenberg::{self, Fit};
 use super::model::Place;
@@ -189,11 +189,12 @@ fn without_one(entry: &Entry) -> Vec<Entry> {
     names.iter().map(|name| form(name)).collect()
 }
 
-/// The forms of an entry in which one of its numbers has one value for all configurations. One number must differ.
+/// The forms of an entry in which one of its numbers has one value for all configurations. An entry that acts in some of them only keeps a number of
+/// its own, because it would act in the others too.
 fn shared_one(entry: &Entry) -> Vec<Entry> {
     let mut numbers: Vec<&'static str> = entry.arguments.numbers.iter().filter_map(|it| parts(it.0)).map(|it| it.0).collect();
     numbers.dedup();
-    if numbers.len() < 2 {
+    if numbers.len() < 2 && !entry.acts_everywhere() {
         return Vec::new();
     }
     let form = |number: &str| {
@@ -283,6 +284,30 @@ mod tests {
         let one = numbers(&friction("{ heavy = 1.2 }"));
         assert_eq!(names(&one), ["force[heavy]"]);
         assert!((one[0].1 - 1.2).abs() < 0.02, "{one:?}");
+    }
+
+    #[test]
+    fn a_difference_must_gain_and_hold_on_validation_records() {
+        let differs = friction("{ light = 0.5, heavy = 1.2 }");
+        let judged = |truth: &str, unseen: &str| {
+            let (whitened, nominal) = records(&file(truth));
+            let calibrated = levenberg::fit(&whitened, nominal.clone(), 8).unwrap();
+            let survey = survey::survey(&whitened, &calibrated);
+            let (unseen, _) = records(&file(unseen));
+            let search = axis_under_steps::search(&whitened, &unseen, &nominal, &[], &survey);
+            let shared = levenberg::fit(&whitened, nominal.with_effects(&nominal, file(&friction("0.8")).effects), 20).unwrap();
+            let each = separate(&shared.model.file.effects[0], &search.configurations());
+            let each = search.with_entry(&shared, 0, each).unwrap();
+            let is_better = search.is_better(&shared, &each, 0, 30.0);
+            let simplified = search.simplified(each, 0, 30.0);
+            (is_better, simplified.model.file.effects[0].arguments.numbers.iter().map(|it| it.0).collect::<Vec<_>>())
+        };
+        assert_eq!(judged(&differs, &differs), (true, vec!["force[light]", "force[heavy]"]));
+        // Noise alone: the difference gains no more than chance, and is taken out.
+        let common = friction("0.8");
+        assert_eq!(judged(&common, &common), (false, vec!["force"]));
+        // The validation records show one friction.
+        assert!(!judged(&differs, &friction("0.85")).0);
     }
 
     #[test]

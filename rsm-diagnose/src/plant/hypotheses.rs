@@ -30,7 +30,7 @@ pub fn label(kind: &str, subject: Option<&str>) -> String {
     subject.map_or(kind.to_string(), |subject| format!("{kind}:{subject}"))
 }
 
-/// The name of an entry in lists. A cause that acts in some configurations only has their names in brackets: KIND:SITE[loaded].
+/// The name of an entry in lists. A cause that acts in some configurations only has their names in brackets: `KIND:SITE[loaded]`.
 #[must_use]
 pub fn label_of(entry: &Entry) -> String {
     let name = label(entry.description.kind, entry.arguments.subject.as_deref());
@@ -105,8 +105,8 @@ pub fn all(kind: PlantKind, survey: &Survey, outputs: &[usize]) -> Vec<Hypothesi
     list
 }
 
-/// The same hypotheses for each of these configurations of the plant file alone. A parameter with a value of its own in the configuration is already a
-/// hypothesis of this configuration. Rounding and waves are properties of a machine, not of its load.
+/// The same hypotheses for each of these configurations of the plant file alone. A parameter with a value of its own in the configuration is already
+/// a hypothesis of this configuration. Rounding and waves are properties of a machine, not of its load.
 #[must_use]
 pub fn by_configuration(kind: PlantKind, common: &[Hypothesis], present: &[usize]) -> Vec<Hypothesis> {
     let mut list = Vec::new();

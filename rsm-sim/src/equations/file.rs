@@ -90,8 +90,8 @@ pub struct EquationFile {
     pub rules: Rules,
     /// `[configurations]`.
     pub configurations: Configurations,
-    /// The index of the configuration whose values the equations have. Without one, the equations have the values of `[parameters]`, and an effect with
-    /// numbers by configuration does not act.
+    /// The index of the configuration whose values the equations have. Without one, the equations have the values of `[parameters]`, and an effect
+    /// with numbers by configuration does not act.
     pub configuration: Option<usize>,
     /// Signals that effects delay.
     pub(super) delays: Vec<Delay>,
