@@ -4,9 +4,16 @@
 //! on paper, the static pictures and the tables remain.
 
 pub mod number;
+mod pictures;
 pub mod summary;
 
 pub use number::{figure, known, multiple, short, with_unit};
+use std::io::Write as _;
+
+use base64::Engine as _;
+use base64::prelude::BASE64_STANDARD as STANDARD;
+use flate2::Compression;
+use flate2::write::GzEncoder;
 use serde_json::Value;
 
 const STYLE: &str = include_str!("assets/style.css");
@@ -38,8 +45,9 @@ pub fn page(title: &str, body: &str) -> String {
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
          <title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
          <div class=\"top\"><nav aria-label=\"Contents\"></nav><button class=\"theme\" type=\"button\" title=\"Light or dark\">Dark</button></div>\n\
-         <main>\n{body}</main>\n{library}<script>\n{}</script>\n</body>\n</html>\n",
+         <main>\n{}</main>\n{library}<script>\n{}</script>\n</body>\n</html>\n",
         escaped(title),
+        pictures::smaller(body),
         SCRIPTS.concat()
     )
 }
@@ -50,12 +58,27 @@ pub fn escaped(text: &str) -> String {
 }
 
 /// The beginning of the element with the numbers of a figure.
-const NUMBERS: &str = "<script type=\"application/json\">";
+const NUMBERS: &str = "<script type=\"application/json\"";
+
+/// Numbers whose text is longer are compressed. A small figure stays readable, and gzip does not pay for it.
+const MOST_READABLE: usize = 4096;
 
 /// The element with the numbers for the scripts. No text in the numbers can end this element.
 pub fn numbers(value: &Value) -> String {
     let text = value.to_string().replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026");
-    format!("{NUMBERS}{text}</script>\n")
+    if text.len() > MOST_READABLE
+        && let Ok(packed) = packed(text.as_bytes())
+    {
+        return format!("{NUMBERS} data-packed>{}</script>\n", STANDARD.encode(packed));
+    }
+    format!("{NUMBERS}>{text}</script>\n")
+}
+
+/// Bytes compressed with gzip: the same bytes for the same text, without a time.
+fn packed(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(bytes)?;
+    encoder.finish()
 }
 
 /// A bar with this share of 200 pixels, in a class of the style sheet: `before` or `after`.
@@ -77,9 +100,7 @@ mod tests {
 
     #[test]
     fn the_library_is_the_file_of_its_package() {
-        let packed = decoded(LIBRARY);
-        let mut text = Vec::new();
-        flate2::read::GzDecoder::new(packed.as_slice()).read_to_end(&mut text).unwrap();
+        let text = unpacked(LIBRARY);
         let digest: String = Sha256::digest(&text).iter().map(|byte| format!("{byte:02x}")).collect();
         // SHA-256 of package/plotly-gl3d.min.js of plotly.js-gl3d-dist-min 4.1.1.
         assert_eq!(digest, "aab04dcd9c103a92b18723f8c837712fe820f325d0bcd2421e415e8124a75b9f");
@@ -88,29 +109,30 @@ mod tests {
         assert!(LICENCE.starts_with("MIT License") || LICENCE.starts_with("The MIT License"), "{LICENCE}");
     }
 
-    /// Decodes base64 (RFC 4648).
-    fn decoded(text: &str) -> Vec<u8> {
-        let letters = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-        let mut bits = 0_u32;
-        let mut count = 0;
+    /// The bytes of a text in base64, uncompressed.
+    fn unpacked(text: &str) -> Vec<u8> {
+        let packed = STANDARD.decode(text.split_ascii_whitespace().collect::<String>()).unwrap();
         let mut bytes = Vec::new();
-        for letter in text.bytes().filter(|it| !it.is_ascii_whitespace() && *it != b'=') {
-            let value = letters.iter().position(|it| *it == letter).expect("a letter of base64") as u32;
-            bits = bits << 6 | value;
-            count += 6;
-            if count >= 8 {
-                count -= 8;
-                bytes.push((bits >> count) as u8);
-            }
-        }
+        flate2::read::GzDecoder::new(packed.as_slice()).read_to_end(&mut bytes).unwrap();
         bytes
+    }
+
+    #[test]
+    fn many_numbers_are_compressed_and_few_are_not() {
+        let many: Value = (0..5000).map(|k| f64::from(k) / 7.0).collect();
+        let made = numbers(&many);
+        let begin = format!("{NUMBERS} data-packed>");
+        let inside = made.strip_prefix(&begin).unwrap().strip_suffix("</script>\n").unwrap();
+        assert!(2 * inside.len() < many.to_string().len() + 1000, "{}", inside.len());
+        assert_eq!(serde_json::from_slice::<Value>(&unpacked(inside)).unwrap(), many);
+        assert!(numbers(&serde_json::json!([1, 2])).starts_with(&format!("{NUMBERS}>[1,2]")));
     }
 
     #[test]
     fn no_text_ends_the_element_that_holds_it() {
         let evil = "</script><script>alert(1)</script><!--&\u{2028}";
         let made = numbers(&serde_json::json!({ evil: evil }));
-        let inside = made.strip_prefix(NUMBERS).unwrap().strip_suffix("</script>\n").unwrap();
+        let inside = made.strip_prefix(NUMBERS).unwrap().strip_prefix('>').unwrap().strip_suffix("</script>\n").unwrap();
         assert!(!inside.contains('<') && !inside.contains('&'));
         let read: Value = serde_json::from_str(inside).unwrap();
         assert_eq!(read[evil], evil);

@@ -46,7 +46,7 @@ const flat = async (plot) => {
 };
 
 const explorer = async (figure) => {
-  const spec = JSON.parse(figure.querySelector("script").textContent);
+  const spec = await rsm.numbers(figure);
   const value = rsm.evaluator(spec.tape);
   told.values = [0.1, 0.35, 0.8].map((share) => {
     const point = spec.inputs.map(({ range }, k) => range[0] + (range[1] - range[0]) * (share + 0.07 * k));

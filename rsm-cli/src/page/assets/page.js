@@ -39,13 +39,20 @@ rsm.contents = () => {
 };
 
 // ---- the library ----
+rsm.unpacked = (text) => {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
+};
 rsm.library = async () => {
   const packed = document.getElementById("library");
   if (!packed) return false;
-  const bytes = Uint8Array.from(atob(packed.textContent), (letter) => letter.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
-  (0, eval)(await new Response(stream).text());
+  (0, eval)(await rsm.unpacked(packed.textContent));
   return true;
+};
+// The numbers of a figure: as text, or compressed if there are many.
+rsm.numbers = async (figure) => {
+  const { textContent, dataset } = figure.querySelector("script");
+  return JSON.parse("packed" in dataset ? await rsm.unpacked(textContent) : textContent);
 };
 
 // ---- switches: which causes are in what is shown ----
@@ -77,7 +84,7 @@ rsm.switches = () => {
 rsm.draw = async () => {
   for (const figure of document.querySelectorAll("figure:has(script)")) {
     await new Promise((next) => setTimeout(next));
-    const spec = JSON.parse(figure.querySelector("script").textContent);
+    const spec = await rsm.numbers(figure);
     figure.classList.add("drawn");
     const before = rsm.changes;
     try {
