@@ -149,7 +149,8 @@ fn a_page_of_a_hundred_thousand_rows_has_less_than_a_megabyte() {
     let mut csv = "torque[N*m],speed[rad/s],angle[deg]\n".to_string();
     for row in 0_u32..100_000 {
         // The golden ratio and the root of two spread the rows over the square; 101 is a prime for the scatter.
-        let (torque, speed) = (10.0 * (f64::from(row) * 0.618_034).fract(), 10.0 * (f64::from(row) * 1.414_214).fract());
+        let (torque, speed) =
+            (10.0 * (f64::from(row) * 0.618_034).fract(), 10.0 * (f64::from(row) * std::f64::consts::SQRT_2).fract());
         let scatter = f64::from(row * 7919 % 101) / 101.0 - 0.5;
         csv += &format!("{torque:.4},{speed:.4},{:.3}\n", 20.0 + 1.5 * torque + 0.05 * torque * torque + 0.5 * speed + scatter);
     }
