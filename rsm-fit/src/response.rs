@@ -203,14 +203,10 @@ impl Task<'_> {
             _ => None,
         };
         let searcher = Searcher {
-            design: &all,
-            method,
-            coding: surface.coding,
-            output_range: surface.output_range,
             least_squares_only: !self.response.constraints.is_empty(),
-            fit: &self.fit,
             validate: self.validate.as_ref(),
             random_split,
+            ..Searcher::of(&all, method, surface, &self.fit)
         };
         let is_searched = Searcher::is_for(method, all.width(), self.fit.rows());
         let found = if is_searched { searcher.choose() } else { None };
@@ -294,19 +290,9 @@ impl Task<'_> {
         }
         statistics.rows_used = quality.words(self, &chosen, taken.is_some());
         let notes = Notes {
-            surface,
-            inputs: &self.inputs,
-            design: &design,
-            fit: &self.fit,
-            sequence: self.sequence,
-            whitening: None,
-            constraints: &self.response.constraints,
-            statistics: &statistics,
             is_shrunk: shrunk.is_some(),
             free_residual_sd: residual_sd,
-            highest_order: all.terms().iter().map(|powers| design::order(powers)).max().unwrap_or(0),
-            explained: quality.explained,
-            copies: &self.copies,
+            ..self.notes(surface, [&all, &design], &statistics, &quality)
         };
         let Noted { mut warnings, is_lacking, serial } = notes.all();
         if quality.explained.is_none() && chosen.by != ChosenBy::Nobody {
@@ -318,6 +304,31 @@ impl Task<'_> {
         let verdict = self.verdict(&statistics, &chosen, &quality, is_lacking);
         let rows_outside = self.rows_outside(&design);
         Ok(ResponseOutcome { name, verdict, rows_outside, statistics: Some(statistics), chosen_by: chosen.by })
+    }
+
+    /// The figures from which warnings follow, for least squares without constraints. `[all, design]`: the possible and the chosen terms.
+    fn notes<'n>(
+        &'n self,
+        surface: &'n Surface,
+        [all, design]: [&'n Design; 2],
+        statistics: &'n ResponseStatistics,
+        quality: &Quality,
+    ) -> Notes<'n> {
+        Notes {
+            surface,
+            inputs: &self.inputs,
+            design,
+            fit: &self.fit,
+            sequence: self.sequence,
+            whitening: None,
+            constraints: &self.response.constraints,
+            statistics,
+            is_shrunk: false,
+            free_residual_sd: statistics.residual_sd,
+            highest_order: all.terms().iter().map(|powers| design::order(powers)).max().unwrap_or(0),
+            explained: quality.explained,
+            copies: &self.copies,
+        }
     }
 
     /// Adds the errors on rows that were set aside.

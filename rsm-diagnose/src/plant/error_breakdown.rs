@@ -11,12 +11,13 @@ use super::levenberg::Fit;
 use super::model::{Model, Place};
 use super::orders::{self, Orders};
 use super::posterior::Posterior;
-use super::quantities;
+use super::quantities::{self, Quantity};
 use super::regions::{self, ErrorSlice, Region, Side};
 use super::search::AcceptedCause;
 use super::spectrum::{self, Spectrum};
 use super::validation;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
+use rsm_sim::equation_plant::SiteSignal;
 use rsm_sim::schema;
 
 /// The number of causes whose evidence is examined in detail.
@@ -137,23 +138,32 @@ pub fn error_breakdown(it: &Compared<'_>, accepted: &[AcceptedCause]) -> (ErrorB
         .iter()
         .map(|place| validation::fit_initial_states(it.evaluation_records(), &accepted[*place].without))
         .collect();
+    let judged = it.evaluation_records();
+    let signals = quantities::site_signals(judged, it.after);
+    let quantities = quantities::quantities(judged, it.fit.model.file.kind, &it.after.simulated, &signals);
+    let along = Along { signals: &signals, quantities: &quantities };
     let mut contributions = vec![None; accepted.len()];
     for (place, without) in strongest.iter().zip(&without).take(MOST_DETAILED_CAUSES) {
-        contributions[*place] = without.as_ref().map(|without| contribution(it, without));
+        contributions[*place] = without.as_ref().map(|without| contribution(it, without, along));
     }
-    (ErrorBreakdown { combinations: combinations::combinations(it, accepted, &without), ..of_plants(it) }, contributions)
+    (ErrorBreakdown { combinations: combinations::combinations(it, accepted, &without), ..of_plants(it, along) }, contributions)
+}
+
+/// What the extended plant does along the evaluation records.
+#[derive(Clone, Copy)]
+struct Along<'a> {
+    signals: &'a [Vec<SiteSignal>],
+    quantities: &'a [Quantity],
 }
 
 /// The breakdown without the figures of single causes.
-fn of_plants(it: &Compared<'_>) -> ErrorBreakdown {
+fn of_plants(it: &Compared<'_>, Along { signals, quantities }: Along<'_>) -> ErrorBreakdown {
     let judged = it.evaluation_records();
     let (before, after) = (&it.before.simulated, &it.after.simulated);
     let kind = it.fit.model.file.kind;
-    let signals = quantities::site_signals(judged, it.after);
-    let quantities = quantities::quantities(judged, kind, after, &signals);
-    let slices = regions::slices(judged, before, after, &quantities);
+    let slices = regions::slices(judged, before, after, quantities);
     let spectra = spectrum::spectra(judged, before, after);
-    let orders = orders::orders(judged, &signals, before, after);
+    let orders = orders::orders(judged, signals, before, after);
     let wrong = |side: Side| {
         let spectral = orders::spectral(judged, &slices, &spectra, &orders, side);
         regions::regions(&slices, &spectral, side)
@@ -161,7 +171,7 @@ fn of_plants(it: &Compared<'_>) -> ErrorBreakdown {
     let correction = it.structure.then(|| {
         let own = quantities::site_signals(it.whitened, it.fit);
         let training = Simulation { whitened: it.whitened, simulated: &it.fit.simulated, signals: &own };
-        let unseen = Simulation { whitened: it.unseen, simulated: after, signals: &signals };
+        let unseen = Simulation { whitened: it.unseen, simulated: after, signals };
         correction::correction(kind, training, unseen)
     });
     let names = |whitened: &WhitenedResiduals| -> Vec<(String, usize)> {
@@ -246,13 +256,11 @@ fn calibration(nominal: &Model, fit: &Fit) -> Vec<CalibratedParameter> {
 }
 
 /// What a cause does on the evaluation records, compared with the plant without it.
-fn contribution(it: &Compared<'_>, without: &Fit) -> Contribution {
+fn contribution(it: &Compared<'_>, without: &Fit, Along { signals, quantities }: Along<'_>) -> Contribution {
     let judged = it.evaluation_records();
-    let signals = quantities::site_signals(judged, it.after);
-    let quantities = quantities::quantities(judged, it.fit.model.file.kind, &it.after.simulated, &signals);
-    let slices = regions::slices(judged, &without.simulated, &it.after.simulated, &quantities);
+    let slices = regions::slices(judged, &without.simulated, &it.after.simulated, quantities);
     let spectra = spectrum::spectra(judged, &without.simulated, &it.after.simulated);
-    let orders = orders::orders(judged, &signals, &without.simulated, &it.after.simulated);
+    let orders = orders::orders(judged, signals, &without.simulated, &it.after.simulated);
     let spectral = orders::spectral(judged, &slices, &spectra, &orders, Side::Before);
     let squared = |fit: &Fit, record: usize| {
         let first = judged.first(record);

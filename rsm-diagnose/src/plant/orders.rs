@@ -9,7 +9,7 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use super::quantities::speed_of;
+use super::quantities::{of_role, speed_of};
 use super::regions::{Region, Side, totals};
 use super::spectrum::peaks;
 use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
@@ -91,9 +91,7 @@ pub fn orders(
 /// All coordinates along which the plant moves in these records. `signals` are those of the sites along each record.
 pub(super) fn coordinates(whitened: &WhitenedResiduals, signals: &[Vec<SiteSignal>]) -> Vec<Coordinate> {
     let first = signals.first().map_or(&[][..], Vec::as_slice);
-    let each = |at: &str, role: &str| -> Option<Vec<Vec<f64>>> {
-        signals.iter().map(|it| Some(it.iter().find(|it| it.at == at && it.role == role)?.length())).collect()
-    };
+    let each = |at: &str, role: &str| of_role(signals, at, role);
     let turns = |speeds: Vec<Vec<f64>>| -> Vec<Vec<f64>> {
         let one = |(speeds, prepared): (&Vec<f64>, &Prepared)| {
             let mut at = 0.0;

@@ -156,15 +156,24 @@ impl<'k> PositionTraces<'k> {
     pub fn new(whitened: &'k WhitenedResiduals, fit: &Fit) -> Self {
         let mut list = Vec::new();
         let body = OneBody::of(fit.model.file.kind);
-        for (record, (prepared, simulated)) in whitened.records.iter().zip(&fit.simulated).enumerate() {
+        // Records of one configuration have one equation.
+        let mut equations: Vec<(Option<usize>, Drive, Option<Linear>)> = Vec::new();
+        for (record, prepared) in whitened.records.iter().enumerate() {
             let Some(body) = body else { continue };
             let Some(k) = prepared.outputs.iter().position(|it| *it == body.position) else { continue };
             let of = &prepared.record;
-            let Some(linear) = body.linear(&fit.model.file, of) else { continue };
+            let known = equations.iter().find(|it| (it.0, it.1) == (of.configuration, of.drive)).map(|it| it.2);
+            let linear = known.unwrap_or_else(|| {
+                let linear = body.linear(&fit.model.file, of);
+                equations.push((of.configuration, of.drive, linear));
+                linear
+            });
+            let Some(linear) = linear else { continue };
             let (position, closed) = (prepared.measured(k), of.drive == Drive::Closed);
             let command = match prepared.outputs.iter().position(|it| Some(*it) == body.command).filter(|_| closed) {
                 Some(k) => prepared.measured(k).to_vec(),
-                None if closed => simulated.get(1).cloned().unwrap_or_default(),
+                // Without the command of the controller, the force is not known.
+                None if closed => continue,
                 None => of.inputs[0].clone(),
             };
             let rows = position.len();

@@ -75,6 +75,12 @@ pub fn of_output<'s>(prepared: &Prepared, simulated: &'s Simulated, output: usiz
     prepared.outputs.iter().position(|it| *it == output).map(|k| simulated[k].as_slice())
 }
 
+/// The values of a role of a site along each record: lengths of its vectors, if it has several elements. `None` if a record lacks it.
+#[must_use]
+pub fn of_role(signals: &[Vec<SiteSignal>], at: &str, role: &str) -> Option<Vec<Vec<f64>>> {
+    signals.iter().map(|it| Some(it.iter().find(|it| it.at == at && it.role == role)?.length())).collect()
+}
+
 /// All quantities by which the rows of a plant's records are divided. Simulated values replace measured ones, because they have no noise. `signals`
 /// are those of the sites along each record.
 #[must_use]
@@ -88,10 +94,7 @@ pub fn quantities(
     let first = signals.first().map_or(&[][..], Vec::as_slice);
     let is_body = |kind: SiteKind| matches!(kind, SiteKind::Rotation | SiteKind::Translation | SiteKind::Vehicle);
     for signal in first {
-        let of = |role: &str| -> Option<Vec<Vec<f64>>> {
-            signals.iter().map(|it| Some(it.iter().find(|it| it.at == signal.at && it.role == role)?.length())).collect()
-        };
-        let Some(values) = of(signal.role) else { continue };
+        let Some(values) = of_role(signals, signal.at, signal.role) else { continue };
         // The site is named if there are several like it.
         let is_like = |it: &&SiteSignal| it.kind == signal.kind || is_body(it.kind) && is_body(signal.kind);
         let is_only = first.iter().filter(is_like).all(|it| it.at == signal.at);
@@ -112,7 +115,7 @@ pub fn quantities(
             }
             (SiteKind::Translation, "position") => list.add(&named("position"), unit, Division::Value, values),
             (SiteKind::Rotation | SiteKind::Translation, "drive") => {
-                let speed = of("speed").unwrap_or_default();
+                let speed = of_role(signals, signal.at, "speed").unwrap_or_default();
                 let product = |(force, speed): (&Vec<f64>, &Vec<f64>)| force.iter().zip(speed).map(|(a, b)| a * b).collect();
                 let power = values.iter().zip(&speed).map(product).collect();
                 list.add(&named("direction of drive"), "", sign(["driven backward", "driven forward"]), values);

@@ -61,7 +61,6 @@ const SECOND_ORDER_ROUNDS: usize = 6;
 /// The data for the gain of waves.
 struct Waves<'k> {
     traces: PositionTraces<'k>,
-    body: Option<OneBody>,
     /// Orthonormal directions of all free unknowns.
     free: Vec<Vec<f64>>,
     /// The residual after projecting these out.
@@ -73,8 +72,7 @@ struct Waves<'k> {
 impl<'k> Waves<'k> {
     fn new(traces: PositionTraces<'k>, fit: &Fit) -> Self {
         let curvatures = curvatures(traces.whitened, fit);
-        let body = OneBody::of(fit.model.file.kind);
-        let mut waves = Waves { traces, body, free: Vec::new(), residual: fit.residual.clone(), curvatures };
+        let mut waves = Waves { traces, free: Vec::new(), residual: fit.residual.clone(), curvatures };
         // Initial states, calibration, accepted causes; and the effects of a load, of frictions and of a gain, which may be causes besides the wave.
         let held = fit.held.iter().map(|held| &held.column);
         for column in fit.columns.iter().chain(held) {
@@ -84,7 +82,7 @@ impl<'k> Waves<'k> {
         }
         let curvatures: Vec<Vec<f64>> = waves.curvatures.iter().map(|it| it.trace.clone()).collect();
         curvatures.into_iter().for_each(|bend| waves.add(bend));
-        let width = waves.body.map_or(1.0, |it| sign_width(it.kind));
+        let width = OneBody::of(fit.model.file.kind).map_or(1.0, |it| sign_width(it.kind));
         let sign = |v: f64| (v / width).tanh();
         let laws = waves.traces.answer(|_, v, u| [1.0, v, sign(v), u]);
         laws.into_iter().for_each(|law| waves.add(law));

@@ -257,16 +257,7 @@ impl Forms<'_> {
         let all = Design::new(surface, self.inputs, design::terms_up_to(surface, order));
         let (method, output_range) = (self.method, surface.output_range);
         let (design, coefficients) = if Searcher::is_for(method, all.width(), fit.rows()) {
-            let searcher = Searcher {
-                design: &all,
-                method,
-                coding: surface.coding,
-                output_range,
-                least_squares_only: false,
-                fit,
-                validate: self.validate,
-                random_split: None,
-            };
+            let searcher = Searcher { validate: self.validate, ..Searcher::of(&all, method, surface, fit) };
             let found = searcher.choose()?;
             (all.only(&found.terms), found.shrunk)
         } else {

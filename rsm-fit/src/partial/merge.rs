@@ -382,15 +382,11 @@ impl Task<'_> {
     /// The choice of terms by AICc; `None` if they are given.
     fn search(&self) -> Result<Option<Found>, Faults> {
         let Method::Search(_) = self.response.method else { return Ok(None) };
+        // Rows are not needed: their sums choose.
+        let nothing = Sample::default();
         let searcher = Searcher {
-            design: &self.design,
-            method: &self.response.method,
-            coding: self.response.surface.coding,
-            output_range: self.response.surface.output_range,
             least_squares_only: !self.response.constraints.is_empty(),
-            fit: &Sample::default(),
-            validate: None,
-            random_split: None,
+            ..Searcher::of(&self.design, &self.response.method, &self.response.surface, &nothing)
         };
         let found = searcher.choose_by_triangle(&self.all.triangle);
         found.map(Some).ok_or_else(|| {

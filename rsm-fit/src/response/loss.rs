@@ -83,19 +83,10 @@ impl Task<'_> {
         }
         let report = self.fit.observed(|rows| LossReport::of(found, loss, rows, &surface.inputs));
         let notes = Notes {
-            surface,
-            inputs: &self.inputs,
-            design,
-            fit: &self.fit,
-            sequence: self.sequence,
-            whitening: None,
-            constraints: &self.response.constraints,
-            statistics: &statistics,
             is_shrunk: true,
             free_residual_sd: Some(found.scale),
             highest_order: 0,
-            explained: None,
-            copies: &self.copies,
+            ..self.notes(surface, [design, design], &statistics, &quality)
         };
         let mut warnings = notes.all().warnings;
         let mut warn = |kind, what: Option<String>| warnings.extend(what.map(|what| Warning { kind, what }));
@@ -141,16 +132,8 @@ impl Task<'_> {
         let mut chosen: Option<(Found, Vec<usize>)> = None;
         for _ in 0..MOST_TURNS {
             let weighted = Sample { weights: weighted(rows, &now), ..rows.clone() };
-            let searcher = Searcher {
-                design: all,
-                method: &self.response.method,
-                coding: surface.coding,
-                output_range: surface.output_range,
-                least_squares_only: true,
-                fit: &weighted,
-                validate: None,
-                random_split: None,
-            };
+            let searcher =
+                Searcher { least_squares_only: true, ..Searcher::of(all, &self.response.method, surface, &weighted) };
             let found = searcher.choose().ok_or(NotChosen::TooFew)?;
             now = robust(&found.terms)?;
             let terms = found.terms.clone();

@@ -10,7 +10,7 @@ use super::{Quality, Task, terms_of};
 use crate::autoregressive::{self, Estimate, NoiseReport, autocovariances, least_rows};
 use crate::canonical;
 use crate::dd::Dd;
-use crate::design::{self, Design};
+use crate::design::Design;
 use crate::distributions::{quantile_t, two_sided_t};
 use crate::left_out;
 use crate::outcome::ResponseOutcome;
@@ -87,21 +87,8 @@ impl Task<'_> {
             let what = if split::has_blocks(&self.sequence.series) { "blocks of consecutive rows" } else { "whole series" };
             statistics.rows_used.error += &format!("; a part has {what}");
         }
-        let notes = Notes {
-            surface,
-            inputs: &self.inputs,
-            design: &design,
-            fit: &self.fit,
-            sequence: self.sequence,
-            whitening: Some(&solved.estimate.whitening),
-            constraints: &self.response.constraints,
-            statistics: &statistics,
-            is_shrunk: false,
-            free_residual_sd: statistics.residual_sd,
-            highest_order: all.terms().iter().map(|powers| design::order(powers)).max().unwrap_or(0),
-            explained: quality.explained,
-            copies: &self.copies,
-        };
+        let notes =
+            Notes { whitening: Some(&solved.estimate.whitening), ..self.notes(surface, [all, &design], &statistics, &quality) };
         let Noted { mut warnings, is_lacking, serial } = notes.all();
         warnings.extend(noise.near_walk().map(|what| Warning { kind: "near-random-walk", what }));
         if quality.explained.is_none() && by != ChosenBy::Nobody {
@@ -134,16 +121,7 @@ impl Task<'_> {
         let mut terms: Vec<usize> = (0..all.width()).collect();
         let (mut noise, mut report) = (None, None);
         if matches!(self.response.method, Method::Search(_)) {
-            let searcher = Searcher {
-                design: all,
-                method: &self.response.method,
-                coding: surface.coding,
-                output_range: surface.output_range,
-                least_squares_only: true,
-                fit: rows,
-                validate: None,
-                random_split: None,
-            };
+            let searcher = Searcher { least_squares_only: true, ..Searcher::of(all, &self.response.method, surface, rows) };
             for _ in 0..MOST_TURNS {
                 let triangle = match &noise {
                     None => rows.to_fit(all),

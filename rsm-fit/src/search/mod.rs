@@ -10,7 +10,7 @@ mod lasso;
 mod paths;
 mod rating;
 
-use rsm_core::model::Coding;
+use rsm_core::model::{Coding, Surface};
 
 use crate::dd::Dd;
 use crate::design::{Design, order};
@@ -70,6 +70,14 @@ pub(crate) struct Searcher<'a> {
     pub validate: Option<&'a Sample>,
     /// If the rows to fit and the validation rows were split from the same data: the share of the validation rows, and their weights.
     pub random_split: Option<(f64, &'a [f64])>,
+}
+
+impl<'a> Searcher<'a> {
+    /// A search on rows, without validation rows.
+    pub(crate) fn of(design: &'a Design, method: &'a Method, surface: &Surface, fit: &'a Sample) -> Self {
+        let (coding, output_range) = (surface.coding, surface.output_range);
+        Searcher { design, method, coding, output_range, least_squares_only: false, fit, validate: None, random_split: None }
+    }
 }
 
 impl Searcher<'_> {

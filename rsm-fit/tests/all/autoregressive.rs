@@ -265,7 +265,7 @@ fn intervals_hold_the_truth_where_those_of_least_squares_do_not() {
 
 /// The table of decision 094 and of the guide.
 #[test]
-#[ignore = "minutes: run by name with --release --ignored --nocapture"]
+#[ignore = "minutes: prints a table, no assertion; cargo test -p rsm-fit --release --test all -- --ignored --nocapture study_of_coverage"]
 fn study_of_coverage() {
     for phi in [&[0.8][..], &[0.95], &[0.5, 0.3]] {
         for (series, each) in [(1, 60), (1, 200), (4, 50), (10, 20)] {
