@@ -4,7 +4,7 @@
 //! first failure ends the run.
 
 use crate::stage::Run;
-use crate::workspace::cargo;
+use crate::workspace::{cargo, cargo_for_tests};
 use crate::{dask, generated, helics, hidden_effects, mutants, packages, publish};
 
 /// The libraries that must build without `std`, and the bare-metal target that is tried first: a Cortex-M4F, as in a motor drive.
@@ -41,11 +41,11 @@ pub(crate) fn run() -> bool {
     let mut run = Run::new();
     run.check("packages", packages::ensure)
         .command("format", cargo(&["fmt", "--all", "--check"]))
-        .command("clippy", cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
+        .command("clippy", cargo_for_tests(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
         .check("helics", helics::ensure)
         .check("dask", dask::ensure)
         .command("test", {
-            let mut test = cargo(&["test", "--workspace", "--no-fail-fast"]);
+            let mut test = cargo_for_tests(&["test", "--workspace", "--no-fail-fast"]);
             test.env("RSM_HELICS", helics::folder());
             test
         })
@@ -59,7 +59,7 @@ pub(crate) fn run() -> bool {
         .command("mutants", mutants::quick())
         // At opt 3: see `LONG_MATRIX`.
         .command("long matrix", {
-            let mut test = cargo(&["test", "--workspace", "--test", "across", "--no-fail-fast"]);
+            let mut test = cargo_for_tests(&["test", "--workspace", "--test", "across", "--no-fail-fast"]);
             test.args(
                 AS_RELEASED
                     .iter()
@@ -70,7 +70,7 @@ pub(crate) fn run() -> bool {
             test
         })
         .command("docs", {
-            let mut docs = cargo(&["doc", "--workspace", "--no-deps"]);
+            let mut docs = cargo_for_tests(&["doc", "--workspace", "--no-deps"]);
             docs.env("RUSTDOCFLAGS", "-D warnings");
             docs
         })
@@ -87,7 +87,7 @@ pub(crate) fn run() -> bool {
     }
     if !elsewhere.is_empty() {
         run.command("other systems", {
-            let mut check = cargo(&["check", "-p", "rsm-cli"]);
+            let mut check = cargo_for_tests(&["check", "-p", "rsm-cli"]);
             check.args(elsewhere.iter().flat_map(|machine| ["--target", machine]));
             check
         });
@@ -106,7 +106,7 @@ pub(crate) fn run() -> bool {
 
 /// Builds the programs that tests start. The tests are listed too, so that cargo uses the libraries that the tests have built.
 pub(crate) fn programs() -> std::process::Command {
-    cargo(&["build", "--workspace", "--bins", "--tests"])
+    cargo_for_tests(&["build", "--workspace", "--bins", "--tests"])
 }
 
 /// Whether the compiler in use has the core library of a machine.

@@ -29,6 +29,7 @@ mod circular;
 mod coefficients;
 #[cfg(test)]
 mod derive;
+mod direct;
 mod exponential;
 mod inverse;
 mod logarithm;
@@ -43,6 +44,7 @@ use crate::tape::{Reg, TapeBuilder};
 
 pub use crate::function::Function;
 pub use crate::tape::Computed;
+pub use direct::sin_cos;
 pub use whole::{maximum, minimum, modulo, power, sign};
 
 impl Function {

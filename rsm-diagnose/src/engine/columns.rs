@@ -15,9 +15,9 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let common = a.len().min(b.len());
     let (a, b) = (&a[..common], &b[..common]);
     let mut sums = [0.0; 8];
-    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a8.zip(b8) {
+    let ((a8, a_rest), (b8, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    for (a, b) in a8.iter().zip(b8) {
         for k in 0..8 {
             sums[k] += a[k] * b[k];
         }

@@ -2,6 +2,7 @@
 //!
 //! In: columns, residuals, counts of trials. Out: bases, solutions, probabilities, limits of work. Independent of surfaces, plants and effects.
 
+pub(crate) mod angle;
 pub(crate) mod autoregression;
 pub(crate) mod columns;
 pub(crate) mod combinations;

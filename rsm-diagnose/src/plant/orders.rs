@@ -13,6 +13,7 @@ use super::quantities::{of_role, speed_of};
 use super::regions::{Region, Side, totals};
 use super::spectrum::peaks;
 use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
+use crate::engine::angle::sin_cos;
 use rsm_sim::equation_plant::{SiteKind, SiteSignal};
 
 /// The length of a piece in turns. A window over eight turns separates half orders.
@@ -63,7 +64,7 @@ pub(super) struct Coordinate {
     of: &'static str,
     /// The coordinate in turns or metres, for each row of each record.
     pub(super) at: Vec<Vec<f64>>,
-    /// The orders to compute, in waves per turn or waves per metre.
+    /// The orders to compute, in waves per turn or waves per metre: the multiples of the first.
     pub(super) order: Vec<f64>,
     /// The pieces: record and rows.
     pieces: Vec<(usize, Range<usize>)>,
@@ -256,7 +257,7 @@ fn of_one(
         let mut lines = vec![[0.0; 4]; reach];
         for (row, weight) in piece.clone().zip(&weights) {
             let errors = [before, after].map(|it| weight * (measured[row] - it[*record][k][row]) / sd);
-            let (sin, cos) = (TAU * first_order * at[row]).sin_cos();
+            let (sin, cos) = sin_cos(TAU * first_order * at[row]);
             let (mut re, mut im) = (1.0, 0.0);
             for line in &mut lines {
                 (re, im) = (re * cos - im * sin, re * sin + im * cos);

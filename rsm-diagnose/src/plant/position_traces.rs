@@ -4,10 +4,12 @@
 //! speed and command, and positions from a simulation corrected by the readings. Fits nothing.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use super::levenberg::Fit;
 use super::one_body::{Controller, Linear, OneBody};
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
+use crate::engine::angle::{Multiples, sin_cos};
 use rsm_sim::effect::Wave;
 use rsm_sim::record::Drive;
 
@@ -70,17 +72,28 @@ impl RowResponse {
 }
 
 impl RecordTrace<'_> {
-    /// The changes of position and command by each of some forces at the nodes of each row, one at a time.
-    fn run<const N: usize>(&self, force: impl Fn(f64, f64, f64) -> [f64; N]) -> [[Vec<f64>; 2]; N] {
+    /// The position and the speed at a node of a row, and the command.
+    fn node(&self, row: usize, node: usize) -> (f64, f64, f64) {
+        let next = (row + 1).min(self.position.len() - 1);
+        let at = |values: &[f64]| values[row] + NODES[node] * (values[next] - values[row]);
+        (at(&self.position), at(&self.speed), self.command[row])
+    }
+
+    /// The positions at the nodes of all rows, one row after another.
+    fn positions(&self) -> impl Iterator<Item = f64> {
+        (0..self.position.len()).flat_map(|row| [self.node(row, 0).0, self.node(row, 1).0])
+    }
+
+    /// The changes of position and command by each of some forces at the nodes of each row, one at a time. A force is a function of the row and the
+    /// node.
+    fn run<const N: usize>(&self, force: impl Fn(usize, usize) -> [f64; N]) -> [[Vec<f64>; 2]; N] {
         let rows = self.position.len();
         let it = self.answer;
         let mut outputs: [[Vec<f64>; 2]; N] = std::array::from_fn(|_| [Vec::with_capacity(rows), Vec::with_capacity(rows)]);
         let (mut q, mut v) = ([0.0; N], [0.0; N]);
         let mut past = [[0.0; N]; 2];
         for row in 0..rows {
-            let next = (row + 1).min(rows - 1);
-            let at = |values: &[f64], share: f64| values[row] + share * (values[next] - values[row]);
-            let [a, b] = NODES.map(|share| force(at(&self.position, share), at(&self.speed, share), self.command[row]));
+            let (a, b) = (force(row, 0), force(row, 1));
             // A command at its limit does not respond.
             let controller = it.controller.filter(|it| self.command[row].abs() < it.limit);
             let here = q;
@@ -108,7 +121,7 @@ impl RecordTrace<'_> {
     fn answer<const N: usize>(
         &self,
         whitened: &WhitenedResiduals,
-        force: impl Fn(f64, f64, f64) -> [f64; N],
+        force: impl Fn(usize, usize) -> [f64; N],
         stacks: &mut [Vec<f64>; N],
     ) {
         let mut white = Vec::with_capacity(2 * self.position.len());
@@ -204,7 +217,11 @@ impl<'k> PositionTraces<'k> {
     pub fn answer<const N: usize>(&self, law: impl Fn(f64, f64, f64) -> [f64; N]) -> [Vec<f64>; N] {
         let mut stacks = std::array::from_fn(|_| vec![0.0; self.rows]);
         for it in &self.list {
-            it.answer(self.whitened, &law, &mut stacks);
+            let force = |row: usize, node: usize| {
+                let (position, speed, command) = it.node(row, node);
+                law(position, speed, command)
+            };
+            it.answer(self.whitened, force, &mut stacks);
         }
         stacks
     }
@@ -221,7 +238,7 @@ impl<'k> PositionTraces<'k> {
         let number = TAU / wave.pitch;
         for (it, before) in self.list.iter_mut().zip(&before.list) {
             it.position.clone_from(&before.position);
-            let [[moved, _]] = it.run(|q, _, _| [wave.amplitude * (number * q + wave.phase).sin()]);
+            let [[moved, _]] = it.run(|row, node| [wave.amplitude * sin_cos(number * it.node(row, node).0 + wave.phase).0]);
             let path: Vec<f64> = fit.simulated[it.record][it.place].iter().zip(&moved).map(|(a, b)| a + b).collect();
             it.follow(&path, reach);
         }
@@ -232,8 +249,25 @@ impl<'k> PositionTraces<'k> {
     pub fn traces(&self, wave: &Wave) -> [Vec<f64>; 2] {
         let number = TAU / wave.pitch;
         self.answer(|q, _, _| {
-            let (sin, cos) = (number * q + wave.phase).sin_cos();
+            let (sin, cos) = sin_cos(number * q + wave.phase);
             [wave.amplitude * sin, wave.amplitude * cos]
         })
+    }
+
+    /// The responses to a unit wave of phase 0 and to the same a quarter period further, for some multiples of a wave number in rad per unit of the
+    /// position.
+    #[must_use]
+    pub fn multiples(&self, number: f64, multiples: Range<usize>) -> Vec<[Vec<f64>; 2]> {
+        let stacks = || std::array::from_fn(|_| vec![0.0; self.rows]);
+        let mut list: Vec<[Vec<f64>; 2]> = multiples.clone().map(|_| stacks()).collect();
+        for it in &self.list {
+            let mut sines = Multiples::new(it.positions().map(|q| number * q).collect(), multiples.start);
+            for stacks in &mut list {
+                let force = |row: usize, node: usize| <[f64; 2]>::from(sines.now()[2 * row + node]);
+                it.answer(self.whitened, force, stacks);
+                sines.advance();
+            }
+        }
+        list
     }
 }

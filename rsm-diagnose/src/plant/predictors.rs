@@ -15,6 +15,7 @@ use super::orders::{self, Coordinate, HIGHEST_FREQUENCY};
 use super::quantities::{self, rounded};
 use super::whitened_residuals::WhitenedResiduals;
 use super::whiteness::TESTS;
+use crate::engine::angle::Multiples;
 use crate::engine::columns::Basis;
 use crate::engine::significance::{chi_squared_of, ln_upper_chi_squared, most_significant};
 
@@ -122,15 +123,17 @@ fn waves(
         // The change of the coordinate from row to row, which gives the change of phase of a wave.
         let step: Vec<f64> = (0..at.len()).map(|row| (at[(row + 1).min(at.len() - 1)] - at[row.max(1) - 1]).abs()).collect();
         let (mut wave, mut white) = ([vec![0.0; at.len()], vec![0.0; at.len()]], [Vec::new(), Vec::new()]);
+        // The orders are the multiples of the first.
+        let mut sines = Multiples::new(at.iter().map(|at| TAU * way.order[0] * at).collect(), 0);
         for (sum, order) in sums.iter_mut().zip(&way.order) {
+            sines.advance();
             // Except at the ends, the step spans two rows.
             let seen = |row: usize| order * step[row] < 2.0 * HIGHEST_FREQUENCY;
             if (0..at.len()).filter(|row| used[*row] && seen(*row)).count() < LEAST_ROWS {
                 continue;
             }
-            for row in 0..at.len() {
-                let (sin, cos) = if seen(row) { (TAU * order * at[row]).sin_cos() } else { (0.0, 0.0) };
-                (wave[0][row], wave[1][row]) = (sin, cos);
+            for (row, sines) in sines.now().iter().enumerate() {
+                (wave[0][row], wave[1][row]) = if seen(row) { *sines } else { (0.0, 0.0) };
             }
             for (wave, white) in wave.iter().zip(&mut white) {
                 white.clear();

@@ -17,6 +17,7 @@ use super::model::Model;
 use super::one_body::OneBody;
 use super::position_traces::PositionTraces;
 use super::whitened_residuals::{Column, WhitenedResiduals};
+use crate::engine::angle;
 use crate::engine::columns::dot;
 use crate::engine::normal::Normal;
 use rsm_sim::effect::{Arguments, Description, Role, Wave};
@@ -107,7 +108,11 @@ impl<'k> Waves<'k> {
 
     /// The gain of a wave number (in radians per metre), and its factors of sine and cosine.
     fn gain(&self, number: f64) -> (f64, [f64; 2]) {
-        let traces = self.traces.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 });
+        self.gain_of(&self.traces.traces(&Wave { amplitude: 1.0, pitch: TAU / number, phase: 0.0 }))
+    }
+
+    /// The gain of a wave with these traces, and its factors of sine and cosine.
+    fn gain_of(&self, traces: &[Vec<f64>; 2]) -> (f64, [f64; 2]) {
         let inside = traces.each_ref().map(|trace| self.free.iter().map(|it| dot(it, trace)).collect::<Vec<f64>>());
         let own = |i: usize, j: usize| dot(&traces[i], &traces[j]) - dot(&inside[i], &inside[j]);
         let (ss, sc, cc) = (own(0, 0), own(0, 1), own(1, 1));
@@ -124,9 +129,13 @@ impl<'k> Waves<'k> {
         (factors[0] * asked[0] + factors[1] * asked[1], factors)
     }
 
-    /// The gains of many wave numbers, on all threads.
-    fn gains(&self, numbers: &[f64]) -> Vec<f64> {
-        in_threads(numbers, self.traces.whitened.threads, |number| self.gain(*number).0)
+    /// The gains of the multiples of a wave number from the longest wave on, on all threads.
+    fn gains(&self, number: f64, end: usize) -> Vec<f64> {
+        let gains = in_threads(&angle::blocks(LONGEST_WAVE, end), self.traces.whitened.threads, |block| {
+            let traces = self.traces.multiples(number, block.clone());
+            traces.iter().map(|it| self.gain_of(it).0).collect::<Vec<f64>>()
+        });
+        gains.into_iter().flatten().collect()
     }
 
     /// The best wave number between two, by golden section (J. Kiefer, 1953).
@@ -189,12 +198,12 @@ pub fn waves(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Wave> {
     let waves = Waves::new(PositionTraces::new(whitened, fit), fit);
     let line = TAU * 0.5 / travel;
     let finest = LARGEST_NOISE / whitened.floors[body.position].sd;
-    let numbers: Vec<f64> =
-        (LONGEST_WAVE..2 * MOST).map(|half| half as f64 * line).take_while(|number| *number < finest).collect();
-    let gains = waves.gains(&numbers);
+    let end = (LONGEST_WAVE..2 * MOST).find(|half| *half as f64 * line >= finest).unwrap_or(2 * MOST);
+    let gains = waves.gains(line, end);
     let mut found: Vec<(f64, Wave)> = Vec::new();
     for k in peaks(&gains, MOST_LINES_REFINED) {
-        let number = waves.best_between((numbers[k] - line).max(LONGEST_WAVE as f64 * line), numbers[k] + line);
+        let number = (LONGEST_WAVE + k) as f64 * line;
+        let number = waves.best_between((number - line).max(LONGEST_WAVE as f64 * line), number + line);
         let (gain, factors) = waves.gain(number);
         if gain > 0.0 {
             found.push((gain, wave(number, factors)));

@@ -5,8 +5,10 @@
 //! wave moves the states of the next row, and the linear model of the rows gives all that follows. Fits nothing.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use super::filter::Filter;
+use crate::engine::angle::{Multiples, sin_cos};
 use rsm_sim::plant_file::PlantFile;
 
 /// Motion along a position, and what an effort along it does.
@@ -78,6 +80,24 @@ impl<'f> Turning<'f> {
     /// number of periods in a period of the slow wave.
     #[must_use]
     pub fn wave(&self, number: f64) -> [Vec<Vec<f64>>; 2] {
+        let sines: Vec<(f64, f64)> = self.phase.iter().map(|phase| sin_cos(number * phase)).collect();
+        self.wave_of(number, &sines)
+    }
+
+    /// The same for each of some multiples of a number.
+    #[must_use]
+    pub fn waves(&self, number: f64, multiples: Range<usize>) -> Vec<[Vec<Vec<f64>>; 2]> {
+        let mut sines = Multiples::new(self.phase.iter().map(|phase| number * phase).collect(), multiples.start);
+        let mut list = Vec::with_capacity(multiples.len());
+        for multiple in multiples {
+            list.push(self.wave_of(multiple as f64 * number, sines.now()));
+            sines.advance();
+        }
+        list
+    }
+
+    /// The same with the sine and the cosine of `number` times the phase at every row.
+    fn wave_of(&self, number: f64, sines: &[(f64, f64)]) -> [Vec<Vec<f64>>; 2] {
         let count = self.filter.observer.is_kinematic.len();
         let outputs = self.filter.sd.len();
         let rows = self.phase.len();
@@ -86,7 +106,11 @@ impl<'f> Turning<'f> {
         let mut next = vec![0.0; count];
         for row in 0..rows {
             let slopes = &self.filter.linear[row].slopes;
-            let mean = if row + 1 < rows { mean(number * self.phase[row], number * self.phase[row + 1]) } else { [0.0; 2] };
+            let mean = if row + 1 < rows {
+                mean(number * (self.phase[row + 1] - self.phase[row]), sines[row], sines[row + 1])
+            } else {
+                [0.0; 2]
+            };
             for quarter in 0..2 {
                 let moved = &mut moved[quarter];
                 for (output, column) in columns[quarter].iter_mut().enumerate() {
@@ -105,14 +129,13 @@ impl<'f> Turning<'f> {
     }
 }
 
-/// The means of the sine and the cosine between two phases, if the phase is linear in time: a wave of high order turns by radians within a row.
-fn mean(from: f64, to: f64) -> [f64; 2] {
-    let moved = to - from;
-    let ([sin, cos], [last_sin, last_cos]) = ([to.sin(), to.cos()], [from.sin(), from.cos()]);
+/// The means of the sine and the cosine between two phases that are `moved` apart, if the phase is linear in time: a wave of high order turns by
+/// radians within a row. Each phase is given by its sine and cosine.
+fn mean(moved: f64, (sin, cos): (f64, f64), (next_sin, next_cos): (f64, f64)) -> [f64; 2] {
     // For changes below 1e-4, the mean of both ends is accurate to 1e-9.
     if moved.abs() < 1e-4 {
-        [0.5 * (sin + last_sin), 0.5 * (cos + last_cos)]
+        [0.5 * (sin + next_sin), 0.5 * (cos + next_cos)]
     } else {
-        [(last_cos - cos) / moved, (sin - last_sin) / moved]
+        [(cos - next_cos) / moved, (next_sin - sin) / moved]
     }
 }

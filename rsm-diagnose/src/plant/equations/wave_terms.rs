@@ -3,9 +3,12 @@
 //! In: the filters of all records, a base of columns. Out: candidates with their columns. They depend on the nominal plant; the best periods also
 //! depend on what the base explains.
 
+use std::ops::Range;
+
 use super::cross_validation::{Base, blocks};
 use super::turning::Turning;
 use super::{Candidate, Equations};
+use crate::engine::angle;
 use crate::plant::hypotheses::Hypothesis;
 use crate::plant::model::Model;
 use crate::plant::waves::{LONGEST_WAVE, MOST, largest_between, peaks};
@@ -87,6 +90,14 @@ pub(super) struct WaveMotion<'f> {
 }
 
 impl WaveMotion<'_> {
+    /// A wave with these columns of each record. `number` is the number of its periods in a slow wave.
+    fn candidate(&self, number: f64, waves: Vec<[Vec<Vec<f64>>; 2]>) -> Option<Candidate> {
+        let (sin, cos): (Vec<_>, Vec<_>) = waves.into_iter().map(|[sin, cos]| (sin, cos)).unzip();
+        let [sin, cos] = [sin, cos].map(|quarter| blocks(quarter.into_iter().flatten().collect()));
+        let guess = self.wave.guess(self.wave.values(self.count, 1.0, number, self.base, 0.0));
+        Some(Candidate { hypothesis: self.hypothesis, guess, columns: vec![sin?, cos?] })
+    }
+
     /// The largest number of periods of the slow wave in a record.
     fn periods(&self) -> f64 {
         self.turning.iter().map(Turning::turns).fold(0.0, f64::max)
@@ -129,10 +140,15 @@ impl Equations<'_> {
 
     /// A wave as a candidate. `number` is the number of its periods in a slow wave.
     fn wave(&self, motion: &WaveMotion<'_>, number: f64) -> Option<Candidate> {
-        let waves: Vec<[Vec<Vec<f64>>; 2]> = motion.turning.iter().map(|it| it.wave(number)).collect();
-        let [sin, cos] = [0, 1].map(|quarter| blocks(waves.iter().flat_map(|it| it[quarter].clone()).collect()));
-        let guess = motion.wave.guess(motion.wave.values(motion.count, 1.0, number, motion.base, 0.0));
-        Some(Candidate { hypothesis: motion.hypothesis, guess, columns: vec![sin?, cos?] })
+        motion.candidate(number, motion.turning.iter().map(|it| it.wave(number)).collect())
+    }
+
+    /// Waves as candidates, for some multiples of a number of periods.
+    fn waves(&self, motion: &WaveMotion<'_>, number: f64, multiples: Range<usize>) -> Vec<Option<Candidate>> {
+        let mut each: Vec<_> = motion.turning.iter().map(|it| it.waves(number, multiples.clone()).into_iter()).collect();
+        let one =
+            |multiple: usize| motion.candidate(multiple as f64 * number, each.iter_mut().filter_map(Iterator::next).collect());
+        multiples.map(one).collect()
     }
 
     /// Waves of effort over an angle, at every whole order that the records resolve.
@@ -140,9 +156,9 @@ impl Equations<'_> {
         let mut list = Vec::new();
         // Over less than a turn, an order looks like a smooth torque.
         for motion in motions.iter().filter(|it| it.wave.is_whole && it.periods() >= 1.0) {
-            let orders: Vec<usize> = (1..=MOST_ORDER).collect();
-            let waves = in_threads(&orders, self.whitened.threads, |order| self.wave(motion, *order as f64));
-            list.extend(waves.into_iter().flatten());
+            let orders = angle::blocks(1, MOST_ORDER + 1);
+            let waves = in_threads(&orders, self.whitened.threads, |block| self.waves(motion, 1.0, block.clone()));
+            list.extend(waves.into_iter().flatten().flatten());
         }
         list
     }
@@ -150,9 +166,7 @@ impl Equations<'_> {
     /// Waves of effort over a distance, whose period is no whole number: the best of all periods that fit into the travel, each refined between its
     /// neighbours. They depend on what a base already explains.
     pub(super) fn periods(&self, motions: &[WaveMotion<'_>], base: &Base) -> Vec<Candidate> {
-        let gain = |motion: &WaveMotion<'_>, number: f64| {
-            self.wave(motion, number).map_or(0.0, |it| base.with_columns(&it.columns).gain)
-        };
+        let gain = |it: Option<Candidate>| it.map_or(0.0, |it| base.with_columns(&it.columns).gain);
         let mut list = Vec::new();
         for motion in motions.iter().filter(|it| !it.wave.is_whole) {
             let travel = motion.turning.iter().map(Turning::travel).fold(0.0, f64::max);
@@ -161,11 +175,15 @@ impl Equations<'_> {
             }
             // A spectral line is half a wave over the travel wide.
             let line = 0.5 / travel;
-            let numbers: Vec<f64> = (LONGEST_WAVE..2 * MOST).map(|half| half as f64 * line).collect();
-            let gains = in_threads(&numbers, self.whitened.threads, |number| gain(motion, *number));
+            let halves = angle::blocks(LONGEST_WAVE, 2 * MOST);
+            let gains = in_threads(&halves, self.whitened.threads, |block| {
+                self.waves(motion, line, block.clone()).into_iter().map(gain).collect::<Vec<f64>>()
+            });
+            let gains: Vec<f64> = gains.into_iter().flatten().collect();
             let refined = in_threads(&peaks(&gains, REFINED_WAVES), self.whitened.threads, |&k| {
-                let ends = [(numbers[k] - line).max(LONGEST_WAVE as f64 * line), numbers[k] + line];
-                self.wave(motion, largest_between(ends, &|number| gain(motion, number)))
+                let number = (LONGEST_WAVE + k) as f64 * line;
+                let ends = [(number - line).max(LONGEST_WAVE as f64 * line), number + line];
+                self.wave(motion, largest_between(ends, &|number| gain(self.wave(motion, number))))
             });
             list.extend(refined.into_iter().flatten());
         }

@@ -14,13 +14,14 @@ pub(super) struct Factor(Matrix);
 
 /// The scalar product, in eight partial sums.
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (mut sums, split) = ([0.0; 8], a.len() / 8 * 8);
-    for (a, b) in a.chunks_exact(8).zip(b.chunks_exact(8)) {
+    let ((a8, a_rest), (b8, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    let mut sums = [0.0; 8];
+    for (a, b) in a8.iter().zip(b8) {
         for k in 0..8 {
             sums[k] += a[k] * b[k];
         }
     }
-    let rest: f64 = a[split..].iter().zip(&b[split..]).map(|(a, b)| a * b).sum();
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
     sums.iter().sum::<f64>() + rest
 }
 
