@@ -77,14 +77,15 @@ impl<const L: usize> Walk<'_, L> {
         let Some(sides) = &self.programs.sides else { return [false; L] };
         sides.code.run(&mut self.slots, &mut self.spare);
         let (begin, held) = (sides.results as usize, self.layout().held as usize);
-        let mut differ = [false; L];
+        // As whole words, comparisons of lanes are vector instructions.
+        let mut differ = [0_u64; L];
         for k in 0..self.programs.counts.held {
             let (left, right, held) = (self.slots[begin + 2 * k], self.slots[begin + 2 * k + 1], self.slots[held + k]);
             for lane in 0..L {
-                differ[lane] |= (left[lane] < right[lane]) != (held[lane] != 0.0);
+                differ[lane] |= u64::from(left[lane] < right[lane]) ^ u64::from(held[lane] != 0.0);
             }
         }
-        differ
+        differ.map(|it| it != 0)
     }
 
     /// Sets every held value to the current value of its comparison. Returns the lanes in which this is a change.
@@ -141,18 +142,21 @@ impl<const L: usize> Walk<'_, L> {
         let Events { conditions, branches, acts, .. } = &mut self.events;
         let mut any = false;
         for (place, branch) in branches.iter().enumerate() {
-            let mut rises = [false; L];
+            let mut rises = [0_u64; L];
             for k in 0..branch.conditions.len() {
                 let (now, before) = (self.slots[found.unwrap_or(0) + branch.first + k], conditions[branch.first + k]);
                 for lane in 0..L {
-                    rises[lane] |= now[lane] != 0.0 && before[lane] == 0.0;
+                    rises[lane] |= u64::from(now[lane] != 0.0) & u64::from(before[lane] == 0.0);
                 }
                 conditions[branch.first + k] = now;
             }
-            for lane in 0..L {
+            if rises == [0; L] {
+                continue;
+            }
+            for lane in (0..L).filter(|lane| rises[*lane] != 0) {
                 let is_free = branch.unless.iter().all(|other| acts[*other][lane] == 0.0);
-                acts[place][lane] = f64::from(u8::from(rises[lane] && is_free));
-                any |= rises[lane] && is_free;
+                acts[place][lane] = f64::from(u8::from(is_free));
+                any |= is_free;
             }
         }
         if !any && self.events.only_acts_change {

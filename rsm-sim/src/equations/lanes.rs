@@ -191,12 +191,17 @@ impl<'m> Lanes<'m> {
         setting: Setting,
         outputs: &mut [Outputs; WIDE],
     ) -> Result<(), Stopped> {
+        let mut block = Block::new(self.machine.outputs().len());
         for (row, end) in inputs.time.iter().enumerate() {
             self.reach_row(walk, lanes, row, inputs, setting)?;
             walk.set_inputs(inputs.values, row);
             walk.execute_events(*end)?;
-            read(walk, row, outputs)?;
+            if !block.read(walk.evaluate_outputs(), outputs) {
+                // A lane that runs alone names the output.
+                return Err(Stopped::NotFinite { row, name: String::new() });
+            }
         }
+        block.write(outputs);
         Ok(())
     }
 
@@ -290,6 +295,48 @@ pub(super) fn allocate_outputs(machine: &Machine, inputs: Inputs<'_>) -> Outputs
 /// The time between the first two rows.
 pub(super) fn period(inputs: Inputs<'_>) -> f64 {
     inputs.time.windows(2).next().map_or(1.0, |pair| pair[1] - pair[0])
+}
+
+/// The rows of a [`Block`]: with eight lanes and four outputs it has 16 kB, half of a first-level cache.
+const BLOCK: usize = 64;
+
+/// Outputs of the last rows, with the lanes side by side as they are computed. A block is written to the outputs of each lane when it is full: a row
+/// alone would go to as many places as there are lanes and outputs.
+struct Block {
+    outputs: Vec<[[f64; WIDE]; BLOCK]>,
+    rows: usize,
+}
+
+impl Block {
+    fn new(outputs: usize) -> Self {
+        Block { outputs: vec![[[0.0; WIDE]; BLOCK]; outputs], rows: 0 }
+    }
+
+    /// Adds a row. Returns whether all its values are finite.
+    fn read(&mut self, found: &[[f64; WIDE]], outputs: &mut [Outputs; WIDE]) -> bool {
+        if self.rows == BLOCK {
+            self.write(outputs);
+        }
+        let mut wrong = [0_u64; WIDE];
+        for (block, values) in self.outputs.iter_mut().zip(found) {
+            block[self.rows] = *values;
+            for lane in 0..WIDE {
+                wrong[lane] |= u64::from(!(values[lane].abs() < f64::INFINITY));
+            }
+        }
+        self.rows += 1;
+        wrong == [0; WIDE]
+    }
+
+    /// Writes the rows to the outputs of each lane.
+    fn write(&mut self, outputs: &mut [Outputs; WIDE]) {
+        for (lane, outputs) in outputs.iter_mut().enumerate() {
+            for (output, block) in outputs.iter_mut().zip(&self.outputs) {
+                output.extend(block[..self.rows].iter().map(|values| values[lane]));
+            }
+        }
+        self.rows = 0;
+    }
 }
 
 /// Reads the outputs of all lanes at a row.

@@ -4,7 +4,7 @@
 //! rates must be polynomials. Out: the walk at the next row, if the first part of the series, or the existing matrices, reach it in every lane. This
 //! is the same computation as for a general row, without the parts that are not needed here, so the bits are the same.
 
-use super::walk::Walk;
+use super::walk::{Walk, larger};
 
 impl<const L: usize> Walk<'_, L> {
     /// Whether this plant can have rows without events.
@@ -34,16 +34,19 @@ impl<const L: usize> Walk<'_, L> {
         let list = |slot: u32| &self.slots[at(slot)];
         let (states, ends) = (list(layout.states), list(self.programs.end()));
         let (first, one, other) = (list(terms[0]), list(terms[order - 1]), list(terms[order - 2]));
-        let mut fits = [true; L];
+        // A term that is not finite makes the end not finite. Its product with zero is then NaN.
+        let (mut excess, mut zero) = ([0.0; L], [0.0; L]);
         for k in 0..count {
             let (x, end, largest, first, one, other) = (&states[k], &ends[k], &self.largest[k], &first[k], &one[k], &other[k]);
             for lane in 0..L {
-                let moved = (end[lane] - x[lane]).abs().max(first[lane].abs());
-                let scale = largest[lane].max(x[lane].abs()).max(moved);
-                fits[lane] &= one[lane].abs() <= last * scale && other[lane].abs() <= before * scale && end[lane].is_finite();
+                let moved = larger((end[lane] - x[lane]).abs(), first[lane].abs());
+                let scale = larger(larger(x[lane].abs(), largest[lane]), moved);
+                excess[lane] = larger(one[lane].abs() - last * scale, excess[lane]);
+                excess[lane] = larger(other[lane].abs() - before * scale, excess[lane]);
+                zero[lane] += end[lane] * 0.0;
             }
         }
-        if fits != [true; L] {
+        if excess != [0.0; L] || zero != [0.0; L] {
             return false;
         }
         self.finish_step(self.programs.end() as usize, end);

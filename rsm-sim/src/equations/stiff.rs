@@ -8,7 +8,7 @@
 use super::kept::{Anchor, Loaded, SAME, Segment};
 use super::part::MOST_STATES;
 use super::rows::Stopped;
-use super::walk::Walk;
+use super::walk::{Walk, larger};
 
 /// If the error of a step is below this share of the permitted error, the next step may be twice as long: an error of order 4 becomes 16 times as
 /// large.
@@ -111,15 +111,18 @@ impl<const L: usize> Walk<'_, L> {
         let count = self.programs.counts.states;
         let list = |begin: usize| &self.slots[begin..begin + count];
         let (states, ends, errors) = (list(self.layout().states as usize), list(block.end()), list(block.error()));
-        let mut fits = [true; L];
+        // A number that is not finite has a product with zero that is NaN.
+        let (mut excess, mut zero) = ([0.0; L], [0.0; L]);
         for k in 0..count {
             let (begin, end, error, largest) = (&states[k], &ends[k], &errors[k], &self.largest[k]);
             for lane in 0..L {
-                let scale = largest[lane].max(begin[lane].abs()).max((end[lane] - begin[lane]).abs());
-                fits[lane] &= error[lane].abs() <= self.setting.tolerance * scale && end[lane].is_finite();
+                let moved = (end[lane] - begin[lane]).abs();
+                let scale = larger(larger(begin[lane].abs(), largest[lane]), moved);
+                excess[lane] = larger(error[lane].abs() - self.setting.tolerance * scale, excess[lane]);
+                zero[lane] += end[lane] * 0.0 + error[lane] * 0.0;
             }
         }
-        fits
+        std::array::from_fn(|lane| excess[lane] == 0.0 && zero[lane] == 0.0)
     }
 
     /// Moves a lane to a share of its last step, which had this level.

@@ -83,6 +83,12 @@ impl Lane {
     }
 }
 
+/// The larger of two numbers; the second if one is NaN. Unlike `f64::max` this is one instruction.
+#[inline(always)]
+pub(super) fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
 impl<'m, const L: usize> Walk<'m, L> {
     pub(super) fn new(machine: &'m Machine, way: Way) -> Self {
         let programs = Programs::new(machine, L, way);
@@ -172,7 +178,7 @@ impl<'m, const L: usize> Walk<'m, L> {
             self.slots[to + k] = state;
             let largest = &mut self.largest[k];
             for lane in 0..L {
-                largest[lane] = largest[lane].max(state[lane].abs());
+                largest[lane] = larger(state[lane].abs(), largest[lane]);
             }
         }
         self.slots[layout.time as usize] = [end; L];
