@@ -22,10 +22,8 @@
 //!
 //! Sites, effects and the rules of `[record]`: [`super::extended`]. `[configurations]`: [`crate::configurations`].
 
-use std::ops::Range;
 use std::sync::Arc;
 
-use rsm_core::check::Checked;
 use rsm_core::source::{Collector, Faults, Source};
 use rsm_core::toml_reader::{TableReader, parse};
 use rsm_fit::table::{Table, Wanted};
@@ -38,30 +36,10 @@ use super::effect_files;
 pub use super::extended::NamedValue;
 use super::extended::{self, Entry, RecordValues, Rules};
 use super::start_parameters::start_parameters;
+pub use super::tables::{Column, Function};
+use super::tables::{Named, check, columns, functions, numbers, unknown};
 use crate::configurations::{self, Configurations, Settable};
 use crate::quantity::Bound;
-
-/// A signal with a different name in the record.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Column {
-    /// The input or output of the text.
-    pub signal: String,
-    /// The column of the record.
-    pub name: String,
-    /// The unit, if the header of the record has none.
-    pub unit: Option<String>,
-}
-
-/// A response surface that implements a function of the text.
-#[derive(Debug, Clone)]
-pub struct Function {
-    /// The name of the function in the text.
-    pub name: String,
-    /// The model that contains the surface.
-    pub model: Checked,
-    /// The index of the surface in the model.
-    pub surface: usize,
-}
 
 /// A plant file of format 2 with its text, read and sorted.
 #[derive(Debug, Clone)]
@@ -123,12 +101,6 @@ pub fn format(source: &Source) -> Option<i64> {
     let document = parse(source, &mut Collector::new())?;
     let value = document.get_ref().get("format")?;
     value.get_ref().as_integer().and_then(|number| i64::from_str_radix(number.as_str(), number.radix()).ok())
-}
-
-/// A name with its position in the file.
-struct Named {
-    given: NamedValue,
-    place: Range<usize>,
 }
 
 impl EquationFile {
@@ -593,123 +565,4 @@ fn shipped_rules(model: &str) -> Rules {
     let rules = parse(&source, &mut faults)
         .map(|document| extended::rules(&mut TableReader::document(&source, &document), &mut faults));
     rules.unwrap_or_default()
-}
-
-/// A table of numbers with names from the text. Negative numbers are accepted only if `any` is set.
-fn numbers(top: &mut TableReader<'_>, key: &'static str, any: bool, faults: &mut Collector) -> Vec<Named> {
-    let source = top.source();
-    let Some(value) = top.optional(key) else { return Vec::new() };
-    let Some(table) = TableReader::of(source, value, format!("[{key}]"), faults) else { return Vec::new() };
-    let mut list = Vec::new();
-    for (name, place, value) in table.entries() {
-        let number = match value.get_ref().as_bool() {
-            Some(truth) if key == "parameters" => Some(f64::from(u8::from(truth))),
-            _ => table.number(&format!("`{name}`"), value, faults),
-        };
-        match number {
-            Some(number) if !any && number < 0.0 => {
-                faults.push(
-                    table.fault(value.span(), format!("`{name}`: found {number}, expected a number that is not negative")),
-                );
-            }
-            Some(value) => list.push(Named { given: NamedValue { name: name.to_string(), value }, place }),
-            None => {}
-        }
-    }
-    list
-}
-
-fn columns(top: &mut TableReader<'_>, faults: &mut Collector) -> Vec<(Column, Range<usize>)> {
-    let source = top.source();
-    let Some(value) = top.optional("columns") else { return Vec::new() };
-    let Some(table) = TableReader::of(source, value, "[columns]", faults) else { return Vec::new() };
-    let mut list = Vec::new();
-    for (signal, place, value) in table.entries() {
-        if let Some(name) = value.get_ref().as_str() {
-            list.push((Column { signal: signal.to_string(), name: name.to_string(), unit: None }, place));
-            continue;
-        }
-        let Some(mut inner) = TableReader::of(source, value, format!("[columns]: `{signal}`"), faults) else { continue };
-        let (name, unit) = (inner.text("name", faults), inner.optional_text("unit", faults));
-        inner.finish(faults);
-        if let Some(name) = name {
-            list.push((Column { signal: signal.to_string(), name, unit }, place));
-        }
-    }
-    list
-}
-
-/// An entry of `[functions]`.
-struct NamedFunction {
-    name: String,
-    place: Range<usize>,
-    model: String,
-    surface: String,
-}
-
-fn functions(top: &mut TableReader<'_>, faults: &mut Collector) -> Vec<NamedFunction> {
-    let source = top.source();
-    let Some(value) = top.optional("functions") else { return Vec::new() };
-    let Some(table) = TableReader::of(source, value, "[functions]", faults) else { return Vec::new() };
-    let mut list = Vec::new();
-    for (name, place, value) in table.entries() {
-        let Some(mut inner) = TableReader::of(source, value, format!("[functions]: `{name}`"), faults) else { continue };
-        let (model, surface) = (inner.text("model", faults), inner.text("surface", faults));
-        inner.finish(faults);
-        if let Some((model, surface)) = model.zip(surface) {
-            list.push(NamedFunction { name: name.to_string(), place, model, surface });
-        }
-    }
-    list
-}
-
-impl NamedFunction {
-    /// Reads the surface of this entry. It must have as many inputs as the function in the text.
-    fn read(
-        &self,
-        declared: &rsm_model::flat::Surface,
-        source: &Source,
-        open: &dyn Fn(&str) -> Result<Source, Faults>,
-    ) -> Result<Function, Faults> {
-        let model = Checked::read(&open(&self.model)?)?;
-        let refuse =
-            |what: String| Faults::one(source.fault(self.place.clone(), format!("[functions]: `{}`: {what}", self.name)));
-        let surfaces = &model.model().surfaces;
-        let Some(surface) = surfaces.iter().position(|it| it.name == self.surface) else {
-            let names: Vec<String> = surfaces.iter().map(|it| format!("`{}`", it.name)).collect();
-            return Err(refuse(format!("{} has no surface `{}`; it has {}", self.model, self.surface, names.join(", "))));
-        };
-        let (found, wanted) = (surfaces[surface].inputs.len(), declared.inputs.len());
-        if found != wanted {
-            return Err(refuse(format!("the surface `{}` has {found} inputs, the text gives {wanted}", self.surface)));
-        }
-        Ok(Function { name: self.name.clone(), model, surface })
-    }
-}
-
-fn check(source: &Source, table: &str, list: &[Named], known: &[String], what: &str, faults: &mut Collector) {
-    for it in list {
-        unknown(source, table, &it.given.name, &it.place, known, what, faults);
-    }
-}
-
-/// The largest number of names in a message.
-const LISTED: usize = 20;
-
-fn unknown(
-    source: &Source,
-    table: &str,
-    name: &str,
-    place: &Range<usize>,
-    known: &[String],
-    what: &str,
-    faults: &mut Collector,
-) {
-    if known.iter().any(|it| it == name) {
-        return;
-    }
-    let list: Vec<String> = known.iter().take(LISTED).map(|it| format!("`{it}`")).collect();
-    let more = if known.len() > LISTED { ", ..." } else { "" };
-    let fault = source.fault(place.clone(), format!("[{table}]: the text has no {what} `{name}`"));
-    faults.push(if list.is_empty() { fault } else { fault.help(format!("it has {}{more}", list.join(", "))) });
 }

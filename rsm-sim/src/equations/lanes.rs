@@ -321,7 +321,7 @@ impl Block {
         for (block, values) in self.outputs.iter_mut().zip(found) {
             block[self.rows] = *values;
             for lane in 0..WIDE {
-                wrong[lane] |= u64::from(!(values[lane].abs() < f64::INFINITY));
+                wrong[lane] |= u64::from(!values[lane].is_finite());
             }
         }
         self.rows += 1;

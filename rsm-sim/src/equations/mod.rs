@@ -43,6 +43,7 @@ mod start_parameters;
 pub mod starts;
 pub mod step;
 mod stiff;
+mod tables;
 mod thresholds;
 mod walk;
 
