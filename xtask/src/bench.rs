@@ -1,13 +1,14 @@
 //! `cargo xtask bench`: times the evaluators with criterion, counts their instructions, prints one table; then one of simulations and diagnoses.
 //!
 //! In: further words for criterion (a filter, `--quick`), or `simulation` for the second table alone (`--quick` leaves out the diagnoses). Out: the
-//! tables of the package rsm-bench, which makes all measurements. `loops`: instructions, stack and flash of the control steps on an emulated
+//! tables of the package rsm-bench, which makes all measurements. `fit`: fits beside those of numpy, statsmodels, polars, duckdb and scikit-learn
+//! (`--rows N` of the large table, `--quick`). `loops`: instructions, stack and flash of the control steps on an emulated
 //! Cortex-M4F, in C and in Rust; errors and costs of the controllers of a measured motor; rates and round trips of the loops between processes and
 //! hosts. The tests that compare these with their budgets print them.
 
 use crate::federation;
 use crate::stage::Run;
-use crate::workspace::cargo;
+use crate::workspace::{cargo, program};
 
 /// Duration of each run between processes and hosts, in s.
 const SECONDS: u32 = 10;
@@ -28,6 +29,14 @@ pub(crate) fn run(words: &[&str]) -> bool {
         run.command("loops", loops);
         federation::add(&mut run, SECONDS);
         return run.finish();
+    }
+    if words.first() == Some(&"fit") {
+        let mut table = cargo(&["run", "--quiet", "--release", "-p", "rsm-bench", "--bin", "fit-table", "--"]);
+        table.arg(program("release", "rsm")).args(&words[1..]);
+        return Run::new()
+            .command("build", cargo(&["build", "--release", "--quiet", "-p", "rsm-cli", "--bin", "rsm"]))
+            .command("fit", table)
+            .finish();
     }
     let mut simulation = cargo(&["run", "--quiet", "--release", "-p", "rsm-bench", "--bin", "simulation-table", "--"]);
     simulation.args(words.iter().filter(|word| **word == "--quick"));

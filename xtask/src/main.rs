@@ -29,6 +29,8 @@ const USAGE: &str = "\
 usage: cargo xtask test     everything that must hold, the same commands as continuous integration
        cargo xtask bless    writes anew what is generated: generated/, golden files, instruction counts
        cargo xtask bench    times and counts the evaluators, prints one table; `bench simulation`: simulations alone
+       cargo xtask bench fit [--rows N] [--quick]
+                            fits beside those of numpy, statsmodels, polars, duckdb and scikit-learn
        cargo xtask bench loops
                             instructions, stack and flash of the control steps on an emulated Cortex-M4F, errors and costs of the measured motor's controllers, rates of the loops between processes and hosts
        cargo xtask hidden-effects [--seed N] [--family singles|nulls|pairs|outside|faults|records|symmetries|far|beyond|configurations] [--case NAME] [--quick] [--plants new]

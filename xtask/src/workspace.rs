@@ -35,15 +35,17 @@ pub(crate) fn cargo(arguments: &[&str]) -> Command {
 }
 
 /// The same without incremental compilation where nothing was compiled incrementally before, as in a fresh clone. Caches for later changes take
-/// half of the time of a cold build: 80 s of processor for rsm-fit in place of 42 s.
+/// half of the time of a cold build: 80 s of processor for rsm-fit in place of 42 s. The engine is then one part, so that its loops are inlined:
+/// simulations take a quarter less.
 pub(crate) fn cargo_for_tests(arguments: &[&str]) -> Command {
-    let mut command = cargo(arguments);
     // This program itself has such a cache.
     let caches = std::fs::read_dir(target().join("debug/incremental")).into_iter().flatten().flatten();
     let is_warm = caches.into_iter().any(|it| it.file_name().to_string_lossy().starts_with("rsm_core-"));
-    if !is_warm && std::env::var_os("CARGO_INCREMENTAL").is_none() {
-        command.env("CARGO_INCREMENTAL", "0");
+    if is_warm || std::env::var_os("CARGO_INCREMENTAL").is_some() {
+        return cargo(arguments);
     }
+    let mut command = cargo(&["--config", "profile.dev.package.rsm-sim.codegen-units=1"]);
+    command.args(arguments).env("CARGO_INCREMENTAL", "0");
     command
 }
 

@@ -25,8 +25,8 @@ fn polynomial(z: f64, coefficients: &[f64]) -> f64 {
     coefficients.iter().rev().fold(0.0, |sum, a| sum * z + a)
 }
 
-/// The sine and the cosine of an angle in rad, with errors below 0.85 units in the last place: the bits of [`Function::Sin`](super::Function::Sin) and
-/// [`Function::Cos`](super::Function::Cos) in a tape. NaN for magnitudes above 800,000 rad, as there.
+/// The sine and the cosine of an angle in rad, with errors below 0.85 units in the last place: the bits of [`Function::Sin`](super::Function::Sin)
+/// and [`Function::Cos`](super::Function::Cos) in a tape. NaN for magnitudes above 800,000 rad, as there.
 ///
 /// ```
 /// let (sin, cos) = rsm_core::elementary::sin_cos(0.5);
