@@ -1,9 +1,9 @@
 //! Other programs with the same work: solvers with the same plants (SciPy's LSODA with rates compiled by numba, diffsol with DiffSL), and fits of the
 //! same data (numpy, statsmodels, polars, duckdb, scikit-learn).
 //!
-//! In: plants as texts with their records; the command `rsm`. Out: rows per second and errors of each solver, measured by `bench/peers/simulation.py`;
-//! the tables of `bench/peers/fit.py`; or the reason why they are not available. Both run in a separate Python environment, which is created if it is
-//! missing.
+//! In: plants as texts with their records; the command `rsm`. Out: rows per second and errors of each solver, measured by
+//! `bench/peers/simulation.py`; the tables of `bench/peers/fit.py`; or the reason why they are not available. Both run in a separate Python
+//! environment, which is created if it is missing.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
