@@ -11,7 +11,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 import tomllib
 import warnings
 from fractions import Fraction
@@ -45,12 +44,16 @@ class Rsm:
         table = np.column_stack([x, y])
         np.savetxt(self.folder / name, table, fmt="%.17g", delimiter=",", header=head, comments="")
 
-    def fit(self, name, ranges, select, data):
-        """The model, as TOML, and the figures of its fit."""
+    def specify(self, name, ranges, select, data):
+        """Writes a specification of one response."""
         inputs = "".join(f"[inputs.x{k}]\nunit = \"-\"\nrange = [{float(a)}, {float(b)}]\n" for k, (a, b) in enumerate(ranges))
         names = ", ".join(f'"x{k}"' for k in range(len(ranges)))
         text = f'format = 1\nmodel = "m"\ndata = ["{data}"]\n{inputs}[responses.y]\nunit = "-"\ninputs = [{names}]\n{select}\n'
         (self.folder / f"{name}.toml").write_text(text)
+
+    def fit(self, name, ranges, select, data):
+        """The model, as TOML, and the figures of its fit."""
+        self.specify(name, ranges, select, data)
         call = [self.program, "fit", f"{name}.toml", "--out", f"{name}.model.toml", "--json", "--force"]
         done = subprocess.run(call, cwd=self.folder, capture_output=True, text=True)
         if done.returncode:
@@ -206,12 +209,7 @@ def large_table(rsm, rows):
             np.savetxt(out, np.column_stack([x, y]), fmt=["%.4f"] * 3 + ["%.6f"], delimiter=",")
     print(f"\nten terms from a CSV file of {rows:,} rows ({file.stat().st_size / 1e6:.0f} MB): the sums of one pass\n")
     print(f"{'':24}| {'s':>7} {'CPU s':>7} {'MB':>7} | {'time to rsm':>11} | largest difference of a coefficient")
-    names = ", ".join(f'"x{k}"' for k in range(3))
-    inputs = "".join(f"[inputs.x{k}]\nunit = \"-\"\nrange = [-1.0, 1.0]\n" for k in range(3))
-    (rsm.folder / "large.toml").write_text(
-        f'format = 1\nmodel = "m"\ndata = ["large.csv"]\n{inputs}[responses.y]\nunit = "-"\ninputs = [{names}]\n'
-        'select = { method = "fixed", order = 2 }\n'
-    )
+    rsm.specify("large", [(-1.0, 1.0)] * 3, 'select = { method = "fixed", order = 2 }', "large.csv")
     whole = [rsm.program, "fit", "large.toml", "--out", "large.model.toml", "--json", "--force"]
     part = [rsm.program, "fit", "large.toml", "--partial", "large.part", "--force"]
     first = timed(whole, rsm.folder)

@@ -29,18 +29,17 @@ const FITS: Packages = Packages {
     modules: "numpy, statsmodels, polars, duckdb, sklearn",
 };
 
-/// Prints the tables of fits. `program` is the command `rsm`.
+/// Prints the tables of fits, and returns whether the script came to its end. `program` is the command `rsm`.
 ///
 /// # Errors
-/// A sentence: Python, a package or the network is missing, or the script failed.
-pub fn fits(program: &Path, rows: u32, surfaces: u32) -> Result<(), String> {
+/// A sentence: Python, a package or the network is missing.
+pub fn fits(program: &Path, rows: u32, surfaces: u32) -> Result<bool, String> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let (folder, python) = environment(&FITS)?;
     let mut script = Command::new(&python);
     script.arg(here.join("peers/fit.py")).arg(program).arg(folder.join("files"));
     let status = script.args([rows.to_string(), surfaces.to_string()]).status();
-    let status = status.map_err(|error| format!("{}: {error}", python.display()))?;
-    if status.success() { Ok(()) } else { Err(format!("the script ended with {status}")) }
+    Ok(status.map_err(|error| format!("{}: {error}", python.display()))?.success())
 }
 
 /// Runs the other solvers. `plants` contains, by name, the results of [`crate::engines::Text::for_peers`].

@@ -3,22 +3,44 @@
 //! In: the command `rsm`; `--rows N` of the large table, a million by default; `--quick`: fewer random surfaces. Out: the tables of
 //! `bench/peers/fit.py`, or why they are not available. No limits are checked, because times depend on the machine.
 
-use std::path::PathBuf;
+use std::path::Path;
+use std::process::ExitCode;
 
 use rsm_bench::peers;
 
 /// Random surfaces for the comparison with LassoCV: the median of 60 errors scatters by a tenth.
 const SURFACES: u32 = 60;
 
-fn main() {
+fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let Some(program) = words.first().map(PathBuf::from) else {
+    let Some((program, rows, surfaces)) = arguments(&words) else {
         eprintln!("usage: fit-table RSM [--rows N] [--quick]");
-        std::process::exit(2);
+        return ExitCode::from(2);
     };
-    let rows = words.iter().position(|word| word == "--rows").and_then(|place| words.get(place + 1)?.parse().ok());
-    let surfaces = if words.iter().any(|word| word == "--quick") { SURFACES / 6 } else { SURFACES };
-    if let Err(why) = peers::fits(&program, rows.unwrap_or(1_000_000), surfaces) {
-        println!("SKIPPED: numpy, statsmodels, polars, duckdb, scikit-learn: {why}");
+    match peers::fits(Path::new(program), rows, surfaces) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(why) => {
+            println!("SKIPPED: numpy, statsmodels, polars, duckdb, scikit-learn: {why}");
+            ExitCode::SUCCESS
+        }
     }
+}
+
+/// The command, the rows of the large table and the number of surfaces; `None` for any other words.
+fn arguments(words: &[String]) -> Option<(&str, u32, u32)> {
+    let (program, mut rest) = words.split_first()?;
+    let (mut rows, mut surfaces) = (1_000_000, SURFACES);
+    while let Some((word, after)) = rest.split_first() {
+        rest = after;
+        match word.as_str() {
+            "--quick" => surfaces = SURFACES / 6,
+            "--rows" => {
+                rows = rest.first()?.parse().ok()?;
+                rest = &rest[1..];
+            }
+            _ => return None,
+        }
+    }
+    Some((program, rows, surfaces))
 }

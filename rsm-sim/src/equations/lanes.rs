@@ -137,7 +137,7 @@ impl<'m> Lanes<'m> {
         let has_late = has_late(lane);
         let walk = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));
         walk.begin([lane], setting, period(inputs));
-        let mut outputs = [allocate_outputs(self.machine, inputs)];
+        let mut outputs = allocate_outputs(self.machine, inputs);
         let can_be_plain = walk.can_be_plain() && !has_late;
         let mut late = DelayedSignals::new(&lane.numbers, inputs.time, period(inputs));
         let mut said = 0.0;
@@ -165,7 +165,6 @@ impl<'m> Lanes<'m> {
                 late.read(*end, walk.evaluate_outputs());
             }
         }
-        let [mut outputs] = outputs;
         late.finish(&mut outputs);
         Ok(outputs)
     }
@@ -339,17 +338,14 @@ impl Block {
     }
 }
 
-/// Reads the outputs of all lanes at a row.
-pub(super) fn read<const L: usize>(walk: &mut Walk<'_, L>, row: usize, outputs: &mut [Outputs; L]) -> Result<(), Stopped> {
-    let found = walk.evaluate_outputs();
+/// Reads the outputs of a lane at a row.
+pub(super) fn read(walk: &mut Walk<'_, 1>, row: usize, outputs: &mut Outputs) -> Result<(), Stopped> {
     let mut place = None;
-    for (k, values) in found.iter().enumerate() {
-        for (lane, value) in values.iter().enumerate() {
-            if !value.is_finite() {
-                place = Some(k);
-            }
-            outputs[lane][k].push(*value);
+    for (k, ([value], output)) in walk.evaluate_outputs().iter().zip(outputs).enumerate() {
+        if !value.is_finite() {
+            place = Some(k);
         }
+        output.push(*value);
     }
     match place {
         None => Ok(()),

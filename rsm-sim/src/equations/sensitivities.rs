@@ -197,7 +197,7 @@ impl<'m> Lanes<'m> {
 
 fn along(walk: &mut Walk<'_, 1>, of: &Sensitive, inputs: Inputs<'_>) -> Result<Sensitivities, Stopped> {
     let mut late = DelayedSignals::new(&of.lane.numbers, inputs.time, period(inputs));
-    let mut outputs = [allocate_outputs(walk.machine, inputs)];
+    let mut outputs = allocate_outputs(walk.machine, inputs);
     let mut derivatives: Vec<Outputs> = of.directions.iter().map(|_| allocate_outputs(walk.machine, inputs)).collect();
     let can_be_plain = walk.can_be_plain();
     for (row, end) in inputs.time.iter().enumerate() {
@@ -218,6 +218,5 @@ fn along(walk: &mut Walk<'_, 1>, of: &Sensitive, inputs: Inputs<'_>) -> Result<S
         super::lanes::read(walk, row, &mut outputs)?;
         walk.carry_outputs(&mut derivatives);
     }
-    let [outputs] = outputs;
     Ok(Sensitivities { outputs, derivatives })
 }
