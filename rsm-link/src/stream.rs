@@ -238,11 +238,8 @@ pub fn run(settings: &Settings) -> Result<Done, String> {
     let mut done = std::thread::scope(|scope| {
         scope.spawn(|| link.listen(&received, &is_over));
         let _ended = Ended(&is_over);
-        if let Err(message) = connect(&link, &received, settings) {
-            return Done { lost: Some(message), ..empty_result(control_loop, side) };
-        }
         let done = Ticks::new(&link, &received, settings).run();
-        for _ in 0..END_DATAGRAMS {
+        for _ in 0..if done.began { END_DATAGRAMS } else { 0 } {
             link.send(&received, Kind::End, settings.run.ticks, &[]);
             std::thread::sleep(Duration::from_millis(1));
         }
@@ -289,6 +286,7 @@ fn empty_result(control_loop: Loop, side: Side) -> Done {
 /// Sends hello datagrams until each side has received one of the other.
 fn connect(link: &Link<'_>, received: &Mutex<Received>, settings: &Settings) -> Result<(), String> {
     let wait = u64::try_from(settings.wait.as_nanos()).unwrap_or(u64::MAX);
+    let from = now_ns();
     loop {
         link.send(received, Kind::Hello, 0, &[]);
         {
@@ -296,7 +294,7 @@ fn connect(link: &Link<'_>, received: &Mutex<Received>, settings: &Settings) -> 
             if received.session_received {
                 break;
             }
-            if now_ns() - link.start_ns > wait {
+            if now_ns() - from > wait {
                 let RejectedCounts { foreign, other_model } = received.rejected;
                 let why = if other_model > 0 {
                     "it runs another model: compare the coefficients and versions of both sides".to_string()
@@ -319,7 +317,8 @@ fn connect(link: &Link<'_>, received: &Mutex<Received>, settings: &Settings) -> 
     Ok(())
 }
 
-/// The ticks of a run in real time.
+/// The ticks of a run in real time. The clock starts with the first tick: what a side prepares before it, such as a plant that is compiled from its
+/// text, delays no tick.
 struct Ticks<'a> {
     link: &'a Link<'a>,
     received: &'a Mutex<Received>,
@@ -334,8 +333,7 @@ impl<'a> Ticks<'a> {
     fn new(link: &'a Link<'a>, received: &'a Mutex<Received>, settings: &'a Settings) -> Self {
         let (control_loop, side) = settings.side;
         let lateness_ns = Vec::with_capacity(usize::try_from(settings.run.ticks).unwrap_or(0).min(1 << 24));
-        let done = Done { began: true, ..empty_result(control_loop, side) };
-        Ticks { link, received, settings, done, first_ns: now_ns(), tick: 0, lateness_ns }
+        Ticks { link, received, settings, done: empty_result(control_loop, side), first_ns: 0, tick: 0, lateness_ns }
     }
 
     fn run(mut self) -> Done {
@@ -352,6 +350,15 @@ impl<'a> Ticks<'a> {
 
     /// Sleeps until the tick begins, and returns what the buffer plays for it; `None` if the peer is lost.
     fn begin(&mut self) -> Option<Played> {
+        if !self.done.began {
+            // This side is ready. The peer starts when it has received this, so both clocks start together.
+            if let Err(message) = connect(self.link, self.received, self.settings) {
+                self.done.lost = Some(message);
+                return None;
+            }
+            self.done.began = true;
+            self.first_ns = now_ns();
+        }
         self.end_of_tick();
         let due = self.first_ns + self.tick * PERIOD_NS;
         SystemClock.sleep_until_ns(due);

@@ -15,12 +15,18 @@ mod relay;
 mod skipped;
 mod streaming;
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
-/// One test at a time: two tests would delay each other.
-fn alone() -> MutexGuard<'static, ()> {
-    static ONE: Mutex<()> = Mutex::new(());
-    ONE.lock().unwrap_or_else(PoisonError::into_inner)
+static CORES: RwLock<()> = RwLock::new(());
+
+/// No other test at the same time: lock-step runs as fast as the cores allow, and would delay a clock.
+fn alone() -> RwLockWriteGuard<'static, ()> {
+    CORES.write().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// No lock-step at the same time. Runs with a clock wait for most of a tick, so several of them run together.
+fn with_a_clock() -> RwLockReadGuard<'static, ()> {
+    CORES.read().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The length of a run in s.

@@ -4,6 +4,7 @@
 //! with a message.
 
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::skipped::skipped;
 
@@ -30,7 +31,9 @@ fn succeeds(line: &str) -> bool {
 
 impl Hosts {
     pub(crate) fn new(test: &str) -> Option<Self> {
-        let number = std::process::id();
+        // Tests of this process run side by side. An interface has a name of at most 15 bytes.
+        static NEXT: AtomicU32 = AtomicU32::new(0);
+        let number = format!("{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
         let names = ["a", "b"].map(|it| format!("rsm-{number}-{it}"));
         let hosts = Hosts { names, addresses: ["10.77.0.1", "10.77.0.2"] };
         let [a, b] = &hosts.names;
