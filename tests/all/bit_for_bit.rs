@@ -1,8 +1,8 @@
 //! Every back end gives the bits of the interpreter.
 //!
 //! One suite, instantiated for emitted Rust through the macro and by rustc at opt 0 and 3, and for emitted C through gcc and clang, with
-//! every option of optimising and fusing that keeps IEEE 754. `cargo test` runs it at special points and a few random ones,
-//! `cargo test --release -- --include-ignored` at 10^6 random points for each model.
+//! every option of optimising and fusing that keeps IEEE 754. `cargo test` runs it at special points and a few random ones, the long matrix of
+//! `cargo xtask test` at 50,000 random points for each function, `cargo xtask bits` at 10^6.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -25,8 +25,11 @@ mod through_the_macro {
 /// Random points of each function in addition to the special ones: few, so that `cargo test` at opt 0 is short. The long matrix has more.
 const FEW: usize = 200;
 
-/// Random points of each function in the long matrix.
-const MANY: usize = 1_000_000;
+/// Random points of each function in the long matrix: as many as take less time than the compilation of all back ends.
+const MANY: usize = 50_000;
+
+/// Random points of each function in the campaign `cargo xtask bits`.
+const CAMPAIGN: usize = 1_000_000;
 
 /// A step's points are in sequences, each from rest: ten times as many, in sequences of this length while there are few.
 const SEQUENCE: usize = 500;
@@ -228,8 +231,8 @@ fn a_fused_operation_is_noticed() {
 }
 
 #[test]
-#[ignore = "10^6 points a function take minutes: run by `cargo xtask test` at opt 3"]
-fn all_back_ends_keep_the_bits_at_a_million_points() {
+#[ignore = "so many points take minutes at opt 0: run by `cargo xtask test` and `cargo xtask bits` at opt 3"]
+fn all_back_ends_keep_the_bits_at_many_points() {
     let loaded: Vec<Loaded> = RUST_OPTIONS
         .iter()
         .map(|options| rust_backend(options))
@@ -242,5 +245,5 @@ fn all_back_ends_keep_the_bits_at_a_million_points() {
         of_f64.push(backend);
         of_f32.push(backend);
     }
-    compare(&of_f64, &of_f32, MANY);
+    compare(&of_f64, &of_f32, if rsm_tests::is_campaign() { CAMPAIGN } else { MANY });
 }

@@ -12,3 +12,9 @@ pub mod report;
 
 mod skipped;
 pub use skipped::skipped;
+
+/// Whether this is the campaign `cargo xtask bits`: every point and every combination, in place of the part that `cargo xtask test` runs.
+#[must_use]
+pub fn is_campaign() -> bool {
+    std::env::var_os("RSM_BITS_CAMPAIGN").is_some()
+}

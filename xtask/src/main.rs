@@ -1,5 +1,5 @@
 //! Developer commands: `cargo xtask test`, `cargo xtask bless`, `cargo xtask bench`, `cargo xtask hidden-effects`, `cargo xtask
-//! constraints`, `cargo xtask mutants`, `cargo xtask fuzz`, `cargo xtask federation`, `cargo xtask book`, `cargo xtask publish-check`.
+//! constraints`, `cargo xtask bits`, `cargo xtask mutants`, `cargo xtask fuzz`, `cargo xtask federation`, `cargo xtask book`, `cargo xtask publish-check`.
 //!
 //! In: one command. Out: the exit status: 0 if everything passed, 1 if a stage failed, 2 for an unknown command. Runs cargo and the command `rsm`,
 //! and prints each command. Imports no crate, not even ours, so that it builds in a second on a machine that has only cargo.
@@ -42,6 +42,7 @@ usage: cargo xtask test     everything that must hold, the same commands as cont
                             surfaces against new data with something hidden in them
        cargo xtask constraints [FIRST-END]
                             fits of random feasible problems with constraints, of the seeds from FIRST to END - 1 (0-270): proofs, violations, distance from the optimum
+       cargo xtask bits     every back end at 10^6 points for each function, and every way of inlining with every model
        cargo xtask mutants [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--seed N] [--unit] [--near] [--within SECONDS] [--optimised] [--list]
                             changes the meaning of the code place by place, and names the changes that no test of the package notices
        cargo xtask fuzz [--count INPUTS] [--seed N] [--subject NAME] [--input NUMBER]
@@ -62,6 +63,7 @@ fn main() -> ExitCode {
         ["hidden-effects", rest @ ..] => hidden_effects::run(rest),
         ["constraints"] => constraints::run("0-270"),
         ["constraints", seeds] => constraints::run(seeds),
+        ["bits"] => test::bits(),
         ["mutants", rest @ ..] => mutants::run(rest),
         ["fuzz", rest @ ..] => fuzz::run(rest),
         ["federation"] => federation::run(),

@@ -57,18 +57,8 @@ pub(crate) fn run() -> bool {
         .command("hidden in surfaces", hidden_effects::quick_surfaces())
         // Whether the tests notice changes of the code: a sample; all of it is `cargo xtask mutants`.
         .command("mutants", mutants::quick())
-        // At opt 3: see `LONG_MATRIX`.
-        .command("long matrix", {
-            let mut test = cargo_for_tests(&["test", "--workspace", "--test", "across", "--no-fail-fast"]);
-            test.args(
-                AS_RELEASED
-                    .iter()
-                    .flat_map(|package| as_released(package))
-                    .flat_map(|setting| ["--config".to_string(), setting]),
-            );
-            test.args(["--", "--include-ignored"]).args(LONG_MATRIX);
-            test
-        })
+        // At opt 3: see `LONG_MATRIX`. All points and combinations are `cargo xtask bits`.
+        .command("long matrix", long_matrix())
         .command("docs", {
             let mut docs = cargo_for_tests(&["doc", "--workspace", "--no-deps"]);
             docs.env("RUSTDOCFLAGS", "-D warnings");
@@ -102,6 +92,25 @@ pub(crate) fn run() -> bool {
     let held = run.finish();
     println!("\n{}", run.totals());
     held
+}
+
+/// The tests of `LONG_MATRIX` at opt 3.
+fn long_matrix() -> std::process::Command {
+    let mut test = cargo_for_tests(&["test", "--workspace", "--test", "across", "--no-fail-fast"]);
+    test.args(
+        AS_RELEASED.iter().flat_map(|package| as_released(package)).flat_map(|setting| ["--config".to_string(), setting]),
+    );
+    test.args(["--", "--include-ignored"]).args(LONG_MATRIX);
+    test
+}
+
+/// `cargo xtask bits`: the long matrix with 10^6 points for each function, and every way of inlining with every model.
+pub(crate) fn bits() -> bool {
+    let mut run = Run::new();
+    let mut campaign = long_matrix();
+    campaign.env("RSM_BITS_CAMPAIGN", "1");
+    run.check("packages", packages::ensure).command("bits", campaign);
+    run.finish()
 }
 
 /// Builds the programs that tests start. The tests are listed too, so that cargo uses the libraries that the tests have built.

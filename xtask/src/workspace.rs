@@ -13,7 +13,7 @@ pub(crate) fn root() -> PathBuf {
 }
 
 /// The target directory: the one that cargo is set to use, or `target`.
-fn target() -> PathBuf {
+pub(crate) fn target() -> PathBuf {
     root().join(std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from))
 }
 
@@ -34,19 +34,23 @@ pub(crate) fn cargo(arguments: &[&str]) -> Command {
     command
 }
 
-/// The same without incremental compilation where nothing was compiled incrementally before, as in a fresh clone. Caches for later changes take
-/// half of the time of a cold build: 80 s of processor for rsm-fit in place of 42 s. The engine is then one part, so that its loops are inlined:
-/// simulations take a quarter less.
+/// The same without incremental compilation in a fresh clone. Caches for later changes take half of the time of a cold build: 80 s of processor for
+/// rsm-fit in place of 42 s. The engine is then one part, so that its loops are inlined: simulations take a quarter less.
 pub(crate) fn cargo_for_tests(arguments: &[&str]) -> Command {
-    // This program itself has such a cache.
-    let caches = std::fs::read_dir(target().join("debug/incremental")).into_iter().flatten().flatten();
-    let is_warm = caches.into_iter().any(|it| it.file_name().to_string_lossy().starts_with("rsm_core-"));
-    if is_warm || std::env::var_os("CARGO_INCREMENTAL").is_some() {
+    if !is_fresh() {
         return cargo(arguments);
     }
     let mut command = cargo(&["--config", "profile.dev.package.rsm-sim.codegen-units=1"]);
     command.args(arguments).env("CARGO_INCREMENTAL", "0");
     command
+}
+
+/// Whether nothing was compiled incrementally before, and the user has not set whether it is to be.
+pub(crate) fn is_fresh() -> bool {
+    // This program itself has such a cache.
+    let mut caches = std::fs::read_dir(target().join("debug/incremental")).into_iter().flatten().flatten();
+    let is_warm = caches.any(|it| it.file_name().to_string_lossy().starts_with("rsm_core-"));
+    !is_warm && std::env::var_os("CARGO_INCREMENTAL").is_none()
 }
 
 /// The Rust sources in a folder and in the folders below it, without build outputs and hidden folders.

@@ -19,7 +19,8 @@ use instrument::Mutant;
 use judge::Fate;
 
 const USAGE: &str = "\
-usage: mutants --root WORKSPACE --scratch FOLDER [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--seed N] [--unit] [--near] [--within SECONDS] [--optimised] [--list]
+usage: mutants --root WORKSPACE --scratch FOLDER [--build FOLDER] [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--seed N] [--unit] [--near] [--within SECONDS] [--optimised] [--list]
+  --build FOLDER    cargo compiles here: a target folder that has the crates from outside already; without it one for each package in --scratch
   --package NAME    rsm-core, rsm-fit, rsm-sim or rsm-diagnose; without it all four, each with the files that are listed below
   --file PART       only files whose name contains PART (several may be given)
   --function NAME   only mutants inside this function
@@ -59,6 +60,7 @@ const FILES: &[(&str, &[&str])] = &[
 struct Request {
     root: PathBuf,
     scratch: PathBuf,
+    build: Option<PathBuf>,
     package: Option<String>,
     parts: Vec<String>,
     function: Option<String>,
@@ -125,6 +127,7 @@ fn request(mut words: impl Iterator<Item = String>) -> Result<Request, String> {
         match word.as_str() {
             "--root" => request.root = value.into(),
             "--scratch" => request.scratch = value.into(),
+            "--build" => request.build = Some(value.into()),
             "--package" if FILES.iter().any(|(package, _)| *package == value) => request.package = Some(value),
             "--file" => request.parts.push(value),
             "--function" => request.function = Some(value),
@@ -152,7 +155,8 @@ fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String
     let scratch = request.scratch.join(package);
     std::fs::create_dir_all(&scratch).map_err(|error| format!("{}: {error}", scratch.display()))?;
     let targets = tree::Targets { unit: request.unit, plain: request.unit && !request.optimised };
-    let built = tree::build(&request.root, &scratch, package, &files, targets)?;
+    let folder = request.build.clone().unwrap_or_else(|| scratch.join("build"));
+    let built = tree::build(&request.root, &scratch, &folder, package, &files, targets)?;
     let texts = texts(&request.root, &files)?;
     let wanted = |mutant: &&Mutant| {
         request.function.as_ref().is_none_or(|name| *name == mutant.function)

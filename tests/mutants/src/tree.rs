@@ -35,8 +35,15 @@ pub(crate) struct Targets {
     pub(crate) plain: bool,
 }
 
-/// Copies, changes and compiles.
-pub(crate) fn build(root: &Path, scratch: &Path, package: &str, files: &[String], targets: Targets) -> Result<Built, String> {
+/// Copies, changes and compiles into a folder.
+pub(crate) fn build(
+    root: &Path,
+    scratch: &Path,
+    folder: &Path,
+    package: &str,
+    files: &[String],
+    targets: Targets,
+) -> Result<Built, String> {
     // The copy is in a subfolder, so that the files that the tests read beside the workspace can be beside the copy.
     let tree = scratch.join("tree").join("workspace");
     let beside = scratch.join("tree").join("shared");
@@ -70,7 +77,7 @@ pub(crate) fn build(root: &Path, scratch: &Path, package: &str, files: &[String]
         let from = if changed.contains(&library) { tree.join(&library) } else { root.join(&library) };
         let text = std::fs::read_to_string(from).map_err(|error| format!("{library}: {error}"))?;
         write(&tree.join(&library), format!("{text}\nmod mutant_switch;\n").as_bytes())?;
-        let Compiled { programs, errors } = compile(&tree, scratch, package, targets)?;
+        let Compiled { programs, errors } = compile(&tree, scratch, folder, package, targets)?;
         if errors.is_empty() {
             return Ok(Built { mutants, refused: left_out.len(), programs, folder: tree.join(package) });
         }
@@ -131,7 +138,7 @@ struct Compiled {
 }
 
 /// Compiles the tests of the copy.
-fn compile(tree: &Path, scratch: &Path, package: &str, of: Targets) -> Result<Compiled, String> {
+fn compile(tree: &Path, scratch: &Path, build: &Path, package: &str, of: Targets) -> Result<Compiled, String> {
     let plain = format!("--config=profile.dev.package.{package}.opt-level=0");
     let mut targets = vec!["--lib"];
     if !of.unit {
@@ -140,13 +147,18 @@ fn compile(tree: &Path, scratch: &Path, package: &str, of: Targets) -> Result<Co
     if of.plain {
         targets.push(&plain);
     }
+    // A changed program contains code that a lint refuses: unused results, comparisons that are always true. Cargo keeps the results of a wrapper
+    // apart by its path, and only those of the workspace: crates from outside are those of any other build in the same folder.
+    let wrapper = scratch.join("rustc-without-lints");
+    write(&wrapper, b"#!/bin/sh\nexec \"$@\" --cap-lints allow\n")?;
+    std::fs::set_permissions(&wrapper, std::os::unix::fs::PermissionsExt::from_mode(0o755))
+        .map_err(|error| format!("{}: {error}", wrapper.display()))?;
     let output = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
         .args(["test", "-p", package, "--no-run", "--message-format=json"])
         .args(targets)
         .current_dir(tree)
-        .env("CARGO_TARGET_DIR", scratch.join("build"))
-        // A changed program contains code that a lint refuses: unused results, comparisons that are always true.
-        .env("RUSTFLAGS", "--cap-lints allow")
+        .env("CARGO_TARGET_DIR", build)
+        .env("RUSTC_WORKSPACE_WRAPPER", wrapper)
         .stderr(Stdio::piped())
         .output()
         .map_err(|error| format!("cannot start cargo: {error}"))?;
