@@ -60,7 +60,7 @@ mod tests {
             let own = path.strip_prefix(root()).unwrap_or(path);
             !own.starts_with("xtask") && !own.starts_with("bench") && own != Path::new("tests/src/refused.rs")
         };
-        let readers = sources(&root())
+        let readers = sources(&root(), "rs")
             .into_iter()
             .filter(is_test)
             .filter(|path| std::fs::read_to_string(path).is_ok_and(|text| text.contains("var_os(\"RSM_BLESS\")")));

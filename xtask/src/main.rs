@@ -1,5 +1,5 @@
-//! Developer commands: `cargo xtask test`, `cargo xtask bless`, `cargo xtask bench`, `cargo xtask hidden-effects`, `cargo xtask
-//! constraints`, `cargo xtask bits`, `cargo xtask mutants`, `cargo xtask fuzz`, `cargo xtask federation`, `cargo xtask book`, `cargo xtask publish-check`.
+//! Developer commands: `cargo xtask test`, `cargo xtask bless`, `cargo xtask bench`, `cargo xtask hidden-effects`, `cargo xtask constraints`,
+//! `cargo xtask bits`, `cargo xtask mutants`, `cargo xtask fuzz`, `cargo xtask federation`, `cargo xtask book`, `cargo xtask publish-check`.
 //!
 //! In: one command. Out: the exit status: 0 if everything passed, 1 if a stage failed, 2 for an unknown command. Runs cargo and the command `rsm`,
 //! and prints each command. Imports no crate, not even ours, so that it builds in a second on a machine that has only cargo.

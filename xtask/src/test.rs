@@ -44,11 +44,9 @@ pub(crate) fn run() -> bool {
         .command("clippy", cargo_for_tests(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
         .check("helics", helics::ensure)
         .check("dask", dask::ensure)
-        .command("test", {
-            let mut test = cargo_for_tests(&["test", "--workspace", "--no-fail-fast"]);
-            test.env("RSM_HELICS", helics::folder());
-            test
-        })
+        .command("test", tests(&[]))
+        // Whole diagnoses, pages in a browser, loops between processes and hosts.
+        .command("slow tests", tests(&SLOW))
         .command("programs", programs())
         // The diagnosis on records of the independent simulation: a quick subset; all of it is `cargo xtask hidden-effects`.
         .command("hidden effects", hidden_effects::quick())
@@ -92,6 +90,16 @@ pub(crate) fn run() -> bool {
     let held = run.finish();
     println!("\n{}", run.totals());
     held
+}
+
+/// The test targets that `cargo test` leaves out, so that the inner loop of a crate stays short. They have `test = false` in its manifest.
+const SLOW: [&str; 4] = ["--test", "slow", "--test", "hosts"];
+
+/// The tests of the workspace, or of some targets.
+fn tests(targets: &[&str]) -> std::process::Command {
+    let mut test = cargo_for_tests(&["test", "--workspace", "--no-fail-fast"]);
+    test.args(targets).env("RSM_HELICS", helics::folder());
+    test
 }
 
 /// The tests of `LONG_MATRIX` at opt 3.
@@ -142,7 +150,7 @@ mod tests {
             let module = name.to_string_lossy().replace('/', "::").replace("::mod", "");
             (module, std::fs::read_to_string(&path).expect("a source"))
         };
-        sources(&folder).into_iter().map(of_one).collect()
+        sources(&folder, "rs").into_iter().map(of_one).collect()
     }
 
     /// The paths of the tests of a module that the long matrix runs.
@@ -160,6 +168,25 @@ mod tests {
             }
         }
         found
+    }
+
+    #[test]
+    fn every_test_target_that_cargo_leaves_out_is_a_stage() {
+        let mut found = Vec::new();
+        for manifest in sources(root().as_path(), "toml").iter().filter(|path| path.ends_with("Cargo.toml")) {
+            let text = std::fs::read_to_string(manifest).expect("a manifest");
+            for target in text.split("[[test]]").skip(1).filter(|target| target.split("[[").next().is_some_and(left_out)) {
+                let name = target.lines().find_map(|line| line.strip_prefix("name = \"")?.strip_suffix('"'));
+                found.push(name.expect("a name").to_string());
+            }
+        }
+        found.sort_unstable();
+        assert_eq!(found, ["hosts", "slow", "slow"]);
+        assert!(found.iter().all(|name| SLOW.contains(&name.as_str())));
+    }
+
+    fn left_out(target: &str) -> bool {
+        target.lines().any(|line| line == "test = false")
     }
 
     #[test]

@@ -40,8 +40,10 @@ pub(crate) fn cargo_for_tests(arguments: &[&str]) -> Command {
     if !is_fresh() {
         return cargo(arguments);
     }
-    let mut command = cargo(&["--config", "profile.dev.package.rsm-sim.codegen-units=1"]);
-    command.args(arguments).env("CARGO_INCREMENTAL", "0");
+    // After the name of the command: there cargo adds further settings of a caller, and before it they would replace this one.
+    let mut command = cargo(&arguments[..1]);
+    command.args(["--config", "profile.dev.package.rsm-sim.codegen-units=1"]).args(&arguments[1..]);
+    command.env("CARGO_INCREMENTAL", "0");
     command
 }
 
@@ -53,15 +55,15 @@ pub(crate) fn is_fresh() -> bool {
     !is_warm && std::env::var_os("CARGO_INCREMENTAL").is_none()
 }
 
-/// The Rust sources in a folder and in the folders below it, without build outputs and hidden folders.
+/// The files with an extension in a folder and in the folders below it, without build outputs and hidden folders.
 #[cfg(test)]
-pub(crate) fn sources(folder: &Path) -> Vec<PathBuf> {
+pub(crate) fn sources(folder: &Path, extension: &str) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).expect("a folder of the workspace").flatten() {
         let (path, name) = (entry.path(), entry.file_name());
         if path.is_dir() && name != "target" && !name.to_string_lossy().starts_with('.') {
-            found.extend(sources(&path));
-        } else if path.extension().is_some_and(|it| it == "rs") {
+            found.extend(sources(&path, extension));
+        } else if path.extension().is_some_and(|it| it == extension) {
             found.push(path);
         }
     }

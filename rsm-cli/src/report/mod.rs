@@ -41,7 +41,11 @@ pub fn fit(outcome: &Outcome) -> Result<String, Refusal> {
     for response in &outcome.responses {
         let (tone, state) = tone(&response.verdict);
         body += &format!("<section>\n<h2>{}</h2>\n", escaped(&response.name));
-        body += &summary::verdict(tone, state, &format!("{}.", verdict_in_words(response)));
+        let words = match (&response.verdict, &response.statistics) {
+            (Verdict::Fitted, Some(statistics)) => format!("{} terms on {} rows", statistics.terms.len(), statistics.rows),
+            _ => verdict_in_words(response),
+        };
+        body += &summary::verdict(tone, state, &format!("{words}."));
         let (checked, statistics) = match (&checked, &response.statistics) {
             (Some(checked), Some(statistics)) => (checked, statistics),
             _ => {

@@ -1,36 +1,10 @@
 //! The command as programs outside the project call it: names, flags, JSON keys, exit statuses, whole outputs.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
 use serde_json::Value;
 
-pub(crate) fn rsm(arguments: &[&str], folder: &Path) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rsm")).args(arguments).current_dir(folder).output().unwrap()
-}
-
-pub(crate) fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).unwrap()
-}
-
-pub(crate) fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {}", text(&output.stdout)))
-}
-
-pub(crate) fn keys(value: &Value) -> Vec<&str> {
-    let mut keys: Vec<&str> = value.as_object().unwrap().keys().map(String::as_str).collect();
-    keys.sort_unstable();
-    keys
-}
-
-pub(crate) fn published(name: &str) -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../generated/coefficients").join(name);
-    path.canonicalize().unwrap().display().to_string()
-}
-
-pub(crate) fn folder() -> tempfile::TempDir {
-    tempfile::tempdir().unwrap()
-}
+use crate::calls::{folder, json, keys, published, rsm, text};
 
 fn files_in(folder: &Path) -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
@@ -335,34 +309,6 @@ fn the_same_fit_gives_the_same_bytes() {
     }
     let read = |name: &str| std::fs::read(here.path().join(name)).unwrap();
     assert!(read("one.toml") == read("two.toml") && !read("one.toml").is_empty());
-}
-
-/// Both cases completely: results that do not depend on the clock must be reached, and the page must need no other files.
-#[test]
-fn the_demo_reaches_the_figures_of_the_paper() {
-    let here = folder();
-    let output = rsm(&["demo", "--seconds", "0.2", "--json", "--out", "made"], here.path());
-    let found = json(&output);
-    assert_eq!((output.status.code(), &found["ok"]), (Some(0), &Value::Bool(true)), "{}", text(&output.stderr));
-    assert_eq!(keys(&found), ["driveline", "loop", "missed", "motor", "ok", "paper", "report"]);
-    assert!(found["missed"].as_array().unwrap().is_empty());
-    assert_eq!(found["paper"]["ticks"], 200.0);
-    let paper = found["paper"].as_object().unwrap();
-    assert!(paper.len() >= 21 && paper.values().all(Value::is_number), "{paper:?}");
-    // The paper's own forms, of second order, have larger errors here than ours.
-    for (ours, second) in [
-        ("angle_error_mean_deg", "angle_error_mean_deg_second_order"),
-        ("damping_residual_percent", "damping_residual_percent_second_order"),
-    ] {
-        assert!(paper[second].as_f64() > paper[ours].as_f64(), "{paper:?}");
-    }
-    let page = std::fs::read_to_string(here.path().join("made/report.html")).unwrap();
-    assert!(page.contains("6, second order as the paper has it"));
-    for figure in ["Figure 2", "Figure 5", "Figure 6", "Figure 7"] {
-        assert!(page.contains(figure), "{figure}");
-    }
-    // Self-contained: links lead to files beside the page, and nothing is loaded.
-    assert!(page.contains("<svg") && !page.contains("src=") && !page.contains("href=\"http"));
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 
-use crate::command::{folder, json, keys, published, rsm, text};
+use crate::calls::{folder, json, keys, published, rsm, text};
 
 /// Damping from the gear; frequency and target fixed.
 const MODEL: &str = r#"format = 1

@@ -1,6 +1,6 @@
 //! `rsm diagnose` as a command: refused input, and the keys of the results.
 
-use super::command::{folder, json, keys, rsm, text};
+use super::calls::{folder, json, keys, rsm, text};
 
 fn shipped(name: &str) -> String {
     std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants").join(name).display().to_string()

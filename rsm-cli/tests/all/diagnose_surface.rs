@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::command::{folder, json, keys, rsm, text};
+use super::calls::{folder, json, keys, rsm, text};
 
 pub(crate) const MODEL: &str = r#"format = 1
 model = "pump"

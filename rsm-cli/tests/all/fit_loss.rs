@@ -1,6 +1,6 @@
 //! Robust losses in `rsm fit`: the wrong row is named in words, JSON and report, and withheld figures have a sentence.
 
-use crate::command::{folder, json, rsm, text};
+use crate::calls::{folder, json, rsm, text};
 
 #[test]
 fn a_wrong_row_is_named_in_words_json_and_report() {

@@ -1,6 +1,6 @@
 //! Missing cells in `rsm fit`: words, JSON and report have the same counts. `rsm diagnose` refuses them.
 
-use crate::command::{folder, json, rsm, text};
+use crate::calls::{folder, json, rsm, text};
 
 const SPECIFICATION: &str = "format = 1\nmodel = \"m\"\ndata = [\"data.csv\"]\nmissing = \"drop-row\"\n[inputs.x]\n[inputs.z]\n\
     [responses.a]\ninputs = [\"x\", \"z\"]\nselect = { method = \"fixed\", order = 1 }\n\

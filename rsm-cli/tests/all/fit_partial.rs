@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use crate::command::{folder, json, rsm, text};
+use crate::calls::{folder, json, rsm, text};
 use crate::shell::{blocks, of_the_project, read};
 use crate::sweep::{cluster, dask};
 

@@ -373,7 +373,7 @@ fn the_guide_to_plants_of_equations_runs() {
                 cc self.c winch.o -o self\n./self";
     run(bits, folder.path());
     let refused = |arguments: &[&str]| {
-        let output = crate::command::rsm(arguments, folder.path());
+        let output = crate::calls::rsm(arguments, folder.path());
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
         String::from_utf8_lossy(&output.stderr).into_owned()
     };

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::command::{folder, json, keys, rsm, text};
+use crate::calls::{folder, json, keys, rsm, text};
 
 fn shipped(name: &str) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants").join(name);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::command::{folder, published, rsm, text};
+use crate::calls::{folder, published, rsm, text};
 
 fn plants(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants").join(name).display().to_string()

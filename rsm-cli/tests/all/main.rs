@@ -1,12 +1,12 @@
 //! The tests of the command, one binary.
 
+mod calls;
 mod command;
 mod compensator;
 mod design;
 mod diagnose;
 mod diagnose_surface;
 mod driveline;
-mod federation;
 mod fit_loss;
 mod fit_missing;
 mod fit_partial;
@@ -17,8 +17,6 @@ mod limits;
 mod made_up_runs;
 mod motor;
 mod optimise;
-mod pages;
-mod ports;
 mod readme;
 mod reference;
 mod shell;

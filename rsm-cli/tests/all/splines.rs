@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::command::{folder, json, rsm, text};
+use crate::calls::{folder, json, rsm, text};
 
 const SPEC: &str = "format = 1\nmodel = \"bench\"\ndata = [\"map.csv\"]\n[inputs.speed]\nunit = \"rad/s\"\nrange = [0.0, 100.0]\n\
     [inputs.load]\nunit = \"N*m\"\nrange = [0.0, 1.0]\n[responses.losses]\nunit = \"W\"\ninputs = [\"speed\", \"load\"]\n";

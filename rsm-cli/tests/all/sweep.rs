@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::command::{folder, json, keys, rsm, text};
+use crate::calls::{folder, json, keys, rsm, text};
 use crate::shell::of_the_project;
 use crate::skipped::skipped;
 

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::command::{folder, json, keys, rsm, text};
+use crate::calls::{folder, json, keys, rsm, text};
 
 const MODEL: &str = "format = 1\nmodel = \"car\"\n\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n\n[surfaces.drag]\nunit = \"N\"\n\
     inputs = [\"speed\"]\nterms = [\n  { powers = [0], coefficient = 35.0 },\n  { powers = [1], coefficient = 30.0 },\n]\n\n\

@@ -8,7 +8,7 @@
 mod libhelics;
 mod lockstep;
 mod namespaces;
-#[path = "../all/ports.rs"]
+#[path = "../slow/ports.rs"]
 mod ports;
 mod relay;
 #[path = "../../../tests/src/skipped.rs"]

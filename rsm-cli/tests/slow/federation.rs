@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use rsm_link::loops::{self, Loop, Run};
 
-use crate::command::{folder, json, rsm, text};
+use crate::calls::{folder, json, rsm, text};
 use crate::libhelics::helics;
 use crate::ports::port;
 

@@ -234,7 +234,7 @@ fn collinear_resistances_of_a_car_do_not_crowd_out_the_one_that_is_off() {
 
 /// The families with more seeds: a quarter of an hour on one core.
 #[test]
-#[ignore = "minutes, after changes of the search: cargo test -p rsm-diagnose --release --test all -- --ignored equals_over"]
+#[ignore = "minutes, after changes of the search: cargo test -p rsm-diagnose --release --test slow -- --ignored equals_over"]
 fn equals_over_many_seeds() {
     let mut cases = Vec::new();
     for seed in 11..15 {

@@ -1,0 +1,15 @@
+//! The diagnoses that take minutes: families of explanations that are alike, units, measured machines, next experiments. `cargo xtask test` runs them,
+//! and `cargo test -p rsm-diagnose --test slow`; `cargo test -p rsm-diagnose` leaves them out.
+
+mod equals;
+#[path = "../../../rsm-fit/tests/all/folders.rs"]
+mod folders;
+mod measured;
+mod next_experiment;
+#[path = "../all/random.rs"]
+mod random;
+#[path = "../../../rsm-sim/tests/all/shipped.rs"]
+mod shipped;
+mod units;
+
+use shipped::{axis_record, car_record, effect, motor_record, path, plant, record, run};
