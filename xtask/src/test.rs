@@ -42,6 +42,12 @@ pub(crate) fn run() -> bool {
     run.check("packages", packages::ensure)
         .command("format", cargo(&["fmt", "--all", "--check"]))
         .command("clippy", cargo_for_tests(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
+        // Cargo counts them among all targets only by their names.
+        .command("clippy of slow tests", {
+            let mut clippy = cargo_for_tests(&["clippy", "--workspace"]);
+            clippy.args(SLOW).args(["--", "-D", "warnings"]);
+            clippy
+        })
         .check("helics", helics::ensure)
         .check("dask", dask::ensure)
         .command("test", tests(&[]))

@@ -23,11 +23,6 @@ pub(crate) fn keys(value: &Value) -> Vec<&str> {
     keys
 }
 
-pub(crate) fn published(name: &str) -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../generated/coefficients").join(name);
-    path.canonicalize().unwrap().display().to_string()
-}
-
 pub(crate) fn folder() -> tempfile::TempDir {
     tempfile::tempdir().unwrap()
 }

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use serde_json::json;
 
-use crate::calls::{folder, json, keys, published, rsm, text};
+use crate::calls::{folder, json, keys, rsm, text};
+use crate::shell::published;
 
 /// Damping from the gear; frequency and target fixed.
 const MODEL: &str = r#"format = 1

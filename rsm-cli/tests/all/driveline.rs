@@ -17,7 +17,8 @@ use rsm_rigs::track::rounds::{self, Poles, specification};
 use rsm_sim::plant_file::PlantFile;
 use serde_json::json as value;
 
-use crate::calls::{folder, json, published, rsm, text};
+use crate::calls::{folder, json, rsm, text};
+use crate::shell::published;
 
 /// The seed of the shipped runs. Any number is possible.
 const SEED: u64 = 29;

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::calls::{folder, published, rsm, text};
+use crate::calls::{folder, rsm, text};
+use crate::shell::published;
 
 fn plants(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants").join(name).display().to_string()

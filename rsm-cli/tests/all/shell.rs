@@ -14,6 +14,12 @@ pub fn of_the_project(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
 }
 
+/// The path of a published coefficient file.
+pub fn published(name: &str) -> String {
+    let path = of_the_project("generated/coefficients").join(name);
+    path.canonicalize().unwrap_or_else(|error| panic!("{}: {error}", path.display())).display().to_string()
+}
+
 /// The text of a file of the project.
 pub fn read(path: &str) -> String {
     let file = of_the_project(path);

@@ -4,7 +4,8 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use crate::calls::{folder, published, rsm, text};
+use crate::calls::{folder, rsm, text};
+use crate::shell::published;
 
 const DATA: &str = "x[1],y[1]\n0,1\n1,3.1\n2,4.9\n3,7.05\n4,9\n";
 const FIT: &str = "format = 1\nmodel = \"m\"\ndata = [\"data.csv\"]\n[inputs.x]\nunit = \"1\"\n[responses.y]\nunit = \"1\"\ninputs = [\"x\"]\n\
