@@ -130,14 +130,18 @@ impl Records {
                     continue;
                 }
             };
-            let read = Table::read(&source, &wanted).and_then(|table| {
+            let (table, sha256) = std::thread::scope(|scope| {
+                let hash = scope.spawn(|| hash(source.text()));
+                (Table::read(&source, &wanted), hash.join().expect("a hash is never a panic"))
+            });
+            let read = table.and_then(|table| {
                 let count = records.add(specification, &table, rows, units)?;
                 let of_run = |column: &&Column| is_run(&column.name) && column.labels.len() == table.rows();
                 runs.extend(table.columns.iter().find(of_run).into_iter().flat_map(|column| column.labels.iter().cloned()));
                 Ok(count)
             });
             match read {
-                Ok(rows) => records.files.push(DataFile { name: name.clone(), sha256: hash(source.text()), rows }),
+                Ok(rows) => records.files.push(DataFile { name: name.clone(), sha256, rows }),
                 Err(faults) => refused.push(faults),
             }
         }
