@@ -11,6 +11,9 @@ use crate::missing::{self, Missing};
 use crate::spec::{Specification, Weights};
 use crate::table::{Column, MissingAs, Table, Wanted, is_run};
 
+/// From this number of bytes on, the hash of a text is worth a thread of its own: it takes a millisecond.
+const LONG: usize = 1 << 20;
+
 /// Every file's faults, in the order in which the files are named. Never empty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refused(pub Vec<Faults>);
@@ -130,10 +133,15 @@ impl Records {
                     continue;
                 }
             };
-            let (table, sha256) = std::thread::scope(|scope| {
-                let hash = scope.spawn(|| hash(source.text()));
-                (Table::read(&source, &wanted), hash.join().expect("a hash is never a panic"))
-            });
+            let read = || Table::read(&source, &wanted);
+            let (table, sha256) = if source.text().len() < LONG {
+                (read(), hash(source.text()))
+            } else {
+                std::thread::scope(|scope| {
+                    let hash = scope.spawn(|| hash(source.text()));
+                    (read(), hash.join().expect("a hash is never a panic"))
+                })
+            };
             let read = table.and_then(|table| {
                 let count = records.add(specification, &table, rows, units)?;
                 let of_run = |column: &&Column| is_run(&column.name) && column.labels.len() == table.rows();

@@ -338,7 +338,7 @@ impl Selection<'_> {
         }
         let parts = Groups::of_numbers(&part_of, count);
         let rows_of = |part: usize| self.fit.some(parts.get(part));
-        let triangles = threads::all(count, |part| rows_of(part).to_fit(self.design));
+        let triangles = threads::all(count, self.fit.rows() / count, |part| rows_of(part).to_fit(self.design));
         let terms: Vec<usize> = (0..self.design.width()).collect();
         let round = |out: usize| {
             let rest = || (0..count).filter(|part| *part != out);
@@ -346,7 +346,7 @@ impl Selection<'_> {
             let mean = self.fit.observed(|rows| rows.mean_of(rest().flat_map(|part| parts.get(part)).copied()));
             self.judged(&triangle, &terms, &rows_of(out), mean)
         };
-        sum(threads::all(count, round).into_iter(), count)
+        sum(threads::all(count, self.fit.rows() / count, round).into_iter(), count)
     }
 
     /// The errors on some rows of these terms, fitted to other rows.

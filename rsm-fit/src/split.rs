@@ -60,6 +60,14 @@ pub fn parts(groups: &[usize], parts: usize, seed: u64) -> Vec<usize> {
         let place = |group: &usize| sorted.binary_search(group).expect("a group is among the groups");
         return self::parts(&groups.iter().map(place).collect::<Vec<usize>>(), parts, seed);
     }
+    // Every row is a group of its own: each part in turn, and no group has to be looked up.
+    if groups.iter().enumerate().all(|(row, group)| row == *group) {
+        let mut order: Vec<u32> = (0..groups.len()).map(|row| u32::try_from(row).expect("fewer than 2^32 rows")).collect();
+        Random::new(seed).shuffle(&mut order);
+        let mut part_of = vec![0; groups.len()];
+        order.iter().zip((0..parts).cycle()).for_each(|(row, part)| part_of[*row as usize] = part);
+        return part_of;
+    }
     // A number without rows is no group.
     let groups_of = Groups::of_numbers(groups, most);
     let mut order: Vec<usize> = (0..most).filter(|group| !groups_of.get(*group).is_empty()).collect();

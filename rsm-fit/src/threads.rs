@@ -63,8 +63,11 @@ pub(crate) fn in_order<A: Send>(count: usize, work: impl Fn(usize) -> A + Sync, 
     });
 }
 
-/// The results of the items `0..count`, in their order.
-pub(crate) fn all<A: Send>(count: usize, work: impl Fn(usize) -> A + Sync) -> Vec<A> {
+/// The results of the items `0..count`, in their order. An item takes the time of so many rows: those of few rows are not worth a thread.
+pub(crate) fn all<A: Send>(count: usize, rows: usize, work: impl Fn(usize) -> A + Sync) -> Vec<A> {
+    if count * rows <= ROWS {
+        return (0..count).map(work).collect();
+    }
     let mut results = Vec::with_capacity(count);
     in_order(count, work, |result| results.push(result));
     results
@@ -88,20 +91,20 @@ mod tests {
         for threads in [1, 2, 3, 0] {
             limit(threads);
             // An item with items of its own.
-            let square = |item: usize| all(item, |_| item).iter().sum::<usize>();
-            assert_eq!(all(100, square), expected, "{threads}");
+            let square = |item: usize| all(item, ROWS, |_| item).iter().sum::<usize>();
+            assert_eq!(all(100, ROWS, square), expected, "{threads}");
             let mut rows = Vec::new();
             over_rows(3 * ROWS + 5, |range| range, |range| rows.extend(range));
             assert!(rows.iter().copied().eq(0..3 * ROWS + 5));
         }
         limit(0);
-        assert!(all(0, |item| item).is_empty());
+        assert!(all(0, ROWS, |item| item).is_empty());
     }
 
     #[test]
     #[should_panic(expected = "a scoped thread panicked")]
     fn a_panic_of_an_item_is_one_of_the_caller() {
         limit(2);
-        all(9, |item| assert!(item < 5));
+        all(9, ROWS, |item| assert!(item < 5));
     }
 }

@@ -280,7 +280,7 @@ impl<'a> Builder<'a> {
                 }
                 let blocks: Vec<Mutex<Vec<u8>>> = blocks.into_iter().map(Mutex::new).collect();
                 let take = |block: usize| std::mem::take(&mut *blocks[block].lock().expect("each block is taken once"));
-                for table in threads::all(blocks.len(), |block| read(take(block))) {
+                for table in threads::all(blocks.len(), threads::ROWS, |block| read(take(block))) {
                     let table = table?;
                     let mut records = Records::without_rows(self.specification, &wanted);
                     let count = records.add(self.specification, &table, Rows::ToFit, &mut self.units).ok()?;

@@ -156,7 +156,7 @@ pub(crate) fn newey_west(
     let few = rows as f64 / freedom.get() as f64;
     // By rounding, a variance of zero may become negative.
     let error = |term: usize| (few * variance_of_sum(&parts[term], lags)).max(0.0).sqrt();
-    Some((lags, threads::all(width, error)))
+    Some((lags, threads::all(width, rows, error)))
 }
 
 /// u_t of each row, term by term.
