@@ -9,7 +9,8 @@
 //! Problems, chapter 27 (sequential accumulation).
 
 use crate::dd::Dd;
-use crate::dd::lanes::Lanes;
+use crate::dd::lanes::{self, Lanes};
+use crate::dd::widest::{Kernel, widest};
 
 pub(crate) mod table;
 
@@ -423,23 +424,13 @@ impl Growing {
 
     /// The leverages of rows of the chosen candidates, one in each lane. `row` is replaced.
     pub(crate) fn leverages(&self, row: &mut [Lanes]) -> Lanes {
-        self.project(row);
-        row.iter().fold(Lanes::ZERO, |sum, x| sum.add(x.mul(*x)))
-    }
-
-    /// R^-T x in each lane, in place: the steps of `forward_substitute`.
-    fn project(&self, row: &mut [Lanes]) {
-        for place in 0..row.len() {
-            let column = &self.columns[self.chosen[place]];
-            let (before, from) = row.split_at_mut(place);
-            let known = before.iter().zip(column).fold(Lanes::ZERO, |sum, (x, r)| sum.add(x.mul(Lanes::splat(*r))));
-            from[0] = from[0].sub(known).div(Lanes::splat(column[place]));
-        }
+        widest(Projected(self, row));
+        lanes::value(row, row)
     }
 
     /// (X'X)^-1 x in each lane, in place: the effect of a row on the coefficients.
     pub(crate) fn effects(&self, row: &mut [Lanes]) {
-        self.project(row);
+        widest(Projected(self, row));
         for place in (0..row.len()).rev() {
             let column = &self.columns[self.chosen[place]];
             let (above, from) = row.split_at_mut(place);
@@ -456,6 +447,27 @@ impl Growing {
         let mut z = row.to_vec();
         self.forward_substitute(&mut z);
         z.iter().map(|x| *x * *x).sum()
+    }
+}
+
+/// R^-T x in each lane, in place: the steps of `forward_substitute`.
+struct Projected<'a>(&'a Growing, &'a mut [Lanes]);
+
+impl Kernel for Projected<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Projected(solved, row) = self;
+        for place in 0..row.len() {
+            let column = &solved.columns[solved.chosen[place]];
+            let (before, from) = row.split_at_mut(place);
+            let mut known = Lanes::ZERO;
+            for (x, r) in before.iter().zip(column) {
+                known = known.add(x.mul(Lanes::splat(*r)));
+            }
+            from[0] = from[0].sub(known).div(Lanes::splat(column[place]));
+        }
     }
 }
 

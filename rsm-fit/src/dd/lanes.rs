@@ -3,6 +3,7 @@
 //! In: numbers of consecutive rows, one in each lane. Out: in each lane the bits that `Dd` gives there, by the same operations in the same order;
 //! branches become choices between two results. A compiler makes vector instructions of the loops over lanes.
 
+use super::widest::{Kernel, widest};
 use super::{Dd, fast_two_sum, product, sum};
 
 /// The number of lanes: one register of AVX-512, two of AVX, four of SSE2.
@@ -37,11 +38,13 @@ impl Lanes {
     pub(crate) const ONE: Lanes = Lanes { high: [1.0; LANES], low: [0.0; LANES] };
 
     /// f64 numbers, exactly.
+    #[inline(always)]
     pub(crate) fn of(values: [f64; LANES]) -> Self {
         Lanes { high: values, low: [0.0; LANES] }
     }
 
     /// The same number in every lane.
+    #[inline(always)]
     pub(crate) fn splat(value: Dd) -> Self {
         Lanes { high: [value.high; LANES], low: [value.low; LANES] }
     }
@@ -76,32 +79,10 @@ impl Lanes {
         each(|k| product((self.high[k], self.low[k]), (other.high[k], other.low[k])))
     }
 
-    /// Not inline: with all its steps in one loop of its own it becomes vector instructions whatever stands around it.
-    #[inline(never)]
+    #[inline(always)]
     pub(crate) fn div(self, other: Self) -> Self {
-        let mut result = each(|k| {
-            let other = (other.high[k], other.low[k]);
-            let minus = |rest: (f64, f64), digit: f64| {
-                let (high, low) = product(other, (digit, 0.0));
-                sum(rest, (-high, -low))
-            };
-            let first = self.high[k] / other.0;
-            let rest = minus((self.high[k], self.low[k]), first);
-            let second = rest.0 / other.0;
-            let rest = minus(rest, second);
-            let third = rest.0 / other.0;
-            sum(fast_two_sum(first, second), (third, 0.0))
-        });
-        // A first digit that is infinite or NaN makes the result NaN, and one that is 0 makes it 0 or NaN.
-        if !result.high.iter().all(|high| high.is_finite() && *high != 0.0) {
-            for k in 0..LANES {
-                let first = self.high[k] / other.high[k];
-                if !first.is_finite() || first == 0.0 {
-                    (result.high[k], result.low[k]) = (first, 0.0);
-                }
-            }
-        }
-        result
+        // A call of its own: with all its steps in one loop it becomes vector instructions whatever stands around it.
+        widest(Quotient(self, other))
     }
 
     pub(crate) fn sqrt(self) -> Self {
@@ -115,6 +96,7 @@ impl Lanes {
     }
 
     /// In each lane the negative of `value` where this is above zero, otherwise `value`.
+    #[inline(always)]
     pub(crate) fn against(self, value: Self) -> Self {
         each(|k| {
             let is_above = self.high[k] > 0.0 || self.high[k] == 0.0 && self.low[k] > 0.0;
@@ -123,11 +105,13 @@ impl Lanes {
     }
 
     /// In each lane `value`, but 0 where this is 0.
+    #[inline(always)]
     pub(crate) fn unless_zero(self, value: Self) -> Self {
         self.choose(Lanes::ZERO, value)
     }
 
     /// In each lane `zero` where this is 0, otherwise `other`.
+    #[inline(always)]
     pub(crate) fn choose(self, zero: Self, other: Self) -> Self {
         each(|k| {
             let is_zero = self.high[k] == 0.0 && self.low[k] == 0.0;
@@ -141,9 +125,74 @@ impl Lanes {
     }
 }
 
+/// The steps of `Dd::div` without its branch. No closure, because a large one stays a call.
+#[inline(always)]
+fn quotient(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
+    let first = a.0 / b.0;
+    let rest = minus(a, b, first);
+    let second = rest.0 / b.0;
+    let rest = minus(rest, b, second);
+    let third = rest.0 / b.0;
+    sum(fast_two_sum(first, second), (third, 0.0))
+}
+
+/// a minus b times a digit.
+#[inline(always)]
+fn minus(a: (f64, f64), b: (f64, f64), digit: f64) -> (f64, f64) {
+    let (high, low) = product(b, (digit, 0.0));
+    sum(a, (-high, -low))
+}
+
+/// The quotient in every lane.
+struct Quotient(Lanes, Lanes);
+
+impl Kernel for Quotient {
+    type Output = Lanes;
+
+    #[inline(always)]
+    fn run(self) -> Lanes {
+        let Quotient(a, b) = self;
+        let mut result = Lanes::ZERO;
+        for k in 0..LANES {
+            (result.high[k], result.low[k]) = quotient((a.high[k], a.low[k]), (b.high[k], b.low[k]));
+        }
+        // A first digit that is infinite or NaN makes the result NaN, and one that is 0 makes it 0 or NaN.
+        if !result.high.iter().all(|high| high.is_finite() && *high != 0.0) {
+            for k in 0..LANES {
+                let first = a.high[k] / b.high[k];
+                if !first.is_finite() || first == 0.0 {
+                    (result.high[k], result.low[k]) = (first, 0.0);
+                }
+            }
+        }
+        result
+    }
+}
+
 /// The sum of the products of terms and coefficients.
 pub(crate) fn value(terms: &[Lanes], coefficients: &[Lanes]) -> Lanes {
-    terms.iter().zip(coefficients).fold(Lanes::ZERO, |sum, (x, b)| sum.add(x.mul(*b)))
+    widest(Value(terms, coefficients))
+}
+
+struct Value<'a>(&'a [Lanes], &'a [Lanes]);
+
+impl Kernel for Value<'_> {
+    type Output = Lanes;
+
+    #[inline(always)]
+    fn run(self) -> Lanes {
+        product_of(self.0, self.1)
+    }
+}
+
+/// The sum of the products of two columns.
+#[inline(always)]
+pub(crate) fn product_of(one: &[Lanes], other: &[Lanes]) -> Lanes {
+    let mut sum = Lanes::ZERO;
+    for (x, y) in one.iter().zip(other) {
+        sum = sum.add(x.mul(*y));
+    }
+    sum
 }
 
 #[cfg(test)]
@@ -183,6 +232,10 @@ mod tests {
             same(x.sub(y), |k| a[k] - b[k], "sub");
             same(x.mul(y), |k| a[k] * b[k], "mul");
             same(x.div(y), |k| a[k] / b[k], "div");
+            // Without the widest instructions of this machine.
+            same(Quotient(x, y).run(), |k| a[k] / b[k], "div");
+            same(value(&[x, y], &[y, y]), |k| Dd::ZERO + a[k] * b[k] + b[k] * b[k], "value");
+            same(product_of(&[x, y], &[y, y]), |k| Dd::ZERO + a[k] * b[k] + b[k] * b[k], "value");
             same(x.sqrt(), |k| a[k].sqrt(), "sqrt");
             same(x.neg(), |k| -a[k], "neg");
             same(x.against(y), |k| if a[k] > Dd::ZERO { -b[k] } else { b[k] }, "against");

@@ -9,6 +9,7 @@ use rsm_core::model::Outside;
 use super::{Design, Physical};
 use crate::dd::Dd;
 use crate::dd::lanes::{LANES, Lanes};
+use crate::dd::widest::{Kernel, widest};
 
 /// How a point is seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,14 +84,32 @@ impl<'a> Eight<'a> {
                 powers[exponent] = powers[exponent - 1].mul(x);
             }
         }
+        widest(Products { terms: &mut self.terms, design: self.design, powers: &self.powers });
+        &self.terms
+    }
+}
+
+/// The products of powers of all terms.
+struct Products<'a> {
+    terms: &'a mut [Lanes],
+    design: &'a Design,
+    powers: &'a [Vec<Lanes>],
+}
+
+impl Kernel for Products<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
         for (term, exponents) in self.terms.iter_mut().zip(&self.design.terms) {
             let mut product = Lanes::ONE;
-            for (exponent, powers) in exponents.iter().zip(&self.powers).filter(|(exponent, _)| **exponent > 0) {
-                product = product.mul(powers[*exponent as usize]);
+            for (exponent, powers) in exponents.iter().zip(self.powers) {
+                if *exponent > 0 {
+                    product = product.mul(powers[*exponent as usize]);
+                }
             }
             *term = product;
         }
-        &self.terms
     }
 }
 

@@ -7,7 +7,8 @@
 
 use super::{BLOCK, Compressed, Triangle};
 use crate::dd::Dd;
-use crate::dd::lanes::{LANES, Lanes};
+use crate::dd::lanes::{self, LANES, Lanes};
+use crate::dd::widest::{Kernel, widest};
 use crate::threads;
 
 /// The number of rows of a group: 4,096 in each lane, so that the triangles of the lanes are less than a hundredth of the rows of ten terms.
@@ -16,11 +17,12 @@ pub(crate) const GROUP: usize = 4096 * LANES;
 /// The number of rows that a lane reduces together: the block of ten terms is in the cache of the second level, 128 bytes for each number.
 const ROWS: usize = 128;
 
-/// An upper limit of the number of reductions of a triangle of rows, by itself and of its lanes.
+/// An upper limit of the number of reductions of a table, of its lanes and of the whole. A triangle that is reduced again as rows counts as one more,
+/// because its rows are as many as its columns.
 pub(crate) fn reductions(rows: usize) -> usize {
     let groups = rows / GROUP;
-    // Each lane has its last, shorter block, and its triangle is reduced again; so has and is the whole.
-    rows / BLOCK + 1 + groups * LANES * (GROUP / LANES / ROWS + 2)
+    // Of each lane its blocks, a last, shorter one, and its triangle, which fills at most one block of the whole.
+    rows / BLOCK + 1 + groups * LANES * (GROUP / LANES / ROWS + 3)
 }
 
 /// The triangle of a table. `rows_at(state, first, out)` writes the terms and the response of the rows from `first` on, one in each lane.
@@ -106,7 +108,7 @@ fn reduce(columns: &mut [Vec<Lanes>], v: &mut Vec<Lanes>) {
         let (before, after) = columns.split_at_mut(k + 1);
         let Some(tail) = before[k].get_mut(k..).filter(|tail| !tail.is_empty()) else { break };
         // The steps of `Reflection::of`.
-        let below = square(&tail[1..]);
+        let below = widest(Square(&tail[1..]));
         let norm = tail[0].mul(tail[0]).add(below).sqrt();
         let turned = tail[0].against(norm);
         v.clear();
@@ -117,25 +119,41 @@ fn reduce(columns: &mut [Vec<Lanes>], v: &mut Vec<Lanes>) {
         tail[0] = below.choose(tail[0], turned);
         tail[1..].fill(Lanes::ZERO);
         for column in after {
-            let column = &mut column[k..];
-            let factor = below.unless_zero(product(v, column).mul(scale));
-            subtract(column, factor, v);
+            widest(Reflected { v, scale, below, column: &mut column[k..] });
         }
     }
     columns.iter_mut().for_each(|column| column.truncate(width));
 }
 
-fn square(column: &[Lanes]) -> Lanes {
-    column.iter().fold(Lanes::ZERO, |sum, x| sum.add(x.mul(*x)))
+/// The sum of squares of a column.
+struct Square<'a>(&'a [Lanes]);
+
+impl Kernel for Square<'_> {
+    type Output = Lanes;
+
+    #[inline(always)]
+    fn run(self) -> Lanes {
+        lanes::product_of(self.0, self.0)
+    }
 }
 
-fn product(v: &[Lanes], column: &[Lanes]) -> Lanes {
-    v.iter().zip(column).fold(Lanes::ZERO, |sum, (v, x)| sum.add(v.mul(*x)))
+/// The steps of `Reflection::apply`.
+struct Reflected<'a> {
+    v: &'a [Lanes],
+    scale: Lanes,
+    below: Lanes,
+    column: &'a mut [Lanes],
 }
 
-fn subtract(column: &mut [Lanes], factor: Lanes, v: &[Lanes]) {
-    for (x, v) in column.iter_mut().zip(v) {
-        *x = x.sub(factor.mul(*v));
+impl Kernel for Reflected<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let factor = self.below.unless_zero(lanes::product_of(self.v, self.column).mul(self.scale));
+        for (x, v) in self.column.iter_mut().zip(self.v) {
+            *x = x.sub(factor.mul(*v));
+        }
     }
 }
 

@@ -236,15 +236,15 @@ fn lack_of_fit(rows: &Rows, design: &Design, coefficients: &[Dd], found: &Respon
 /// The errors of parts that are left out in turn: rows of one group, or at one point, are in one part.
 fn left_out(rows: &Rows, design: &Design, shape: &Shape, found: &ResponseStatistics) {
     let count = rows.y.len();
-    let mut group =
-        rows.alike(|row, other| rows.points[row] == rows.points[other] || shape.groups && rows.g[row] == rows.g[other]);
+    let is_alike =
+        |row: usize, other: usize| rows.points[row] == rows.points[other] || shape.groups && rows.g[row] == rows.g[other];
+    let mut group = rows.alike(is_alike);
     // Groups that share a row are one, until nothing changes.
     loop {
         let before = group.clone();
-        for row in 0..count {
-            let is_alike =
-                |other: usize| rows.points[row] == rows.points[other] || shape.groups && rows.g[row] == rows.g[other];
-            group[row] = (0..count).filter(|other| is_alike(*other)).map(|other| before[other]).min().unwrap();
+        for (row, group) in group.iter_mut().enumerate() {
+            let alike = (0..count).filter(|other| is_alike(row, *other));
+            *group = alike.map(|other| before[other]).min().unwrap();
         }
         if group == before {
             break;
