@@ -1,7 +1,7 @@
 //! The same work for many items, on several threads.
 //!
-//! In: a number of items, and the work for one item. Out: the results, one at a time, in the order of the items. So sums over items have the same bits
-//! for any number of threads. Every thread holds few results, so the memory does not depend on the number of items.
+//! In: a number of items, and the work for one item. Out: the results, one at a time, in the order of the items. So sums over items have the same
+//! bits for any number of threads. Every thread holds few results, so the memory does not depend on the number of items.
 
 use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};

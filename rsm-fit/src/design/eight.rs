@@ -1,7 +1,7 @@
 //! Rows of a design, as many at once as there are lanes.
 //!
-//! In: a design and columns of values. Out: for consecutive rows each term in all lanes, with the bits of the row by row evaluation. Plain variables are
-//! evaluated in lanes; hinges, sigmoids, waves, symmetric and reciprocal inputs and splines row by row.
+//! In: a design and columns of values. Out: for consecutive rows each term in all lanes, with the bits of a single row. Plain variables are evaluated
+//! in lanes; hinges, sigmoids, waves, symmetric and reciprocal inputs and splines row by row.
 
 use rsm_core::basis::{Shape, Variable};
 use rsm_core::model::Outside;

@@ -1,8 +1,8 @@
 //! Reads the rows of a plain CSV, on several threads.
 //!
 //! In: the text below the header and what is wanted of each column. Out: the numbers and labels of every row; nothing if the text is not plain. Plain
-//! text has no quotes, a cell for every column in every row, and a finite number in every wanted cell (or none where NaN is permitted). Any other text
-//! is left to the CSV reader of the caller, which gives the same values and every fault with its place.
+//! text has no quotes, a cell for every column in every row, and a finite number in every wanted cell (or none where NaN is permitted). The CSV
+//! reader of the caller reads any other text: it gives the same values, and every fault with its place.
 
 use super::{MissingAs, is_missing};
 use crate::threads;

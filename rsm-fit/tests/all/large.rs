@@ -158,8 +158,8 @@ impl Rows {
     }
 }
 
-/// Both numbers come from double-double sums with some 2^-90 of relative error, for a condition below 2^10, and are then rounded to f64: they differ by
-/// at most the two roundings. Quotients and roots of them add two more.
+/// Both numbers come from double-double sums with some 2^-90 of relative error, for a condition below 2^10, and are then rounded to f64: they differ
+/// by at most the two roundings. Quotients and roots of them add two more.
 fn same(what: &str, found: f64, expected: f64) {
     assert!(
         (found - expected).abs() <= 4.0 * f64::EPSILON * expected.abs(),
