@@ -7,7 +7,7 @@ use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::sync_channel;
 
-/// The results that a thread holds until they are taken: one more would wait for the slower of two threads, and costs its memory.
+/// The number of results that a thread holds until they are taken. Each needs memory; two keep a thread at work while another one is slower.
 const HELD: usize = 2;
 
 /// The largest number of threads; 0 without a limit.
