@@ -19,7 +19,7 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 pub(crate) const PARQUET: &[u8] = b"PAR1";
 
 /// The bytes of the text of a file.
-pub(crate) fn decoded(mut file: impl Read + 'static) -> std::io::Result<Box<dyn Read>> {
+pub(crate) fn decoded(mut file: impl Read + Send + 'static) -> std::io::Result<Box<dyn Read + Send>> {
     let mut first = Vec::new();
     file.by_ref().take(2).read_to_end(&mut first)?;
     let is_gzip = first == GZIP;

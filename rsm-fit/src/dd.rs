@@ -14,6 +14,9 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 use rsm_core::basis::Arithmetic;
 
+pub(crate) mod lanes;
+pub(crate) mod widest;
+
 /// high + low, where high is the sum rounded to f64.
 ///
 /// ```
@@ -29,6 +32,7 @@ pub struct Dd {
 }
 
 /// The rounded sum and its exact error (Knuth).
+#[inline(always)]
 fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     let b_part = sum - a;
@@ -37,12 +41,14 @@ fn two_sum(a: f64, b: f64) -> (f64, f64) {
 }
 
 /// The same for |a| >= |b|, or a = 0 (Dekker).
+#[inline(always)]
 fn fast_two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     (sum, b - (sum - a))
 }
 
 /// Two halves of 26 bits, exactly (Veltkamp).
+#[inline(always)]
 fn split(a: f64) -> (f64, f64) {
     // 2^27 + 1
     let scaled = 134_217_729.0 * a;
@@ -51,11 +57,29 @@ fn split(a: f64) -> (f64, f64) {
 }
 
 /// The rounded product and its exact error. By splitting, because a fused multiply-add is a slow function call on the x86-64 baseline.
+#[inline(always)]
 fn two_prod(a: f64, b: f64) -> (f64, f64) {
     let product = a * b;
     let ((a_high, a_low), (b_high, b_low)) = (split(a), split(b));
     let error = ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low;
     (product, error)
+}
+
+/// The sum of two numbers, each a high and a low part.
+#[inline(always)]
+fn sum(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
+    let (high, error) = two_sum(a.0, b.0);
+    let (low, low_error) = two_sum(a.1, b.1);
+    let (high, error) = fast_two_sum(high, error + low);
+    fast_two_sum(high, error + low_error)
+}
+
+/// Their product.
+#[inline(always)]
+fn product(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
+    let (product, error) = two_prod(a.0, b.0);
+    let cross = a.1 * b.1 + (a.0 * b.1 + a.1 * b.0);
+    fast_two_sum(product, error + cross)
 }
 
 impl Dd {
@@ -130,6 +154,7 @@ impl PartialOrd for Dd {
 
 impl Neg for Dd {
     type Output = Dd;
+    #[inline]
     fn neg(self) -> Dd {
         Dd { high: -self.high, low: -self.low }
     }
@@ -137,17 +162,16 @@ impl Neg for Dd {
 
 impl Add for Dd {
     type Output = Dd;
+    #[inline]
     fn add(self, other: Dd) -> Dd {
-        let (high, error) = two_sum(self.high, other.high);
-        let (low, low_error) = two_sum(self.low, other.low);
-        let (high, error) = fast_two_sum(high, error + low);
-        let (high, low) = fast_two_sum(high, error + low_error);
+        let (high, low) = sum((self.high, self.low), (other.high, other.low));
         Dd { high, low }
     }
 }
 
 impl Sub for Dd {
     type Output = Dd;
+    #[inline]
     fn sub(self, other: Dd) -> Dd {
         self + -other
     }
@@ -155,10 +179,9 @@ impl Sub for Dd {
 
 impl Mul for Dd {
     type Output = Dd;
+    #[inline]
     fn mul(self, other: Dd) -> Dd {
-        let (product, error) = two_prod(self.high, other.high);
-        let cross = self.low * other.low + (self.high * other.low + self.low * other.high);
-        let (high, low) = fast_two_sum(product, error + cross);
+        let (high, low) = product((self.high, self.low), (other.high, other.low));
         Dd { high, low }
     }
 }
@@ -181,12 +204,14 @@ impl Div for Dd {
 }
 
 impl AddAssign for Dd {
+    #[inline]
     fn add_assign(&mut self, other: Dd) {
         *self = *self + other;
     }
 }
 
 impl SubAssign for Dd {
+    #[inline]
     fn sub_assign(&mut self, other: Dd) {
         *self = *self - other;
     }

@@ -9,6 +9,8 @@ use rsm_core::model::{Input, Spline, Surface, Symmetry};
 
 use crate::dd::Dd;
 
+pub(crate) mod eight;
+
 /// A value of an input in its natural unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Physical(pub f64);
@@ -65,6 +67,11 @@ impl Design {
     #[must_use]
     pub fn row_as_measured(&self, point: &[Physical]) -> Vec<Dd> {
         self.terms_at(&point.iter().map(|value| Dd::from(value.0)).collect::<Vec<Dd>>())
+    }
+
+    /// Whether a value is outside of the range of its input.
+    pub(crate) fn has_outside(&self, point: impl Iterator<Item = f64>) -> bool {
+        !self.inputs.iter().zip(point).all(|(input, value)| input.range[0] <= value && value <= input.range[1])
     }
 
     /// Whether a point lies within all ranges.

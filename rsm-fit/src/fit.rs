@@ -14,6 +14,7 @@ use crate::compressed;
 use crate::constrain::NotProven;
 use crate::evidence;
 use crate::left_out::{self, LeftOut, OfResponse};
+use crate::points;
 use crate::records::{DataFile, Records, Refused, Rows, Units};
 use crate::response::Task;
 use crate::selection::Sample;
@@ -262,7 +263,8 @@ fn sample(specification: &Specification, records: &Records, used: &[usize], resp
     let response = records.responses[response].clone();
     let mut sample = Sample { columns, response, weights, groups };
     if records.series.is_empty() {
-        sample.groups = split::joined(&sample.groups, &sample.observed(|rows| rows.replicates()));
+        let firsts = sample.observed(|rows| points::firsts_of_columns(rows.response.len(), rows.inputs));
+        sample.groups = split::joined(&sample.groups, &firsts);
     }
     sample
 }

@@ -67,6 +67,10 @@ pub mod missing;
 
 mod compressed;
 
+pub mod threads;
+
+mod points;
+
 pub mod table;
 
 pub mod spec;

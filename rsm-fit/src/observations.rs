@@ -1,14 +1,18 @@
 //! Points with their responses, errors on rows, and named values: the data of a fit's figures.
 //!
-//! In: columns of values. Out: plain structs. Independent of models and terms.
+//! In: columns of values. Out: plain structs, and for each row a value or a check of a given design.
 
-use std::collections::BTreeMap;
+use std::ops::Range;
 
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 use crate::dd::Dd;
-use crate::design::Physical;
+use crate::dd::lanes::{self, LANES, Lanes};
+use crate::design::eight::{Eight, Seen, eight};
+use crate::design::{Design, Physical};
+use crate::points::{self, Groups};
+use crate::threads;
 
 /// Named values in their own order, serialised as a map.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,7 +70,54 @@ impl Observations<'_> {
     /// The sum of squares of the response about a value.
     pub(crate) fn square_about(&self, value: Dd) -> Dd {
         let deviation = |row: usize| Dd::from(self.response[row]) - value;
+        if self.weights.is_empty() {
+            return (0..self.response.len()).map(|row| deviation(row) * deviation(row)).sum();
+        }
         (0..self.response.len()).map(|row| self.weight(row) * deviation(row) * deviation(row)).sum()
+    }
+
+    /// The number of rows with an input outside of its range.
+    pub(crate) fn rows_outside(&self, design: &Design) -> usize {
+        let is_outside = |row: &usize| design.has_outside(self.inputs.iter().map(|column| column[*row]));
+        (0..self.response.len()).filter(is_outside).count()
+    }
+
+    /// Whether in some row some term is not finite.
+    pub(crate) fn has_infinite_term(&self, design: &Design, seen: Seen) -> bool {
+        let mut found = false;
+        let of_range = |range: Range<usize>| {
+            let mut terms = Eight::new(design);
+            range.step_by(LANES).any(|first| !terms.rows(self.inputs, first, seen).iter().all(Lanes::is_finite))
+        };
+        threads::over_rows(self.response.len(), of_range, |is_found| found |= is_found);
+        found
+    }
+
+    /// The value of a surface at each row.
+    pub(crate) fn values(&self, design: &Design, coefficients: &[Dd], seen: Seen) -> Vec<Dd> {
+        let coefficients: Vec<Lanes> = coefficients.iter().copied().map(Lanes::splat).collect();
+        let mut all = Vec::with_capacity(self.response.len());
+        let of_range = |range: Range<usize>| {
+            let mut terms = Eight::new(design);
+            let mut values = Vec::with_capacity(range.len());
+            for first in range.clone().step_by(LANES) {
+                let value = lanes::value(terms.rows(self.inputs, first, seen), &coefficients);
+                values.extend((0..LANES.min(range.end - first)).map(|lane| value.get(lane)));
+            }
+            values
+        };
+        threads::over_rows(self.response.len(), of_range, |values| all.extend(values));
+        all
+    }
+
+    /// The numbers of some rows, one in each lane; the last one again beyond the end.
+    pub(crate) fn responses(&self, first: usize) -> Lanes {
+        Lanes::of(eight(self.response, first, |y| y))
+    }
+
+    /// The weights of some rows.
+    pub(crate) fn weights(&self, first: usize) -> Lanes {
+        if self.weights.is_empty() { Lanes::ONE } else { Lanes::of(eight(self.weights, first, |weight| weight)) }
     }
 
     /// The point of a row.
@@ -78,24 +129,33 @@ impl Observations<'_> {
     /// Rows with identical settings of all inputs, group by group, in the order of their first rows.
     #[must_use]
     pub fn replicates(&self) -> Vec<Vec<usize>> {
-        let mut group_of: BTreeMap<Vec<u64>, usize> = BTreeMap::new();
-        let mut groups: Vec<Vec<usize>> = Vec::new();
-        for row in 0..self.response.len() {
-            // + 0.0 makes both zeros equal.
-            let key = self.inputs.iter().map(|column| (column[row] + 0.0).to_bits()).collect();
-            let group = *group_of.entry(key).or_insert(groups.len());
-            if group == groups.len() {
-                groups.push(Vec::new());
-            }
-            groups[group].push(row);
-        }
-        groups
+        self.points().iter().map(<[usize]>::to_vec).collect()
+    }
+
+    /// The same without an allocation for each group.
+    pub(crate) fn points(&self) -> Groups {
+        Groups::of_firsts(&points::firsts_of_columns(self.response.len(), self.inputs))
     }
 
     /// The weighted mean response of some rows.
     #[must_use]
     pub fn mean(&self, rows: &[usize]) -> Dd {
-        let sum: Dd = rows.iter().map(|row| self.weight(*row) * Dd::from(self.response[*row])).sum();
-        sum / self.weight_of(rows)
+        self.mean_of(rows.iter().copied())
+    }
+
+    /// The same for rows that are not in memory.
+    pub(crate) fn mean_of(&self, rows: impl Iterator<Item = usize> + Clone) -> Dd {
+        if self.weights.is_empty() {
+            // A product with 1 is exact, and so is the sum of the ones.
+            let (mut sum, mut count) = (Dd::ZERO, 0usize);
+            for row in rows {
+                sum += Dd::from(self.response[row]);
+                count += 1;
+            }
+            // A quotient by 1 is exact.
+            return if count == 1 { sum } else { sum / Dd::from(count as f64) };
+        }
+        let sum: Dd = rows.clone().map(|row| self.weight(row) * Dd::from(self.response[row])).sum();
+        sum / rows.map(|row| self.weight(row)).sum()
     }
 }

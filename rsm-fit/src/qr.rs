@@ -9,6 +9,10 @@
 //! Problems, chapter 27 (sequential accumulation).
 
 use crate::dd::Dd;
+use crate::dd::lanes::{self, Lanes};
+use crate::dd::widest::{Kernel, widest};
+
+pub(crate) mod table;
 
 /// A column is rejected if its component orthogonal to the other columns is below this share of it. Data are rounded to f64, with relative errors up
 /// to 2^-53; 2^-46 leaves a factor of 128 for sums of several such columns. For Filip, the worst of NIST's sets, the share is 2^-31.
@@ -25,13 +29,15 @@ type Columns = Vec<Vec<Dd>>;
 pub struct Compressed {
     columns: Columns,
     rows: usize,
+    /// [`BLOCK`]; smaller in a test.
+    block: usize,
 }
 
 impl Compressed {
     /// Without rows; `width` includes the response.
     #[must_use]
     pub fn new(width: usize) -> Self {
-        Compressed { columns: vec![Vec::new(); width], rows: 0 }
+        Compressed { columns: vec![Vec::new(); width], rows: 0, block: BLOCK }
     }
 
     /// Adds a row: the terms, then the response.
@@ -45,7 +51,7 @@ impl Compressed {
         self.rows += 1;
         let width = self.columns.len();
         let height = self.columns.first().expect("the response, at least").len();
-        if height >= width + BLOCK.max(width) {
+        if height >= width + self.block.max(width) {
             self.reduce();
         }
     }
@@ -102,7 +108,7 @@ impl Triangle {
                 column.extend(more);
             }
         }
-        Compressed { columns, rows: parts.iter().map(|part| part.rows).sum() }.finish()
+        Compressed { columns, rows: parts.iter().map(|part| part.rows).sum(), block: BLOCK }.finish()
     }
 
     /// A triangle from its columns, the response last.
@@ -416,12 +422,52 @@ impl Growing {
         variances
     }
 
+    /// The leverages of rows of the chosen candidates, one in each lane. `row` is replaced.
+    pub(crate) fn leverages(&self, row: &mut [Lanes]) -> Lanes {
+        widest(Projected(self, row));
+        lanes::value(row, row)
+    }
+
+    /// (X'X)^-1 x in each lane, in place: the effect of a row on the coefficients.
+    pub(crate) fn effects(&self, row: &mut [Lanes]) {
+        widest(Projected(self, row));
+        for place in (0..row.len()).rev() {
+            let column = &self.columns[self.chosen[place]];
+            let (above, from) = row.split_at_mut(place);
+            from[0] = from[0].div(Lanes::splat(column[place]));
+            for (entry, value) in above.iter_mut().zip(column) {
+                *entry = entry.sub(from[0].mul(Lanes::splat(*value)));
+            }
+        }
+    }
+
     /// The leverage of a row of the chosen candidates, x (X'X)^-1 x'.
     #[must_use]
     pub fn leverage(&self, row: &[Dd]) -> Dd {
         let mut z = row.to_vec();
         self.forward_substitute(&mut z);
         z.iter().map(|x| *x * *x).sum()
+    }
+}
+
+/// R^-T x in each lane, in place: the steps of `forward_substitute`.
+struct Projected<'a>(&'a Growing, &'a mut [Lanes]);
+
+impl Kernel for Projected<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Projected(solved, row) = self;
+        for place in 0..row.len() {
+            let column = &solved.columns[solved.chosen[place]];
+            let (before, from) = row.split_at_mut(place);
+            let mut known = Lanes::ZERO;
+            for (x, r) in before.iter().zip(column) {
+                known = known.add(x.mul(Lanes::splat(*r)));
+            }
+            from[0] = from[0].sub(known).div(Lanes::splat(column[place]));
+        }
     }
 }
 

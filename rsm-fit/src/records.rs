@@ -11,6 +11,9 @@ use crate::missing::{self, Missing};
 use crate::spec::{Specification, Weights};
 use crate::table::{Column, MissingAs, Table, Wanted, is_run};
 
+/// From this number of bytes on, the hash of a text is worth a thread of its own: it takes a millisecond.
+const LONG: usize = 1 << 20;
+
 /// Every file's faults, in the order in which the files are named. Never empty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refused(pub Vec<Faults>);
@@ -130,14 +133,23 @@ impl Records {
                     continue;
                 }
             };
-            let read = Table::read(&source, &wanted).and_then(|table| {
+            let read = || Table::read(&source, &wanted);
+            let (table, sha256) = if source.text().len() < LONG {
+                (read(), hash(source.text()))
+            } else {
+                std::thread::scope(|scope| {
+                    let hash = scope.spawn(|| hash(source.text()));
+                    (read(), hash.join().expect("a hash is never a panic"))
+                })
+            };
+            let read = table.and_then(|table| {
                 let count = records.add(specification, &table, rows, units)?;
                 let of_run = |column: &&Column| is_run(&column.name) && column.labels.len() == table.rows();
                 runs.extend(table.columns.iter().find(of_run).into_iter().flat_map(|column| column.labels.iter().cloned()));
                 Ok(count)
             });
             match read {
-                Ok(rows) => records.files.push(DataFile { name: name.clone(), sha256: hash(source.text()), rows }),
+                Ok(rows) => records.files.push(DataFile { name: name.clone(), sha256, rows }),
                 Err(faults) => refused.push(faults),
             }
         }

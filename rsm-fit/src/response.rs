@@ -14,6 +14,7 @@ use rsm_core::source::Faults;
 use crate::analysis;
 use crate::canonical;
 use crate::constrain::{self, Constrained, ConstraintStatistics};
+use crate::design::eight::Seen;
 use crate::design::{self, Design};
 use crate::forms::{Forms, Taken, splines};
 use crate::ladder::{LadderModel, first_rung};
@@ -252,11 +253,16 @@ impl Task<'_> {
         };
         let design = all.only(&chosen.terms);
         let shrunk = found.as_ref().and_then(|found| found.shrunk.as_ref());
-        let free = self.fit.observed(|fitted| match shrunk {
+        let (free, leverages) = self.fit.observed(|fitted| match shrunk {
             // Shrunken coefficients have no standard errors either.
-            Some(coefficients) => statistics::of_constrained(&design, coefficients, fitted),
-            None => statistics::of_fit(&design, &growing, fitted),
+            Some(coefficients) => (statistics::of_constrained(&design, coefficients, fitted), None),
+            None => {
+                let (figures, leverages) = statistics::of_fit_with_leverages(&design, &growing, fitted);
+                (figures, Some(leverages))
+            }
         });
+        // The triangle is of the chosen terms alone, unless a ladder left some out or took them in another order.
+        let has_all = found.is_some() || chosen.terms.iter().copied().eq(0..all.width());
         let residual_sd = free.residual_sd;
         let mut statistics = self.with_apart(surface, &design, free);
         surface.terms = terms_of(&statistics);
@@ -292,6 +298,8 @@ impl Task<'_> {
         let notes = Notes {
             is_shrunk: shrunk.is_some(),
             free_residual_sd: residual_sd,
+            triangle: has_all.then_some(&triangle),
+            leverages: leverages.as_deref().filter(|_| has_all),
             ..self.notes(surface, [&all, &design], &statistics, &quality)
         };
         let Noted { mut warnings, is_lacking, serial } = notes.all();
@@ -328,6 +336,8 @@ impl Task<'_> {
             highest_order: all.terms().iter().map(|powers| design::order(powers)).max().unwrap_or(0),
             explained: quality.explained,
             copies: &self.copies,
+            triangle: None,
+            leverages: None,
         }
     }
 
@@ -432,9 +442,7 @@ impl Task<'_> {
     }
 
     fn rows_outside(&self, design: &Design) -> usize {
-        let outside =
-            |fitted: Observations<'_>| (0..fitted.response.len()).filter(|row| !design.is_inside(&fitted.point(*row))).count();
-        self.fit.observed(outside)
+        self.fit.observed(|fitted| fitted.rows_outside(design))
     }
 
     /// The share of the box inside the support.
@@ -454,16 +462,9 @@ impl Task<'_> {
 
     /// Checks that every term is a finite number in every row.
     fn require_finite(&self, design: &Design) -> Result<(), Faults> {
-        let is_finite = |rows: Observations<'_>| {
-            let all = |row: usize| design.row_as_measured(&rows.point(row)).iter().all(|x| x.is_finite());
-            (0..rows.response.len()).all(all)
-        };
-        let through_the_eyes = |rows: Observations<'_>| {
-            let all = |row: usize| design.row(&rows.point(row)).iter().all(|x| x.is_finite());
-            (0..rows.response.len()).all(all)
-        };
-        let apart = [&self.validate, &self.test].into_iter().flatten();
-        if self.fit.observed(is_finite) && apart.into_iter().all(|rows| rows.observed(through_the_eyes)) {
+        let is_finite = |rows: &Sample, seen: Seen| rows.observed(|rows| !rows.has_infinite_term(design, seen));
+        let mut apart = [&self.validate, &self.test].into_iter().flatten();
+        if is_finite(&self.fit, Seen::AsMeasured) && apart.all(|rows| is_finite(rows, Seen::AsEvaluated)) {
             return Ok(());
         }
         let what = format!("response `{}`: in some row a term is not a finite number", self.response.surface.name);

@@ -8,13 +8,17 @@
 //! On over-fitting in model selection; Breiman, Spector 1992 (five to ten parts).
 
 use crate::dd::Dd;
+use crate::dd::lanes::Lanes;
 use crate::design::Design;
+use crate::design::eight::{Eight, Seen};
 use crate::ladder::{Judge, Ladder, LadderModel, most_terms};
-use crate::qr::{Compressed, Dependent, Growing, Triangle};
+use crate::points::Groups;
+use crate::qr::{Compressed, Dependent, Growing, Triangle, table};
 use crate::random::Random;
 use crate::spec::{Method, PARTS};
 use crate::split;
 use crate::statistics::{Judged, Observations};
+use crate::threads;
 
 /// Rows of one response.
 #[derive(Debug, Clone, Default)]
@@ -40,7 +44,11 @@ impl Sample {
 
     /// The rows for which the predicate is true.
     pub(crate) fn chosen(&self, is_chosen: impl Fn(usize) -> bool) -> Sample {
-        let rows: Vec<usize> = (0..self.rows()).filter(|row| is_chosen(*row)).collect();
+        self.some(&(0..self.rows()).filter(|row| is_chosen(*row)).collect::<Vec<usize>>())
+    }
+
+    /// Some of the rows.
+    pub(crate) fn some(&self, rows: &[usize]) -> Sample {
         let of = |column: &Vec<f64>| rows.iter().filter_map(|row| column.get(*row).copied()).collect();
         Sample {
             columns: self.columns.iter().map(of).collect(),
@@ -76,18 +84,14 @@ impl Sample {
     }
 
     pub(crate) fn mean(&self) -> Dd {
-        self.observed(|rows| rows.mean(&(0..rows.response.len()).collect::<Vec<usize>>()))
+        self.observed(|rows| rows.mean_of(0..rows.response.len()))
     }
 
     /// The triangle of all terms and the response, as they were measured.
     pub(crate) fn to_fit(&self, design: &Design) -> Triangle {
         self.observed(|rows| {
-            let row = |row: usize| {
-                let root = rows.weight(row).sqrt();
-                let terms = design.row_as_measured(&rows.point(row)).into_iter().chain([Dd::from(rows.response[row])]);
-                if rows.weights.is_empty() { terms.collect() } else { terms.map(|x| x * root).collect() }
-            };
-            triangle(design, (0..rows.response.len()).map(row))
+            let rows_at = |terms: &mut Eight<'_>, first: usize, out: &mut [Lanes]| _ = rows_at(rows, terms, first, out);
+            table::triangle(design.width() + 1, rows.response.len(), || Eight::new(design), rows_at)
         })
     }
 
@@ -114,6 +118,19 @@ impl Sample {
             rows.replicates().iter().map(of_one).sum()
         })
     }
+}
+
+/// Writes the terms and the response of some rows, times the roots of their weights, one row in each lane. Returns whether all terms are finite.
+pub(crate) fn rows_at(rows: Observations<'_>, terms: &mut Eight<'_>, first: usize, out: &mut [Lanes]) -> bool {
+    let (response, row) = out.split_last_mut().expect("the response is behind the terms");
+    row.copy_from_slice(terms.rows(rows.inputs, first, Seen::AsMeasured));
+    let is_finite = row.iter().all(Lanes::is_finite);
+    *response = rows.responses(first);
+    if !rows.weights.is_empty() {
+        let root = rows.weights(first).sqrt();
+        out.iter_mut().for_each(|x| *x = x.mul(root));
+    }
+    is_finite
 }
 
 fn triangle(design: &Design, rows: impl Iterator<Item = Vec<Dd>>) -> Triangle {
@@ -291,23 +308,45 @@ impl Selection<'_> {
                 sum((0..count).map(round), count)
             }
             _ => {
+                if !is_ladder {
+                    return self.given_left_out();
+                }
                 let parts = self.parts(self.fit);
                 let count = parts.len();
                 let round = |out: usize| {
                     let rest: Vec<&Part> = (0..count).filter(|k| *k != out).map(|k| &parts[k]).collect();
                     let all: Vec<&Triangle> = rest.iter().map(|part| &part.fit).collect();
                     let triangle = Triangle::stacked(&all);
-                    let terms = match self.method {
-                        Method::Ladder { .. } if Self::reach(&rest) < chosen => return None,
-                        Method::Ladder { .. } => self.climb(&triangle, &self.judge_of(&rest)?, quiet).ok()?.chosen,
-                        _ => (0..self.design.width()).collect(),
-                    };
+                    if Self::reach(&rest) < chosen {
+                        return None;
+                    }
+                    let terms = self.climb(&triangle, &self.judge_of(&rest)?, quiet).ok()?.chosen;
                     let others = rest.iter().skip(1).fold(rest[0].rows.clone(), |all, part| all.and(&part.rows));
                     self.judged(&triangle, &terms, &parts[out].rows, others.mean())
                 };
                 if count < 2 { None } else { sum((0..count).map(round), count) }
             }
         }
+    }
+
+    /// The errors on parts of the rows that are left out in turn, if the terms are given.
+    fn given_left_out(&self) -> Option<(Judged, usize)> {
+        let part_of = split::parts(&self.fit.groups, PARTS, 1);
+        let count = part_of.iter().max().map_or(0, |most| most + 1);
+        if count < 2 {
+            return None;
+        }
+        let parts = Groups::of_numbers(&part_of, count);
+        let rows_of = |part: usize| self.fit.some(parts.get(part));
+        let triangles = threads::all(count, self.fit.rows() / count, |part| rows_of(part).to_fit(self.design));
+        let terms: Vec<usize> = (0..self.design.width()).collect();
+        let round = |out: usize| {
+            let rest = || (0..count).filter(|part| *part != out);
+            let triangle = Triangle::stacked(&rest().map(|part| &triangles[part]).collect::<Vec<&Triangle>>());
+            let mean = self.fit.observed(|rows| rows.mean_of(rest().flat_map(|part| parts.get(part)).copied()));
+            self.judged(&triangle, &terms, &rows_of(out), mean)
+        };
+        sum(threads::all(count, self.fit.rows() / count, round).into_iter(), count)
     }
 
     /// The errors on some rows of these terms, fitted to other rows.

@@ -6,8 +6,7 @@
 //! than the remaining share is taken as a whole. Where rows are series with autoregressive errors, whole series belong together, or blocks of rows if
 //! there are few series; the same point in two of them then means two independent measurements.
 
-use std::collections::BTreeMap;
-
+use crate::points::{self, Groups};
 use crate::random::Random;
 use crate::records::Records;
 use crate::spec::{PARTS, Specification, Split};
@@ -31,18 +30,20 @@ pub struct Sides {
 #[must_use]
 pub fn split(specification: &Specification, split: &Split, records: &Records) -> Sides {
     let rows = records.rows();
-    let mut groups = groups(specification, Some(split), records);
-    Random::new(split.seed).shuffle(&mut groups);
+    let groups = groups(specification, Some(split), records);
+    let mut order: Vec<usize> = (0..groups.count()).collect();
+    Random::new(split.seed).shuffle(&mut order);
     let wanted = (split.share * rows as f64).round() as usize;
-    let mut validate = Vec::new();
-    for group in groups {
-        if validate.len() >= wanted {
+    let mut is_aside = vec![false; rows];
+    let mut count = 0;
+    for group in order {
+        if count >= wanted {
             break;
         }
-        validate.extend(group);
+        count += groups.get(group).len();
+        groups.get(group).iter().for_each(|row| is_aside[*row] = true);
     }
-    validate.sort_unstable();
-    let fit = (0..rows).filter(|row| validate.binary_search(row).is_err()).collect();
+    let (validate, fit) = (0..rows).partition(|row| is_aside[*row]);
     Sides { fit, validate }
 }
 
@@ -50,19 +51,35 @@ pub fn split(specification: &Specification, split: &Split, records: &Records) ->
 /// each to the part with the fewest rows.
 #[must_use]
 pub fn parts(groups: &[usize], parts: usize, seed: u64) -> Vec<usize> {
-    let mut rows: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for (row, group) in groups.iter().enumerate() {
-        rows.entry(*group).or_default().push(row);
+    let most = groups.iter().max().map_or(0, |most| most.saturating_add(1));
+    // Memory for each number only if there are not many more numbers than rows; those of a fit are numbers of rows.
+    if most > 8 * (groups.len() + 1000) {
+        let mut sorted = groups.to_vec();
+        sorted.sort_unstable();
+        sorted.dedup();
+        let place = |group: &usize| sorted.binary_search(group).expect("a group is among the groups");
+        return self::parts(&groups.iter().map(place).collect::<Vec<usize>>(), parts, seed);
     }
-    let mut order: Vec<Vec<usize>> = rows.into_values().collect();
+    // Every row is a group of its own: each part in turn, and no group has to be looked up.
+    if groups.iter().enumerate().all(|(row, group)| row == *group) {
+        let mut order: Vec<u32> = (0..groups.len()).map(|row| u32::try_from(row).expect("fewer than 2^32 rows")).collect();
+        Random::new(seed).shuffle(&mut order);
+        let mut part_of = vec![0; groups.len()];
+        order.iter().zip((0..parts).cycle()).for_each(|(row, part)| part_of[*row as usize] = part);
+        return part_of;
+    }
+    // A number without rows is no group.
+    let groups_of = Groups::of_numbers(groups, most);
+    let mut order: Vec<usize> = (0..most).filter(|group| !groups_of.get(*group).is_empty()).collect();
     Random::new(seed).shuffle(&mut order);
     let mut sizes = vec![0; parts.min(order.len())];
     let mut part_of = vec![0; groups.len()];
     for group in order {
         let part = (0..sizes.len()).min_by_key(|part| sizes[*part]).expect("a group needs a part");
-        sizes[part] += group.len();
-        for row in group {
-            part_of[row] = part;
+        let rows = groups_of.get(group);
+        sizes[part] += rows.len();
+        for row in rows {
+            part_of[*row] = part;
         }
     }
     part_of
@@ -71,42 +88,32 @@ pub fn parts(groups: &[usize], parts: usize, seed: u64) -> Vec<usize> {
 /// The group of every row, numbered by its first row, including everything that the splits of a specification keep together.
 #[must_use]
 pub fn group_of(specification: &Specification, records: &Records) -> Vec<usize> {
-    let mut group_of = vec![0; records.rows()];
-    for group in groups(specification, None, records) {
-        for row in &group {
-            group_of[*row] = group[0];
-        }
-    }
-    group_of
+    leaders(specification, None, records)
 }
 
-/// Joins groups with rows at the same point. `points`: the rows of each point.
+/// Joins groups with rows at the same point. `firsts`: for each row the first row at its point.
 #[must_use]
-pub fn joined(groups: &[usize], points: &[Vec<usize>]) -> Vec<usize> {
+pub(crate) fn joined(groups: &[usize], firsts: &[usize]) -> Vec<usize> {
     let most = groups.iter().max().map_or(0, |most| most + 1);
     let mut leader: Vec<usize> = (0..most).collect();
-    for point in points {
-        for row in &point[1..] {
-            let (a, b) = (find(&leader, groups[point[0]]), find(&leader, groups[*row]));
-            leader[a.max(b)] = a.min(b);
-        }
+    for (row, first) in firsts.iter().enumerate().filter(|(row, first)| row != *first) {
+        join(&mut leader, groups[*first], groups[row]);
     }
-    groups.iter().map(|group| find(&leader, *group)).collect()
+    groups.iter().map(|group| find(&mut leader, *group)).collect()
 }
 
 /// The groups of one split, or of all, in the order of their first rows.
-fn groups(specification: &Specification, split: Option<&Split>, records: &Records) -> Vec<Vec<usize>> {
+fn groups(specification: &Specification, split: Option<&Split>, records: &Records) -> Groups {
+    Groups::of_firsts(&leaders(specification, split, records))
+}
+
+/// For each row the first row of its group.
+fn leaders(specification: &Specification, split: Option<&Split>, records: &Records) -> Vec<usize> {
     let rows = records.rows();
     // The smallest row number in the group of each row.
     let mut leader: Vec<usize> = (0..rows).collect();
-    let mut join = |keys: Vec<String>| {
-        let mut first: BTreeMap<String, usize> = BTreeMap::new();
-        for (row, key) in keys.into_iter().enumerate() {
-            let other = *first.entry(key).or_insert(row);
-            let (a, b) = (find(&leader, other), find(&leader, row));
-            leader[a.max(b)] = a.min(b);
-        }
-    };
+    let mut join_all =
+        |firsts: Vec<usize>| firsts.into_iter().enumerate().for_each(|(row, first)| join(&mut leader, first, row));
     let labels = specification.labels();
     let splits: Vec<&Split> = split.map_or_else(|| specification.splits().collect(), |split| vec![split]);
     let together = &specification.together;
@@ -114,32 +121,40 @@ fn groups(specification: &Specification, split: Option<&Split>, records: &Record
         if !kept.is_empty() {
             let place = |name: &String| labels.iter().position(|label| label == name).expect("every split's columns are read");
             let columns: Vec<&Vec<String>> = kept.iter().map(|name| &records.labels[place(name)]).collect();
-            let key = |row: usize| columns.iter().map(|column| format!("{:?},", column[row])).collect();
-            join((0..rows).map(key).collect());
+            let hash = |row: usize| columns.iter().fold(1, |hash, column| points::mixed(hash, hash_of(&column[row])));
+            join_all(points::firsts(rows, hash, |row, other| columns.iter().all(|column| column[row] == column[other])));
         }
     }
     let sections = sections(records);
     let has_sections = !sections.is_empty();
     if has_sections {
-        join(sections.into_iter().map(|section| section.to_string()).collect());
+        join_all(points::firsts(
+            rows,
+            |row| points::mixed(1, sections[row] as u64),
+            |row, other| sections[row] == sections[other],
+        ));
     }
     let mirrored = splits.iter().flat_map(|split| &split.mirror).chain(&together.mirror);
     let mirrored: Vec<&String> = mirrored.collect();
     let is_mirrored: Vec<bool> = specification.inputs.iter().map(|input| mirrored.contains(&&input.name)).collect();
+    // + 0.0 makes both zeros equal.
     let value = |x: f64, mirrored: bool| if mirrored { x.abs() } else { x + 0.0 };
     let columns = || records.inputs.iter().zip(&is_mirrored);
-    // A point that is not known completely is a point of its own.
-    let own = |x: f64, row: usize| if x.is_nan() { format!("row {row},") } else { String::new() };
-    let cell = |x: f64, mirrored: bool, row: usize| format!("{},{}", value(x, mirrored), own(x, row));
-    let key = |row: usize| columns().map(|(column, mirrored)| cell(column[row], *mirrored, row)).collect();
+    let hash =
+        |row: usize| columns().fold(1, |hash, (column, mirrored)| points::mixed(hash, value(column[row], *mirrored).to_bits()));
+    // A point that is not known completely is a point of its own: NaN equals nothing.
+    let is_equal = |row: usize, other: usize| {
+        columns().all(|(column, mirrored)| value(column[row], *mirrored) == value(column[other], *mirrored))
+    };
     if !has_sections || !mirrored.is_empty() {
-        join((0..rows).map(key).collect());
+        join_all(points::firsts(rows, hash, is_equal));
     }
-    let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for row in 0..rows {
-        groups.entry(find(&leader, row)).or_default().push(row);
-    }
-    groups.into_values().collect()
+    (0..rows).map(|row| find(&mut leader, row)).collect()
+}
+
+/// The same hash on every machine and in every run; only the time depends on it.
+fn hash_of(text: &str) -> u64 {
+    text.bytes().fold(text.len() as u64, |hash, byte| points::mixed(hash, u64::from(byte)))
 }
 
 /// The section of each row: its series, or a block of consecutive rows of it if there are few series. Empty without series.
@@ -165,8 +180,16 @@ pub(crate) fn has_blocks(series: &[usize]) -> bool {
     (1..LEAST_SERIES).contains(&count)
 }
 
-fn find(leader: &[usize], mut row: usize) -> usize {
+/// Joins the groups of two rows. The smaller leader leads both.
+fn join(leader: &mut [usize], one: usize, other: usize) {
+    let (a, b) = (find(leader, one), find(leader, other));
+    leader[a.max(b)] = a.min(b);
+}
+
+/// The leader of a row. Every row on the way then names a nearer one (Tarjan, van Leeuwen 1984: halving), so that chains stay short.
+fn find(leader: &mut [usize], mut row: usize) -> usize {
     while leader[row] != row {
+        leader[row] = leader[leader[row]];
         row = leader[row];
     }
     row

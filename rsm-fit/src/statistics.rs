@@ -6,6 +6,8 @@
 //! Sources: Myers, Montgomery, Anderson-Cook, Response Surface Methodology, 2.3 to 2.7 (t, R^2, PRESS, lack of fit); the paper's (14), (15) for C.
 //! Without a constant term R^2 is uncentred, as with NIST and R.
 
+use std::ops::Range;
+
 use rsm_core::model::Spline;
 use serde::Serialize;
 
@@ -14,12 +16,16 @@ use crate::autoregressive::NoiseReport;
 use crate::canonical::Canonical;
 use crate::constrain::ConstraintStatistics;
 use crate::dd::Dd;
+use crate::dd::lanes::{self, LANES, Lanes};
+use crate::design::eight::{Eight, Seen};
 use crate::design::{Design, order};
 use crate::distributions::{two_sided_t, upper_f};
+use crate::points::Groups;
 use crate::qr::{Growing, Triangle};
 use crate::robust::LossReport;
 use crate::spec::Form;
 use crate::support::SupportStatistics;
+use crate::threads;
 
 mod judged;
 pub(crate) mod serial;
@@ -318,26 +324,89 @@ impl Solved {
 /// All figures except validation and canonical analysis. `growing` contains the terms of `design` in its order.
 #[must_use]
 pub fn of_fit(design: &Design, growing: &Growing, observations: Observations<'_>) -> ResponseStatistics {
+    of_fit_with_leverages(design, growing, observations).0
+}
+
+/// The same, and the leverage of each row, times its weight.
+#[must_use]
+pub(crate) fn of_fit_with_leverages(
+    design: &Design,
+    growing: &Growing,
+    observations: Observations<'_>,
+) -> (ResponseStatistics, Vec<f64>) {
+    let rows = observations.response.len();
     let solved = Solved::of(growing, observations.square_about(Dd::ZERO));
     let (coefficients, residual_square) = (&solved.coefficients, solved.residual_square);
-    let predictions = predictions(design, coefficients, observations);
+    let in_lanes: Vec<Lanes> = coefficients.iter().copied().map(Lanes::splat).collect();
+    let of_range = |range: Range<usize>| {
+        let mut terms = Eight::new(design);
+        let mut row = vec![Lanes::ZERO; design.width()];
+        let mut found = OfRows::default();
+        for first in range.clone().step_by(LANES) {
+            row.copy_from_slice(terms.rows(observations.inputs, first, Seen::AsMeasured));
+            let prediction = lanes::value(&row, &in_lanes);
+            let weight = observations.weights(first);
+            let leverage = weight.mul(growing.leverages(&mut row));
+            let own = Lanes::ONE.sub(leverage);
+            let error = observations.responses(first).sub(prediction).div(own);
+            let square = weight.mul(error).mul(error);
+            for lane in 0..LANES.min(range.end - first) {
+                found.predictions.push(prediction.get(lane));
+                found.leverages.push(leverage.get(lane).to_f64());
+                found.has_no_rest |= own.get(lane).to_f64() <= NO_REST;
+                found.squares.push(square.get(lane));
+            }
+        }
+        found
+    };
     let mut press = Some(Dd::ZERO);
-    for (row, prediction) in predictions.iter().enumerate() {
-        let weight = observations.weight(row);
-        let own = Dd::ONE - weight * growing.leverage(&design.row_as_measured(&observations.point(row)));
-        let error = Dd::from(observations.response[row]) - *prediction;
-        press = press.filter(|_| own.to_f64() > NO_REST).map(|sum| sum + weight * (error / own) * (error / own));
-    }
+    let (mut predictions, mut leverages) = (Vec::with_capacity(rows), Vec::with_capacity(rows));
+    threads::over_rows(rows, of_range, |found| {
+        predictions.extend(found.predictions);
+        leverages.extend(found.leverages);
+        press = press.filter(|_| !found.has_no_rest).map(|sum| found.squares.iter().fold(sum, |sum, square| sum + *square));
+    });
     let press = if solved.is_exact { press.map(|_| Dd::ZERO) } else { press };
     let total = total_square(design, observations);
+    let points = observations.points();
+    let lack = lack(observations, &points, |row| predictions[row]);
     let figures = ResponseStatistics {
-        confidence_c: confidence(observations, &predictions),
-        lack_of_fit: lack_of_fit(observations, &predictions, coefficients.len()),
+        confidence_c: confidence(lack),
+        lack_of_fit: lack_of_fit(observations, &points, lack.0, coefficients.len()),
         r2_predicted: share(press, Some(total)),
         press: press.map(Dd::to_f64),
-        ..figures(design, coefficients, residual_square, total, observations.response.len())
+        ..figures(design, coefficients, residual_square, total, rows)
     };
-    ResponseStatistics { terms: solved.tested(figures.terms, growing, observations.response.len()), ..figures }
+    (ResponseStatistics { terms: solved.tested(figures.terms, growing, rows), ..figures }, leverages)
+}
+
+/// Figures of consecutive rows.
+#[derive(Default)]
+struct OfRows {
+    predictions: Vec<Dd>,
+    leverages: Vec<f64>,
+    /// The squared error without the row, times its weight.
+    squares: Vec<Dd>,
+    /// Whether some row has a leverage of 1.
+    has_no_rest: bool,
+}
+
+/// The leverage of each row, times its weight.
+pub(crate) fn leverages(design: &Design, growing: &Growing, observations: Observations<'_>) -> Vec<f64> {
+    let mut all = Vec::with_capacity(observations.response.len());
+    let of_range = |range: Range<usize>| {
+        let mut terms = Eight::new(design);
+        let mut row = vec![Lanes::ZERO; design.width()];
+        let mut leverages = Vec::with_capacity(range.len());
+        for first in range.clone().step_by(LANES) {
+            row.copy_from_slice(terms.rows(observations.inputs, first, Seen::AsMeasured));
+            let leverage = observations.weights(first).mul(growing.leverages(&mut row));
+            leverages.extend((0..LANES.min(range.end - first)).map(|lane| leverage.get(lane).to_f64()));
+        }
+        leverages
+    };
+    threads::over_rows(observations.response.len(), of_range, |leverages| all.extend(leverages));
+    all
 }
 
 /// The figures that need no rows, from the triangle of all candidates; `growing` contains the terms of `design` in its order. `given`: coefficients
@@ -376,16 +445,18 @@ pub(crate) fn of_triangle(
 #[must_use]
 pub(crate) fn of_constrained(design: &Design, coefficients: &[f64], observations: Observations<'_>) -> ResponseStatistics {
     let exact: Vec<Dd> = coefficients.iter().copied().map(Dd::from).collect();
-    let predictions = predictions(design, &exact, observations);
+    let predictions = observations.values(design, &exact, Seen::AsMeasured);
     let error = |(row, prediction): (usize, &Dd)| {
         let error = Dd::from(observations.response[row]) - *prediction;
         observations.weight(row) * error * error
     };
     let residual_square: Dd = predictions.iter().enumerate().map(error).sum();
-    let lack_of_fit = lack_of_fit(observations, &predictions, coefficients.len());
+    let points = observations.points();
+    let lack = lack(observations, &points, |row| predictions[row]);
+    let lack_of_fit = lack_of_fit(observations, &points, lack.0, coefficients.len());
     let rows = observations.response.len();
     ResponseStatistics {
-        confidence_c: confidence(observations, &predictions),
+        confidence_c: confidence(lack),
         lack_of_fit: lack_of_fit.map(|lack| LackOfFit { p: None, ..lack }),
         ..figures(design, &exact, residual_square, total_square(design, observations), rows)
     }
@@ -431,11 +502,6 @@ fn figures(design: &Design, coefficients: &[Dd], residual_square: Dd, total: Dd,
     }
 }
 
-fn predictions(design: &Design, coefficients: &[Dd], observations: Observations<'_>) -> Vec<Dd> {
-    let predict = |row: usize| value(&design.row_as_measured(&observations.point(row)), coefficients);
-    (0..observations.response.len()).map(predict).collect()
-}
-
 /// `None` without a degree of freedom.
 fn mean_square(sum: Dd, freedom: usize) -> Option<Dd> {
     (freedom > 0).then(|| sum / Dd::from(freedom as f64))
@@ -453,45 +519,55 @@ fn has_constant(design: &Design) -> bool {
 
 /// The sum of squares of the response about its mean, or about 0 without a constant term.
 fn total_square(design: &Design, observations: Observations<'_>) -> Dd {
-    let all: Vec<usize> = (0..observations.response.len()).collect();
-    observations.square_about(if has_constant(design) { observations.mean(&all) } else { Dd::ZERO })
+    let mean = || observations.mean_of(0..observations.response.len());
+    observations.square_about(if has_constant(design) { mean() } else { Dd::ZERO })
 }
 
 /// (14), (15). `None` if every mean response is 0.
-fn confidence(observations: Observations<'_>, predictions: &[Dd]) -> Option<f64> {
-    let (ss_lof, ss_y) = lack(observations, predictions);
+fn confidence((ss_lof, ss_y): (Dd, Dd)) -> Option<f64> {
     let confidence = 100.0 - 100.0 * (ss_lof / ss_y).to_f64();
     confidence.is_finite().then_some(confidence)
 }
 
-/// SS_lof of (14) and SS_y of (15).
-pub(crate) fn lack(observations: Observations<'_>, predictions: &[Dd]) -> (Dd, Dd) {
-    let (mut ss_lof, mut ss_y) = (Dd::ZERO, Dd::ZERO);
-    for group in observations.replicates() {
-        // n_i of the paper, generalised to the sum of weights.
-        let count = observations.weight_of(&group);
-        let mean = observations.mean(&group);
+/// SS_lof of (14) and SS_y of (15). `predicted`: the prediction at a row.
+pub(crate) fn lack(observations: Observations<'_>, points: &Groups, predicted: impl Fn(usize) -> Dd + Sync) -> (Dd, Dd) {
+    let of_group = |rows: &[usize]| {
+        let mean = observations.mean(rows);
         // Replicates have the same point and the same prediction.
-        let gap = mean - predictions[group[0]];
-        ss_lof += count * gap * gap;
-        ss_y += count * mean * mean;
-    }
+        let gap = mean - predicted(rows[0]);
+        // n_i of the paper, generalised to the sum of weights. A product with 1 is exact.
+        match rows {
+            [_] if observations.weights.is_empty() => (gap * gap, mean * mean),
+            _ => {
+                let count = observations.weight_of(rows);
+                (count * gap * gap, count * mean * mean)
+            }
+        }
+    };
+    let (mut ss_lof, mut ss_y) = (Dd::ZERO, Dd::ZERO);
+    let of_range = |range: Range<usize>| range.map(|group| of_group(points.get(group))).collect::<Vec<(Dd, Dd)>>();
+    threads::over_rows(points.count(), of_range, |parts| {
+        for (lof, y) in parts {
+            ss_lof += lof;
+            ss_y += y;
+        }
+    });
     (ss_lof, ss_y)
 }
 
-fn lack_of_fit(observations: Observations<'_>, predictions: &[Dd], terms: usize) -> Option<LackOfFit> {
-    let groups = observations.replicates();
-    let df = [groups.len().saturating_sub(terms), observations.response.len() - groups.len()];
+fn lack_of_fit(observations: Observations<'_>, points: &Groups, ss_lof: Dd, terms: usize) -> Option<LackOfFit> {
+    let df = [points.count().saturating_sub(terms), observations.response.len() - points.count()];
     if df.contains(&0) {
         return None;
     }
-    let pure = |group: &Vec<usize>| {
+    let pure = |group: &[usize]| {
         let mean = observations.mean(group);
         let error = |row: &usize| Dd::from(observations.response[*row]) - mean;
         group.iter().map(|row| observations.weight(*row) * error(row) * error(row)).sum::<Dd>()
     };
-    let ss_pure: Dd = groups.iter().map(pure).sum();
-    let (ss_lof, _) = lack(observations, predictions);
+    let mut ss_pure = Dd::ZERO;
+    let of_range = |range: Range<usize>| range.map(|group| pure(points.get(group))).collect::<Vec<Dd>>();
+    threads::over_rows(points.count(), of_range, |parts| parts.into_iter().for_each(|part| ss_pure += part));
     let freedom = df.map(|df| df as f64);
     let f = ((ss_lof / Dd::from(freedom[0])) / (ss_pure / Dd::from(freedom[1]))).to_f64();
     let f = f.is_finite().then_some(f);

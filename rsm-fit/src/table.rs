@@ -5,6 +5,8 @@
 //! blanks around cells are accepted. Decimals are rounded once, to nearest. Other columns may contain anything. No unit is converted: a table has the
 //! units of its file.
 
+mod plain;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use csv::{ReaderBuilder, StringRecord, Trim};
@@ -296,6 +298,16 @@ impl Reader<'_> {
         let columns = self.header(&header, header_line);
         let mut table = Table { file: self.source.name().to_string(), header_line, columns, lines: Vec::new() };
         let roles = self.roles(&table, wanted);
+        let behind_header = records.reader().position().byte() as usize;
+        if self.faults.is_empty()
+            && let Some(rows) = self.plain(behind_header, &roles, wanted.missing)
+        {
+            table.lines = rows.lines;
+            for ((column, values), labels) in table.columns.iter_mut().zip(rows.values).zip(rows.labels) {
+                (column.values, column.labels) = (values, labels);
+            }
+            return Some(table);
+        }
         let mut missing = vec![None; table.columns.len()];
         for record in records {
             let Some(record) = self.record(record) else { continue };
@@ -310,6 +322,13 @@ impl Reader<'_> {
             self.fault(self.at_line(table.header_line, what));
         }
         Some(table)
+    }
+
+    /// The rows of a plain text behind the header; `None` if the CSV reader must read them, or if there are none.
+    fn plain(&self, behind_header: usize, roles: &[(bool, bool)], missing: MissingAs) -> Option<plain::Rows> {
+        let (head, rest) = self.lines.text.split_at_checked(behind_header)?;
+        let line = head.bytes().filter(|byte| *byte == b'\n').count() + 1;
+        plain::rows(rest, line, roles, missing).filter(|rows| !rows.lines.is_empty())
     }
 
     fn record(&mut self, record: csv::Result<StringRecord>) -> Option<StringRecord> {

@@ -22,17 +22,20 @@
 //! 2.2.2 (Bonferroni for the largest); Wald, Wolfowitz 1943 (serial correlation against random orders); Gourieroux, Holly, Monfort 1982, Econometrica
 //! 50 (inequality constraints).
 
+use std::borrow::Cow;
+
 use rsm_core::model::{Input, Surface};
 
 use crate::autoregressive::Whitening;
 use crate::dd::Dd;
+use crate::design::eight::Seen;
 use crate::design::{self, Design, count_of_terms};
 use crate::distributions::{two_sided_t, upper_f};
 use crate::qr::{Growing, Triangle};
 use crate::selection::Sample;
 use crate::sequence::Sequence;
 use crate::spec::{Constraint, MOST_TERMS};
-use crate::statistics::{ResponseStatistics, RowsUsed, Serial, Warning, serial, value};
+use crate::statistics::{self, ResponseStatistics, RowsUsed, Serial, Warning, serial, value};
 use crate::verdict::LEAST_EXPLAINED;
 
 /// The false-alarm rate of each test.
@@ -50,6 +53,9 @@ const FAR: f64 = 3.0;
 /// The limit of double-double multiplications in the search for a missing term: 2 * 10^8 take a second. Above it, terms of the next order are not
 /// tested; if it is still exceeded, none are.
 const WORK: f64 = 2e8;
+
+/// Steps of 1/2 in the search for a t that is certainly within noise: up to 20, which has a probability of 10^-88 with many rows.
+const MOST_HALVES: u32 = 40;
 
 /// The largest number of named outliers.
 const MOST_NAMED: usize = 5;
@@ -72,6 +78,9 @@ pub(crate) struct Notes<'a> {
     /// The explained share of the spread on rows that were not used for any choice.
     pub explained: Option<f64>,
     pub copies: &'a [(&'static str, usize)],
+    /// The triangle of the terms of `design`, if it is known, and the leverages of the rows, times their weights.
+    pub triangle: Option<&'a Triangle>,
+    pub leverages: Option<&'a [f64]>,
 }
 
 /// The warnings, with data for other figures.
@@ -84,14 +93,14 @@ pub(crate) struct Noted {
 }
 
 /// Residuals of the fitted rows with related figures.
-struct Residuals {
+struct Residuals<'a> {
     /// sqrt(weight) (y - yhat), or whitened errors.
     weighted: Vec<f64>,
     /// The whitened terms of each row; empty with independent errors.
     whitened: Vec<Vec<Dd>>,
     /// The values of the polynomial, before the output range.
     predicted: Vec<f64>,
-    triangle: Triangle,
+    triangle: Cow<'a, Triangle>,
 }
 
 impl Notes<'_> {
@@ -132,18 +141,19 @@ impl Notes<'_> {
         Noted { warnings, is_lacking, serial }
     }
 
-    fn residuals(&self) -> Residuals {
+    fn residuals(&self) -> Residuals<'_> {
         let coefficients: Vec<Dd> = self.statistics.terms.iter().map(|term| Dd::from(term.coefficient)).collect();
         let (weighted, predicted) = self.fit.observed(|rows| {
-            let of_one = |row: usize| {
-                let predicted = value(&self.design.row_as_measured(&rows.point(row)), &coefficients);
-                let error = (Dd::from(rows.response[row]) - predicted) * rows.weight(row).sqrt();
+            let of_one = |(row, predicted): (usize, Dd)| {
+                let error = Dd::from(rows.response[row]) - predicted;
+                let error = if rows.weights.is_empty() { error } else { error * rows.weight(row).sqrt() };
                 (error.to_f64(), predicted.to_f64())
             };
-            (0..rows.response.len()).map(of_one).unzip()
+            rows.values(self.design, &coefficients, Seen::AsMeasured).into_iter().enumerate().map(of_one).unzip()
         });
         let Some(whitening) = self.whitening else {
-            return Residuals { weighted, whitened: Vec::new(), predicted, triangle: self.fit.to_fit(self.design) };
+            let triangle = self.triangle.map_or_else(|| Cow::Owned(self.fit.to_fit(self.design)), Cow::Borrowed);
+            return Residuals { weighted, whitened: Vec::new(), predicted, triangle };
         };
         let rows = self.fit.observed(|fit| whitening.rows(self.design, fit, self.sequence));
         let mut errors = vec![0.0; rows.len()];
@@ -153,11 +163,11 @@ impl Notes<'_> {
             errors[*row] = (response - value(&terms, &coefficients)).to_f64();
             whitened[*row] = terms;
         }
-        Residuals { weighted: errors, whitened, predicted, triangle: self.triangle(self.design) }
+        Residuals { weighted: errors, whitened, predicted, triangle: Cow::Owned(self.triangle_of(self.design)) }
     }
 
     /// The triangle of some terms and the response, of whitened rows if errors are autoregressive.
-    fn triangle(&self, design: &Design) -> Triangle {
+    fn triangle_of(&self, design: &Design) -> Triangle {
         match self.whitening {
             None => self.fit.to_fit(design),
             Some(whitening) => self.fit.observed(|fit| whitening.triangle(design, fit, self.sequence)),
@@ -191,8 +201,11 @@ impl Notes<'_> {
         let (order, terms) = self.wider()?;
         let chosen = self.design.terms();
         let others: Vec<Vec<u32>> = terms.into_iter().filter(|powers| !chosen.contains(powers)).collect();
+        if others.is_empty() {
+            return None;
+        }
         let design = Design::new(self.surface, self.inputs, [chosen, &others].concat());
-        let triangle = self.triangle(&design);
+        let triangle = self.triangle_of(&design);
         let mut growing = Growing::new(&triangle);
         for k in 0..chosen.len() {
             growing.add(k).ok()?;
@@ -222,20 +235,21 @@ impl Notes<'_> {
         Some((order, design::terms_up_to(self.surface, order)))
     }
 
-    fn outliers(&self, residuals: &Residuals) -> Option<String> {
+    fn outliers(&self, residuals: &Residuals<'_>) -> Option<String> {
         let rows = self.fit.rows();
         let terms: Vec<usize> = (0..self.design.width()).collect();
         let growing = Growing::of(&residuals.triangle, &terms).ok()?;
         let freedom = rows.checked_sub(terms.len() + 1).filter(|freedom| *freedom > 0)? as f64;
         let square: f64 = residuals.weighted.iter().map(|error| error * error).sum();
+        let leverages = match self.leverages {
+            Some(leverages) => Cow::Borrowed(leverages),
+            None if self.whitening.is_some() => {
+                Cow::Owned(residuals.whitened.iter().map(|x| growing.leverage(x).to_f64()).collect())
+            }
+            None => Cow::Owned(self.fit.observed(|fit| statistics::leverages(self.design, &growing, fit))),
+        };
         let studentised = |row: usize| {
-            let own = match residuals.whitened.get(row) {
-                Some(x) => 1.0 - growing.leverage(x).to_f64(),
-                None => self.fit.observed(|all| {
-                    let x = self.design.row_as_measured(&all.point(row));
-                    1.0 - (all.weight(row) * growing.leverage(&x)).to_f64()
-                }),
-            };
+            let own = 1.0 - leverages[row];
             let error = residuals.weighted[row];
             let without = ((square - error * error / own) / freedom).max(0.0);
             let t = error / (without * own).sqrt();
@@ -243,8 +257,12 @@ impl Notes<'_> {
             (own > 1e-9 && !t.is_nan()).then_some((row, t))
         };
         let found: Vec<(usize, f64)> = (0..rows).filter_map(studentised).collect();
+        let tested = found.len() as f64;
+        let is_small = |t: f64| two_sided_t(t, freedom).is_some_and(|p| p * tested >= 2.0 * ALARM);
+        // The probability falls with t. So all rows up to this t are within it too: a factor of 2 is above every rounding error.
+        let within = (1..MOST_HALVES).map(|k| 0.5 * f64::from(k)).take_while(|t| is_small(*t)).last().unwrap_or(0.0);
         let is_beyond = |(_, t): &&(usize, f64)| {
-            !t.is_finite() || two_sided_t(*t, freedom).is_some_and(|p| p * (found.len() as f64) < ALARM)
+            !t.is_finite() || t.abs() > within && two_sided_t(*t, freedom).is_some_and(|p| p * tested < ALARM)
         };
         let mut beyond: Vec<&(usize, f64)> = found.iter().filter(is_beyond).collect();
         beyond.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
@@ -267,7 +285,7 @@ impl Notes<'_> {
         format!("({})", each.collect::<Vec<String>>().join(", "))
     }
 
-    fn serial(&self, residuals: &Residuals, is_held: bool) -> Option<Serial> {
+    fn serial(&self, residuals: &Residuals<'_>, is_held: bool) -> Option<Serial> {
         let sequence = self.sequence;
         let errors: Vec<f64> = sequence.rows.iter().map(|row| residuals.weighted[*row]).collect();
         let (correlation, p) = serial::of_neighbours(&errors, &sequence.places).filter(|(_, p)| *p <= ALARM)?;
@@ -309,7 +327,7 @@ impl Notes<'_> {
         )
     }
 
-    fn output_bound(&self, residuals: &Residuals, spread: f64) -> Option<String> {
+    fn output_bound(&self, residuals: &Residuals<'_>, spread: f64) -> Option<String> {
         let [low, high] = self.surface.output_range?;
         let margin = HELD * spread;
         let held = residuals.predicted.iter().filter(|y| **y < low - margin || **y > high + margin).count();

@@ -8,6 +8,8 @@
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
+use crate::threads;
+
 /// The range of powers that is searched.
 const RANGE: [f64; 2] = [-3.0, 3.0];
 
@@ -61,12 +63,14 @@ pub fn box_cox(columns: &[Vec<f64>], response: &[f64]) -> Option<BoxCox> {
         -0.5 * rows as f64 * (left.norm_squared() / rows as f64).ln()
     };
     let grid: Vec<f64> = (0..=60).map(|k| RANGE[0] + 0.1 * f64::from(k)).collect();
-    let start = grid.iter().copied().max_by(|a, b| likelihood(*a).total_cmp(&likelihood(*b)))?;
+    let each = threads::all(grid.len(), rows, |k| likelihood(grid[k]));
+    let start = grid.iter().copied().zip(each).max_by(|a, b| a.1.total_cmp(&b.1))?.0;
     let (mut low, mut high) = ((start - 0.1).max(RANGE[0]), (start + 0.1).min(RANGE[1]));
     let golden = 0.5 * (5f64.sqrt() - 1.0);
     for _ in 0..60 {
         let (a, b) = (high - golden * (high - low), low + golden * (high - low));
-        if likelihood(a) < likelihood(b) { low = a } else { high = b }
+        let both = threads::all(2, rows, |k| likelihood([a, b][k]));
+        if both[0] < both[1] { low = a } else { high = b }
     }
     let power = 0.5 * (low + high);
     let least = likelihood(power) - DROP;
@@ -81,5 +85,8 @@ pub fn box_cox(columns: &[Vec<f64>], response: &[f64]) -> Option<BoxCox> {
         }
         inside
     };
-    likelihood(power).is_finite().then(|| BoxCox { power, interval: RANGE.map(end) })
+    likelihood(power).is_finite().then(|| {
+        let ends = threads::all(2, rows, |k| end(RANGE[k]));
+        BoxCox { power, interval: [ends[0], ends[1]] }
+    })
 }

@@ -27,8 +27,11 @@ mod report;
 use serde::Serialize;
 
 use crate::dd::Dd;
+use crate::dd::lanes::{LANES, Lanes};
 use crate::distributions::{quantile_t, two_sided_t, upper_f};
-use crate::qr::{Compressed, Growing};
+use crate::points::{self, Groups};
+use crate::qr::{Growing, table};
+use crate::threads;
 
 pub use box_cox::{BoxCox, box_cox};
 pub use quadratic::{PathPoint, Quadratic};
@@ -51,10 +54,6 @@ impl Group {
     pub fn new<T: AsRef<[f64]>>(name: impl Into<String>, columns: impl IntoIterator<Item = T>) -> Self {
         let exact = |column: T| column.as_ref().iter().copied().map(Dd::from).collect();
         Group { name: name.into(), columns: columns.into_iter().map(exact).collect() }
-    }
-
-    pub(crate) fn exact(name: impl Into<String>, columns: Vec<Vec<Dd>>) -> Self {
-        Group { name: name.into(), columns }
     }
 }
 
@@ -196,25 +195,44 @@ impl Analysis {
         }
         let is_finite =
             columns.iter().all(|column| column.iter().all(|x| x.is_finite())) && response.iter().all(|y| y.is_finite());
-        if !is_finite || weights.iter().any(|weight| !weight.is_normal() || *weight <= 0.0) {
+        if !is_finite {
             return Err(Refusal::NotFinite);
         }
-        let width = columns.len() + 1;
-        let freedom = count.checked_sub(width).filter(|freedom| *freedom > 0).ok_or(Refusal::Dependent)?;
-        let plain =
-            |row: usize| -> Vec<Dd> { std::iter::once(Dd::ONE).chain(columns.iter().map(|column| column[row])).collect() };
-        let weight = |row: usize| weights.get(row).map_or(Dd::ONE, |weight| Dd::from(*weight));
-        let mut compressed = Compressed::new(width + 1);
-        for (row, y) in response.iter().enumerate() {
-            let root = weight(row).sqrt();
-            compressed.push(plain(row).into_iter().chain([Dd::from(*y)]).map(|x| x * root));
+        let plain = |row: usize| std::iter::once(Dd::ONE).chain(columns.iter().map(|column| column[row])).collect();
+        let names: Vec<(&str, usize)> = groups.iter().map(|group| (group.name.as_str(), group.columns.len())).collect();
+        Analysis::of_rows(&names, &plain, response, weights)
+    }
+
+    /// The same for columns that are not in memory. `groups`: names and numbers of columns; `plain`: the columns of a row, the constant first.
+    pub(crate) fn of_rows(
+        groups: &[(&str, usize)],
+        plain: &(dyn Fn(usize) -> Vec<Dd> + Sync),
+        response: &[f64],
+        weights: &[f64],
+    ) -> Result<Self, Refusal> {
+        let count = response.len();
+        if weights.iter().any(|weight| !weight.is_normal() || *weight <= 0.0) {
+            return Err(Refusal::NotFinite);
         }
-        let mut growing = Growing::new(&compressed.finish());
+        let width = groups.iter().map(|(_, columns)| columns).sum::<usize>() + 1;
+        let freedom = count.checked_sub(width).filter(|freedom| *freedom > 0).ok_or(Refusal::Dependent)?;
+        let weight = |row: usize| weights.get(row).map_or(Dd::ONE, |weight| Dd::from(*weight));
+        let rows_at = |(): &mut (), first: usize, out: &mut [Lanes]| {
+            for lane in 0..LANES {
+                let row = (first + lane).min(count - 1);
+                let root = weight(row).sqrt();
+                let terms = plain(row).into_iter().chain([Dd::from(response[row])]);
+                out.iter_mut().zip(terms).for_each(|(out, x)| out.set(lane, x * root));
+            }
+        };
+        let mut growing = Growing::new(&table::triangle(width + 1, count, || (), rows_at));
         growing.add(0).map_err(|_| Refusal::Dependent)?;
+        // Before other columns are added: about the mean.
+        let spreads: Vec<Dd> = (1..width).map(|column| growing.own_square(column)).collect();
         let mut left = vec![growing.residual_square()];
         let mut next = 1;
-        for group in groups {
-            for _ in &group.columns {
+        for (_, columns) in groups {
+            for _ in 0..*columns {
                 growing.add(next).map_err(|_| Refusal::Dependent)?;
                 next += 1;
             }
@@ -223,20 +241,15 @@ impl Analysis {
         let (total, residual) = (left[0], growing.residual_square());
         let mean_square = residual / Dd::from(freedom as f64);
         let exact = growing.coefficients();
-        let rows = rows_of(&plain, &weight, response, &growing, &exact, residual, freedom);
+        let rows = rows_of(plain, &weight, response, &growing, &exact, residual, freedom);
         let mut sequential: Vec<Line> = Vec::new();
-        for (k, group) in groups.iter().enumerate().filter(|(_, group)| !group.columns.is_empty()) {
+        for (k, (name, columns)) in groups.iter().enumerate().filter(|(_, (_, columns))| *columns > 0) {
             let ss = left[k] - left[k + 1];
-            sequential.push(line(&group.name, group.columns.len(), ss, Some((mean_square, freedom))));
+            sequential.push(line(name, *columns, ss, Some((mean_square, freedom))));
         }
         sequential.push(line("residual", freedom, residual, None));
-        sequential.extend(lack_of_fit(&plain, &weight, response, residual, width));
-        let weight_sum: Dd = (0..count).map(weight).sum();
-        let spread = |column: &Vec<Dd>| {
-            let mean = (0..count).map(|row| weight(row) * column[row]).sum::<Dd>() / weight_sum;
-            (0..count).map(|row| weight(row) * (column[row] - mean) * (column[row] - mean)).sum::<Dd>()
-        };
-        let spread_of = |place: usize| place.checked_sub(1).map(|k| spread(columns[k]));
+        sequential.extend(lack_of_fit(plain, &weight, response, residual, width));
+        let spread_of = |place: usize| place.checked_sub(1).map(|k| spreads[k]);
         let coefficients = coefficients(&exact, &growing, mean_square, freedom, spread_of);
         let criteria = Criteria::of(weights.iter().map(|weight| weight.ln()).sum(), count, residual, width);
         let errors: Vec<f64> = (0..count).map(|row| rows[row].residual * weight(row).sqrt().to_f64()).collect();
@@ -353,8 +366,8 @@ fn line(source: &str, df: usize, ss: Dd, against: Option<(Dd, usize)>) -> Line {
 }
 
 fn rows_of(
-    plain: &dyn Fn(usize) -> Vec<Dd>,
-    weight: &dyn Fn(usize) -> Dd,
+    plain: &(dyn Fn(usize) -> Vec<Dd> + Sync),
+    weight: &(dyn Fn(usize) -> Dd + Sync),
     response: &[f64],
     growing: &Growing,
     coefficients: &[Dd],
@@ -376,33 +389,38 @@ fn rows_of(
         let cook = standardised.map(|standardised| standardised * standardised * leverage / (rest * width));
         Influence { residual: error, leverage, standardised, studentised, cook }
     };
-    (0..response.len()).map(of_one).collect()
+    let mut all = Vec::with_capacity(response.len());
+    let of_range = |range: std::ops::Range<usize>| range.map(of_one).collect::<Vec<Influence>>();
+    threads::over_rows(response.len(), of_range, |rows| all.extend(rows));
+    all
 }
 
 /// Lack of fit and pure error, if there are repeated rows.
 fn lack_of_fit(
-    plain: &dyn Fn(usize) -> Vec<Dd>,
+    plain: &(dyn Fn(usize) -> Vec<Dd> + Sync),
     weight: &dyn Fn(usize) -> Dd,
     response: &[f64],
     residual: Dd,
     width: usize,
 ) -> Vec<Line> {
-    let mut groups: std::collections::BTreeMap<Vec<u64>, Vec<usize>> = std::collections::BTreeMap::new();
-    for row in 0..response.len() {
-        // + 0.0 makes both zeros equal.
-        let key = plain(row).iter().map(|x| (x.to_f64() + 0.0).to_bits()).collect();
-        groups.entry(key).or_default().push(row);
-    }
-    let (Some(lack), pure) = (groups.len().checked_sub(width), response.len() - groups.len()) else { return Vec::new() };
+    // + 0.0 makes both zeros equal.
+    let bits = |x: &Dd| (x.to_f64() + 0.0).to_bits();
+    let mut hashes = Vec::with_capacity(response.len());
+    let hash = |row: usize| plain(row).iter().fold(1, |hash, x| points::mixed(hash, bits(x)));
+    let of_range = |range: std::ops::Range<usize>| range.map(hash).collect::<Vec<u64>>();
+    threads::over_rows(response.len(), of_range, |found| hashes.extend(found));
+    let is_equal = |row: usize, other: usize| plain(row).iter().map(bits).eq(plain(other).iter().map(bits));
+    let groups = Groups::of_firsts(&points::firsts(response.len(), |row| hashes[row], is_equal));
+    let (Some(lack), pure) = (groups.count().checked_sub(width), response.len() - groups.count()) else { return Vec::new() };
     if lack == 0 || pure == 0 {
         return Vec::new();
     }
-    let scatter = |rows: &Vec<usize>| {
+    let scatter = |rows: &[usize]| {
         let sum: Dd = rows.iter().map(|row| weight(*row)).sum();
         let mean = rows.iter().map(|row| weight(*row) * Dd::from(response[*row])).sum::<Dd>() / sum;
         rows.iter().map(|row| weight(*row) * (Dd::from(response[*row]) - mean) * (Dd::from(response[*row]) - mean)).sum::<Dd>()
     };
-    let ss: Dd = groups.values().map(scatter).sum();
+    let ss: Dd = groups.iter().map(scatter).sum();
     let mean_square = ss / Dd::from(pure as f64);
     vec![line("lack of fit", lack, residual - ss, Some((mean_square, pure))), line("pure error", pure, ss, None)]
 }

@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 
-use super::{Analysis, BoxCox, Criteria, Group, Influence, Line, box_cox, coefficients, line};
+use super::{Analysis, BoxCox, Criteria, Influence, Line, box_cox, coefficients, line};
 use crate::dd::Dd;
 use crate::design::{Design, order};
 use crate::observations::Observations;
@@ -68,19 +68,21 @@ pub(crate) fn of(design: &Design, fit: Observations<'_>, sequence: &Sequence) ->
     }
     let (constant, kinds) = kinds(design)?;
     let rows = &sequence.rows;
-    let values: Vec<Vec<Dd>> = rows.iter().map(|row| design.row_as_measured(&fit.point(*row))).collect();
     let response: Vec<f64> = rows.iter().map(|row| fit.response[*row]).collect();
     let weights: Vec<f64> = rows.iter().filter_map(|row| fit.weights.get(*row).copied()).collect();
-    let column = |k: &usize| values.iter().map(|row| row[*k]).collect::<Vec<Dd>>();
-    let groups: Vec<Group> =
-        kinds.iter().map(|(name, terms)| Group::exact(name.clone(), terms.iter().map(column).collect())).collect();
-    let analysis = Analysis::weighted(&groups, &response, &weights).ok()?;
+    let entered: Vec<usize> =
+        std::iter::once(constant).chain(kinds.iter().flat_map(|(_, terms)| terms.iter().copied())).collect();
+    // The constant has the value 1, but for odd symmetry, which has no constant.
+    let plain = |row: usize| {
+        let terms = design.row_as_measured(&fit.point(rows[row]));
+        entered.iter().map(|k| terms[*k]).collect::<Vec<Dd>>()
+    };
+    let groups: Vec<(&str, usize)> = kinds.iter().map(|(name, terms)| (name.as_str(), terms.len())).collect();
+    let analysis = Analysis::of_rows(&groups, &plain, &response, &weights).ok()?;
     // With a zero residual, the criteria are not defined.
     if !(analysis.aic.is_finite() && analysis.residual_sd > 0.0) {
         return None;
     }
-    let entered: Vec<usize> =
-        std::iter::once(constant).chain(kinds.iter().flat_map(|(_, terms)| terms.iter().copied())).collect();
     let term = |k: usize| {
         let place = entered.iter().position(|other| *other == k).expect("every term entered");
         let found = &analysis.coefficients[place];
@@ -91,8 +93,16 @@ pub(crate) fn of(design: &Design, fit: Observations<'_>, sequence: &Sequence) ->
     let cook = |report: &RowReport| report.influence.cook.unwrap_or(0.0);
     influential.sort_by(|a, b| cook(b).total_cmp(&cook(a)).then(a.row.cmp(&b.row)));
     influential.truncate(MOST_NAMED);
-    let plain: Vec<Vec<f64>> = entered[1..].iter().map(|k| values.iter().map(|row| row[*k].to_f64()).collect()).collect();
-    let power = if weights.is_empty() { box_cox(&plain, &response) } else { None };
+    // Columns in memory, only where the power exists.
+    let columns = || {
+        let mut columns = vec![Vec::with_capacity(rows.len()); entered.len() - 1];
+        for row in 0..rows.len() {
+            columns.iter_mut().zip(&plain(row)[1..]).for_each(|(column, x)| column.push(x.to_f64()));
+        }
+        columns
+    };
+    let has_power = weights.is_empty() && response.iter().all(|y| *y > 0.0);
+    let power = if has_power { box_cox(&columns(), &response) } else { None };
     Some(Report {
         terms: (0..width).map(term).collect(),
         aic: analysis.aic,

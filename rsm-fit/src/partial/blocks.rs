@@ -53,7 +53,7 @@ impl Scan {
 
 /// The blocks of a file.
 pub(super) struct Blocks {
-    file: Box<dyn Read>,
+    file: Box<dyn Read + Send>,
     /// The least size of a block.
     size: usize,
     hash: Sha256,
@@ -73,7 +73,7 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    pub(super) fn new(file: Box<dyn Read>, size: usize) -> Self {
+    pub(super) fn new(file: Box<dyn Read + Send>, size: usize) -> Self {
         Blocks {
             file,
             size,

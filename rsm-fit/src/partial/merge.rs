@@ -19,7 +19,8 @@ use crate::fit::{self, Outcome, Report};
 use crate::left_out::{self, LeftOut};
 use crate::observations::Named;
 use crate::outcome::ResponseOutcome;
-use crate::qr::{BLOCK, Dependent, Growing, Triangle};
+use crate::qr::table::reductions;
+use crate::qr::{Dependent, Growing, Triangle};
 use crate::records::{Records, Units, hash};
 use crate::response::{LEAST_FOR_SEARCH, terms_of};
 use crate::search::{Found, Searcher};
@@ -297,7 +298,7 @@ impl All {
     fn of(sums: &[&Sums], parts: &[Part]) -> Self {
         let triangles: Vec<&Triangle> = sums.iter().map(|sums| &sums.triangle).collect();
         let triangle = Triangle::stacked(&triangles);
-        let reductions = triangles.iter().map(|triangle| triangle.rows() / BLOCK + 1).sum::<usize>() + 1;
+        let reductions = triangles.iter().map(|triangle| reductions(triangle.rows())).sum::<usize>() + 1;
         // A part of several files may be combined of as many parts, in as many steps.
         let files = parts.iter().map(|part| part.files.len()).filter(|files| *files > 1);
         let reductions = reductions + 2 * files.sum::<usize>();
@@ -363,7 +364,7 @@ impl Task<'_> {
             statistics.analysis = analysis::report_of_triangle(&design, &solved.triangle, &places, self.all.logs);
             let rows = triangle.rows();
             let work =
-                Work { rows, reductions: self.all.reductions + rows / BLOCK + 1, is_weighted: self.response.weights.is_some() };
+                Work { rows, reductions: self.all.reductions + reductions(rows), is_weighted: self.response.weights.is_some() };
             difference = bound::of(&solved.triangle, &solved.growing, &coefficients(&statistics), &work);
         }
         statistics.selection = found.and_then(|found| found.report);

@@ -33,21 +33,27 @@ mod parquet;
 mod rules;
 
 use std::path::Path;
+use std::sync::Mutex;
+use std::sync::mpsc::sync_channel;
 
 use rsm_core::model::Input;
 use rsm_core::source::{Fault, Faults, Source};
 
 use crate::compressed;
 use crate::dd::Dd;
+use crate::dd::lanes::{LANES, Lanes};
+use crate::design::eight::Eight;
 use crate::design::{self, Design};
 use crate::fit::span;
 use crate::left_out::{self, MissingCells};
 use crate::outcome::Progress;
-use crate::qr::{Compressed, Triangle};
+use crate::qr::Triangle;
+use crate::qr::table::{self, GROUP, Gathered};
 use crate::records::{DataFile, Records, Refused, Rows, Units, hash};
-use crate::selection::Sample;
+use crate::selection::{self, Sample};
 use crate::spec::{Method, ResponseSpec, Specification};
 use crate::table::Table;
+use crate::threads;
 use blocks::Blocks;
 
 pub use merge::{MergeReport, Merged, MergedReport, combine, merge};
@@ -187,7 +193,9 @@ struct Builder<'a> {
 /// Sums of one response.
 struct Open {
     design: Design,
-    compressed: Compressed,
+    gathered: Gathered,
+    /// Rows that are not in `gathered` yet.
+    pending: Sample,
     span: [f64; 2],
     rows_outside: usize,
     left_out: usize,
@@ -197,6 +205,10 @@ struct Open {
     logs: Dd,
     is_finite: bool,
 }
+
+/// The number of blocks that are read at once, and of groups of rows that are reduced at once: two for each of two cores, so that both have work when
+/// one is slower. They are all that is in memory of a file: some megabytes.
+const AT_ONCE: usize = 4;
 
 /// No number: the first is above the second.
 const NOTHING: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
@@ -219,7 +231,8 @@ impl<'a> Builder<'a> {
             let inputs: Vec<Input> = specification.inputs.iter().map(input).collect();
             let (_, design) = design_of(specification, response, &inputs);
             Open {
-                compressed: Compressed::new(design.width() + 1),
+                gathered: Gathered::new(design.width() + 1),
+                pending: Sample { columns: vec![Vec::new(); response.surface.inputs.len()], ..Sample::default() },
                 design,
                 span: NOTHING,
                 rows_outside: 0,
@@ -241,20 +254,44 @@ impl<'a> Builder<'a> {
     }
 
     /// Adds a file block by block. `None` if there is any fault.
-    fn read(&mut self, file: &str, path: &Path) -> Option<()> {
-        let mut blocks = Blocks::new(compressed::decoded(Source::open(path).ok()?).ok()?, blocks::BLOCK);
+    fn read(&mut self, file_name: &str, path: &Path) -> Option<()> {
+        // A file that cannot be read is a fault too, before a thread reads it.
+        let file = Source::open(path).ok()?;
         let wanted = Records::wanted(self.specification, Rows::ToFit);
-        let name = short(file);
+        let name = short(file_name);
         let mut rows = 0;
-        while let Some(block) = blocks.next().ok()? {
-            let table = Table::read(&Source::new(name.clone(), String::from_utf8(block).ok()?), &wanted).ok()?;
-            let mut records = Records::without_rows(self.specification, &wanted);
-            let count = records.add(self.specification, &table, Rows::ToFit, &mut self.units).ok()?;
-            records.files = vec![DataFile { name: name.clone(), sha256: String::new(), rows: count }];
-            rows += count;
-            self.add(records).ok()?;
-        }
-        self.files.push(DataFile { name, sha256: blocks.sha256(), rows });
+        let read = |block: Vec<u8>| Table::read(&Source::new(name.clone(), String::from_utf8(block).ok()?), &wanted).ok();
+        let sha256 = std::thread::scope(|scope| {
+            let (send, receive) = sync_channel(AT_ONCE);
+            let reader = scope.spawn(move || {
+                let mut blocks = Blocks::new(compressed::decoded(file).ok()?, blocks::BLOCK);
+                while let Some(block) = blocks.next().ok()? {
+                    // A send fails if a block had a fault.
+                    send.send(block).ok()?;
+                }
+                Some(blocks.sha256())
+            });
+            // The receiver ends with this closure, so the reader ends too if a block has a fault.
+            let receive = receive;
+            loop {
+                let blocks: Vec<Vec<u8>> = receive.iter().take(AT_ONCE).collect();
+                if blocks.is_empty() {
+                    break;
+                }
+                let blocks: Vec<Mutex<Vec<u8>>> = blocks.into_iter().map(Mutex::new).collect();
+                let take = |block: usize| std::mem::take(&mut *blocks[block].lock().expect("each block is taken once"));
+                for table in threads::all(blocks.len(), threads::ROWS, |block| read(take(block))) {
+                    let table = table?;
+                    let mut records = Records::without_rows(self.specification, &wanted);
+                    let count = records.add(self.specification, &table, Rows::ToFit, &mut self.units).ok()?;
+                    records.files = vec![DataFile { name: name.clone(), sha256: String::new(), rows: count }];
+                    rows += count;
+                    self.add(records).ok()?;
+                }
+            }
+            reader.join().expect("the reader never panics")
+        })?;
+        self.files.push(DataFile { name, sha256, rows });
         (rows > 0).then_some(())
     }
 
@@ -343,26 +380,59 @@ impl Open {
             groups: Vec::new(),
         };
         self.span = both(self.span, span(&sample.response));
-        sample.observed(|rows| {
-            for row in 0..rows.response.len() {
-                let point = rows.point(row);
-                self.rows_outside += usize::from(!self.design.is_inside(&point));
-                let terms = self.design.row_as_measured(&point);
-                self.is_finite &= terms.iter().all(|term| term.is_finite());
-                let terms = terms.into_iter().chain([Dd::from(rows.response[row])]);
-                if rows.weights.is_empty() {
-                    self.compressed.push(terms);
-                } else {
-                    let root = rows.weight(row).sqrt();
-                    self.weight += rows.weight(row);
-                    self.logs += Dd::from(rows.weights[row].ln());
-                    self.compressed.push(terms.map(|term| term * root));
+        self.rows_outside += sample.observed(|rows| rows.rows_outside(&self.design));
+        for weight in &sample.weights {
+            self.weight += Dd::from(*weight);
+            self.logs += Dd::from(weight.ln());
+        }
+        self.pending.columns.iter_mut().zip(&sample.columns).for_each(|(all, own)| all.extend(own));
+        self.pending.response.extend(&sample.response);
+        self.pending.weights.extend(&sample.weights);
+        if self.pending.rows() >= AT_ONCE * GROUP {
+            self.reduce_groups();
+        }
+    }
+
+    /// Reduces all whole groups of the pending rows. The groups are those of all rows of the response, wherever blocks of a file end.
+    fn reduce_groups(&mut self) {
+        let groups = self.pending.rows() / GROUP;
+        let (design, gathered, is_finite) = (&self.design, &mut self.gathered, &mut self.is_finite);
+        self.pending.observed(|rows| {
+            let of_group = |group: usize| {
+                let (mut terms, mut is_finite) = (Eight::new(design), true);
+                let lanes = table::group_of(design.width() + 1, |first, out| {
+                    is_finite &= selection::rows_at(rows, &mut terms, group * GROUP + first, out);
+                });
+                (lanes, is_finite)
+            };
+            threads::in_order(groups, of_group, |(lanes, is_all_finite)| {
+                gathered.add_lanes(&lanes);
+                *is_finite &= is_all_finite;
+            });
+        });
+        let Sample { columns, response, weights, .. } = &mut self.pending;
+        for column in columns.iter_mut().chain([response, weights]) {
+            column.drain(..(groups * GROUP).min(column.len()));
+        }
+    }
+
+    /// All sums, once every row was added.
+    fn reduce_rest(&mut self) {
+        self.reduce_groups();
+        let (design, gathered, is_finite) = (&self.design, &mut self.gathered, &mut self.is_finite);
+        self.pending.observed(|rows| {
+            let (mut terms, mut out) = (Eight::new(design), vec![Lanes::ZERO; design.width() + 1]);
+            for first in (0..rows.response.len()).step_by(LANES) {
+                *is_finite &= selection::rows_at(rows, &mut terms, first, &mut out);
+                for lane in 0..LANES.min(rows.response.len() - first) {
+                    gathered.push(out.iter().map(|value| value.get(lane)));
                 }
             }
         });
     }
 
-    fn finish(self, specification: &Specification, response: &ResponseSpec, files: &[DataFile]) -> Result<Sums, Faults> {
+    fn finish(mut self, specification: &Specification, response: &ResponseSpec, files: &[DataFile]) -> Result<Sums, Faults> {
+        self.reduce_rest();
         if !self.is_finite {
             let what = format!("response `{}`: in some row a term is not a finite number", response.surface.name);
             let help =
@@ -378,7 +448,7 @@ impl Open {
             let file = files.iter().position(|file| file.name == it.file);
             (file, columns.iter().position(|column| *column == it.column))
         });
-        let triangle = self.compressed.finish();
+        let triangle = self.gathered.finish();
         let columns = triangle.columns().iter().map(|column| column.iter().copied().map(plain).collect()).collect();
         Ok(Sums {
             triangle: Triangle::of_columns(columns, triangle.rows()),

@@ -1,11 +1,11 @@
 //! Errors on rows that were not fitted, as sums that can be added over parts, and their figures.
 //!
 //! In: a model as written, with saturation, and rows. Out: [`Judged`]. A row is clamped to the range, as in an evaluator. Fits nothing.
-//! fits anything.
 
-use super::{Observations, ValidationStatistics, lack, value};
+use super::{Observations, ValidationStatistics, lack};
 use crate::dd::Dd;
 use crate::design::Design;
+use crate::design::eight::Seen;
 
 /// Sums of the errors of a model on rows that were not fitted. Sums of several parts can be added.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,8 +48,8 @@ impl Judged {
             Some([_, high]) if y > high => high,
             _ => y,
         };
-        let predict = |row: usize| saturated(value(&design.row(&observations.point(row)), &coefficients));
-        let predictions: Vec<Dd> = (0..observations.response.len()).map(predict).collect();
+        let mut predictions = observations.values(design, &coefficients, Seen::AsEvaluated);
+        predictions.iter_mut().for_each(|prediction| *prediction = saturated(*prediction));
         let mut judged = Judged { rows: observations.response.len(), ..Judged::NOTHING };
         for (prediction, y) in predictions.iter().zip(observations.response) {
             let error = (Dd::from(*y) - *prediction).abs();
@@ -57,9 +57,9 @@ impl Judged {
             judged.square += error * error;
             judged.largest = error.to_f64().max(judged.largest);
         }
-        (judged.lack, judged.about_zero) = lack(observations, &predictions);
-        let none = vec![mean; observations.response.len()];
-        judged.about_mean = lack(observations, &none).0;
+        let points = observations.points();
+        (judged.lack, judged.about_zero) = lack(observations, &points, |row| predictions[row]);
+        judged.about_mean = lack(observations, &points, |_| mean).0;
         judged
     }
 

@@ -15,16 +15,19 @@
 //! orders.
 
 use std::num::NonZeroUsize;
+use std::ops::Range;
 
 use serde::Serialize;
 
-use crate::dd::Dd;
+use crate::dd::lanes::{LANES, Lanes};
 use crate::design::Design;
+use crate::design::eight::{Eight, Seen, eight};
 use crate::distributions::{quantile_t, two_sided_t};
 use crate::observations::Observations;
 use crate::qr::Growing;
 use crate::random::Random;
 use crate::sequence::Sequence;
+use crate::threads;
 
 /// With fewer rows, no test is made.
 const LEAST_ROWS: usize = 8;
@@ -142,19 +145,41 @@ pub(crate) fn newey_west(
     if takes_too_long(sequence.places.last()? - first + 1, width, lags) {
         return None;
     }
+    let effects = effects(design, solved, fit, errors);
     let mut parts = vec![Vec::with_capacity(rows); width];
     for (row, place) in sequence.rows.iter().zip(&sequence.places) {
-        let pushed = Dd::from(errors[*row]) * fit.weight(*row).sqrt();
-        let x = design.row_as_measured(&fit.point(*row));
-        let moved = solved.coefficients_of(solved.projected(x));
-        for (part, moved) in parts.iter_mut().zip(moved) {
+        for (part, effect) in parts.iter_mut().zip(&effects[row * width..]) {
             part.resize(place - first, 0.0);
-            part.push((moved * pushed).to_f64());
+            part.push(*effect);
         }
     }
     let few = rows as f64 / freedom.get() as f64;
     // By rounding, a variance of zero may become negative.
-    Some((lags, parts.iter().map(|parts| (few * variance_of_sum(parts, lags)).max(0.0).sqrt()).collect()))
+    let error = |term: usize| (few * variance_of_sum(&parts[term], lags)).max(0.0).sqrt();
+    Some((lags, threads::all(width, rows, error)))
+}
+
+/// u_t of each row, term by term.
+fn effects(design: &Design, solved: &Growing, fit: Observations<'_>, errors: &[f64]) -> Vec<f64> {
+    let width = design.width();
+    let mut all = Vec::with_capacity(errors.len() * width);
+    let of_range = |range: Range<usize>| {
+        let mut terms = Eight::new(design);
+        let mut row = vec![Lanes::ZERO; width];
+        let mut effects = Vec::with_capacity(range.len() * width);
+        for first in range.clone().step_by(LANES) {
+            row.copy_from_slice(terms.rows(fit.inputs, first, Seen::AsMeasured));
+            solved.effects(&mut row);
+            let pushed = Lanes::of(eight(errors, first, |error| error)).mul(fit.weights(first).sqrt());
+            row.iter_mut().for_each(|effect| *effect = effect.mul(pushed));
+            for lane in 0..LANES.min(range.end - first) {
+                effects.extend(row.iter().map(|effect| effect.get(lane).to_f64()));
+            }
+        }
+        effects
+    };
+    threads::over_rows(errors.len(), of_range, |effects| all.extend(effects));
+    all
 }
 
 /// Bounds of the 95 % intervals.

@@ -12,6 +12,7 @@ mod forms;
 mod honest;
 mod in_memory;
 mod ladder;
+mod large;
 mod missing;
 mod nist;
 mod optimal;
