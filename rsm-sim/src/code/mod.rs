@@ -42,6 +42,29 @@ pub(crate) fn vectorised<W: Work>(work: W) -> W::Found {
     work.run()
 }
 
+/// Runs loops with the registers of AVX-512, if this machine has them, else as [`vectorised`]. The bits are the same.
+#[inline]
+pub(crate) fn widest<W: Work>(work: W) -> W::Found {
+    #[cfg(target_arch = "x86_64")]
+    if has_eight() {
+        return native::with_avx512(work);
+    }
+    vectorised(work)
+}
+
+/// Whether a register of this machine has eight numbers.
+#[inline]
+pub(crate) fn has_eight() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    {
+        std::arch::is_x86_feature_detected!("avx512f")
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    {
+        false
+    }
+}
+
 /// The index of a number in an array of slots.
 pub type Slot = u32;
 

@@ -197,6 +197,18 @@ pub(super) fn with_avx2<W: Work>(work: W) -> W::Found {
     unsafe { wide(work) }
 }
 
+/// Runs work as code with AVX-512. The machine must have AVX-512.
+#[inline]
+pub(super) fn with_avx512<W: Work>(work: W) -> W::Found {
+    #[target_feature(enable = "avx512f")]
+    fn widest<W: Work>(work: W) -> W::Found {
+        work.run()
+    }
+    assert!(std::arch::is_x86_feature_detected!("avx512f"), "a machine with AVX-512");
+    // SAFETY: the machine has AVX-512.
+    unsafe { widest(work) }
+}
+
 impl Compiler<'_> {
     fn operation(&mut self, k: u32, op: &Op) {
         match *op {

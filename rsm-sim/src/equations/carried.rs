@@ -33,6 +33,10 @@ impl<const L: usize> Walk<'_, L> {
         let it = &mut *boxed;
         it.store.begin(it.mirror.next);
         it.instant = None;
+        if let Some(linear) = &mut it.linear {
+            linear.parts.clear();
+            linear.loaded = None;
+        }
         for (k, moving) in directions.iter().enumerate() {
             let (group, lane) = (k / WIDE, k % WIDE);
             let mut put = |slot: Slot, value: f64| {
@@ -69,11 +73,8 @@ impl<const L: usize> Walk<'_, L> {
         while self.programs.part(last).order < tried.order {
             last += 1;
         }
-        // The programs read their arguments from the walk, so the time and the states of the step's start are restored first.
-        let now = self.slots[layout.time as usize];
-        let states = layout.states as usize..layout.states as usize + count;
-        self.slots[layout.time as usize] = [begin; L];
-        self.slots[states.clone()].swap_with_slice(&mut self.before);
+        let mut time = [begin; L];
+        self.swap_with_step_start(&mut time);
         if share == 1.0 {
             self.whole_step(&mut it, last);
         } else {
@@ -85,18 +86,15 @@ impl<const L: usize> Walk<'_, L> {
                 it.parts[place].iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
             }
         }
-        self.slots[states].swap_with_slice(&mut self.before);
-        self.slots[layout.time as usize] = now;
-        let end = self.programs.end();
+        self.swap_with_step_start(&mut time);
+        if share == 1.0 {
+            it.take_end(layout.states, self.programs.end(), count);
+            self.carried = Some(it);
+            return;
+        }
         for group in 0..it.groups {
             for k in 0..count as Slot {
                 let Some(to) = it.speed(group, layout.states + k) else { continue };
-                if share == 1.0 {
-                    if let Some(from) = it.speed(group, end + k) {
-                        it.store.slots[to] = it.store.slots[from];
-                    }
-                    continue;
-                }
                 let mut moved = [0.0; WIDE];
                 for order in (1..=tried.order).rev() {
                     let term = it.speeds_of(group, self.programs.terms[order - 1] + k);
@@ -106,6 +104,14 @@ impl<const L: usize> Walk<'_, L> {
             }
         }
         self.carried = Some(it);
+    }
+
+    /// Swaps the time and the states with those at the start of the step: programs of derivatives read their arguments from the walk.
+    pub(super) fn swap_with_step_start(&mut self, time: &mut [f64; L]) {
+        let layout = self.programs.layout;
+        let states = layout.states as usize..layout.states as usize + self.programs.counts.states;
+        std::mem::swap(&mut self.slots[layout.time as usize], time);
+        self.slots[states].swap_with_slice(&mut self.before);
     }
 
     /// The derivatives at the end of a whole step, from all orders up to the last order of a part.

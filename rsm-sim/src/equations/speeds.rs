@@ -11,7 +11,10 @@ use rsm_core::held::{Divided, divided};
 use rsm_core::tangent;
 use rsm_core::tape::{Op, Reg, TapeBuilder};
 
-use super::programs::{Placed, Programs};
+use super::frechet::{Along, Shared};
+use super::phi::Chain;
+use super::placed::Placed;
+use super::programs::Programs;
 use crate::code::{Code, Slot, WIDE, Way};
 
 /// The derivatives of a run's start and parameters in one direction.
@@ -132,6 +135,70 @@ pub(super) struct Carried {
     pub events: Option<DerivativeProgram>,
     /// For each group: the derivative of the instant of the current event.
     pub instant: Option<Vec<[f64; WIDE]>>,
+    /// The steps by a linear part. Compiled at the first one.
+    pub linear: Option<Box<LinearSpeeds>>,
+}
+
+/// A number of a step by a linear part that changes with the directions, by its row and column ([`super::exponential::Block`]).
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Entry {
+    /// h/2 phi_1 of the half.
+    Half(usize, usize),
+    /// h phi_1, in the column with this index in the list of columns.
+    Whole(usize, usize),
+    /// 2 h phi_3, in such a column.
+    Bent(usize, usize),
+    /// h (phi_2 - 2 phi_3), in such a column.
+    Off(usize, usize),
+    /// The Jacobian.
+    Slope(usize, usize),
+    /// (h/2)^2 phi_2 of the half times the derivative of the rates with respect to time.
+    Time(usize),
+    /// This derivative times h/2.
+    HalfSlope(usize),
+    /// This derivative times h.
+    WholeSlope(usize),
+}
+
+/// The derivatives of steps by a linear part.
+#[derive(Debug)]
+pub(super) struct LinearSpeeds {
+    /// Of the Jacobian, and of the rates with respect to time; the first of these slots, and which of them have a derivative.
+    pub slopes: Option<DerivativeProgram>,
+    pub first: Slot,
+    pub changing: Vec<usize>,
+    /// Of the step.
+    pub step: Option<DerivativeProgram>,
+    /// Values of the step that only a new linear part changes: their places in the walk and in the mirror.
+    pub matrices: Vec<(usize, usize)>,
+    /// The derivatives that only a new linear part changes; for each group, their places in the mirror.
+    pub entries: Vec<Entry>,
+    pub places: Vec<Vec<usize>>,
+    /// The columns in which phi_2 and phi_3 are needed; among them those of the rates that depend on time, each with its index in this list.
+    pub columns: Vec<usize>,
+    pub timed: Vec<(usize, usize)>,
+    pub parts: Vec<PartSpeeds>,
+    /// The linear part and the level whose derivatives are in the mirror.
+    pub loaded: Option<(u64, usize)>,
+    pub shared: Shared,
+    pub along: Along<WIDE>,
+    /// For two groups at once, on a machine whose registers have eight numbers.
+    pub both: Along<{ 2 * WIDE }>,
+    /// The functions over the time from the start of a step to an event.
+    pub chain: Chain,
+}
+
+/// The derivatives of a linear part.
+#[derive(Debug, Default)]
+pub(super) struct PartSpeeds {
+    /// The version of the part.
+    pub version: u64,
+    /// For each group: those of the Jacobian, row by row, then those of the derivatives with respect to time.
+    pub slopes: Vec<[f64; WIDE]>,
+    /// The level of the entries, if they are computed.
+    pub level: Option<usize>,
+    /// For each group, the derivative of each entry.
+    pub entries: Vec<[f64; WIDE]>,
 }
 
 impl Carried {
@@ -161,6 +228,7 @@ impl Carried {
             sides: None,
             events: None,
             instant: None,
+            linear: None,
         });
         // Places for the derivatives of states, memories and the time, whether a program reads them or not.
         for group_of in 1..=it.groups + 1 {
@@ -234,6 +302,78 @@ impl Carried {
         Some(DerivativeProgram { read, fixed, run: Cell::new(0), shared, groups })
     }
 
+    /// Compiles the derivatives of steps by a linear part.
+    pub(super) fn write_linear(&mut self, programs: &Programs) {
+        let Some((slopes, (step, shape))) = programs.placed_slopes().zip(programs.halves()) else { return };
+        let (n, block, first) = (programs.counts.states, programs.block, slopes.results[0]);
+        let of_slopes = self.speeds(&slopes, false);
+        let changing: Vec<usize> = (0..slopes.results.len()).filter(|k| self.moving.contains(&(first + *k as Slot))).collect();
+        let mut columns: Vec<usize> = shape.bent.iter().chain(&shape.timed).copied().collect();
+        columns.sort_unstable();
+        columns.dedup();
+        let timed = columns.iter().copied().enumerate().filter(|it| shape.timed.contains(&it.1)).collect();
+        let mut entries: Vec<Entry> = Vec::new();
+        let square =
+            |columns: &[usize]| -> Vec<(usize, usize)> { (0..n).flat_map(|i| columns.iter().map(move |j| (i, *j))).collect() };
+        if changing.iter().any(|k| *k < n * n) {
+            entries.extend(square(&(0..n).collect::<Vec<usize>>()).into_iter().map(|(i, j)| Entry::Half(i, j)));
+            for (i, j) in square(&(0..columns.len()).collect::<Vec<usize>>()) {
+                entries.extend([Entry::Whole(i, j), Entry::Bent(i, j), Entry::Off(i, j)]);
+            }
+        }
+        if !shape.timed.is_empty() && !changing.is_empty() {
+            entries.extend((0..n).map(Entry::Time));
+        }
+        for k in &changing {
+            match k.checked_sub(n * n) {
+                Some(i) => entries.extend([Entry::HalfSlope(i), Entry::WholeSlope(i)]),
+                None => entries.push(Entry::Slope(k / n, k % n)),
+            }
+        }
+        let slots: Vec<Slot> = entries
+            .iter()
+            .map(|entry| match *entry {
+                Entry::Half(i, j) => block.matrix(0, i, j),
+                Entry::Whole(i, column) => block.matrix(1, i, columns[column]),
+                Entry::Bent(i, column) => block.matrix(2, i, columns[column]),
+                Entry::Off(i, column) => block.matrix(3, i, columns[column]),
+                Entry::Slope(i, j) => block.matrix(4, i, j),
+                Entry::Time(i) => block.time(0, i),
+                Entry::HalfSlope(i) => block.time(2, i),
+                Entry::WholeSlope(i) => block.time(3, i),
+            })
+            .map(|slot| slot as Slot)
+            .collect();
+        self.moving.extend(&slots);
+        let mut of_step = self.written(&step);
+        let matrices = of_step.as_mut().map_or_else(Vec::new, |program| {
+            let (matrices, read) = program.read.iter().partition(|it| block.loaded().contains(&it.0));
+            program.read = read;
+            matrices
+        });
+        // The step does not read every entry.
+        let (entries, slots): (Vec<Entry>, Vec<Slot>) =
+            entries.into_iter().zip(slots).filter(|it| self.speed(0, it.1).is_some()).unzip();
+        let places = (0..self.groups).map(|group| slots.iter().filter_map(|slot| self.speed(group, *slot)).collect()).collect();
+        self.linear = Some(Box::new(LinearSpeeds {
+            slopes: of_slopes,
+            first,
+            changing,
+            step: of_step,
+            matrices,
+            entries,
+            places,
+            columns,
+            timed,
+            parts: Vec::new(),
+            loaded: None,
+            shared: Shared::default(),
+            along: Along::default(),
+            both: Along::default(),
+            chain: Chain::default(),
+        }));
+    }
+
     /// The place of the derivative of a slot of the walk; `None` if the derivative is 0.
     pub(super) fn speed(&self, group: usize, slot: Slot) -> Option<usize> {
         self.mirror.known(group + 1, slot)
@@ -242,6 +382,17 @@ impl Carried {
     /// The derivatives of a slot of the walk in the directions of a group.
     pub(super) fn speeds_of(&self, group: usize, slot: Slot) -> [f64; WIDE] {
         self.speed(group, slot).map_or([0.0; WIDE], |place| self.store.slots[place])
+    }
+
+    /// Takes the derivatives of the states from those at the end of a step.
+    pub(super) fn take_end(&mut self, states: Slot, end: Slot, count: usize) {
+        for group in 0..self.groups {
+            for k in 0..count as Slot {
+                if let Some((to, from)) = self.speed(group, states + k).zip(self.speed(group, end + k)) {
+                    self.store.slots[to] = self.store.slots[from];
+                }
+            }
+        }
     }
 
     /// The derivatives of a program that is first needed during a run, with memory for them.

@@ -203,6 +203,9 @@ impl Walk<'_, 1> {
         }
         kept.renewed();
         kept.cost += TAKEN;
+        if is_part {
+            self.carry_part(place);
+        }
         is_part
     }
 
