@@ -42,6 +42,12 @@ pub(crate) fn vectorised<W: Work>(work: W) -> W::Found {
     work.run()
 }
 
+/// Runs loops over lanes: with more than one lane as [`vectorised`].
+#[inline(always)]
+pub(crate) fn over_lanes<const L: usize, W: Work>(work: W) -> W::Found {
+    if L > 1 { vectorised(work) } else { work.run() }
+}
+
 /// Runs loops with the registers of AVX-512, if this machine has them, else as [`vectorised`]. The bits are the same.
 #[inline]
 pub(crate) fn widest<W: Work>(work: W) -> W::Found {

@@ -14,8 +14,6 @@ pub(super) struct Events<const L: usize> {
     pub memories: usize,
     /// Whether memories change only if a branch acts.
     pub only_acts_change: bool,
-    pub acts: Vec<[f64; L]>,
-    pub due: Vec<f64>,
 }
 
 /// A branch of a `when`. The places of its results are counted from the first result of the program.
@@ -47,17 +45,7 @@ impl<const L: usize> Events<L> {
         }
         let samples = machine.samples().to_vec();
         let past = vec![0; samples.len()];
-        let due = vec![0.0; past.len()];
-        Events {
-            conditions: vec![[0.0; L]; first],
-            samples,
-            past,
-            memories,
-            only_acts_change,
-            acts: vec![[0.0; L]; branches.len()],
-            due,
-            branches,
-        }
+        Events { conditions: vec![[0.0; L]; first], samples, past, memories, only_acts_change, branches }
     }
 
     pub(super) fn copy_from<const M: usize>(&mut self, other: &Events<M>, lane: usize) {

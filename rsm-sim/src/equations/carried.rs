@@ -14,7 +14,7 @@
 
 use super::rows::Stopped;
 use super::series::Tried;
-use super::speeds::{Carried, Direction, composed};
+use super::speeds::{BLOCK, Carried, Direction, composed};
 use super::walk::Walk;
 use crate::code::{Slot, WIDE, Way};
 
@@ -33,6 +33,7 @@ impl<const L: usize> Walk<'_, L> {
         let it = &mut *boxed;
         it.store.begin(it.mirror.next);
         it.instant = None;
+        it.rows = 0;
         if let Some(linear) = &mut it.linear {
             linear.parts.clear();
             linear.loaded = None;
@@ -88,7 +89,7 @@ impl<const L: usize> Walk<'_, L> {
         }
         self.swap_with_step_start(&mut time);
         if share == 1.0 {
-            it.take_end(layout.states, self.programs.end(), count);
+            it.take_end(layout.states, self.programs.end(), count, false);
             self.carried = Some(it);
             return;
         }
@@ -216,37 +217,39 @@ impl<const L: usize> Walk<'_, L> {
         let Some(program) = &self.programs.events else { return };
         it.events.iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
         let (layout, results) = (self.programs.layout, program.results);
-        for group in 0..it.groups {
-            let value = |it: &Carried, place: usize| it.speeds_of(group, results + place as Slot);
-            let mut taken: Vec<(Slot, [f64; WIDE])> = Vec::new();
-            for (branch, acts) in self.events.branches.iter().zip(&self.events.acts) {
-                if acts[0] != 0.0 {
-                    taken.extend(
-                        branch.restarted.iter().map(|(state, place)| (layout.states + *state as Slot, value(it, *place))),
-                    );
+        for (place, branch) in self.events.branches.iter().enumerate() {
+            if branch.restarted.is_empty() || self.slots[layout.acts as usize + place][0] == 0.0 {
+                continue;
+            }
+            for group in 0..it.groups {
+                for (state, place) in &branch.restarted {
+                    let value = it.speeds_of(group, results + *place as Slot);
+                    if let Some(place) = it.speed(group, layout.states + *state as Slot) {
+                        it.store.slots[place] = value;
+                    }
                 }
             }
-            taken.extend((0..self.events.memories).map(|k| (layout.memories + k as Slot, value(it, k))));
-            for (slot, value) in taken {
-                if let Some(place) = it.speed(group, slot) {
-                    it.store.slots[place] = value;
-                }
-            }
+        }
+        for (to, from) in &it.memories {
+            it.store.slots[*to] = from.map_or([0.0; WIDE], |from| it.store.slots[from]);
         }
     }
 
-    /// The derivatives of every output at the current point, in each direction.
+    /// The derivatives of every output at the current point, in each direction. Rows are collected and written in blocks.
     pub(super) fn carry_outputs(&mut self, to: &mut [Vec<Vec<f64>>]) {
         let Some(it) = self.carried.as_deref_mut() else { return };
-        let Some(results) = self.programs.output_program.as_ref().map(|it| it.results) else { return };
         it.output_program.iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
-        for (group, to) in to.chunks_mut(WIDE).enumerate() {
-            for slot in results..results + self.programs.counts.outputs as Slot {
-                let value = it.speeds_of(group, slot);
-                for (to, value) in to.iter_mut().zip(value) {
-                    to[(slot - results) as usize].push(value);
-                }
-            }
+        for (block, from) in it.block.iter_mut().zip(&it.outputs) {
+            block[it.rows] = from.map_or([0.0; WIDE], |from| it.store.slots[from]);
         }
+        it.rows += 1;
+        if it.rows == BLOCK {
+            it.write_outputs(to);
+        }
+    }
+
+    /// Writes the rows that are collected.
+    pub(super) fn finish_outputs(&mut self, to: &mut [Vec<Vec<f64>>]) {
+        self.carried.iter_mut().for_each(|it| it.write_outputs(to));
     }
 }

@@ -75,7 +75,7 @@ impl Walk<'_, 1> {
         }
         self.swap_with_step_start(&mut time);
         let found = if share == 1.0 {
-            it.take_end(layout.states, block.end() as Slot, n);
+            it.take_end(layout.states, block.end() as Slot, n, true);
             Some(())
         } else {
             self.carry_inside(it, &mut linear, (place, loaded.level), share)

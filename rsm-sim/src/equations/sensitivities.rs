@@ -230,5 +230,6 @@ fn along(walk: &mut Walk<'_, 1>, of: &Sensitive, inputs: Inputs<'_>) -> Result<S
         super::lanes::read(walk, row, &mut outputs)?;
         walk.carry_outputs(&mut derivatives);
     }
+    walk.finish_outputs(&mut derivatives);
     Ok(Sensitivities { outputs, derivatives })
 }

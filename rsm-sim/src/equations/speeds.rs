@@ -17,6 +17,10 @@ use super::placed::Placed;
 use super::programs::Programs;
 use crate::code::{Code, Slot, WIDE, Way};
 
+/// The rows of derivatives of outputs that are collected before they are written: one at a time, they would go to as many places as there are
+/// directions and outputs.
+pub(super) const BLOCK: usize = 64;
+
 /// The derivatives of a run's start and parameters in one direction.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Direction {
@@ -135,6 +139,14 @@ pub(super) struct Carried {
     pub events: Option<DerivativeProgram>,
     /// For each group: the derivative of the instant of the current event.
     pub instant: Option<Vec<[f64; WIDE]>>,
+    /// For each memory that has a derivative in a group: its place, and that of its next value.
+    pub memories: Vec<(usize, Option<usize>)>,
+    /// For each state: the place of its derivative, and that at the end of a step; of the series, and by a linear part.
+    ends: [Vec<(usize, usize)>; 2],
+    /// For each group, for each output: the place of its derivative, and the collected rows.
+    pub outputs: Vec<Option<usize>>,
+    pub block: Vec<[[f64; WIDE]; BLOCK]>,
+    pub rows: usize,
     /// The steps by a linear part. Compiled at the first one.
     pub linear: Option<Box<LinearSpeeds>>,
 }
@@ -228,6 +240,11 @@ impl Carried {
             sides: None,
             events: None,
             instant: None,
+            memories: Vec::new(),
+            ends: [Vec::new(), Vec::new()],
+            outputs: Vec::new(),
+            block: Vec::new(),
+            rows: 0,
             linear: None,
         });
         // Places for the derivatives of states, memories and the time, whether a program reads them or not.
@@ -251,6 +268,17 @@ impl Carried {
         it.sides = programs.sides.as_ref().and_then(|program| it.speeds(&program.placed, true));
         it.events = programs.events.as_ref().and_then(|program| it.speeds(&program.placed, false));
         it.moving.remove(&layout.time);
+        for group in 0..it.groups {
+            let first = programs.events.as_ref().map_or(0, |program| program.results);
+            for k in 0..counts.memories as Slot {
+                if let Some(to) = it.speed(group, layout.memories + k) {
+                    it.memories.push((to, it.speed(group, first + k)));
+                }
+            }
+            let first = programs.output_program.as_ref().map_or(0, |program| program.results);
+            it.outputs.extend((0..counts.outputs as Slot).map(|k| it.speed(group, first + k)).collect::<Vec<_>>());
+        }
+        it.block = vec![[[0.0; WIDE]; BLOCK]; it.outputs.len()];
         it
     }
 
@@ -384,15 +412,29 @@ impl Carried {
         self.speed(group, slot).map_or([0.0; WIDE], |place| self.store.slots[place])
     }
 
-    /// Takes the derivatives of the states from those at the end of a step.
-    pub(super) fn take_end(&mut self, states: Slot, end: Slot, count: usize) {
-        for group in 0..self.groups {
-            for k in 0..count as Slot {
-                if let Some((to, from)) = self.speed(group, states + k).zip(self.speed(group, end + k)) {
-                    self.store.slots[to] = self.store.slots[from];
-                }
+    /// Takes the derivatives of the states from those at the end of a step, of the series or by a linear part.
+    pub(super) fn take_end(&mut self, states: Slot, end: Slot, count: usize, by_linear: bool) {
+        let place = usize::from(by_linear);
+        if self.ends[place].is_empty() {
+            let both = |(group, k): (usize, Slot)| self.speed(group, states + k).zip(self.speed(group, end + k));
+            let all = (0..self.groups).flat_map(|group| (0..count as Slot).map(move |k| (group, k)));
+            self.ends[place] = all.filter_map(both).collect();
+        }
+        for (to, from) in &self.ends[place] {
+            self.store.slots[*to] = self.store.slots[*from];
+        }
+    }
+
+    /// Writes the collected rows of the derivatives of outputs: for each direction, for each output.
+    pub(super) fn write_outputs(&mut self, to: &mut [Vec<Vec<f64>>]) {
+        let count = self.outputs.len() / self.groups.max(1);
+        for (k, to) in to.iter_mut().enumerate() {
+            for (output, to) in to.iter_mut().enumerate() {
+                let block = &self.block[k / WIDE * count + output][..self.rows];
+                to.extend(block.iter().map(|row| row[k % WIDE]));
             }
         }
+        self.rows = 0;
     }
 
     /// The derivatives of a program that is first needed during a run, with memory for them.
