@@ -111,6 +111,16 @@ impl<const L: usize> Walk<'_, L> {
             self.slots[due_slots + k] = [f64::from(u8::from(due)); L];
             is_due |= due;
         }
+        if self.events.only_samples {
+            if is_due {
+                self.run_branches();
+                for k in 0..self.events.past.len() {
+                    self.slots[due_slots + k] = [0.0; L];
+                }
+            }
+            self.carry_after_events();
+            return Ok(());
+        }
         for _ in 0..MOST_ROUNDS {
             let mut changed = self.hold().contains(&true);
             changed |= self.run_branches();
@@ -138,7 +148,7 @@ impl<const L: usize> Walk<'_, L> {
         let found = self.conditions();
         // Between two rounds, no branch acts.
         let acts = self.layout().acts as usize;
-        let Events { conditions, branches, .. } = &mut self.events;
+        let Events { conditions, branches, only_samples, .. } = &mut self.events;
         let mut any = false;
         for (place, branch) in branches.iter().enumerate() {
             let mut rises = [0_u64; L];
@@ -147,7 +157,9 @@ impl<const L: usize> Walk<'_, L> {
                 for lane in 0..L {
                     rises[lane] |= u64::from(now[lane] != 0.0) & u64::from(before[lane] == 0.0);
                 }
-                conditions[branch.first + k] = now;
+                if !*only_samples {
+                    conditions[branch.first + k] = now;
+                }
             }
             if rises == [0; L] {
                 continue;

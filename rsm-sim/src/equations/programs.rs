@@ -311,6 +311,19 @@ impl Programs {
         Some(Placed { tape, arguments: self.slope_arguments.clone(), results })
     }
 
+    /// Whether the conditions of branches depend on due samples and on parameters alone, and nothing else changes at an instant.
+    pub(super) fn has_sampled_conditions(&self) -> bool {
+        let Some(conditions) = &self.conditions else { return false };
+        let layout = self.layout;
+        let is_once = |slot: Slot| self.once.iter().any(|it| it.1.results.contains(&slot));
+        let is_steady = |slot: Slot| (layout.acts..layout.end).contains(&slot) || is_once(slot);
+        let Placed { tape, arguments, .. } = &conditions.placed;
+        let is_steady_port: Vec<bool> = arguments.iter().map(|slot| is_steady(*slot)).collect();
+        let steady = held::of_held(tape, &is_steady_port);
+        let are_steady = tape.outputs.iter().all(|output| steady[output.reg.0 as usize]);
+        self.counts.held == 0 && self.counts.guesses == 0 && are_steady
+    }
+
     /// The first part of the series and its order, if it is compiled.
     #[inline]
     pub(super) fn first_part(&self) -> Option<(&Code, usize)> {

@@ -125,7 +125,7 @@ impl<'m, const L: usize> Walk<'m, L> {
             largest: vec![[0.0; L]; states],
             before: vec![[0.0; L]; states],
             step_end: vec![[0.0; L]; states],
-            events: Events::new(machine),
+            events: Events::new(machine, programs.has_sampled_conditions()),
             suggestion: [0.0; L],
             is_stiff: [false; L],
             linear: None,
