@@ -74,6 +74,31 @@ pub(crate) fn has_eight() -> bool {
 /// The index of a number in an array of slots.
 pub type Slot = u32;
 
+/// The number of attempts to get memory at a suitable address. Neighbouring pieces of memory differ by 16 bytes, so the second attempt usually has one.
+const ATTEMPTS: usize = 8;
+
+/// Makes an array of slots longer, filled with 0. Its address is a multiple of the length of a slot, if the allocator has such memory: a register that
+/// lies in two cache lines takes two accesses. Nothing but the speed depends on it.
+pub(crate) fn lengthen<const L: usize>(slots: &mut Vec<[f64; L]>, length: usize) {
+    if slots.len() >= length {
+        return;
+    }
+    // Memory at other addresses is kept until the end, so that the allocator does not give it again.
+    let mut tried: Vec<Vec<[f64; L]>> = Vec::with_capacity(ATTEMPTS);
+    for _ in 0..ATTEMPTS {
+        let memory: Vec<[f64; L]> = Vec::with_capacity(length);
+        let is_suitable = (memory.as_ptr() as usize).is_multiple_of(size_of::<[f64; L]>());
+        tried.push(memory);
+        if is_suitable {
+            break;
+        }
+    }
+    let mut memory = tried.pop().unwrap_or_default();
+    memory.extend_from_slice(slots);
+    memory.resize(length, [0.0; L]);
+    *slots = memory;
+}
+
 /// A tape with the places of its arguments and results.
 #[derive(Debug)]
 pub struct Code {

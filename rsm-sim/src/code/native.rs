@@ -13,7 +13,7 @@ use rsm_core::tape::{Op, Reg};
 
 use super::interpreted::Interpreted;
 use super::registers::{Memory, Move, Registers};
-use super::{Slot, WIDE, Work};
+use super::{Slot, WIDE, Work, lengthen};
 
 /// 2^52: from here to 2^53 the last bit of a number has the value 1.
 const WHOLE: f64 = 4_503_599_627_370_496.0;
@@ -177,7 +177,7 @@ impl Native {
     pub(super) fn run<const L: usize>(&self, slots: &mut [[f64; L]], spare: &mut Vec<[f64; L]>) {
         assert!(L == self.lanes && slots.len() >= self.slots, "the array is of another shape than the code");
         if spare.len() < self.spills {
-            spare.resize(self.spills, [0.0; L]);
+            lengthen(spare, self.spills);
         }
         // The machine code needs no bounds checks: it accesses only slots below `self.slots` and places below `self.spills`, each with `L` numbers,
         // and its constants.

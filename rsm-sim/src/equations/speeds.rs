@@ -8,14 +8,15 @@ use std::cell::Cell;
 use std::collections::{HashMap, HashSet};
 
 use rsm_core::held::{Divided, divided};
+use rsm_core::number::integer;
 use rsm_core::tangent;
-use rsm_core::tape::{Op, Reg, TapeBuilder};
+use rsm_core::tape::{Op, Reg, Tape, TapeBuilder};
 
 use super::frechet::{Along, Shared};
 use super::phi::Chain;
 use super::placed::Placed;
 use super::programs::Programs;
-use crate::code::{Code, Slot, WIDE, Way};
+use crate::code::{Code, Slot, WIDE, Way, lengthen};
 
 /// The rows of derivatives of outputs that are collected before they are written: one at a time, they would go to as many places as there are
 /// directions and outputs.
@@ -96,7 +97,7 @@ impl Store {
     }
 
     fn grow(&mut self, places: Slot) {
-        self.slots.resize((places as usize).max(self.slots.len()), [0.0; WIDE]);
+        lengthen(&mut self.slots, places as usize);
     }
 }
 
@@ -127,6 +128,8 @@ pub(super) struct Carried {
     pub store: Store,
     /// Slots of the walk that have derivatives.
     pub moving: HashSet<Slot>,
+    /// For each group, and for the time: those of these slots whose derivatives are always 0.
+    still: Vec<HashSet<Slot>>,
     pub once: Vec<Option<DerivativeProgram>>,
     pub row: Vec<Option<DerivativeProgram>>,
     pub parts: Vec<Option<DerivativeProgram>>,
@@ -225,9 +228,18 @@ impl Carried {
         let fixed: HashSet<Slot> = group(layout.parameters, counts.parameters)
             .chain(programs.once.iter().flat_map(|it| it.1.results.iter().copied()))
             .collect();
+        let groups = directions.len().div_ceil(WIDE);
+        let parameters: Vec<Slot> = moving.iter().copied().filter(|slot| *slot >= layout.parameters).collect();
+        let of_group = |group: usize| -> HashSet<Slot> {
+            let of = |it: &Direction| it.parameter.map(|place| layout.parameters + place as Slot);
+            let own: HashSet<Slot> = directions.iter().skip(group * WIDE).take(WIDE).filter_map(of).collect();
+            parameters.iter().copied().filter(|slot| !own.contains(slot)).collect()
+        };
         let mut it = Box::new(Carried {
             way,
-            groups: directions.len().div_ceil(WIDE),
+            // After the directions comes the time, with which no parameter changes.
+            still: (0..=groups).map(of_group).collect(),
+            groups,
             mirror: Mirror::default(),
             store: Store::default(),
             moving,
@@ -290,7 +302,7 @@ impl Carried {
             return None;
         }
         let mut tape = tangent::along(&placed.tape, &ports);
-        let moves = |tape: &rsm_core::tape::Tape, k: usize| !matches!(tape.op(tape.outputs[k].reg), Op::Constant(it) if it.value == 0.0);
+        let moves = |tape: &Tape, k: usize| !matches!(tape.op(tape.outputs[k].reg), Op::Constant(it) if it.value == 0.0);
         let results: Vec<Slot> =
             placed.results.iter().enumerate().filter(|(k, _)| moves(&tape, *k)).map(|(_, slot)| *slot).collect();
         if results.is_empty() {
@@ -319,12 +331,20 @@ impl Carried {
         });
         let (shared, found) = shared.map_or((None, Vec::new()), |(code, found)| (Some(code), found));
         let groups = (1..=self.groups + usize::from(by_time))
-            .map(|group| {
+            .filter_map(|group| {
                 let speeds = ports.iter().map(|port| self.mirror.place(group, placed.arguments[*port]));
                 let all: Vec<Slot> =
                     values.iter().copied().chain(speeds.collect::<Vec<_>>()).chain(found.iter().copied()).collect();
-                let results: Vec<Slot> = results.iter().map(|slot| self.mirror.place(group, *slot)).collect();
-                Code::new(&rest, &all, &results, WIDE, self.way)
+                // What no direction of this group changes keeps its derivative of 0, which is in its place.
+                let still = &self.still[group - 1];
+                let mut is_zero = vec![false; rest.inputs.len()];
+                ports.iter().enumerate().for_each(|(k, port)| is_zero[count + k] = still.contains(&placed.arguments[*port]));
+                let (own, moves) = without(&rest, &is_zero);
+                let results: Vec<(Slot, Slot)> = results.iter().map(|slot| (*slot, self.mirror.place(group, *slot))).collect();
+                let still: Vec<Slot> = results.iter().zip(&moves).filter(|it| !it.1).map(|it| it.0.0).collect();
+                self.still[group - 1].extend(still);
+                let results: Vec<Slot> = results.iter().zip(&moves).filter(|it| *it.1).map(|it| it.0.1).collect();
+                own.map(|own| Code::new(&own, &all, &results, WIDE, self.way))
             })
             .collect();
         Some(DerivativeProgram { read, fixed, run: Cell::new(0), shared, groups })
@@ -443,6 +463,53 @@ impl Carried {
         self.store.grow(self.mirror.next);
         found
     }
+}
+
+/// A tape in which some inputs are 0, without the operations that are 0 then; and which of its results are not. The others are left out; `None` if
+/// all are.
+fn without(tape: &Tape, zero_inputs: &[bool]) -> (Option<Tape>, Vec<bool>) {
+    // Marks of elementary functions would have to be moved. The derivatives of programs have none.
+    if !tape.computed.is_empty() || !zero_inputs.contains(&true) {
+        return (Some(tape.clone()), vec![true; tape.outputs.len()]);
+    }
+    let mut zero = vec![false; tape.ops.len()];
+    for (reg, op) in tape.iter() {
+        let is = |a: &Reg| zero[a.0 as usize];
+        zero[reg.0 as usize] = match op {
+            Op::Input(port) => zero_inputs[port.0 as usize],
+            Op::Negate(a) | Op::Absolute(a) | Op::Divide(a, _) => is(a),
+            Op::Add(a, b) | Op::Subtract(a, b) => is(a) && is(b),
+            Op::Multiply(a, b) => is(a) || is(b),
+            Op::Select { then, otherwise, .. } => is(then) && is(otherwise),
+            _ => false,
+        };
+    }
+    let mut needed = vec![false; tape.ops.len()];
+    tape.outputs.iter().for_each(|output| needed[output.reg.0 as usize] = !zero[output.reg.0 as usize]);
+    for k in (0..tape.ops.len()).rev().filter(|k| !zero[*k]) {
+        if needed[k] {
+            tape.ops[k].operands().iter().for_each(|reg| needed[reg.0 as usize] = true);
+        }
+    }
+    let mut builder = TapeBuilder::sharing(tape.precision);
+    let nothing = builder.constant(integer(0));
+    let mut places = vec![nothing; tape.ops.len()];
+    for (reg, op) in tape.iter().filter(|(reg, _)| needed[reg.0 as usize] && !zero[reg.0 as usize]) {
+        let is = |a: &Reg| zero[a.0 as usize];
+        let place = |a: &Reg| places[a.0 as usize];
+        places[reg.0 as usize] = match op {
+            Op::Add(a, b) if is(a) => place(b),
+            Op::Add(a, b) | Op::Subtract(a, b) if is(b) => place(a),
+            Op::Subtract(a, b) if is(a) => builder.push(Op::Negate(place(b))),
+            other => builder.push(other.with_operands(|operand| places[operand.0 as usize])),
+        };
+    }
+    let moves: Vec<bool> = tape.outputs.iter().map(|output| !zero[output.reg.0 as usize]).collect();
+    let outputs = tape.outputs.iter().zip(&moves).filter(|it| *it.1);
+    let outputs: Vec<(String, Reg)> = outputs.map(|(it, _)| (it.name.clone(), places[it.reg.0 as usize])).collect();
+    let own = (!outputs.is_empty())
+        .then(|| builder.finish_with_results(tape.name.clone(), tape.inputs.clone(), outputs, [] as [(String, Reg); 0]));
+    (own, moves)
 }
 
 /// Combines parts of a series to one program for the states at the end of a whole step.

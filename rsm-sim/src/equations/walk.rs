@@ -14,7 +14,7 @@ use super::programs::{Layout, Programs};
 use super::rows::Stopped;
 use super::speeds::Carried;
 use super::thresholds::Thresholds;
-use crate::code::{Way, Work, over_lanes};
+use crate::code::{Way, Work, lengthen, over_lanes};
 
 /// The largest number of iterations of a nonlinear block.
 const MOST_ITERATIONS: usize = 100;
@@ -117,8 +117,10 @@ impl<'m, const L: usize> Walk<'m, L> {
     pub(super) fn new(machine: &'m Machine, way: Way) -> Self {
         let programs = Programs::new(machine, L, way);
         let states = programs.counts.states;
+        let mut slots = Vec::new();
+        lengthen(&mut slots, programs.slots());
         Walk {
-            slots: vec![[0.0; L]; programs.slots()],
+            slots,
             spare: Vec::new(),
             setting: Setting::default(),
             thresholds: Thresholds::new(Setting::default().tolerance, programs.counts.guesses > 0),
