@@ -74,11 +74,12 @@ pub(crate) fn has_eight() -> bool {
 /// The index of a number in an array of slots.
 pub type Slot = u32;
 
-/// The number of attempts to get memory at a suitable address. Neighbouring pieces of memory differ by 16 bytes, so the second attempt usually has one.
+/// The number of attempts to get memory at a suitable address. Neighbouring pieces of memory differ by 16 bytes, so the second attempt usually has
+/// one.
 const ATTEMPTS: usize = 8;
 
-/// Makes an array of slots longer, filled with 0. Its address is a multiple of the length of a slot, if the allocator has such memory: a register that
-/// lies in two cache lines takes two accesses. Nothing but the speed depends on it.
+/// Makes an array of slots longer, filled with 0. Its address is a multiple of the length of a slot, if the allocator has such memory: a register
+/// that lies in two cache lines takes two accesses. Nothing but the speed depends on it.
 pub(crate) fn lengthen<const L: usize>(slots: &mut Vec<[f64; L]>, length: usize) {
     if slots.len() >= length {
         return;

@@ -319,9 +319,9 @@ fn a_step_by_a_linear_part_has_the_derivative_of_what_it_computes() {
     let inputs = Inputs { time: &time, values: &values };
     let file = file(BENT, "");
     let names = ["rate", "w", "gain", "begin"];
-    // With these tolerances the errors are in the fourth digit or the seventh. The differences are of runs with the same tolerance. Their steps are so
-    // small that all runs have the same steps and compute their linear parts at the same instants, so they have the derivatives of the steps as they
-    // are, with their errors: to 1e-16/1e-5 of differences, times a hundred roundings.
+    // With these tolerances the errors are in the fourth digit or the seventh. The differences are of runs with the same tolerance, and their steps
+    // of 1e-4 are so small that all runs have the same steps and compute their linear parts at the same instants. So they have the derivatives of the
+    // steps as they are, with their errors: to 1e-16/1e-4 of a difference, times some hundred roundings.
     for tolerance in [1e-3, 1e-6] {
         let setting = Setting::new(Method::Stiff, tolerance);
         let exact = found(&file, &names, inputs, setting);
