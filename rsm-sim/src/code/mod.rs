@@ -42,8 +42,63 @@ pub(crate) fn vectorised<W: Work>(work: W) -> W::Found {
     work.run()
 }
 
+/// Runs loops over lanes: with more than one lane as [`vectorised`].
+#[inline(always)]
+pub(crate) fn over_lanes<const L: usize, W: Work>(work: W) -> W::Found {
+    if L > 1 { vectorised(work) } else { work.run() }
+}
+
+/// Runs loops with the registers of AVX-512, if this machine has them, else as [`vectorised`]. The bits are the same.
+#[inline]
+pub(crate) fn widest<W: Work>(work: W) -> W::Found {
+    #[cfg(target_arch = "x86_64")]
+    if has_eight() {
+        return native::with_avx512(work);
+    }
+    vectorised(work)
+}
+
+/// Whether a register of this machine has eight numbers.
+#[inline]
+pub(crate) fn has_eight() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    {
+        std::arch::is_x86_feature_detected!("avx512f")
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    {
+        false
+    }
+}
+
 /// The index of a number in an array of slots.
 pub type Slot = u32;
+
+/// The number of attempts to get memory at a suitable address. Neighbouring pieces of memory differ by 16 bytes, so the second attempt usually has
+/// one.
+const ATTEMPTS: usize = 8;
+
+/// Makes an array of slots longer, filled with 0. Its address is a multiple of the length of a slot, if the allocator has such memory: a register
+/// that lies in two cache lines takes two accesses. Nothing but the speed depends on it.
+pub(crate) fn lengthen<const L: usize>(slots: &mut Vec<[f64; L]>, length: usize) {
+    if slots.len() >= length {
+        return;
+    }
+    // Memory at other addresses is kept until the end, so that the allocator does not give it again.
+    let mut tried: Vec<Vec<[f64; L]>> = Vec::with_capacity(ATTEMPTS);
+    for _ in 0..ATTEMPTS {
+        let memory: Vec<[f64; L]> = Vec::with_capacity(length);
+        let is_suitable = (memory.as_ptr() as usize).is_multiple_of(size_of::<[f64; L]>());
+        tried.push(memory);
+        if is_suitable {
+            break;
+        }
+    }
+    let mut memory = tried.pop().unwrap_or_default();
+    memory.extend_from_slice(slots);
+    memory.resize(length, [0.0; L]);
+    *slots = memory;
+}
 
 /// A tape with the places of its arguments and results.
 #[derive(Debug)]

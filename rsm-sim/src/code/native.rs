@@ -13,7 +13,7 @@ use rsm_core::tape::{Op, Reg};
 
 use super::interpreted::Interpreted;
 use super::registers::{Memory, Move, Registers};
-use super::{Slot, WIDE, Work};
+use super::{Slot, WIDE, Work, lengthen};
 
 /// 2^52: from here to 2^53 the last bit of a number has the value 1.
 const WHOLE: f64 = 4_503_599_627_370_496.0;
@@ -177,7 +177,7 @@ impl Native {
     pub(super) fn run<const L: usize>(&self, slots: &mut [[f64; L]], spare: &mut Vec<[f64; L]>) {
         assert!(L == self.lanes && slots.len() >= self.slots, "the array is of another shape than the code");
         if spare.len() < self.spills {
-            spare.resize(self.spills, [0.0; L]);
+            lengthen(spare, self.spills);
         }
         // The machine code needs no bounds checks: it accesses only slots below `self.slots` and places below `self.spills`, each with `L` numbers,
         // and its constants.
@@ -195,6 +195,18 @@ pub(super) fn with_avx2<W: Work>(work: W) -> W::Found {
     assert!(std::arch::is_x86_feature_detected!("avx2"), "a machine with AVX2");
     // SAFETY: the machine has AVX2.
     unsafe { wide(work) }
+}
+
+/// Runs work as code with AVX-512. The machine must have AVX-512.
+#[inline]
+pub(super) fn with_avx512<W: Work>(work: W) -> W::Found {
+    #[target_feature(enable = "avx512f")]
+    fn widest<W: Work>(work: W) -> W::Found {
+        work.run()
+    }
+    assert!(std::arch::is_x86_feature_detected!("avx512f"), "a machine with AVX-512");
+    // SAFETY: the machine has AVX-512.
+    unsafe { widest(work) }
 }
 
 impl Compiler<'_> {

@@ -14,8 +14,9 @@ pub(super) struct Events<const L: usize> {
     pub memories: usize,
     /// Whether memories change only if a branch acts.
     pub only_acts_change: bool,
-    pub acts: Vec<[f64; L]>,
-    pub due: Vec<f64>,
+    /// Whether nothing can happen at an instant without a due `sample`, and nothing more after its branches have acted: there are no comparisons, and
+    /// conditions depend on due samples and on parameters alone. Then the conditions keep the values that they have between samples.
+    pub only_samples: bool,
 }
 
 /// A branch of a `when`. The places of its results are counted from the first result of the program.
@@ -31,7 +32,8 @@ pub(super) struct Branch {
 }
 
 impl<const L: usize> Events<L> {
-    pub(super) fn new(machine: &Machine) -> Self {
+    /// `by_samples`: whether the conditions depend on due samples and on parameters alone, in a plant without comparisons.
+    pub(super) fn new(machine: &Machine, by_samples: bool) -> Self {
         let system = machine.system();
         let memories = system.memories().len();
         let only_acts_change = system.memories().iter().all(|it| it.held == it.variable);
@@ -47,17 +49,8 @@ impl<const L: usize> Events<L> {
         }
         let samples = machine.samples().to_vec();
         let past = vec![0; samples.len()];
-        let due = vec![0.0; past.len()];
-        Events {
-            conditions: vec![[0.0; L]; first],
-            samples,
-            past,
-            memories,
-            only_acts_change,
-            acts: vec![[0.0; L]; branches.len()],
-            due,
-            branches,
-        }
+        let only_samples = only_acts_change && by_samples;
+        Events { conditions: vec![[0.0; L]; first], samples, past, memories, only_acts_change, only_samples, branches }
     }
 
     pub(super) fn copy_from<const M: usize>(&mut self, other: &Events<M>, lane: usize) {

@@ -14,7 +14,7 @@
 
 use super::rows::Stopped;
 use super::series::Tried;
-use super::speeds::{Carried, Direction, composed};
+use super::speeds::{BLOCK, Carried, Direction, composed};
 use super::walk::Walk;
 use crate::code::{Slot, WIDE, Way};
 
@@ -33,6 +33,11 @@ impl<const L: usize> Walk<'_, L> {
         let it = &mut *boxed;
         it.store.begin(it.mirror.next);
         it.instant = None;
+        it.rows = 0;
+        if let Some(linear) = &mut it.linear {
+            linear.parts.clear();
+            linear.loaded = None;
+        }
         for (k, moving) in directions.iter().enumerate() {
             let (group, lane) = (k / WIDE, k % WIDE);
             let mut put = |slot: Slot, value: f64| {
@@ -69,11 +74,8 @@ impl<const L: usize> Walk<'_, L> {
         while self.programs.part(last).order < tried.order {
             last += 1;
         }
-        // The programs read their arguments from the walk, so the time and the states of the step's start are restored first.
-        let now = self.slots[layout.time as usize];
-        let states = layout.states as usize..layout.states as usize + count;
-        self.slots[layout.time as usize] = [begin; L];
-        self.slots[states.clone()].swap_with_slice(&mut self.before);
+        let mut time = [begin; L];
+        self.swap_with_step_start(&mut time);
         if share == 1.0 {
             self.whole_step(&mut it, last);
         } else {
@@ -85,18 +87,15 @@ impl<const L: usize> Walk<'_, L> {
                 it.parts[place].iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
             }
         }
-        self.slots[states].swap_with_slice(&mut self.before);
-        self.slots[layout.time as usize] = now;
-        let end = self.programs.end();
+        self.swap_with_step_start(&mut time);
+        if share == 1.0 {
+            it.take_end(layout.states, self.programs.end(), count, false);
+            self.carried = Some(it);
+            return;
+        }
         for group in 0..it.groups {
             for k in 0..count as Slot {
                 let Some(to) = it.speed(group, layout.states + k) else { continue };
-                if share == 1.0 {
-                    if let Some(from) = it.speed(group, end + k) {
-                        it.store.slots[to] = it.store.slots[from];
-                    }
-                    continue;
-                }
                 let mut moved = [0.0; WIDE];
                 for order in (1..=tried.order).rev() {
                     let term = it.speeds_of(group, self.programs.terms[order - 1] + k);
@@ -106,6 +105,14 @@ impl<const L: usize> Walk<'_, L> {
             }
         }
         self.carried = Some(it);
+    }
+
+    /// Swaps the time and the states with those at the start of the step: programs of derivatives read their arguments from the walk.
+    pub(super) fn swap_with_step_start(&mut self, time: &mut [f64; L]) {
+        let layout = self.programs.layout;
+        let states = layout.states as usize..layout.states as usize + self.programs.counts.states;
+        std::mem::swap(&mut self.slots[layout.time as usize], time);
+        self.slots[states].swap_with_slice(&mut self.before);
     }
 
     /// The derivatives at the end of a whole step, from all orders up to the last order of a part.
@@ -210,37 +217,39 @@ impl<const L: usize> Walk<'_, L> {
         let Some(program) = &self.programs.events else { return };
         it.events.iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
         let (layout, results) = (self.programs.layout, program.results);
-        for group in 0..it.groups {
-            let value = |it: &Carried, place: usize| it.speeds_of(group, results + place as Slot);
-            let mut taken: Vec<(Slot, [f64; WIDE])> = Vec::new();
-            for (branch, acts) in self.events.branches.iter().zip(&self.events.acts) {
-                if acts[0] != 0.0 {
-                    taken.extend(
-                        branch.restarted.iter().map(|(state, place)| (layout.states + *state as Slot, value(it, *place))),
-                    );
+        for (place, branch) in self.events.branches.iter().enumerate() {
+            if branch.restarted.is_empty() || self.slots[layout.acts as usize + place][0] == 0.0 {
+                continue;
+            }
+            for group in 0..it.groups {
+                for (state, place) in &branch.restarted {
+                    let value = it.speeds_of(group, results + *place as Slot);
+                    if let Some(place) = it.speed(group, layout.states + *state as Slot) {
+                        it.store.slots[place] = value;
+                    }
                 }
             }
-            taken.extend((0..self.events.memories).map(|k| (layout.memories + k as Slot, value(it, k))));
-            for (slot, value) in taken {
-                if let Some(place) = it.speed(group, slot) {
-                    it.store.slots[place] = value;
-                }
-            }
+        }
+        for (to, from) in &it.memories {
+            it.store.slots[*to] = from.map_or([0.0; WIDE], |from| it.store.slots[from]);
         }
     }
 
-    /// The derivatives of every output at the current point, in each direction.
+    /// The derivatives of every output at the current point, in each direction. Rows are collected and written in blocks.
     pub(super) fn carry_outputs(&mut self, to: &mut [Vec<Vec<f64>>]) {
         let Some(it) = self.carried.as_deref_mut() else { return };
-        let Some(results) = self.programs.output_program.as_ref().map(|it| it.results) else { return };
         it.output_program.iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
-        for (group, to) in to.chunks_mut(WIDE).enumerate() {
-            for slot in results..results + self.programs.counts.outputs as Slot {
-                let value = it.speeds_of(group, slot);
-                for (to, value) in to.iter_mut().zip(value) {
-                    to[(slot - results) as usize].push(value);
-                }
-            }
+        for (block, from) in it.block.iter_mut().zip(&it.outputs) {
+            block[it.rows] = from.map_or([0.0; WIDE], |from| it.store.slots[from]);
         }
+        it.rows += 1;
+        if it.rows == BLOCK {
+            it.write_outputs(to);
+        }
+    }
+
+    /// Writes the rows that are collected.
+    pub(super) fn finish_outputs(&mut self, to: &mut [Vec<Vec<f64>>]) {
+        self.carried.iter_mut().for_each(|it| it.write_outputs(to));
     }
 }

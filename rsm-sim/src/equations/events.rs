@@ -24,26 +24,20 @@ impl<const L: usize> Walk<'_, L> {
         for (past, sample) in self.events.past.iter_mut().zip(&self.events.samples) {
             *past = sampling::instants_before(*sample, time) as u64;
         }
-        self.events.acts.fill([0.0; L]);
-        self.events.due.fill(0.0);
+        let layout = self.layout();
+        for (begin, count) in
+            [(layout.acts as usize, self.events.branches.len()), (layout.due as usize, self.events.past.len())]
+        {
+            self.slots[begin..begin + count].fill([0.0; L]);
+        }
         if let Some(results) = self.conditions() {
             let count = self.events.conditions.len();
             self.events.conditions.copy_from_slice(&self.slots[results..results + count]);
         }
     }
 
-    /// Writes the acting branches and the due samples to their slots.
-    fn tell(&mut self) {
-        let (acts, due) = (self.layout().acts as usize, self.layout().due as usize);
-        self.slots[acts..acts + self.events.acts.len()].copy_from_slice(&self.events.acts);
-        for (slot, due) in self.slots[due..].iter_mut().zip(&self.events.due) {
-            *slot = [*due; L];
-        }
-    }
-
-    /// Computes the conditions of all branches for the acting branches and due samples. Returns the slot of the first condition.
+    /// Computes the conditions of all branches for the due samples; no branch acts. Returns the slot of the first condition.
     fn conditions(&mut self) -> Option<usize> {
-        self.tell();
         let conditions = self.programs.conditions.as_ref()?;
         conditions.code.run(&mut self.slots, &mut self.spare);
         Some(conditions.results as usize)
@@ -51,7 +45,6 @@ impl<const L: usize> Walk<'_, L> {
 
     /// Runs the program of events for the acting branches and due samples. Returns the slot of its first result.
     fn run_event_program(&mut self) -> Option<usize> {
-        self.tell();
         let events = self.programs.events.as_ref()?;
         events.code.run(&mut self.slots, &mut self.spare);
         Some(events.results as usize)
@@ -110,17 +103,32 @@ impl<const L: usize> Walk<'_, L> {
         if !self.has_events() {
             return Ok(());
         }
+        let due_slots = self.layout().due as usize;
         let mut is_due = false;
         for (k, (first, period)) in self.events.samples.iter().enumerate() {
             let due = first + self.events.past[k] as f64 * period <= now + sampling::SAME * now.abs();
             self.events.past[k] += u64::from(due);
-            self.events.due[k] = f64::from(u8::from(due));
+            self.slots[due_slots + k] = [f64::from(u8::from(due)); L];
             is_due |= due;
+        }
+        if self.events.only_samples {
+            if is_due {
+                self.run_branches();
+                for k in 0..self.events.past.len() {
+                    self.slots[due_slots + k] = [0.0; L];
+                }
+            }
+            self.carry_after_events();
+            return Ok(());
         }
         for _ in 0..MOST_ROUNDS {
             let mut changed = self.hold().contains(&true);
             changed |= self.run_branches();
-            self.events.due.fill(0.0);
+            if is_due {
+                for k in 0..self.events.past.len() {
+                    self.slots[due_slots + k] = [0.0; L];
+                }
+            }
             if !self.settle() {
                 return Err(Stopped::NoSolution { row: self.row });
             }
@@ -137,9 +145,10 @@ impl<const L: usize> Walk<'_, L> {
 
     /// One round of the branches. Returns whether a state or a memory has changed.
     fn run_branches(&mut self) -> bool {
-        self.events.acts.fill([0.0; L]);
         let found = self.conditions();
-        let Events { conditions, branches, acts, .. } = &mut self.events;
+        // Between two rounds, no branch acts.
+        let acts = self.layout().acts as usize;
+        let Events { conditions, branches, only_samples, .. } = &mut self.events;
         let mut any = false;
         for (place, branch) in branches.iter().enumerate() {
             let mut rises = [0_u64; L];
@@ -148,14 +157,16 @@ impl<const L: usize> Walk<'_, L> {
                 for lane in 0..L {
                     rises[lane] |= u64::from(now[lane] != 0.0) & u64::from(before[lane] == 0.0);
                 }
-                conditions[branch.first + k] = now;
+                if !*only_samples {
+                    conditions[branch.first + k] = now;
+                }
             }
             if rises == [0; L] {
                 continue;
             }
             for lane in (0..L).filter(|lane| rises[*lane] != 0) {
-                let is_free = branch.unless.iter().all(|other| acts[*other][lane] == 0.0);
-                acts[place][lane] = f64::from(u8::from(is_free));
+                let is_free = branch.unless.iter().all(|other| self.slots[acts + *other][lane] == 0.0);
+                self.slots[acts + place][lane] = f64::from(u8::from(is_free));
                 any |= is_free;
             }
         }
@@ -166,7 +177,8 @@ impl<const L: usize> Walk<'_, L> {
         self.carry_branches();
         let (states, memories) = (self.layout().states as usize, self.layout().memories as usize);
         let mut changed = false;
-        for (branch, acts) in self.events.branches.iter().zip(&self.events.acts) {
+        for (k, branch) in self.events.branches.iter().enumerate() {
+            let acts = std::mem::replace(&mut self.slots[acts + k], [0.0; L]);
             for (state, place) in &branch.restarted {
                 for lane in (0..L).filter(|lane| acts[*lane] != 0.0) {
                     self.slots[states + state][lane] = self.slots[results + place][lane];

@@ -21,6 +21,7 @@ use rsm_core::tape::{Op, Reg, Tape, TapeBuilder};
 
 use super::part::{MOST_STATES, Part};
 use super::phi::{by_stride, times};
+use super::placed::Placed;
 use crate::code::{Code, Slot, Way, Work, vectorised};
 
 /// The slots of the matrices of a step, and of its results.
@@ -48,11 +49,13 @@ impl Block {
         if n > MOST_STATES { 0 } else { MATRICES * n * n + (TIMES + RESULTS) * n + 1 }
     }
 
-    fn matrix(&self, place: usize, i: usize, j: usize) -> usize {
+    /// The slot of an entry of a matrix: h/2 phi_1 of the half, h phi_1, 2 h phi_3, h (phi_2 - 2 phi_3), the Jacobian.
+    pub(super) fn matrix(&self, place: usize, i: usize, j: usize) -> usize {
         self.begin as usize + (place * self.states + j) * self.states + i
     }
 
-    fn time(&self, place: usize, i: usize) -> usize {
+    /// The slot of the dependence on time: (h/2)^2 phi_2 of the half and h^2 phi_2 times the derivative of the rates, h/2 and h times it.
+    pub(super) fn time(&self, place: usize, i: usize) -> usize {
         self.begin as usize + MATRICES * self.states * self.states + place * self.states + i
     }
 
@@ -191,125 +194,190 @@ impl Writer<'_> {
     }
 }
 
-impl Exponential {
-    /// The step of a system with states.
-    pub(super) fn new(given: &StepInputs<'_>, lanes: usize, way: Way) -> Exponential {
+/// Which derivatives of the rates exist, and which of them change during a run.
+#[derive(Debug)]
+pub(super) struct Shape {
+    /// For each rate: the states that it depends on.
+    nonzero: Vec<Vec<usize>>,
+    /// The rates that have a remainder.
+    pub bent: Vec<usize>,
+    /// The rates that depend on time.
+    pub timed: Vec<usize>,
+}
+
+impl Shape {
+    pub(super) fn new(given: &StepInputs<'_>) -> Shape {
         let n = given.block.states;
         let fixed = held::of_held(given.slopes, given.is_fixed);
         let is_zero = |reg: Reg| matches!(&given.slopes.ops[reg.0 as usize], Op::Constant(it) if it.value == 0.0);
         let entry = |i: usize, j: usize| given.slopes.outputs[i * n + j].reg;
         let by_time = |i: usize| given.slopes.outputs.get(n * n + i).map(|it| it.reg).filter(|it| !is_zero(*it));
-        let nonzero: Vec<Vec<usize>> = (0..n).map(|i| (0..n).filter(|j| !is_zero(entry(i, *j))).collect()).collect();
-        // The rates that have a remainder.
-        let bent: Vec<usize> =
-            (0..n).filter(|i| (0..n).map(|j| entry(*i, j)).chain(by_time(*i)).any(|reg| !fixed[reg.0 as usize])).collect();
-        let has_time = (0..n).any(|i| by_time(i).is_some());
-        let mut w = Writer { given, builder: TapeBuilder::sharing(given.rates.precision), slots: Vec::new() };
-        let slots: Vec<Slot> = given
+        let changes = |i: &usize| (0..n).map(|j| entry(*i, j)).chain(by_time(*i)).any(|reg| !fixed[reg.0 as usize]);
+        Shape {
+            nonzero: (0..n).map(|i| (0..n).filter(|j| !is_zero(entry(i, *j))).collect()).collect(),
+            bent: (0..n).filter(changes).collect(),
+            timed: (0..n).filter(|i| by_time(*i).is_some()).collect(),
+        }
+    }
+}
+
+/// The way from the start of a step to its end, without the remainder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Straight {
+    /// In one step.
+    Whole,
+    /// In two steps of half the length: the same change, up to rounding.
+    Halves,
+}
+
+impl Exponential {
+    /// The step of a system with states.
+    pub(super) fn new(given: &StepInputs<'_>, lanes: usize, way: Way) -> Exponential {
+        let placed = write(given, &Shape::new(given), Straight::Whole);
+        Exponential { code: Code::new(&placed.tape, &placed.arguments, &placed.results, lanes, way) }
+    }
+}
+
+/// The step for its derivatives: the states after it, the rates at its start, a, D(1). It needs phi_1 of half the length alone, and no phi_2.
+pub(super) fn halves(given: &StepInputs<'_>, shape: &Shape) -> Placed {
+    write(given, shape, Straight::Halves)
+}
+
+/// Writes the tape of a step.
+fn write(given: &StepInputs<'_>, shape: &Shape, way: Straight) -> Placed {
+    let n = given.block.states;
+    let Shape { nonzero, bent, timed } = shape;
+    let mut w = Writer { given, builder: TapeBuilder::sharing(given.rates.precision), slots: Vec::new() };
+    let slots: Vec<Slot> = given
+        .arguments
+        .iter()
+        .map(|it| match it {
+            Argument::Held(slot) | Argument::Time(slot) | Argument::State(slot, _) => *slot,
+        })
+        .collect();
+    let start: Vec<Reg> = slots.iter().map(|slot| w.slot(*slot as usize)).collect();
+    let mut states = vec![None; n];
+    for (argument, reg) in given.arguments.iter().zip(&start) {
+        if let Argument::State(_, rate) = argument {
+            states[*rate] = Some(*reg);
+        }
+    }
+    let states: Vec<Reg> = states.into_iter().flatten().collect();
+    let rates = w.builder.inline(given.rates, &start);
+    let all: Vec<(usize, Reg)> = rates.iter().copied().enumerate().collect();
+    // The remainder of these rates at the moved states, half a step or a whole step later.
+    let remainder = |w: &mut Writer<'_>, moved: &[Reg], half: bool| -> Vec<(usize, Reg)> {
+        let arguments: Vec<Reg> = given
             .arguments
             .iter()
-            .map(|it| match it {
-                Argument::Held(slot) | Argument::Time(slot) | Argument::State(slot, _) => *slot,
+            .zip(&start)
+            .map(|(argument, reg)| match argument {
+                Argument::Held(_) => *reg,
+                Argument::Time(_) => {
+                    let step = w.slot(if half { given.block.half_step() } else { given.step as usize });
+                    w.builder.add(*reg, step)
+                }
+                Argument::State(_, k) => w.builder.add(*reg, moved[*k]),
             })
             .collect();
-        let start: Vec<Reg> = slots.iter().map(|slot| w.slot(*slot as usize)).collect();
-        let mut states = vec![None; n];
-        for (argument, reg) in given.arguments.iter().zip(&start) {
-            if let Argument::State(_, rate) = argument {
-                states[*rate] = Some(*reg);
-            }
-        }
-        let states: Vec<Reg> = states.into_iter().flatten().collect();
-        let rates = w.builder.inline(given.rates, &start);
-        let all: Vec<(usize, Reg)> = rates.iter().copied().enumerate().collect();
-        // The remainder of these rates at the moved states, half a step or a whole step later.
-        let remainder = |w: &mut Writer<'_>, moved: &[Reg], half: bool| -> Vec<(usize, Reg)> {
-            let arguments: Vec<Reg> = given
-                .arguments
-                .iter()
-                .zip(&start)
-                .map(|(argument, reg)| match argument {
-                    Argument::Held(_) => *reg,
-                    Argument::Time(_) => {
-                        let step = w.slot(if half { given.block.half_step() } else { given.step as usize });
-                        w.builder.add(*reg, step)
-                    }
-                    Argument::State(_, k) => w.builder.add(*reg, moved[*k]),
-                })
-                .collect();
-            let found = w.builder.inline(given.rates, &arguments);
-            bent.iter()
-                .map(|i| {
-                    let mut left = w.builder.subtract(found[*i], rates[*i]);
-                    let by: Vec<(usize, Reg)> = nonzero[*i].iter().map(|j| (*j, moved[*j])).collect();
-                    if let Some(linear) = w.line(4, *i, &by) {
-                        left = w.builder.subtract(left, linear);
-                    }
-                    if by_time(*i).is_some() {
-                        let time = w.slot(given.block.time(if half { 2 } else { 3 }, *i));
-                        left = w.builder.subtract(left, time);
-                    }
-                    (*i, left)
-                })
-                .collect()
-        };
-        let moved = |w: &mut Writer<'_>, half: bool| -> Vec<Reg> {
-            (0..n)
-                .map(|i| {
-                    let sum = w.line(usize::from(!half), i, &all).expect("a system with states has rates");
-                    if !has_time {
-                        return sum;
-                    }
-                    let time = w.slot(given.block.time(usize::from(!half), i));
-                    w.builder.add(sum, time)
-                })
-                .collect()
-        };
-        let straight = moved(&mut w, false);
-        let mut end: Vec<Reg> = straight.clone();
-        let zero = w.builder.constant(integer(0));
-        let (mut error, mut a, mut last) = (vec![zero; n], vec![zero; n], vec![zero; n]);
-        if !bent.is_empty() {
-            let middle = moved(&mut w, true);
-            let at_middle = remainder(&mut w, &middle, true);
-            let two = w.builder.constant(integer(2));
-            let four = w.builder.constant(exact(4.0));
-            let doubled: Vec<(usize, Reg)> = at_middle.iter().map(|(i, it)| (*i, w.builder.multiply(two, *it))).collect();
-            let there: Vec<Reg> = (0..n)
-                .map(|i| {
-                    let further = w.line(1, i, &doubled);
-                    further.map_or(straight[i], |it| w.builder.add(straight[i], it))
-                })
-                .collect();
-            let at_end = remainder(&mut w, &there, false);
-            let slopes: Vec<(usize, Reg)> = at_middle
-                .iter()
-                .zip(&at_end)
-                .map(|((i, middle), (_, end))| {
-                    let four = w.builder.multiply(four, *middle);
-                    (*i, w.builder.subtract(four, *end))
-                })
-                .collect();
-            for i in 0..n {
-                let (bent, off) = (w.line(2, i, &at_end), w.line(3, i, &slopes));
-                if let Some((bent, off)) = bent.zip(off) {
-                    error[i] = off;
-                    let sum = w.builder.add(bent, off);
-                    end[i] = w.builder.add(end[i], sum);
+        let found = w.builder.inline(given.rates, &arguments);
+        bent.iter()
+            .map(|i| {
+                let mut left = w.builder.subtract(found[*i], rates[*i]);
+                let by: Vec<(usize, Reg)> = nonzero[*i].iter().map(|j| (*j, moved[*j])).collect();
+                if let Some(linear) = w.line(4, *i, &by) {
+                    left = w.builder.subtract(left, linear);
                 }
-            }
-            slopes.iter().for_each(|(i, it)| a[*i] = *it);
-            at_end.iter().for_each(|(i, it)| last[*i] = *it);
+                if timed.contains(i) {
+                    let time = w.slot(given.block.time(if half { 2 } else { 3 }, *i));
+                    left = w.builder.subtract(left, time);
+                }
+                (*i, left)
+            })
+            .collect()
+    };
+    let moved_by = |w: &mut Writer<'_>, half: bool, rates: &[(usize, Reg)]| -> Vec<Reg> {
+        (0..n)
+            .map(|i| {
+                let sum = w.line(usize::from(!half), i, rates).expect("a system with states has rates");
+                if timed.is_empty() {
+                    return sum;
+                }
+                let time = w.slot(given.block.time(usize::from(!half), i));
+                w.builder.add(sum, time)
+            })
+            .collect()
+    };
+    let moved = |w: &mut Writer<'_>, half: bool| moved_by(w, half, &all);
+    let straight = match way {
+        Straight::Whole => moved(&mut w, false),
+        Straight::Halves => {
+            // The rates of the linear part at the middle, where the second half begins.
+            let middle = moved(&mut w, true);
+            let there: Vec<(usize, Reg)> = (0..n)
+                .map(|i| {
+                    let by: Vec<(usize, Reg)> = nonzero[i].iter().map(|j| (*j, middle[*j])).collect();
+                    let mut rate = rates[i];
+                    if let Some(linear) = w.line(4, i, &by) {
+                        rate = w.builder.add(rate, linear);
+                    }
+                    if timed.contains(&i) {
+                        let time = w.slot(given.block.time(2, i));
+                        rate = w.builder.add(rate, time);
+                    }
+                    (i, rate)
+                })
+                .collect();
+            let further = moved_by(&mut w, true, &there);
+            middle.into_iter().zip(further).map(|(middle, further)| w.builder.add(middle, further)).collect()
         }
-        let end: Vec<Reg> = end.iter().zip(&states).map(|(moved, state)| w.builder.add(*state, *moved)).collect();
-        let results = [end, error, rates.clone(), a, last];
-        let places: Vec<Slot> = (0..RESULTS)
-            .flat_map(|place| (0..n).map(move |i| (place, i)))
-            .map(|(place, i)| (given.block.result(place) + i) as Slot)
+    };
+    let mut end: Vec<Reg> = straight.clone();
+    let zero = w.builder.constant(integer(0));
+    let (mut error, mut a, mut last) = (vec![zero; n], vec![zero; n], vec![zero; n]);
+    if !bent.is_empty() {
+        let middle = moved(&mut w, true);
+        let at_middle = remainder(&mut w, &middle, true);
+        let two = w.builder.constant(integer(2));
+        let four = w.builder.constant(exact(4.0));
+        let doubled: Vec<(usize, Reg)> = at_middle.iter().map(|(i, it)| (*i, w.builder.multiply(two, *it))).collect();
+        let there: Vec<Reg> = (0..n)
+            .map(|i| {
+                let further = w.line(1, i, &doubled);
+                further.map_or(straight[i], |it| w.builder.add(straight[i], it))
+            })
             .collect();
-        let named = results.into_iter().flatten().enumerate().map(|(k, reg)| (format!("r{k}"), reg));
-        let inputs = (0..w.slots.len()).map(|k| format!("a{k}")).collect();
-        let tape = w.builder.finish_with_results("exponential", inputs, named, [] as [(String, Reg); 0]);
-        Exponential { code: Code::new(&tape, &w.slots, &places, lanes, way) }
+        let at_end = remainder(&mut w, &there, false);
+        let slopes: Vec<(usize, Reg)> = at_middle
+            .iter()
+            .zip(&at_end)
+            .map(|((i, middle), (_, end))| {
+                let four = w.builder.multiply(four, *middle);
+                (*i, w.builder.subtract(four, *end))
+            })
+            .collect();
+        for i in 0..n {
+            let (bent, off) = (w.line(2, i, &at_end), w.line(3, i, &slopes));
+            if let Some((bent, off)) = bent.zip(off) {
+                error[i] = off;
+                let sum = w.builder.add(bent, off);
+                end[i] = w.builder.add(end[i], sum);
+            }
+        }
+        slopes.iter().for_each(|(i, it)| a[*i] = *it);
+        at_end.iter().for_each(|(i, it)| last[*i] = *it);
     }
+    let end: Vec<Reg> = end.iter().zip(&states).map(|(moved, state)| w.builder.add(*state, *moved)).collect();
+    let results = [end, error, rates.clone(), a, last];
+    // The estimate of the error has no derivative that anything needs.
+    let groups: Vec<usize> = (0..RESULTS).filter(|place| *place != 1 || way == Straight::Whole).collect();
+    let places: Vec<Slot> = groups
+        .iter()
+        .flat_map(|place| (0..n).map(move |i| (*place, i)))
+        .map(|(place, i)| (given.block.result(place) + i) as Slot)
+        .collect();
+    let named = groups.iter().flat_map(|place| &results[*place]).copied().enumerate().map(|(k, reg)| (format!("r{k}"), reg));
+    let inputs = (0..w.slots.len()).map(|k| format!("a{k}")).collect();
+    let tape = w.builder.finish_with_results("exponential", inputs, named, [] as [(String, Reg); 0]);
+    Placed { tape, arguments: w.slots, results: places }
 }

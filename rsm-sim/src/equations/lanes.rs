@@ -10,7 +10,7 @@ use super::late::DelayedSignals;
 use super::machine::{Machine, Point};
 use super::rows::{Inputs, Stopped};
 use super::walk::{Lane, Walk};
-use crate::code::{WIDE, Way};
+use crate::code::{WIDE, Way, Work, vectorised};
 
 /// A machine as code: compiled once, for any number of runs.
 pub struct Lanes<'m> {
@@ -316,15 +316,9 @@ impl Block {
         if self.rows == BLOCK {
             self.write(outputs);
         }
-        let mut wrong = [0_u64; WIDE];
-        for (block, values) in self.outputs.iter_mut().zip(found) {
-            block[self.rows] = *values;
-            for lane in 0..WIDE {
-                wrong[lane] |= u64::from(!values[lane].is_finite());
-            }
-        }
+        let is_finite = vectorised(Row { outputs: &mut self.outputs, found, row: self.rows });
         self.rows += 1;
-        wrong == [0; WIDE]
+        is_finite
     }
 
     /// Writes the rows to the outputs of each lane.
@@ -335,6 +329,30 @@ impl Block {
             }
         }
         self.rows = 0;
+    }
+}
+
+/// A row that is added to a block.
+struct Row<'a> {
+    outputs: &'a mut [[[f64; WIDE]; BLOCK]],
+    found: &'a [[f64; WIDE]],
+    row: usize,
+}
+
+impl Work for Row<'_> {
+    type Found = bool;
+
+    #[inline(always)]
+    fn run(self) -> bool {
+        // The product of a number that is not finite with zero is NaN.
+        let mut zero = [0.0; WIDE];
+        for (block, values) in self.outputs.iter_mut().zip(self.found) {
+            block[self.row] = *values;
+            for lane in 0..WIDE {
+                zero[lane] += values[lane] * 0.0;
+            }
+        }
+        zero == [0.0; WIDE]
     }
 }
 

@@ -9,6 +9,7 @@
 
 mod branches;
 mod carried;
+mod carried_linear;
 mod changes;
 pub mod code;
 mod computed;
@@ -20,6 +21,7 @@ pub mod extended;
 pub mod file;
 mod first_format;
 pub mod fixed;
+mod frechet;
 mod kept;
 pub mod lanes;
 mod late;
@@ -30,6 +32,7 @@ mod numbers;
 pub mod observed;
 mod part;
 mod phi;
+mod placed;
 mod plain;
 mod programs;
 mod reach;

@@ -93,6 +93,11 @@ impl Part {
         vectorised(Within { part: self, level, shares, forcing: Forcing { rate, a, end }, moved });
     }
 
+    /// The Jacobian, column by column with [`stride`] numbers in each column.
+    pub(super) fn jacobian(&self) -> &[f64] {
+        &self.columns
+    }
+
     /// The Jacobian.
     #[inline(always)]
     pub(super) fn columns<const S: usize>(&self) -> &[[f64; S]] {

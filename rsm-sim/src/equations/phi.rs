@@ -21,7 +21,7 @@ const BLOCKS: [(usize, f64); 3] = [(1, 1.0 / 16384.0), (2, 1.0 / 32.0), (3, 0.25
 const MOST_BLOCKS: usize = 4;
 
 /// 1/(k + 3)!, the terms of phi_3.
-const WEIGHTS: [f64; 4 * MOST_BLOCKS] = {
+pub(super) const WEIGHTS: [f64; 4 * MOST_BLOCKS] = {
     let mut weights = [0.0; 4 * MOST_BLOCKS];
     let (mut factorial, mut k) = (2.0, 0);
     while k < weights.len() {
@@ -79,6 +79,21 @@ impl Chain {
     /// The first level with a small norm. The levels before it are computed by doubling.
     pub(super) fn base(&self) -> usize {
         self.base
+    }
+
+    /// The number of rows.
+    pub(super) fn rows(&self) -> usize {
+        self.n
+    }
+
+    /// An entry of phi_1, phi_2 or phi_3 at a level that is computed; `function` begins with 0.
+    pub(super) fn entry(&self, level: usize, function: usize, i: usize, j: usize) -> f64 {
+        self.values[((3 * level + function) * self.n + j) * stride(self.n) + i]
+    }
+
+    /// The norm of the matrix of a level, from the base on.
+    pub(super) fn norm(&self, level: usize) -> f64 {
+        self.norm * 0.5_f64.powi(level as i32 - self.base as i32)
     }
 
     fn size(&self) -> usize {

@@ -5,6 +5,7 @@
 //! is the same computation as for a general row, without the parts that are not needed here, so the bits are the same.
 
 use super::walk::{Walk, larger};
+use crate::code::{Work, over_lanes};
 
 impl<const L: usize> Walk<'_, L> {
     /// Whether this plant can have rows without events.
@@ -28,16 +29,53 @@ impl<const L: usize> Walk<'_, L> {
         let Some((code, order)) = self.programs.first_part() else { return false };
         code.run(&mut self.slots, &mut self.spare);
         let (last, before) = self.thresholds.of(order);
-        let count = self.programs.counts.states;
         let terms = &self.programs.terms;
-        let at = |slot: u32| slot as usize..slot as usize + count;
-        let list = |slot: u32| &self.slots[at(slot)];
-        let (states, ends) = (list(layout.states), list(self.programs.end()));
-        let (first, one, other) = (list(terms[0]), list(terms[order - 1]), list(terms[order - 2]));
+        let ends = self.programs.end() as usize;
+        let fits = over_lanes::<L, _>(Fits {
+            slots: &self.slots,
+            largest: &self.largest,
+            states: layout.states as usize,
+            ends,
+            first: terms[0] as usize,
+            one: (terms[order - 1] as usize, last),
+            other: (terms[order - 2] as usize, before),
+        });
+        if !fits {
+            return false;
+        }
+        self.finish_step(ends, end);
+        for suggestion in &mut self.suggestion {
+            *suggestion = suggestion.max(2.0 * rest);
+        }
+        true
+    }
+}
+
+/// Whether the last two terms of the series show, in every lane, that a step was not too long.
+struct Fits<'a, const L: usize> {
+    slots: &'a [[f64; L]],
+    largest: &'a [[f64; L]],
+    states: usize,
+    ends: usize,
+    first: usize,
+    /// The last two terms, each with its limit.
+    one: (usize, f64),
+    other: (usize, f64),
+}
+
+impl<const L: usize> Work for Fits<'_, L> {
+    type Found = bool;
+
+    #[inline(always)]
+    fn run(self) -> bool {
+        let Fits { slots, largest, states, ends, first, one: (one, last), other: (other, before) } = self;
+        let count = largest.len();
+        let list = |begin: usize| &slots[begin..begin + count];
+        let (states, ends, first, one, other) = (list(states), list(ends), list(first), list(one), list(other));
         // A term that is not finite makes the end not finite. Its product with zero is then NaN.
         let (mut excess, mut zero) = ([0.0; L], [0.0; L]);
         for k in 0..count {
-            let (x, end, largest, first, one, other) = (&states[k], &ends[k], &self.largest[k], &first[k], &one[k], &other[k]);
+            let (x, end, largest, first, one, other) = (&states[k], &ends[k], &largest[k], &first[k], &one[k], &other[k]);
             for lane in 0..L {
                 let moved = larger((end[lane] - x[lane]).abs(), first[lane].abs());
                 let scale = larger(larger(x[lane].abs(), largest[lane]), moved);
@@ -46,13 +84,6 @@ impl<const L: usize> Walk<'_, L> {
                 zero[lane] += end[lane] * 0.0;
             }
         }
-        if excess != [0.0; L] || zero != [0.0; L] {
-            return false;
-        }
-        self.finish_step(self.programs.end() as usize, end);
-        for suggestion in &mut self.suggestion {
-            *suggestion = suggestion.max(2.0 * rest);
-        }
-        true
+        excess == [0.0; L] && zero == [0.0; L]
     }
 }

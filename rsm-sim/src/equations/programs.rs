@@ -8,8 +8,9 @@ use rsm_core::held::{self, Divided};
 use rsm_core::series::{Argument, Series};
 use rsm_core::tape::{Op, Tape};
 
-use super::exponential::{Block, Exponential, StepInputs};
+use super::exponential::{self, Block, Exponential, Shape, StepInputs};
 use super::machine::{Counts, Machine, Tapes};
+use super::placed::Placed;
 use crate::code::{Code, Slot, Way};
 
 /// Values that are constant within a row are computed separately if that saves at least this number of operations. A call costs about as much.
@@ -71,20 +72,6 @@ impl Layout {
             group(self.due, count.due);
         }
         list
-    }
-}
-
-/// A tape with the slots of its arguments and of its results.
-#[derive(Debug)]
-pub(super) struct Placed {
-    pub tape: Tape,
-    pub arguments: Vec<Slot>,
-    pub results: Vec<Slot>,
-}
-
-impl Placed {
-    fn code(&self, lanes: usize, way: Way) -> Code {
-        Code::new(&self.tape, &self.arguments, &self.results, lanes, way)
     }
 }
 
@@ -288,20 +275,53 @@ impl Programs {
     #[inline]
     pub(super) fn exponential(&mut self) -> Option<&Code> {
         if self.exponential.is_none() {
-            let parameters = self.layout.parameters..self.layout.parameters + self.counts.parameters as Slot;
-            let held = self.layout.held..self.layout.memories;
-            let is_fixed = |slot: &Slot| parameters.contains(slot) || held.contains(slot);
-            let given = StepInputs {
-                rates: &self.rates.placed.tape,
-                arguments: &self.kinds,
-                slopes: self.slopes.0.as_ref()?,
-                is_fixed: &self.slope_arguments.iter().map(is_fixed).collect::<Vec<bool>>(),
-                step: self.layout.step,
-                block: self.block,
-            };
-            self.exponential = Some(Exponential::new(&given, self.lanes, self.way));
+            let code = self.with_step_inputs(|given| Exponential::new(given, self.lanes, self.way))?;
+            self.exponential = Some(code);
         }
         self.exponential.as_ref().map(|it| &it.code)
+    }
+
+    /// That step for its derivatives, and which derivatives of the rates exist.
+    pub(super) fn halves(&self) -> Option<(Placed, Shape)> {
+        self.with_step_inputs(|given| {
+            let shape = Shape::new(given);
+            (exponential::halves(given, &shape), shape)
+        })
+    }
+
+    fn with_step_inputs<T>(&self, work: impl FnOnce(&StepInputs<'_>) -> T) -> Option<T> {
+        let parameters = self.layout.parameters..self.layout.parameters + self.counts.parameters as Slot;
+        let held = self.layout.held..self.layout.memories;
+        let is_fixed = |slot: &Slot| parameters.contains(slot) || held.contains(slot);
+        Some(work(&StepInputs {
+            rates: &self.rates.placed.tape,
+            arguments: &self.kinds,
+            slopes: self.slopes.0.as_ref()?,
+            is_fixed: &self.slope_arguments.iter().map(is_fixed).collect::<Vec<bool>>(),
+            step: self.layout.step,
+            block: self.block,
+        }))
+    }
+
+    /// The Jacobian with the slots of its arguments and results.
+    pub(super) fn placed_slopes(&self) -> Option<Placed> {
+        let (tape, begin, _) = &self.slopes;
+        let tape = tape.clone()?;
+        let results = (*begin..*begin + tape.outputs.len() as Slot).collect();
+        Some(Placed { tape, arguments: self.slope_arguments.clone(), results })
+    }
+
+    /// Whether the conditions of branches depend on due samples and on parameters alone, and nothing else changes at an instant.
+    pub(super) fn has_sampled_conditions(&self) -> bool {
+        let Some(conditions) = &self.conditions else { return false };
+        let layout = self.layout;
+        let is_once = |slot: Slot| self.once.iter().any(|it| it.1.results.contains(&slot));
+        let is_steady = |slot: Slot| (layout.acts..layout.end).contains(&slot) || is_once(slot);
+        let Placed { tape, arguments, .. } = &conditions.placed;
+        let is_steady_port: Vec<bool> = arguments.iter().map(|slot| is_steady(*slot)).collect();
+        let steady = held::of_held(tape, &is_steady_port);
+        let are_steady = tape.outputs.iter().all(|output| steady[output.reg.0 as usize]);
+        self.counts.held == 0 && self.counts.guesses == 0 && are_steady
     }
 
     /// The first part of the series and its order, if it is compiled.

@@ -429,6 +429,7 @@ impl Walk<'_, 1> {
                 self.carry_step(*tried, tried.share * share, begin);
                 Ok(())
             }
+            Way::Exponential(_) => self.carry_linear_step(share, begin),
             _ => Err(Stopped::Step(format!("row {}: the solution has no series here, so it has no derivative", self.row + 1))),
         }
     }

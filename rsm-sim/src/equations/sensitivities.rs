@@ -15,6 +15,7 @@ use super::lanes::{Lanes, Outputs, allocate_outputs, period};
 use super::late::DelayedSignals;
 use super::machine::{MOST_ITERATIONS, Machine};
 use super::numbers;
+use super::part::MOST_STATES;
 use super::rows::{Inputs, Stopped};
 use super::series::Tried;
 use super::speeds::Direction;
@@ -41,7 +42,7 @@ pub struct Sensitive {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensitivities {
     /// For each output, in the order of the text: the value at every row, in its unit. The bits are those of [`Lanes::run`] with
-    /// [`Method::Explicit`].
+    /// the same setting.
     pub outputs: Outputs,
     /// For each direction, for each output: the derivative at every row, in the unit of the output over the unit of the direction.
     pub derivatives: Vec<Outputs>,
@@ -146,8 +147,10 @@ impl Starts {
 }
 
 impl<'m> Lanes<'m> {
-    /// Runs along inputs with the series of the solution, and computes the derivatives along with it. A stiff plant needs many short steps; for such
-    /// a plant use [`Lanes::run`] and finite differences.
+    /// Runs along inputs as [`Lanes::run`], and computes the derivatives along with it. They are the exact derivatives of the computed outputs:
+    /// every step is differentiated as it is, also the matrices of steps by a linear part. Held constant are the lengths of the steps, and the
+    /// instants at which linear parts are computed. A plant with more than 24 states has no steps by a linear part: it is run with
+    /// [`Method::Explicit`] in place of [`Method::Automatic`], which needs many short steps if it is stiff.
     ///
     /// Where a comparison changes, the instant depends on the parameters, and the derivative has a jump. If two comparisons change at one instant for
     /// two different reasons, there is no derivative, and the first comparison is used. A comparison inside of `noEvent` is not located: the
@@ -170,22 +173,27 @@ impl<'m> Lanes<'m> {
     /// ```
     ///
     /// # Errors
-    /// The reason why the run ended early; a point without a derivative; fixed steps or the stiff method.
+    /// The reason why the run ended early; a point without a derivative; fixed steps; the stiff method with more than 24 states.
     ///
     /// # Panics
     /// If an input has fewer rows than the time.
     pub fn sensitivities(&mut self, of: &Sensitive, inputs: Inputs<'_>, setting: Setting) -> Result<Sensitivities, Stopped> {
-        if !matches!(setting.method, Method::Automatic | Method::Explicit) {
-            return Err(Stopped::Step(
-                "sensitivities are carried along the series alone: take the method `explicit`".to_string(),
-            ));
-        }
-        let setting = Setting { method: Method::Explicit, ..setting };
         let parameters: Vec<Option<usize>> = of.directions.iter().map(|it| it.parameter).collect();
         let (machine, way) = (self.machine, self.way);
         let kept = self.sensitive.take().filter(|it| it.parameters == parameters);
         let mut kept = kept.unwrap_or_else(|| Along { parameters, walk: Walk::new(machine, way), carried: None });
         let walk = &mut kept.walk;
+        let method = match setting.method {
+            Method::Explicit => Method::Explicit,
+            Method::Automatic | Method::Stiff if walk.has_exponential() => setting.method,
+            Method::Automatic => Method::Explicit,
+            Method::Stiff | Method::Fixed { .. } => {
+                return Err(Stopped::Step(format!(
+                    "sensitivities need the series, or steps by a linear part of 1 to {MOST_STATES} states: take the method `explicit`"
+                )));
+            }
+        };
+        let setting = Setting { method, ..setting };
         walk.begin([&of.lane], setting, period(inputs));
         walk.carry(&of.directions, kept.carried.take(), way);
         let done = along(walk, of, inputs);
@@ -207,8 +215,12 @@ fn along(walk: &mut Walk<'_, 1>, of: &Sensitive, inputs: Inputs<'_>) -> Result<S
             let is_plain = can_be_plain && walk.is_free(before, *end);
             walk.store_step_start();
             if is_plain && walk.plain(before, *end) {
-                let order = walk.programs.first_part().map_or(0, |it| it.1);
-                walk.carry_step(Tried { order, share: 1.0 }, 1.0, before);
+                if walk.is_stiff[0] {
+                    walk.carry_linear_step(1.0, before)?;
+                } else {
+                    let order = walk.programs.first_part().map_or(0, |it| it.1);
+                    walk.carry_step(Tried { order, share: 1.0 }, 1.0, before);
+                }
             } else {
                 walk.reach(*end, &mut late)?;
             }
@@ -218,5 +230,6 @@ fn along(walk: &mut Walk<'_, 1>, of: &Sensitive, inputs: Inputs<'_>) -> Result<S
         super::lanes::read(walk, row, &mut outputs)?;
         walk.carry_outputs(&mut derivatives);
     }
+    walk.finish_outputs(&mut derivatives);
     Ok(Sensitivities { outputs, derivatives })
 }

@@ -8,6 +8,7 @@
 
 use super::thresholds::root;
 use super::walk::Walk;
+use crate::code::lengthen;
 
 /// The permitted difference between the slope of the series and the rates at its end, in units of the order times the tolerance. One more term of the
 /// series would change the slope by the order times the tolerance.
@@ -42,9 +43,7 @@ impl<const L: usize> Walk<'_, L> {
         let mut open = asked;
         for place in 0.. {
             self.programs.part(place);
-            if self.slots.len() < self.programs.slots() {
-                self.slots.resize(self.programs.slots(), [0.0; L]);
-            }
+            lengthen(&mut self.slots, self.programs.slots());
             let part = self.programs.part(place);
             part.code.run(&mut self.slots, &mut self.spare);
             let order = part.order;

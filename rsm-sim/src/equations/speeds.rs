@@ -8,11 +8,19 @@ use std::cell::Cell;
 use std::collections::{HashMap, HashSet};
 
 use rsm_core::held::{Divided, divided};
+use rsm_core::number::integer;
 use rsm_core::tangent;
-use rsm_core::tape::{Op, Reg, TapeBuilder};
+use rsm_core::tape::{Op, Reg, Tape, TapeBuilder};
 
-use super::programs::{Placed, Programs};
-use crate::code::{Code, Slot, WIDE, Way};
+use super::frechet::{Along, Shared};
+use super::phi::Chain;
+use super::placed::Placed;
+use super::programs::Programs;
+use crate::code::{Code, Slot, WIDE, Way, lengthen};
+
+/// The rows of derivatives of outputs that are collected before they are written: one at a time, they would go to as many places as there are
+/// directions and outputs.
+pub(super) const BLOCK: usize = 64;
 
 /// The derivatives of a run's start and parameters in one direction.
 #[derive(Debug, Clone, PartialEq)]
@@ -89,7 +97,7 @@ impl Store {
     }
 
     fn grow(&mut self, places: Slot) {
-        self.slots.resize((places as usize).max(self.slots.len()), [0.0; WIDE]);
+        lengthen(&mut self.slots, places as usize);
     }
 }
 
@@ -120,6 +128,8 @@ pub(super) struct Carried {
     pub store: Store,
     /// Slots of the walk that have derivatives.
     pub moving: HashSet<Slot>,
+    /// For each group, and for the time: those of these slots whose derivatives are always 0.
+    still: Vec<HashSet<Slot>>,
     pub once: Vec<Option<DerivativeProgram>>,
     pub row: Vec<Option<DerivativeProgram>>,
     pub parts: Vec<Option<DerivativeProgram>>,
@@ -132,6 +142,78 @@ pub(super) struct Carried {
     pub events: Option<DerivativeProgram>,
     /// For each group: the derivative of the instant of the current event.
     pub instant: Option<Vec<[f64; WIDE]>>,
+    /// For each memory that has a derivative in a group: its place, and that of its next value.
+    pub memories: Vec<(usize, Option<usize>)>,
+    /// For each state: the place of its derivative, and that at the end of a step; of the series, and by a linear part.
+    ends: [Vec<(usize, usize)>; 2],
+    /// For each group, for each output: the place of its derivative, and the collected rows.
+    pub outputs: Vec<Option<usize>>,
+    pub block: Vec<[[f64; WIDE]; BLOCK]>,
+    pub rows: usize,
+    /// The steps by a linear part. Compiled at the first one.
+    pub linear: Option<Box<LinearSpeeds>>,
+}
+
+/// A number of a step by a linear part that changes with the directions, by its row and column ([`super::exponential::Block`]).
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Entry {
+    /// h/2 phi_1 of the half.
+    Half(usize, usize),
+    /// h phi_1, in the column with this index in the list of columns.
+    Whole(usize, usize),
+    /// 2 h phi_3, in such a column.
+    Bent(usize, usize),
+    /// h (phi_2 - 2 phi_3), in such a column.
+    Off(usize, usize),
+    /// The Jacobian.
+    Slope(usize, usize),
+    /// (h/2)^2 phi_2 of the half times the derivative of the rates with respect to time.
+    Time(usize),
+    /// This derivative times h/2.
+    HalfSlope(usize),
+    /// This derivative times h.
+    WholeSlope(usize),
+}
+
+/// The derivatives of steps by a linear part.
+#[derive(Debug)]
+pub(super) struct LinearSpeeds {
+    /// Of the Jacobian, and of the rates with respect to time; the first of these slots, and which of them have a derivative.
+    pub slopes: Option<DerivativeProgram>,
+    pub first: Slot,
+    pub changing: Vec<usize>,
+    /// Of the step.
+    pub step: Option<DerivativeProgram>,
+    /// Values of the step that only a new linear part changes: their places in the walk and in the mirror.
+    pub matrices: Vec<(usize, usize)>,
+    /// The derivatives that only a new linear part changes; for each group, their places in the mirror.
+    pub entries: Vec<Entry>,
+    pub places: Vec<Vec<usize>>,
+    /// The columns in which phi_2 and phi_3 are needed; among them those of the rates that depend on time, each with its index in this list.
+    pub columns: Vec<usize>,
+    pub timed: Vec<(usize, usize)>,
+    pub parts: Vec<PartSpeeds>,
+    /// The linear part and the level whose derivatives are in the mirror.
+    pub loaded: Option<(u64, usize)>,
+    pub shared: Shared,
+    pub along: Along<WIDE>,
+    /// For two groups at once, on a machine whose registers have eight numbers.
+    pub both: Along<{ 2 * WIDE }>,
+    /// The functions over the time from the start of a step to an event.
+    pub chain: Chain,
+}
+
+/// The derivatives of a linear part.
+#[derive(Debug, Default)]
+pub(super) struct PartSpeeds {
+    /// The version of the part.
+    pub version: u64,
+    /// For each group: those of the Jacobian, row by row, then those of the derivatives with respect to time.
+    pub slopes: Vec<[f64; WIDE]>,
+    /// The level of the entries, if they are computed.
+    pub level: Option<usize>,
+    /// For each group, the derivative of each entry.
+    pub entries: Vec<[f64; WIDE]>,
 }
 
 impl Carried {
@@ -146,9 +228,18 @@ impl Carried {
         let fixed: HashSet<Slot> = group(layout.parameters, counts.parameters)
             .chain(programs.once.iter().flat_map(|it| it.1.results.iter().copied()))
             .collect();
+        let groups = directions.len().div_ceil(WIDE);
+        let parameters: Vec<Slot> = moving.iter().copied().filter(|slot| *slot >= layout.parameters).collect();
+        let of_group = |group: usize| -> HashSet<Slot> {
+            let of = |it: &Direction| it.parameter.map(|place| layout.parameters + place as Slot);
+            let own: HashSet<Slot> = directions.iter().skip(group * WIDE).take(WIDE).filter_map(of).collect();
+            parameters.iter().copied().filter(|slot| !own.contains(slot)).collect()
+        };
         let mut it = Box::new(Carried {
             way,
-            groups: directions.len().div_ceil(WIDE),
+            // After the directions comes the time, with which no parameter changes.
+            still: (0..=groups).map(of_group).collect(),
+            groups,
             mirror: Mirror::default(),
             store: Store::default(),
             moving,
@@ -161,6 +252,12 @@ impl Carried {
             sides: None,
             events: None,
             instant: None,
+            memories: Vec::new(),
+            ends: [Vec::new(), Vec::new()],
+            outputs: Vec::new(),
+            block: Vec::new(),
+            rows: 0,
+            linear: None,
         });
         // Places for the derivatives of states, memories and the time, whether a program reads them or not.
         for group_of in 1..=it.groups + 1 {
@@ -183,6 +280,17 @@ impl Carried {
         it.sides = programs.sides.as_ref().and_then(|program| it.speeds(&program.placed, true));
         it.events = programs.events.as_ref().and_then(|program| it.speeds(&program.placed, false));
         it.moving.remove(&layout.time);
+        for group in 0..it.groups {
+            let first = programs.events.as_ref().map_or(0, |program| program.results);
+            for k in 0..counts.memories as Slot {
+                if let Some(to) = it.speed(group, layout.memories + k) {
+                    it.memories.push((to, it.speed(group, first + k)));
+                }
+            }
+            let first = programs.output_program.as_ref().map_or(0, |program| program.results);
+            it.outputs.extend((0..counts.outputs as Slot).map(|k| it.speed(group, first + k)).collect::<Vec<_>>());
+        }
+        it.block = vec![[[0.0; WIDE]; BLOCK]; it.outputs.len()];
         it
     }
 
@@ -194,7 +302,7 @@ impl Carried {
             return None;
         }
         let mut tape = tangent::along(&placed.tape, &ports);
-        let moves = |tape: &rsm_core::tape::Tape, k: usize| !matches!(tape.op(tape.outputs[k].reg), Op::Constant(it) if it.value == 0.0);
+        let moves = |tape: &Tape, k: usize| !matches!(tape.op(tape.outputs[k].reg), Op::Constant(it) if it.value == 0.0);
         let results: Vec<Slot> =
             placed.results.iter().enumerate().filter(|(k, _)| moves(&tape, *k)).map(|(_, slot)| *slot).collect();
         if results.is_empty() {
@@ -223,15 +331,95 @@ impl Carried {
         });
         let (shared, found) = shared.map_or((None, Vec::new()), |(code, found)| (Some(code), found));
         let groups = (1..=self.groups + usize::from(by_time))
-            .map(|group| {
+            .filter_map(|group| {
                 let speeds = ports.iter().map(|port| self.mirror.place(group, placed.arguments[*port]));
                 let all: Vec<Slot> =
                     values.iter().copied().chain(speeds.collect::<Vec<_>>()).chain(found.iter().copied()).collect();
-                let results: Vec<Slot> = results.iter().map(|slot| self.mirror.place(group, *slot)).collect();
-                Code::new(&rest, &all, &results, WIDE, self.way)
+                // What no direction of this group changes keeps its derivative of 0, which is in its place.
+                let still = &self.still[group - 1];
+                let mut is_zero = vec![false; rest.inputs.len()];
+                ports.iter().enumerate().for_each(|(k, port)| is_zero[count + k] = still.contains(&placed.arguments[*port]));
+                let (own, moves) = without(&rest, &is_zero);
+                let results: Vec<(Slot, Slot)> = results.iter().map(|slot| (*slot, self.mirror.place(group, *slot))).collect();
+                let still: Vec<Slot> = results.iter().zip(&moves).filter(|it| !it.1).map(|it| it.0.0).collect();
+                self.still[group - 1].extend(still);
+                let results: Vec<Slot> = results.iter().zip(&moves).filter(|it| *it.1).map(|it| it.0.1).collect();
+                own.map(|own| Code::new(&own, &all, &results, WIDE, self.way))
             })
             .collect();
         Some(DerivativeProgram { read, fixed, run: Cell::new(0), shared, groups })
+    }
+
+    /// Compiles the derivatives of steps by a linear part.
+    pub(super) fn write_linear(&mut self, programs: &Programs) {
+        let Some((slopes, (step, shape))) = programs.placed_slopes().zip(programs.halves()) else { return };
+        let (n, block, first) = (programs.counts.states, programs.block, slopes.results[0]);
+        let of_slopes = self.speeds(&slopes, false);
+        let changing: Vec<usize> = (0..slopes.results.len()).filter(|k| self.moving.contains(&(first + *k as Slot))).collect();
+        let mut columns: Vec<usize> = shape.bent.iter().chain(&shape.timed).copied().collect();
+        columns.sort_unstable();
+        columns.dedup();
+        let timed = columns.iter().copied().enumerate().filter(|it| shape.timed.contains(&it.1)).collect();
+        let mut entries: Vec<Entry> = Vec::new();
+        let square =
+            |columns: &[usize]| -> Vec<(usize, usize)> { (0..n).flat_map(|i| columns.iter().map(move |j| (i, *j))).collect() };
+        if changing.iter().any(|k| *k < n * n) {
+            entries.extend(square(&(0..n).collect::<Vec<usize>>()).into_iter().map(|(i, j)| Entry::Half(i, j)));
+            for (i, j) in square(&(0..columns.len()).collect::<Vec<usize>>()) {
+                entries.extend([Entry::Whole(i, j), Entry::Bent(i, j), Entry::Off(i, j)]);
+            }
+        }
+        if !shape.timed.is_empty() && !changing.is_empty() {
+            entries.extend((0..n).map(Entry::Time));
+        }
+        for k in &changing {
+            match k.checked_sub(n * n) {
+                Some(i) => entries.extend([Entry::HalfSlope(i), Entry::WholeSlope(i)]),
+                None => entries.push(Entry::Slope(k / n, k % n)),
+            }
+        }
+        let slots: Vec<Slot> = entries
+            .iter()
+            .map(|entry| match *entry {
+                Entry::Half(i, j) => block.matrix(0, i, j),
+                Entry::Whole(i, column) => block.matrix(1, i, columns[column]),
+                Entry::Bent(i, column) => block.matrix(2, i, columns[column]),
+                Entry::Off(i, column) => block.matrix(3, i, columns[column]),
+                Entry::Slope(i, j) => block.matrix(4, i, j),
+                Entry::Time(i) => block.time(0, i),
+                Entry::HalfSlope(i) => block.time(2, i),
+                Entry::WholeSlope(i) => block.time(3, i),
+            })
+            .map(|slot| slot as Slot)
+            .collect();
+        self.moving.extend(&slots);
+        let mut of_step = self.written(&step);
+        let matrices = of_step.as_mut().map_or_else(Vec::new, |program| {
+            let (matrices, read) = program.read.iter().partition(|it| block.loaded().contains(&it.0));
+            program.read = read;
+            matrices
+        });
+        // The step does not read every entry.
+        let (entries, slots): (Vec<Entry>, Vec<Slot>) =
+            entries.into_iter().zip(slots).filter(|it| self.speed(0, it.1).is_some()).unzip();
+        let places = (0..self.groups).map(|group| slots.iter().filter_map(|slot| self.speed(group, *slot)).collect()).collect();
+        self.linear = Some(Box::new(LinearSpeeds {
+            slopes: of_slopes,
+            first,
+            changing,
+            step: of_step,
+            matrices,
+            entries,
+            places,
+            columns,
+            timed,
+            parts: Vec::new(),
+            loaded: None,
+            shared: Shared::default(),
+            along: Along::default(),
+            both: Along::default(),
+            chain: Chain::default(),
+        }));
     }
 
     /// The place of the derivative of a slot of the walk; `None` if the derivative is 0.
@@ -244,12 +432,84 @@ impl Carried {
         self.speed(group, slot).map_or([0.0; WIDE], |place| self.store.slots[place])
     }
 
+    /// Takes the derivatives of the states from those at the end of a step, of the series or by a linear part.
+    pub(super) fn take_end(&mut self, states: Slot, end: Slot, count: usize, by_linear: bool) {
+        let place = usize::from(by_linear);
+        if self.ends[place].is_empty() {
+            let both = |(group, k): (usize, Slot)| self.speed(group, states + k).zip(self.speed(group, end + k));
+            let all = (0..self.groups).flat_map(|group| (0..count as Slot).map(move |k| (group, k)));
+            self.ends[place] = all.filter_map(both).collect();
+        }
+        for (to, from) in &self.ends[place] {
+            self.store.slots[*to] = self.store.slots[*from];
+        }
+    }
+
+    /// Writes the collected rows of the derivatives of outputs: for each direction, for each output.
+    pub(super) fn write_outputs(&mut self, to: &mut [Vec<Vec<f64>>]) {
+        let count = self.outputs.len() / self.groups.max(1);
+        for (k, to) in to.iter_mut().enumerate() {
+            for (output, to) in to.iter_mut().enumerate() {
+                let block = &self.block[k / WIDE * count + output][..self.rows];
+                to.extend(block.iter().map(|row| row[k % WIDE]));
+            }
+        }
+        self.rows = 0;
+    }
+
     /// The derivatives of a program that is first needed during a run, with memory for them.
     pub(super) fn written(&mut self, placed: &Placed) -> Option<DerivativeProgram> {
         let found = self.speeds(placed, false);
         self.store.grow(self.mirror.next);
         found
     }
+}
+
+/// A tape in which some inputs are 0, without the operations that are 0 then; and which of its results are not. The others are left out; `None` if
+/// all are.
+fn without(tape: &Tape, zero_inputs: &[bool]) -> (Option<Tape>, Vec<bool>) {
+    // Marks of elementary functions would have to be moved. The derivatives of programs have none.
+    if !tape.computed.is_empty() || !zero_inputs.contains(&true) {
+        return (Some(tape.clone()), vec![true; tape.outputs.len()]);
+    }
+    let mut zero = vec![false; tape.ops.len()];
+    for (reg, op) in tape.iter() {
+        let is = |a: &Reg| zero[a.0 as usize];
+        zero[reg.0 as usize] = match op {
+            Op::Input(port) => zero_inputs[port.0 as usize],
+            Op::Negate(a) | Op::Absolute(a) | Op::Divide(a, _) => is(a),
+            Op::Add(a, b) | Op::Subtract(a, b) => is(a) && is(b),
+            Op::Multiply(a, b) => is(a) || is(b),
+            Op::Select { then, otherwise, .. } => is(then) && is(otherwise),
+            _ => false,
+        };
+    }
+    let mut needed = vec![false; tape.ops.len()];
+    tape.outputs.iter().for_each(|output| needed[output.reg.0 as usize] = !zero[output.reg.0 as usize]);
+    for k in (0..tape.ops.len()).rev().filter(|k| !zero[*k]) {
+        if needed[k] {
+            tape.ops[k].operands().iter().for_each(|reg| needed[reg.0 as usize] = true);
+        }
+    }
+    let mut builder = TapeBuilder::sharing(tape.precision);
+    let nothing = builder.constant(integer(0));
+    let mut places = vec![nothing; tape.ops.len()];
+    for (reg, op) in tape.iter().filter(|(reg, _)| needed[reg.0 as usize] && !zero[reg.0 as usize]) {
+        let is = |a: &Reg| zero[a.0 as usize];
+        let place = |a: &Reg| places[a.0 as usize];
+        places[reg.0 as usize] = match op {
+            Op::Add(a, b) if is(a) => place(b),
+            Op::Add(a, b) | Op::Subtract(a, b) if is(b) => place(a),
+            Op::Subtract(a, b) if is(a) => builder.push(Op::Negate(place(b))),
+            other => builder.push(other.with_operands(|operand| places[operand.0 as usize])),
+        };
+    }
+    let moves: Vec<bool> = tape.outputs.iter().map(|output| !zero[output.reg.0 as usize]).collect();
+    let outputs = tape.outputs.iter().zip(&moves).filter(|it| *it.1);
+    let outputs: Vec<(String, Reg)> = outputs.map(|(it, _)| (it.name.clone(), places[it.reg.0 as usize])).collect();
+    let own = (!outputs.is_empty())
+        .then(|| builder.finish_with_results(tape.name.clone(), tape.inputs.clone(), outputs, [] as [(String, Reg); 0]));
+    (own, moves)
 }
 
 /// Combines parts of a series to one program for the states at the end of a whole step.

@@ -9,6 +9,7 @@ use super::kept::{Anchor, Loaded, SAME, Segment};
 use super::part::MOST_STATES;
 use super::rows::Stopped;
 use super::walk::{Walk, larger};
+use crate::code::{Work, over_lanes};
 
 /// If the error of a step is below this share of the permitted error, the next step may be twice as long: an error of order 4 becomes 16 times as
 /// large.
@@ -108,21 +109,14 @@ impl<const L: usize> Walk<'_, L> {
     #[inline]
     pub(super) fn allowed(&self) -> [bool; L] {
         let block = self.programs.block;
-        let count = self.programs.counts.states;
-        let list = |begin: usize| &self.slots[begin..begin + count];
-        let (states, ends, errors) = (list(self.layout().states as usize), list(block.end()), list(block.error()));
-        // A number that is not finite has a product with zero that is NaN.
-        let (mut excess, mut zero) = ([0.0; L], [0.0; L]);
-        for k in 0..count {
-            let (begin, end, error, largest) = (&states[k], &ends[k], &errors[k], &self.largest[k]);
-            for lane in 0..L {
-                let moved = (end[lane] - begin[lane]).abs();
-                let scale = larger(larger(begin[lane].abs(), largest[lane]), moved);
-                excess[lane] = larger(error[lane].abs() - self.setting.tolerance * scale, excess[lane]);
-                zero[lane] += end[lane] * 0.0 + error[lane] * 0.0;
-            }
-        }
-        std::array::from_fn(|lane| excess[lane] == 0.0 && zero[lane] == 0.0)
+        over_lanes::<L, _>(Allowed {
+            slots: &self.slots,
+            largest: &self.largest,
+            states: self.layout().states as usize,
+            ends: block.end(),
+            errors: block.error(),
+            tolerance: self.setting.tolerance,
+        })
     }
 
     /// Moves a lane to a share of its last step, which had this level.
@@ -174,6 +168,40 @@ impl<const L: usize> Walk<'_, L> {
     }
 }
 
+/// Whether the errors of a step over a whole row are permitted.
+struct Allowed<'a, const L: usize> {
+    slots: &'a [[f64; L]],
+    largest: &'a [[f64; L]],
+    states: usize,
+    ends: usize,
+    errors: usize,
+    tolerance: f64,
+}
+
+impl<const L: usize> Work for Allowed<'_, L> {
+    type Found = [bool; L];
+
+    #[inline(always)]
+    fn run(self) -> [bool; L] {
+        let Allowed { slots, largest, states, ends, errors, tolerance } = self;
+        let count = largest.len();
+        let list = |begin: usize| &slots[begin..begin + count];
+        let (states, ends, errors) = (list(states), list(ends), list(errors));
+        // A number that is not finite has a product with zero that is NaN.
+        let (mut excess, mut zero) = ([0.0; L], [0.0; L]);
+        for k in 0..count {
+            let (begin, end, error, largest) = (&states[k], &ends[k], &errors[k], &largest[k]);
+            for lane in 0..L {
+                let moved = (end[lane] - begin[lane]).abs();
+                let scale = larger(larger(begin[lane].abs(), largest[lane]), moved);
+                excess[lane] = larger(error[lane].abs() - tolerance * scale, excess[lane]);
+                zero[lane] += end[lane] * 0.0 + error[lane] * 0.0;
+            }
+        }
+        std::array::from_fn(|lane| excess[lane] == 0.0 && zero[lane] == 0.0)
+    }
+}
+
 impl Walk<'_, 1> {
     /// Whether the method can be used for this plant.
     pub(super) fn has_exponential(&self) -> bool {
@@ -203,6 +231,9 @@ impl Walk<'_, 1> {
         }
         kept.renewed();
         kept.cost += TAKEN;
+        if is_part {
+            self.carry_part(place);
+        }
         is_part
     }
 

@@ -14,7 +14,7 @@ use super::programs::{Layout, Programs};
 use super::rows::Stopped;
 use super::speeds::Carried;
 use super::thresholds::Thresholds;
-use crate::code::Way;
+use crate::code::{Way, Work, lengthen, over_lanes};
 
 /// The largest number of iterations of a nonlinear block.
 const MOST_ITERATIONS: usize = 100;
@@ -89,19 +89,45 @@ pub(super) fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
+/// The states at the end of a step become the states, and update the largest magnitudes.
+struct Finish<'a, const L: usize> {
+    slots: &'a mut [[f64; L]],
+    largest: &'a mut [[f64; L]],
+    from: usize,
+    to: usize,
+}
+
+impl<const L: usize> Work for Finish<'_, L> {
+    type Found = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Finish { slots, largest, from, to } = self;
+        for (k, largest) in largest.iter_mut().enumerate() {
+            let state = slots[from + k];
+            slots[to + k] = state;
+            for lane in 0..L {
+                largest[lane] = larger(state[lane].abs(), largest[lane]);
+            }
+        }
+    }
+}
+
 impl<'m, const L: usize> Walk<'m, L> {
     pub(super) fn new(machine: &'m Machine, way: Way) -> Self {
         let programs = Programs::new(machine, L, way);
         let states = programs.counts.states;
+        let mut slots = Vec::new();
+        lengthen(&mut slots, programs.slots());
         Walk {
-            slots: vec![[0.0; L]; programs.slots()],
+            slots,
             spare: Vec::new(),
             setting: Setting::default(),
             thresholds: Thresholds::new(Setting::default().tolerance, programs.counts.guesses > 0),
             largest: vec![[0.0; L]; states],
             before: vec![[0.0; L]; states],
             step_end: vec![[0.0; L]; states],
-            events: Events::new(machine),
+            events: Events::new(machine, programs.has_sampled_conditions()),
             suggestion: [0.0; L],
             is_stiff: [false; L],
             linear: None,
@@ -172,15 +198,7 @@ impl<'m, const L: usize> Walk<'m, L> {
     /// Takes the states that a step has written to other slots, and the instant at the end of the step, in all lanes.
     pub(super) fn finish_step(&mut self, from: usize, end: f64) {
         let layout = self.layout();
-        let to = layout.states as usize;
-        for k in 0..self.programs.counts.states {
-            let state = self.slots[from + k];
-            self.slots[to + k] = state;
-            let largest = &mut self.largest[k];
-            for lane in 0..L {
-                largest[lane] = larger(state[lane].abs(), largest[lane]);
-            }
-        }
+        over_lanes::<L, _>(Finish { slots: &mut self.slots, largest: &mut self.largest, from, to: layout.states as usize });
         self.slots[layout.time as usize] = [end; L];
         self.taken.iter_mut().for_each(|it| *it += 1);
     }

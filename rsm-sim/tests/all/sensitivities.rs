@@ -269,3 +269,140 @@ fn the_start_moves_with_what_is_known_of_it() {
     }
     assert!((found[0][0][1] - (-2.0_f64).exp()).abs() < 1e-15);
 }
+
+/// The largest difference of derivatives in each direction, as a share of the largest derivative of the output.
+fn apart(found: &[Vec<Vec<f64>>], expected: &[Vec<Vec<f64>>]) -> Vec<f64> {
+    let of = |(found, expected): (&Vec<Vec<f64>>, &Vec<Vec<f64>>)| {
+        found.iter().zip(expected).fold(0.0_f64, |most, (found, expected)| {
+            let size = expected.iter().fold(0.0_f64, |most, it| most.max(it.abs())).max(1e-300);
+            found.iter().zip(expected).fold(most, |most, (a, b)| most.max((a - b).abs() / size))
+        })
+    };
+    found.iter().zip(expected).map(of).collect()
+}
+
+#[test]
+fn a_linear_plant_has_the_derivatives_of_its_exact_solution_in_steps_of_any_length() {
+    // x'' + 2 d x' + k x = k time: x = time - c + e^(-d t) (c cos w t + s sin w t), c = 2 d/k, s = (d c - 1)/w, w = sqrt(k - d^2). A row has 1.6
+    // periods, and the tolerance is 1e-2: these are the derivatives of the matrices alone.
+    let text = "model Swing\n  parameter Real k = 1e4;\n  parameter Real d = 2;\n  output Real x(start = 0.0, fixed = true);\n  Real v(start = 0.0, fixed = true);\n\
+                equation\n  der(x) = v;\n  der(v) = k*(time - x) - 2*d*v;\nend Swing;\n";
+    let time = rows(20, 0.1);
+    let all = found(&file(text, ""), &["k", "d"], Inputs { time: &time, values: &[] }, Setting::new(Method::Stiff, 1e-2));
+    let (k, d) = (1e4_f64, 2.0_f64);
+    let (w, c) = ((k - d * d).sqrt(), 2.0 * d / k);
+    let s = (d * c - 1.0) / w;
+    // The derivatives of w, c and s by k and by d.
+    let (by_k, by_d) = ([0.5 / w, -c / k], [-d / w, 2.0 / k]);
+    let (s_by_k, s_by_d) = ((d * by_k[1] - s * by_k[0]) / w, (c + d * by_d[1] - s * by_d[0]) / w);
+    for (row, t) in time.iter().enumerate() {
+        let (decay, sin, cos) = ((-d * t).exp(), (w * t).sin(), (w * t).cos());
+        let moved =
+            |[w_by, c_by]: [f64; 2], s_by: f64| -c_by + decay * (c_by * cos + s_by * sin + w_by * t * (s * cos - c * sin));
+        let exact = [moved(by_k, s_by_k), moved(by_d, s_by_d) - t * decay * (c * cos + s * sin)];
+        for (found, (exact, size)) in all.derivatives.iter().zip(exact.into_iter().zip([9e-6, 2e-3])) {
+            // The matrices are doubled five times, and numbers near 1 pass through about 20 roundings each time: 2^5 * 20 * 1e-16, over 20 rows.
+            assert!((found[0][row] - exact).abs() < 2e-12 * size * 20.0, "row {row}: {:e} {exact:e}", found[0][row]);
+        }
+    }
+}
+
+/// A stiff plant whose matrices change with states, time and parameters.
+const BENT: &str = "model Bent\n  parameter Real rate = 200;\n  parameter Real w = 1.3;\n  parameter Real gain = 0.7;\n  parameter Real begin = 0.5;\n  input Real force;\n  \
+    output Real x(start = 1.0, fixed = true);\n  output Real u(start = begin, fixed = true);\n  output Real y(start = 0.2, fixed = true);\nequation\n  \
+    der(x) = -rate*(x - cos(w*time)) + gain*u*x;\n  der(u) = gain*u*(1 - u*x) + y + force;\n  der(y) = rate*(u*u - y) - time*y;\nend Bent;\n";
+
+#[test]
+fn a_step_by_a_linear_part_has_the_derivative_of_what_it_computes() {
+    let time = rows(40, 0.02);
+    let values = vec![(0..40).map(|k| f64::from((k / 10) % 2)).collect()];
+    let inputs = Inputs { time: &time, values: &values };
+    let file = file(BENT, "");
+    let names = ["rate", "w", "gain", "begin"];
+    // With these tolerances the errors are in the fourth digit or the seventh. The differences are of runs with the same tolerance, and their steps
+    // of 1e-4 are so small that all runs have the same steps and compute their linear parts at the same instants. So they have the derivatives of the
+    // steps as they are, with their errors: to 1e-16/1e-4 of a difference, times some hundred roundings.
+    for tolerance in [1e-3, 1e-6] {
+        let setting = Setting::new(Method::Stiff, tolerance);
+        let exact = found(&file, &names, inputs, setting);
+        let expected = differences(&file, &names, inputs, setting, 1e-4);
+        for (name, off) in names.iter().zip(apart(&exact.derivatives, &expected)) {
+            assert!(off < 1e-9, "{tolerance:e}, {name}: {off:e}");
+        }
+    }
+}
+
+#[test]
+fn sensitivities_by_linear_parts_become_those_of_the_series() {
+    let time = rows(40, 0.02);
+    let values = vec![(0..40).map(|k| f64::from((k / 10) % 2)).collect()];
+    let inputs = Inputs { time: &time, values: &values };
+    let file = file(BENT, "");
+    let names = ["rate", "w", "gain", "begin"];
+    let series = found(&file, &names, inputs, FINE).derivatives;
+    let mut last = f64::INFINITY;
+    for tolerance in [1e-4, 1e-7, 1e-10] {
+        let found = found(&file, &names, inputs, Setting::new(Method::Stiff, tolerance));
+        let off = apart(&found.derivatives, &series).into_iter().fold(0.0, f64::max);
+        println!("{tolerance:e} {off:e}");
+        // The error of a derivative is that of the states times the fastest rate and the length of a row, 4, and there are a hundred steps.
+        assert!(off < 400.0 * tolerance && off < last, "{tolerance:e}: {off:e}");
+        last = off;
+    }
+}
+
+#[test]
+fn events_inside_of_long_steps_have_the_derivatives_of_the_series() {
+    // The plant of all kinds of events, with a stiff state in it, so that matrices have large norms.
+    let text = EVENTS
+        .replace("  Real force;", "  output Real late_x(start = 0.0, fixed = true);\n  Real force;")
+        .replace("  der(x) = v;", "  der(late_x) = 20*stiffness*(x - late_x) - time;\n  der(x) = v + 0.01*late_x;");
+    let time = rows(60, 0.025);
+    let values = vec![(0..60).map(|k| f64::from(k / 20) * -2.0).collect()];
+    let inputs = Inputs { time: &time, values: &values };
+    let names = ["stiffness", "gap", "gain", "late", "loss", "begin"];
+    let file = file(&text, "");
+    let series = found(&file, &names, inputs, Setting::new(Method::Explicit, 1e-14));
+    assert!(series.outputs[0].iter().any(|it| *it < -0.49) && series.outputs[0].iter().any(|it| *it > 0.05));
+    let linear = found(&file, &names, inputs, Setting::new(Method::Stiff, 1e-11));
+    for (name, off) in names.iter().zip(apart(&linear.derivatives, &series.derivatives)) {
+        println!("{name} {off:e}");
+        // The tolerance times a thousand steps.
+        assert!(off < 1e-8, "{name}: {off:e}");
+    }
+}
+
+#[test]
+fn directions_by_linear_parts_have_the_bits_that_they_have_alone_by_the_interpreter_too() {
+    let time = rows(40, 0.02);
+    let values = vec![(0..40).map(|k| f64::from((k / 10) % 2)).collect()];
+    let inputs = Inputs { time: &time, values: &values };
+    for (text, first) in [(BENT, 0.0), (EVENTS, 0.0)] {
+        let names: Vec<&str> = if text == BENT {
+            vec!["begin", "rate", "gain", "w", "rate"]
+        } else {
+            vec!["loss", "gap", "late", "begin", "stiffness", "gain"]
+        };
+        let file = file(text, "");
+        let mut machine = Machine::new(&file).unwrap_or_else(|faults| panic!("{faults}"));
+        let starts = machine.starts(&file, &[], &[]).unwrap_or_else(|faults| panic!("{faults}"));
+        let of = |names: &[&str]| {
+            Sensitive::new(&machine, &starts, 0.0, &[first], &[], &by(names)).unwrap_or_else(|faults| panic!("{faults}"))
+        };
+        let setting = Setting::new(Method::Stiff, 1e-6);
+        let mut lanes = Lanes::new(&machine);
+        let bits = |list: &[Vec<f64>]| -> Vec<u64> { list.iter().flatten().map(|it| it.to_bits()).collect() };
+        let all = lanes.sensitivities(&of(&names), inputs, setting).unwrap_or_else(|stopped| panic!("{stopped}"));
+        let start = starts.at(&machine, 0.0, &[first], &[]).unwrap_or_else(|faults| panic!("{faults}"));
+        let plain = run(&machine, start, inputs, setting).unwrap_or_else(|stopped| panic!("{stopped}"));
+        assert_eq!(bits(&all.outputs), bits(&plain), "the walk is the one that it is alone");
+        for (k, name) in names.iter().enumerate() {
+            let alone = lanes.sensitivities(&of(&[name]), inputs, setting).unwrap_or_else(|stopped| panic!("{stopped}"));
+            assert_eq!(bits(&alone.derivatives[0]), bits(&all.derivatives[k]), "{name}");
+            let again = lanes.sensitivities(&of(&[name]), inputs, setting).unwrap_or_else(|stopped| panic!("{stopped}"));
+            assert_eq!(again, alone, "nothing is left of a run");
+        }
+        let interpreted = Lanes::interpreted(&machine).sensitivities(&of(&names), inputs, setting);
+        assert_eq!(interpreted.unwrap_or_else(|stopped| panic!("{stopped}")), all);
+    }
+}
