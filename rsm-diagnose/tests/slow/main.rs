@@ -1,5 +1,5 @@
-//! The diagnoses that take minutes: families of explanations that are alike, units, measured machines, next experiments. `cargo xtask test` runs them,
-//! and `cargo test -p rsm-diagnose --test slow`; `cargo test -p rsm-diagnose` leaves them out.
+//! The diagnoses that take minutes: families of explanations that are alike, units, measured machines, next experiments. `cargo xtask test` runs
+//! them, and `cargo test -p rsm-diagnose --test slow`; `cargo test -p rsm-diagnose` leaves them out.
 
 mod equals;
 #[expect(dead_code, reason = "certified results are for surfaces")]
