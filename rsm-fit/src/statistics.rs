@@ -535,14 +535,9 @@ pub(crate) fn lack(observations: Observations<'_>, points: &Groups, predicted: i
         let mean = observations.mean(rows);
         // Replicates have the same point and the same prediction.
         let gap = mean - predicted(rows[0]);
-        // n_i of the paper, generalised to the sum of weights. A product with 1 is exact.
-        match rows {
-            [_] if observations.weights.is_empty() => (gap * gap, mean * mean),
-            _ => {
-                let count = observations.weight_of(rows);
-                (count * gap * gap, count * mean * mean)
-            }
-        }
+        // n_i of the paper, generalised to the sum of weights.
+        let count = observations.weight_of(rows);
+        (count * gap * gap, count * mean * mean)
     };
     let (mut ss_lof, mut ss_y) = (Dd::ZERO, Dd::ZERO);
     let of_range = |range: Range<usize>| range.map(|group| of_group(points.get(group))).collect::<Vec<(Dd, Dd)>>();

@@ -67,9 +67,9 @@ fn random_cases() -> &'static [Case] {
 fn c_folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
-        let folder = compilers::fresh(scratch(), "bits-c");
-        compilers::write_c(random_cases().iter().map(|case| &case.unit), &folder);
-        folder
+        compilers::kept(scratch(), "bits-c", |folder| {
+            compilers::write_c(random_cases().iter().map(|case| &case.unit), folder);
+        })
     })
 }
 
@@ -77,9 +77,9 @@ fn c_folder() -> &'static Path {
 fn rust_folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
-        let folder = compilers::fresh(scratch(), "bits-rust");
-        compilers::write_rust(random_cases().iter().map(|case| &case.unit), &folder);
-        folder
+        compilers::kept(scratch(), "bits-rust", |folder| {
+            compilers::write_rust(random_cases().iter().map(|case| &case.unit), folder);
+        })
     })
 }
 
@@ -89,13 +89,17 @@ fn file_name(line: &str) -> String {
 }
 
 fn c_backend(line: &str) -> Loaded {
-    let library = compilers::c_library(&Compiler::new(line), c_folder(), &file_name(line));
+    let (compiler, name) = (Compiler::new(line), file_name(line));
+    // The long matrix has the same libraries as the tests before it.
+    let library = compilers::once(&compiler, c_folder(), &name, || compilers::c_library(&compiler, c_folder(), &name));
     Loaded::open(line, &library)
 }
 
 fn rust_backend(options: &str) -> Loaded {
     let name = file_name(&format!("rust{options}"));
-    Loaded::open(&format!("rustc {options}"), &compilers::rust_library(options, rust_folder(), &name))
+    let (compiler, folder) = (compilers::rustc(options), rust_folder());
+    let library = compilers::once(&compiler, folder, &name, || compilers::rust_library(options, folder, &name));
+    Loaded::open(&format!("rustc {options}"), &library)
 }
 
 /// Compares back ends with the interpreter over all models, on two threads.

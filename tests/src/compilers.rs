@@ -81,6 +81,59 @@ pub fn fresh(scratch: &Path, name: &str) -> PathBuf {
     folder
 }
 
+/// A folder below a scratch folder for sources and what compilers make of them. What an earlier run has made stays if `write` writes the same
+/// sources again.
+///
+/// # Panics
+/// When it cannot be made.
+#[must_use]
+pub fn kept(scratch: &Path, name: &str, write: impl FnOnce(&Path)) -> PathBuf {
+    let folder = scratch.join(name);
+    std::fs::create_dir_all(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let before = sources(&folder);
+    write(&folder);
+    if sources(&folder) != before {
+        let made = |path: &PathBuf| path.extension().is_some_and(|it| it == "so" || it == "made");
+        for path in files(&folder).into_iter().filter(made) {
+            std::fs::remove_file(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        }
+    }
+    folder
+}
+
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    files.sort();
+    files
+}
+
+/// The texts of a folder, with their names.
+fn sources(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let is_source = |path: &PathBuf| path.extension().is_some_and(|it| it == "c" || it == "h" || it == "rs");
+    let text = |path: PathBuf| {
+        let text = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        (path, text)
+    };
+    files(folder).into_iter().filter(is_source).map(text).collect()
+}
+
+/// Makes a shared object in a folder of [`kept`], unless this compiler has made it there from these sources.
+pub fn once(compiler: &Compiler, folder: &Path, name: &str, make: impl FnOnce() -> PathBuf) -> PathBuf {
+    let version = compiler.run(&["--version"], folder).stdout;
+    // What `native` means.
+    let processor = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let flags = processor.lines().find(|line| line.starts_with("flags")).unwrap_or_default();
+    let maker = format!("{}\n{}\n{flags}", compiler.name(), String::from_utf8_lossy(&version));
+    let (made, library) = (folder.join(format!("{name}.made")), folder.join(format!("{name}.so")));
+    if library.is_file() && std::fs::read_to_string(&made).is_ok_and(|text| text == maker) {
+        return library;
+    }
+    let library = make();
+    std::fs::write(&made, maker).unwrap_or_else(|error| panic!("{}: {error}", made.display()));
+    library
+}
+
 /// Writes a file.
 ///
 /// # Panics

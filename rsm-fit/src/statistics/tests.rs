@@ -132,6 +132,13 @@ fn four_points_worked_by_hand() {
 }
 
 #[test]
+fn a_value_is_the_sum_of_products_of_terms_and_coefficients() {
+    // 1 + 3 x - 2 x^2 at 5.
+    let numbers = |of: [f64; 3]| of.map(Dd::from);
+    assert_eq!(value(&numbers([1.0, 5.0, 25.0]), &numbers([1.0, 3.0, -2.0])).to_f64(), -34.0);
+}
+
+#[test]
 fn degrees_of_freedom_count_the_constant_only_where_there_is_one() {
     // Through the origin: b = (1 + 4 + 12)/14, residual square 21 - 289/14 = 5/14 with 2 degrees, total 21 with all 3: 1 - (5/28)/7.
     let data = Data::line(&[1.0, 2.0, 3.0], &[1.0, 2.0, 4.0]);

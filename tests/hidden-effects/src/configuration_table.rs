@@ -10,7 +10,7 @@ use hidden_effects::case::Family;
 use hidden_effects::configurations::{Case, cases, judge as judged};
 
 use super::report::{Line, Report};
-use super::{Words, first_line, write};
+use super::{Words, first_line, side_by_side, write};
 
 /// Whether the family is asked for, by its name or that of a case. The quick subset has two of its cases.
 fn is_asked(words: &Words) -> bool {
@@ -26,25 +26,28 @@ pub(super) fn judge(words: &Words, seed: u64, report: &mut Report) -> Result<(),
         return Ok(());
     }
     let choice = &words.choice;
-    for case in cases(seed, choice.name.as_deref(), choice.quick, choice.rows) {
-        let folder = words.out.join(format!("{seed}")).join(&case.name);
-        let mut diagnose = command(words, &case, &folder)?;
-        let started = Instant::now();
-        let run = diagnose.output().map_err(|error| format!("{}: {error}", words.rsm.display()))?;
-        // No signal to noise is computed: the causes are far above it.
-        let mut line = Line::of(Family::Configurations, &case.name, f64::NAN, started.elapsed().as_secs_f64());
-        match serde_json::from_slice(&run.stdout) {
-            Ok(answer) => line.judgement = judged(&case, &answer),
-            Err(error) => {
-                let said = String::from_utf8_lossy(&run.stderr);
-                let said = if said.trim().is_empty() { error.to_string() } else { first_line(&said) };
-                line.judgement.answer = format!("{}: {said}", run.status);
-            }
-        }
-        println!("{line}");
-        report.lines.push(line);
-    }
+    let cases = cases(seed, choice.name.as_deref(), choice.quick, choice.rows).into_iter();
+    report.lines.extend(side_by_side::each(words.at_once(), cases, |case| one(words, seed, &case))?);
     Ok(())
+}
+
+fn one(words: &Words, seed: u64, case: &Case) -> Result<Line, String> {
+    let folder = words.out.join(format!("{seed}")).join(&case.name);
+    let mut diagnose = command(words, case, &folder)?;
+    let started = Instant::now();
+    let run = diagnose.output().map_err(|error| format!("{}: {error}", words.rsm.display()))?;
+    // No signal to noise is computed: the causes are far above it.
+    let mut line = Line::of(Family::Configurations, &case.name, f64::NAN, started.elapsed().as_secs_f64());
+    match serde_json::from_slice(&run.stdout) {
+        Ok(answer) => line.judgement = judged(case, &answer),
+        Err(error) => {
+            let said = String::from_utf8_lossy(&run.stderr);
+            let said = if said.trim().is_empty() { error.to_string() } else { first_line(&said) };
+            line.judgement.answer = format!("{}: {said}", run.status);
+        }
+    }
+    println!("{line}");
+    Ok(line)
 }
 
 /// Writes the files of a case, and calls `rsm diagnose` for them.
