@@ -162,12 +162,17 @@ mod tests {
     use super::*;
     use crate::random::Random;
 
-    /// Rows with columns of zeros in some lanes, and one column that is 0 in the first rows.
+    /// Rows with columns of zeros in some lanes, one lane whose first column is 0 below its first row, and one column that is 0 in the first rows.
     fn table(rows: usize, width: usize) -> Vec<Vec<Dd>> {
         let mut random = Random::new(rows as u64);
         let number = |random: &mut Random| Dd::sum_of(random.normal(), 1e-18 * random.normal());
         let row = |row: usize| {
-            let is_zero = |k: usize| k == 2 && row.is_multiple_of(LANES) || k == 1 && row < 1000;
+            let is_zero = |k: usize| match k {
+                0 => row % LANES == 3 && row % GROUP >= LANES,
+                1 => row < 1000,
+                2 => row.is_multiple_of(LANES),
+                _ => false,
+            };
             (0..width).map(|k| if is_zero(k) { Dd::ZERO } else { number(&mut random) }).collect()
         };
         (0..rows).map(row).collect()
