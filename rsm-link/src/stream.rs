@@ -239,9 +239,11 @@ pub fn run(settings: &Settings) -> Result<Done, String> {
         scope.spawn(|| link.listen(&received, &is_over));
         let _ended = Ended(&is_over);
         let done = Ticks::new(&link, &received, settings).run();
-        for _ in 0..if done.began { END_DATAGRAMS } else { 0 } {
-            link.send(&received, Kind::End, settings.run.ticks, &[]);
-            std::thread::sleep(Duration::from_millis(1));
+        if done.began {
+            for _ in 0..END_DATAGRAMS {
+                link.send(&received, Kind::End, settings.run.ticks, &[]);
+                std::thread::sleep(Duration::from_millis(1));
+            }
         }
         done
     });

@@ -312,21 +312,27 @@ const BENT: &str = "model Bent\n  parameter Real rate = 200;\n  parameter Real w
     output Real x(start = 1.0, fixed = true);\n  output Real u(start = begin, fixed = true);\n  output Real y(start = 0.2, fixed = true);\nequation\n  \
     der(x) = -rate*(x - cos(w*time)) + gain*u*x;\n  der(u) = gain*u*(1 - u*x) + y + force;\n  der(y) = rate*(u*u - y) - time*y;\nend Bent;\n";
 
+/// Its parameters.
+const BENT_BY: [&str; 4] = ["rate", "w", "gain", "begin"];
+
+/// Instants, and a force that is 0 and 1 for ten rows each.
+fn pushed() -> (Vec<f64>, Vec<Vec<f64>>) {
+    (rows(40, 0.02), vec![(0..40).map(|k| f64::from((k / 10) % 2)).collect()])
+}
+
 #[test]
 fn a_step_by_a_linear_part_has_the_derivative_of_what_it_computes() {
-    let time = rows(40, 0.02);
-    let values = vec![(0..40).map(|k| f64::from((k / 10) % 2)).collect()];
+    let (time, values) = pushed();
     let inputs = Inputs { time: &time, values: &values };
     let file = file(BENT, "");
-    let names = ["rate", "w", "gain", "begin"];
     // With these tolerances the errors are in the fourth digit or the seventh. The differences are of runs with the same tolerance, and their steps
     // of 1e-4 are so small that all runs have the same steps and compute their linear parts at the same instants. So they have the derivatives of the
     // steps as they are, with their errors: to 1e-16/1e-4 of a difference, times some hundred roundings.
     for tolerance in [1e-3, 1e-6] {
         let setting = Setting::new(Method::Stiff, tolerance);
-        let exact = found(&file, &names, inputs, setting);
-        let expected = differences(&file, &names, inputs, setting, 1e-4);
-        for (name, off) in names.iter().zip(apart(&exact.derivatives, &expected)) {
+        let exact = found(&file, &BENT_BY, inputs, setting);
+        let expected = differences(&file, &BENT_BY, inputs, setting, 1e-4);
+        for (name, off) in BENT_BY.iter().zip(apart(&exact.derivatives, &expected)) {
             assert!(off < 1e-9, "{tolerance:e}, {name}: {off:e}");
         }
     }
@@ -334,15 +340,13 @@ fn a_step_by_a_linear_part_has_the_derivative_of_what_it_computes() {
 
 #[test]
 fn sensitivities_by_linear_parts_become_those_of_the_series() {
-    let time = rows(40, 0.02);
-    let values = vec![(0..40).map(|k| f64::from((k / 10) % 2)).collect()];
+    let (time, values) = pushed();
     let inputs = Inputs { time: &time, values: &values };
     let file = file(BENT, "");
-    let names = ["rate", "w", "gain", "begin"];
-    let series = found(&file, &names, inputs, FINE).derivatives;
+    let series = found(&file, &BENT_BY, inputs, FINE).derivatives;
     let mut last = f64::INFINITY;
     for tolerance in [1e-4, 1e-7, 1e-10] {
-        let found = found(&file, &names, inputs, Setting::new(Method::Stiff, tolerance));
+        let found = found(&file, &BENT_BY, inputs, Setting::new(Method::Stiff, tolerance));
         let off = apart(&found.derivatives, &series).into_iter().fold(0.0, f64::max);
         println!("{tolerance:e} {off:e}");
         // The error of a derivative is that of the states times the fastest rate and the length of a row, 4, and there are a hundred steps.
@@ -374,8 +378,7 @@ fn events_inside_of_long_steps_have_the_derivatives_of_the_series() {
 
 #[test]
 fn directions_by_linear_parts_have_the_bits_that_they_have_alone_by_the_interpreter_too() {
-    let time = rows(40, 0.02);
-    let values = vec![(0..40).map(|k| f64::from((k / 10) % 2)).collect()];
+    let (time, values) = pushed();
     let inputs = Inputs { time: &time, values: &values };
     for (text, first) in [(BENT, 0.0), (EVENTS, 0.0)] {
         let names: Vec<&str> = if text == BENT {
