@@ -20,6 +20,7 @@ use crate::selection::{ChosenBy, Sample, held_out};
 use crate::spec::{Criterion, Method, PARTS, Search, SearchBy};
 use crate::split;
 use crate::statistics::{Judged, Observations, SelectionReport};
+use crate::threads;
 use gram::{Gram, Scales};
 use lasso::{Lasso, SHARES};
 use paths::{Heredity, Model, Path, Steps};
@@ -309,25 +310,14 @@ impl Searcher<'_> {
     }
 }
 
-/// The sum of all rounds, run on all available threads; `None` if any round fails.
+/// The sum of all rounds in their order, run on all available threads; `None` if any round fails.
 fn rounds(count: usize, round: impl Fn(usize) -> Option<Judged> + Sync) -> Option<(Judged, usize)> {
     if count < 2 {
         return None;
     }
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(count);
-    let round = &round;
-    let of_thread = |thread: usize| (thread..count).step_by(threads).map(|k| (k, round(k))).collect::<Vec<_>>();
-    let mut all: Vec<(usize, Option<Judged>)> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|thread| scope.spawn(move || of_thread(thread))).collect();
-        workers.into_iter().flat_map(|worker| worker.join().expect("a round does not panic")).collect()
-    });
-    // In the order of the rounds, so that sums do not depend on the number of threads.
-    all.sort_by_key(|(k, _)| *k);
-    let mut sum = Judged::NOTHING;
-    for (_, judged) in all {
-        sum = sum.and(judged?);
-    }
-    Some((sum, count))
+    let mut sum = Some(Judged::NOTHING);
+    threads::in_order(count, round, |judged| sum = sum.take().and_then(|sum| Some(sum.and(judged?))));
+    sum.map(|sum| (sum, count))
 }
 
 /// The methods that make a path of models from rows.
