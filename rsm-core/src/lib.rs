@@ -43,6 +43,7 @@
 #![cfg_attr(not(test), warn(unreachable_pub))]
 
 // In the order of the pipeline.
+pub mod order;
 pub mod places;
 pub mod source;
 pub mod toml_reader;

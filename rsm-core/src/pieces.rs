@@ -8,6 +8,7 @@ use crate::basis::{Arithmetic as _, Factor, Shape};
 use crate::interval::Interval;
 use crate::model::{Input, Surface};
 use crate::number::{Rational, exact, integer};
+use crate::order;
 
 /// A polynomial: powers of the main variables with exact coefficients. The same powers may occur several times.
 pub type Polynomial = Vec<(Vec<u32>, Rational)>;
@@ -47,7 +48,7 @@ fn parts(surface: &Surface, input: &Input) -> Vec<[f64; 2]> {
     let low = if symmetric { 0.0 } else { input.range[0] };
     let mut cuts: Vec<f64> = surface.knots.iter().filter(|knot| knot.input == input.name).map(|knot| knot.at).collect();
     cuts.extend([low, input.range[1]]);
-    cuts.sort_by(f64::total_cmp);
+    order::sort(&mut cuts);
     cuts.dedup();
     cuts.windows(2).map(|pair| [pair[0], pair[1]]).collect()
 }

@@ -234,14 +234,18 @@ impl Collector {
     ///
     /// # Panics
     /// If there is neither a value nor a fault: a reader without a result must report why.
-    pub fn finish<T>(mut self, value: Option<T>) -> Result<T, Faults> {
+    pub fn finish<T>(self, value: Option<T>) -> Result<T, Faults> {
         if self.faults.is_empty() {
             return Ok(value.expect("a stage that gives no value must report a fault"));
         }
+        Err(self.in_order())
+    }
+
+    fn in_order(mut self) -> Faults {
         // The sort is stable, so faults at one place stay in the order of the rules.
         self.faults.sort_by_key(|fault| (fault.line, fault.column));
         self.faults.dedup();
-        Err(Faults(self.faults))
+        Faults(self.faults)
     }
 }
 

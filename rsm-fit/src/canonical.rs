@@ -8,6 +8,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use rsm_core::model::{Coding, Input, Surface};
+use rsm_core::order;
 use serde::Serialize;
 
 use crate::design::{Coded, Physical, order};
@@ -60,7 +61,7 @@ pub(crate) fn analyse(surface: &Surface, inputs: &[Input]) -> Option<Canonical> 
         }
     }
     let mut eigenvalues: Vec<f64> = matrix.clone().symmetric_eigenvalues().iter().copied().collect();
-    eigenvalues.sort_by(|a, b| b.total_cmp(a));
+    order::descending(&mut eigenvalues, |it| *it);
     let (least, most) =
         eigenvalues.iter().fold((f64::INFINITY, 0.0f64), |(low, high), e| (low.min(e.abs()), high.max(e.abs())));
     // The eigenvalues have the rounding error of f64, 2^-53 of the largest. A curvature below a hundred times that has no certain sign.

@@ -4,6 +4,7 @@
 //! and rows of each file, or every fault of every file. If the specification gives no unit, that of the first file with a unit is used. A missing
 //! number is NaN, if the specification permits that. Never drops a row while it reads.
 
+use rsm_core::order;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 use sha2::{Digest, Sha256};
 
@@ -321,7 +322,7 @@ fn in_order(cells: &[String], rows: usize, missing: Missing) -> Vec<f64> {
 /// The places of rows in an order, if all are different; otherwise empty.
 pub(crate) fn distinct(order: Vec<f64>, rows: usize) -> Vec<f64> {
     let mut sorted = order.clone();
-    sorted.sort_by(f64::total_cmp);
+    order::sort(&mut sorted);
     sorted.dedup();
     if sorted.len() == rows && order.len() == rows && !order.iter().any(|place| place.is_nan()) { order } else { Vec::new() }
 }

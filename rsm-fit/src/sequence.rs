@@ -4,6 +4,7 @@
 //! neighbours.
 
 use crate::records::Records;
+use rsm_core::order;
 
 /// The order of the fitted rows, and the gaps where rows are left out.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -26,10 +27,10 @@ impl Sequence {
         let mut is_used = vec![false; records.rows()];
         used.iter().for_each(|row| is_used[*row] = true);
         let mut rows: Vec<usize> = (0..used.len()).collect();
-        rows.sort_by(|a, b| place(used[*a]).total_cmp(&place(used[*b])));
+        order::ascending(&mut rows, |it| place(used[*it]));
         let others = (0..records.rows()).filter(|row| !is_used[*row]).map(place);
         let mut gaps: Vec<f64> = others.chain(records.left_out.iter().copied()).collect();
-        gaps.sort_by(f64::total_cmp);
+        order::sort(&mut gaps);
         let before = |row: usize| gaps.partition_point(|gap| *gap < place(used[row]));
         let series: Vec<usize> = rows.iter().map(|row| records.series.get(used[*row]).copied().unwrap_or(0)).collect();
         let mut borders = 0;

@@ -3,6 +3,7 @@
 //! In: a specification and its rows. Out: the number of the series of each row, in the records. A series is the rows with the same cells in the
 //! columns of `series`, or the rows of a file. Its rows are consecutive in time, so rows of another series between them are a fault.
 
+use rsm_core::order;
 use std::collections::BTreeMap;
 
 use rsm_core::source::Faults;
@@ -39,7 +40,7 @@ pub(crate) fn mark(specification: &Specification, records: &mut Records) -> Resu
         series.push(*known.entry(key(row)).or_insert(next));
     }
     let mut order: Vec<usize> = (0..rows).collect();
-    order.sort_by(|a, b| records.place(*a).total_cmp(&records.place(*b)));
+    order::ascending(&mut order, |it| records.place(*it));
     let mut has_ended = vec![false; known.len()];
     for pair in order.windows(2) {
         let [before, now] = [series[pair[0]], series[pair[1]]];

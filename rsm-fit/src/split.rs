@@ -10,6 +10,7 @@ use crate::points::{self, Groups};
 use crate::random::Random;
 use crate::records::Records;
 use crate::spec::{PARTS, Specification, Split};
+use rsm_core::order;
 
 /// With fewer series than this, rows are set aside in blocks: a fifth of the rows at once leaves most fits possible.
 const LEAST_SERIES: usize = 5;
@@ -165,7 +166,7 @@ fn sections(records: &Records) -> Vec<usize> {
     let rows = records.rows();
     let mut order: Vec<usize> = (0..rows).collect();
     if !records.order.is_empty() {
-        order.sort_by(|a, b| records.order[*a].total_cmp(&records.order[*b]));
+        order::ascending(&mut order, |it| records.order[*it]);
     }
     let mut sections = vec![0; rows];
     for (k, row) in order.into_iter().enumerate() {

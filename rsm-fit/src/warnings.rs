@@ -22,6 +22,7 @@
 //! 2.2.2 (Bonferroni for the largest); Wald, Wolfowitz 1943 (serial correlation against random orders); Gourieroux, Holly, Monfort 1982, Econometrica
 //! 50 (inequality constraints).
 
+use rsm_core::order;
 use std::borrow::Cow;
 
 use rsm_core::model::{Input, Surface};
@@ -265,7 +266,7 @@ impl Notes<'_> {
             !t.is_finite() || t.abs() > within && two_sided_t(*t, freedom).is_some_and(|p| p * tested < ALARM)
         };
         let mut beyond: Vec<&(usize, f64)> = found.iter().filter(is_beyond).collect();
-        beyond.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        order::descending(&mut beyond, |it| it.1.abs());
         let named: Vec<String> =
             beyond.iter().take(MOST_NAMED).map(|(row, t)| format!("{}: {t:+.1}", self.place(*row))).collect();
         let more = beyond.len().saturating_sub(MOST_NAMED);

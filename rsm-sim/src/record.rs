@@ -3,6 +3,7 @@
 //! In: a CSV, and the plant file with the names of its columns. Out: a [`Record`] in the units of the code, uniformly sampled; or every fault with
 //! its line. It never fills a gap and never resamples.
 
+use rsm_core::order;
 use std::borrow::Cow;
 
 use rsm_core::number::decimal;
@@ -368,7 +369,7 @@ pub(crate) fn uniform(time: &[f64], table: &Table, gaps: bool, faults: &mut Coll
         return (0.0, Vec::new());
     }
     let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    steps.sort_by(f64::total_cmp);
+    order::sort(&mut steps);
     // The median: one gap or one step back does not change it.
     let period = steps[steps.len() / 2];
     let mut breaks = Vec::new();

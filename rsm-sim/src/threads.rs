@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Applies the work to every item, with this number of threads. The results are in the order of the items.
 pub fn in_threads<T: Sync, A: Send>(items: &[T], threads: usize, work: impl Fn(&T) -> A + Sync) -> Vec<A> {
     let next = AtomicUsize::new(0);
-    let mut answers: Vec<(usize, A)> = std::thread::scope(|scope| {
+    let answers: Vec<(usize, A)> = std::thread::scope(|scope| {
         let worker = || {
             let mut own = vec![];
             loop {
@@ -26,8 +26,11 @@ pub fn in_threads<T: Sync, A: Send>(items: &[T], threads: usize, work: impl Fn(&
         }
         all
     });
-    answers.sort_by_key(|(index, _)| *index);
-    answers.into_iter().map(|(_, answer)| answer).collect()
+    let mut in_order: Vec<Option<A>> = items.iter().map(|_| None).collect();
+    for (index, answer) in answers {
+        in_order[index] = Some(answer);
+    }
+    in_order.into_iter().flatten().collect()
 }
 
 /// The number of threads that this machine can run at the same time.

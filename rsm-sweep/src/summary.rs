@@ -6,6 +6,7 @@
 //! The interval of a quantile lies between two order statistics (W. J. Conover, Practical Nonparametric Statistics, 3.2): the number of draws below
 //! the true quantile is binomial, for any distribution. If there are too few runs for such a bound, there is none.
 
+use rsm_core::order;
 use rsm_fit::distributions::quantile_t;
 use statrs::function::beta::beta_reg;
 
@@ -103,7 +104,7 @@ fn summary(column: &Column, rows: &[usize], independent: bool, [plant, record]: 
     let count = values.len();
     let mean = values.iter().sum::<f64>() / count as f64;
     let sd = (values.iter().map(|it| (it - mean) * (it - mean)).sum::<f64>() / (count as f64 - 1.0)).sqrt();
-    values.sort_by(f64::total_cmp);
+    order::sort(&mut values);
     let [Some(least), Some(most)] = [values.first(), values.last()] else { return None };
     let range = [*least, *most];
     let mean_interval = (independent && count > 1).then(|| {

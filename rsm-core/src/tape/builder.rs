@@ -348,8 +348,12 @@ impl TapeBuilder {
         outputs: impl IntoIterator<Item = (impl Into<String>, Reg)>,
         states: impl IntoIterator<Item = (impl Into<String>, Reg)>,
     ) -> Tape {
-        let outputs: Vec<Named> = outputs.into_iter().map(|(name, reg)| Named { name: name.into(), reg }).collect();
-        let states: Vec<Named> = states.into_iter().map(|(name, reg)| Named { name: name.into(), reg }).collect();
+        let outputs = outputs.into_iter().map(|(name, reg)| Named { name: name.into(), reg }).collect();
+        let states = states.into_iter().map(|(name, reg)| Named { name: name.into(), reg }).collect();
+        self.finished(name.into(), inputs, outputs, states)
+    }
+
+    fn finished(self, name: String, inputs: Vec<String>, outputs: Vec<Named>, states: Vec<Named>) -> Tape {
         assert!(!outputs.is_empty(), "a tape has a result");
         for op in &self.ops {
             match op {
@@ -364,7 +368,7 @@ impl TapeBuilder {
         computed.sort_by_key(|row| row.result);
         let mut seams = self.seams;
         seams.sort_by_key(|seam| seam.result);
-        Tape { name: name.into(), precision: self.precision, inputs, ops: self.ops, outputs, states, notes, computed, seams }
+        Tape { name, precision: self.precision, inputs, ops: self.ops, outputs, states, notes, computed, seams }
     }
 }
 

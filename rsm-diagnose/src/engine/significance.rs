@@ -4,6 +4,7 @@
 //! this value, or the statistic. The probability may be smaller than the smallest f64, so its logarithm is used. Never NaN for finite arguments and
 //! positive degrees of freedom.
 
+use rsm_core::order;
 use statrs::function::beta::{beta_reg, ln_beta};
 use statrs::function::erf::{erfc, erfc_inv};
 use statrs::function::gamma::{gamma_lr, gamma_ur, ln_gamma};
@@ -146,7 +147,7 @@ pub(crate) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return 0.0;
     }
-    values.sort_by(f64::total_cmp);
+    order::sort(values);
     let middle = values.len() / 2;
     if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) }
 }

@@ -4,6 +4,7 @@
 //! window is in memory. A window is evaluated like a holdout record: against its own noise, with the parameters of the plant free within their
 //! uncertainty. Does not change or name causes.
 
+use rsm_core::order;
 use rsm_sim::kind::OUTPUTS;
 use std::fmt;
 
@@ -161,7 +162,7 @@ pub fn check(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals
             }
         }
     }
-    found.beyond_noise.sort_by(|a, b| b.excess.total_cmp(&a.excess));
+    order::descending(&mut found.beyond_noise, |it| it.excess);
     let worst = found.beyond_noise.first().map_or(0.0, |it| it.excess);
     found.excess = worst.max(together(whitened, &sums));
     found

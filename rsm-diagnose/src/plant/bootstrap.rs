@@ -3,6 +3,7 @@
 //! In: errors of two models on the same records. Out: a 95 % interval of the gain. Runs no simulation.
 
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
+use rsm_core::order;
 use rsm_fit::random::Random;
 use rsm_sim::kind::OUTPUTS;
 
@@ -56,7 +57,7 @@ pub fn gain_interval(
             gain(&sums)
         })
         .collect();
-    gains.sort_by(f64::total_cmp);
+    order::sort(&mut gains);
     (gains[DRAWS / 40], gains[DRAWS - 1 - DRAWS / 40])
 }
 

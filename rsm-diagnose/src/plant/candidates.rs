@@ -12,6 +12,7 @@ use super::search::Search;
 use super::variable_projection::{Projected, project};
 use super::{effect_size, multistart, validation, waves, whiteness};
 use crate::engine::significance::best_gain_by_chance;
+use rsm_core::order;
 use rsm_sim::plant_file::Entry;
 
 /// A simpler cause wins if it reaches this share of the gain, unless the better cause leaves only noise. Different smoothings and integrators of one
@@ -114,7 +115,7 @@ pub fn form_of(it: &Screened) -> (usize, usize) {
 #[must_use]
 pub fn best_guesses(screened: &[Screened], each: usize) -> Vec<&Screened> {
     let mut order: Vec<&Screened> = screened.iter().collect();
-    order.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    order::descending(&mut order, |it| it.gain);
     let mut taken: Vec<(usize, usize)> = Vec::new();
     order.retain(|it| {
         let before = taken.iter().filter(|form| **form == form_of(it)).count();
@@ -160,7 +161,7 @@ impl Search<'_> {
             }
             candidates.extend(found);
         }
-        candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
+        order::ascending(&mut candidates, |it| it.score);
         // The best candidate is fitted until it converges. Otherwise the rest of its error would look like one more cause.
         if let Some(best) = candidates.first_mut()
             && let Some(settled) = self.converged(fit, best, threshold)
@@ -172,7 +173,7 @@ impl Search<'_> {
         for it in &mut candidates {
             self.separate_numbers(fit, it, threshold);
         }
-        candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
+        order::ascending(&mut candidates, |it| it.score);
         candidates
     }
 
@@ -247,7 +248,7 @@ impl Search<'_> {
                     next.push(Projected { hypothesis: it.hypothesis, entry: model.file.effects[place].clone(), cost });
                 }
             }
-            next.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            order::ascending(&mut next, |it| it.cost);
             starts = starts.div_ceil(2);
             pool = leading(next, forms, starts, |it| it.form());
             // A full fit finds more than the first order, so twice as many forms as will be fitted enter the last round.

@@ -4,6 +4,7 @@
 
 use super::hypotheses::label;
 use super::regions::Region;
+use rsm_core::order;
 use rsm_sim::configurations;
 use rsm_sim::effect::Subject;
 
@@ -98,7 +99,7 @@ impl Contribution {
     #[must_use]
     pub fn changes(&self) -> [Changes; 2] {
         let mut outputs = self.outputs.clone();
-        outputs.sort_by(|a, b| (b.1 - b.2).total_cmp(&(a.1 - a.2)));
+        order::descending(&mut outputs, |it| it.1 - it.2);
         let by = |sign: f64| outputs.iter().filter(|it| sign * (it.1 - it.2) > LEAST_CHANGE).copied().collect();
         [by(1.0), by(-1.0)]
     }

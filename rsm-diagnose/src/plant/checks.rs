@@ -8,6 +8,7 @@ use super::prepared::{Piece, Prepared};
 use super::repeated_blocks::{STUCK, find};
 use super::standstill::{self, StandstillTest};
 use crate::engine::significance::median;
+use rsm_core::order;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 use rsm_sim::simulate::Simulator;
@@ -144,7 +145,7 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
             }
             first = row;
         }
-        limits.sort_by(f64::total_cmp);
+        order::sort(&mut limits);
         limits.dedup();
         findings
             .extend(limits.into_iter().flat_map(|limit| clipped(values, limit)).map(|rows| finding(&channel, "clipped", rows)));

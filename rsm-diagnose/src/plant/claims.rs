@@ -17,6 +17,7 @@ use super::search::AcceptedCause;
 use super::verdict::{self, LEAST_CONFIDENCE};
 use super::whitened_residuals::WhitenedResiduals;
 use super::{Options, Refused, Verdict, bootstrap, checks, effect_size, of_nominal, outlier_correction, tested, validation};
+use rsm_core::order;
 use rsm_sim::effect::Subject;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
@@ -188,7 +189,7 @@ fn with_contradicted_claims(
         let list = if explained || cause.confidence >= LEAST_CONFIDENCE { &mut anew.causes } else { &mut anew.helpers };
         list.push(cause);
     }
-    let strongest = |list: &mut Vec<Cause>| list.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let strongest = |list: &mut Vec<Cause>| order::descending(list, |it| it.gain);
     strongest(&mut anew.causes);
     strongest(&mut anew.helpers);
     if anew.verdict == Verdict::NoDiscrepancy {

@@ -11,6 +11,7 @@ use super::validation::{self, Error};
 use super::whitened_residuals::WhitenedResiduals;
 pub use crate::engine::combinations::Combinations;
 use crate::engine::combinations::MOST;
+use rsm_core::order;
 
 /// The largest number of steps of a fit without some causes: the same as in the search without one cause.
 const STEPS: usize = 8;
@@ -27,7 +28,7 @@ pub struct Combined {
 /// The indices of the strongest causes among the accepted causes, the strongest first.
 pub(super) fn strongest(accepted: &[AcceptedCause]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..accepted.len()).collect();
-    order.sort_by(|a, b| accepted[*b].gain.total_cmp(&accepted[*a].gain));
+    order::descending(&mut order, |it| accepted[*it].gain);
     order.truncate(MOST);
     order
 }

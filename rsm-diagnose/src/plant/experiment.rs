@@ -14,6 +14,7 @@ use super::whitened_residuals::{Column, Prepared, Simulated, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::normal::{Normal, symmetric};
 use crate::engine::verdict::Verdict;
+use rsm_core::order;
 use rsm_sim::equation_plant::{self, SiteKind, SiteSignal};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
@@ -127,7 +128,7 @@ fn distinguishing_record(
         let found = rows.iter().map(|trial| trial.difference_without_adaptation(rival));
         let mut order: Vec<(usize, f64)> =
             found.enumerate().filter_map(|(place, plain)| Some((place, plain? / rows[place].readings()))).collect();
-        order.sort_by(|a, b| b.1.total_cmp(&a.1));
+        order::descending(&mut order, |it| it.1);
         let mut most: Option<(usize, Difference)> = None;
         for (place, bound) in order {
             // Adapting only reduces a difference, so the remaining records cannot exceed the difference already found.
@@ -279,7 +280,7 @@ fn covering_record(whitened: &WhitenedResiduals, fit: &Fit, limits: &Limits) -> 
     let edges: Vec<Vec<f64>> = (0..2)
         .map(|axis| {
             let mut all: Vec<f64> = points.iter().flatten().map(|point| point[axis]).collect();
-            all.sort_by(f64::total_cmp);
+            order::sort(&mut all);
             (1..CELLS).filter_map(|k| all.get(k * all.len() / CELLS).copied()).collect()
         })
         .collect();

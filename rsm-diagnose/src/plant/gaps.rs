@@ -13,6 +13,7 @@ use super::prepared::Prepared;
 use super::whitened_residuals::{Column, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::normal::{Normal, symmetric};
+use rsm_core::order;
 use rsm_sim::kind::OUTPUTS;
 
 /// The longest gap that is filled, in rows. A time stamp may be wrong by 1 % of a period, so the length of ten rows is known to a tenth of a row. If
@@ -192,7 +193,7 @@ fn significant(whitened: &WhitenedResiduals, fit: &Fit, record: usize) -> Vec<Ga
         let of = |it: &GapInput| energy * (it.sd * it.rows / first.rows).powi(2);
         list.extend(its.iter().map(|it| (of(it), *it)).filter(|it| it.0 > LEAST_EFFECT));
     }
-    list.sort_by(|a, b| b.0.total_cmp(&a.0));
+    order::descending(&mut list, |it| it.0);
     list.truncate(MOST_ESTIMATED);
     list.into_iter().map(|it| it.1).collect()
 }

@@ -13,6 +13,7 @@ use super::multistart::line_search_escape;
 use super::screen::{Screened, screen};
 use super::search::Search;
 use super::whitened_residuals::WhitenedResiduals;
+use rsm_core::order;
 use rsm_sim::effect::{Guess, Role};
 
 /// A beginning ends where the squared residual, summed from the first row, exceeds this many times the noise. Then three quarters of it are error.
@@ -176,7 +177,7 @@ impl Search<'_> {
                 None => candidates.push(it),
             }
         }
-        candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
+        order::ascending(candidates, |it| it.score);
     }
 
     /// The best additional causes at the beginning of the records, each followed to their end. Empty if the plant already follows nearly the whole of

@@ -6,6 +6,7 @@
 
 use super::rounding::step_of;
 use crate::engine::significance::median;
+use rsm_core::order;
 
 /// The range of readings is divided into this many parts with equal numbers of rows.
 const PARTS: usize = 12;
@@ -91,7 +92,7 @@ impl Growth {
             return None;
         }
         let least = of_rounding(lists, &rows);
-        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+        order::ascending(&mut rows, |it| it.0);
         let mut parts: Vec<(f64, f64)> = Vec::new();
         for part in rows.chunks(count).take(PARTS) {
             let size = part.iter().map(|it| it.0).sum::<f64>() / part.len() as f64;
@@ -167,7 +168,7 @@ pub fn has_one_correlation(lists: &[(&[f64], &[f64], &[bool])]) -> bool {
     if count < LEAST_OF_SHAPE {
         return false;
     }
-    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+    order::ascending(&mut rows, |it| it.0);
     let of = |part: &[(f64, [f64; 3])]| {
         let sum = |k: usize| part.iter().map(|it| it.1[k]).sum::<f64>();
         [0, 1].map(|k| sum(k) / sum(2).max(f64::MIN_POSITIVE))

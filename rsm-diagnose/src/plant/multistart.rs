@@ -10,6 +10,7 @@ use super::nuisance::Nuisance;
 use super::whitened_residuals::{Column, Prepared, Simulated, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::levenberg::{CostTolerance, Problem, Rules, descend};
+use rsm_core::order;
 use rsm_fit::random::Random;
 
 /// The last step of the line search, as a share of a parameter's scale: 2.5 % of a positive parameter, the resolution of an earlier scan.
@@ -88,7 +89,7 @@ pub fn line_search_escape(whitened: &WhitenedResiduals, fit: Fit, steps: usize, 
         let runs = whitened.run_all(&models);
         let costs = runs.into_iter().map(|run| run.map(|run| nuisance.remaining_square(&whitened.residual(&run)).0));
         let mut order: Vec<(f64, Model)> = costs.zip(models).filter_map(|(cost, model)| Some((cost?, model))).collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        order::ascending(&mut order, |it| it.0);
         let others = order.into_iter().take(MOST_MINIMA).filter_map(|(_, model)| levenberg::fit(whitened, model, steps));
         let lower = others.into_iter().find(|other| other.cost < fit.cost - threshold);
         let Some(lower) = lower else { break };
@@ -123,7 +124,7 @@ fn parts(whitened: &WhitenedResiduals, residual: &[f64]) -> Vec<Vec<f64>> {
 #[must_use]
 pub fn in_few_parts(whitened: &WhitenedResiduals, fit: &Fit) -> bool {
     let mut beyond: Vec<f64> = parts(whitened, &fit.residual).into_iter().flatten().map(|it| (it - 1.0).max(0.0)).collect();
-    beyond.sort_by(f64::total_cmp);
+    order::sort(&mut beyond);
     let few = (FEW_PARTS * beyond.len() as f64).ceil() as usize;
     let of_few: f64 = beyond.iter().rev().take(few).sum();
     !is_noise(fit) && of_few > 0.5 * beyond.iter().sum::<f64>()

@@ -9,6 +9,7 @@ use super::levenberg::{self, Fit};
 use super::model::{Place, Unknown};
 use super::normal::Normal;
 use super::random::Random;
+use rsm_core::order;
 
 /// Half the width of a 95 % interval of a normal variable, in standard deviations.
 pub const REACH: f64 = 1.96;
@@ -239,7 +240,7 @@ fn truncated(random: &mut Random, low: f64, high: f64) -> f64 {
 /// The standard deviation of a list, and its shortest 95 % interval. If almost no draws lie between the interval and the end of the list, it is
 /// extended to that end, and to the bound if this is near. It always contains the fit, 0.
 fn shortest(mut list: Vec<f64>, bounds: (f64, f64)) -> (f64, f64, f64) {
-    list.sort_by(f64::total_cmp);
+    order::sort(&mut list);
     let count = list.len();
     let held = (SHARE_OF_DRAWS * count as f64).ceil() as usize;
     let width = |first: usize| list[first + held - 1] - list[first];

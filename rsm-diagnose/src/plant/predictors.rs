@@ -8,6 +8,7 @@
 //! A wave is compared with its neighbouring orders, and powers with the same powers at other times of the residual. Coloured noise with a poorly
 //! known spectrum raises these levels too, and is not taken for structure.
 
+use rsm_core::order;
 use std::f64::consts::TAU;
 
 use super::levenberg::Fit;
@@ -152,7 +153,7 @@ fn waves(
         let (gain, freedom) = sums[*k];
         let first = place.saturating_sub(NEIGHBOURS).min(reached.len() - 2 * NEIGHBOURS);
         let mut around: Vec<f64> = per_freedom[first..(first + 2 * NEIGHBOURS).min(reached.len())].to_vec();
-        around.sort_by(f64::total_cmp);
+        order::sort(&mut around);
         let level = (around[around.len() / 2] / median_of_chance(freedom)).max(1.0);
         // A spectral line is as wide as one wave over the whole travel, so three digits are enough for a record with hundreds of waves.
         let what = format!("a wave of order {} over {}", rounded(way.order[*k], 3), way.words());

@@ -5,6 +5,7 @@
 
 use super::levenberg::Fit;
 use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
+use rsm_core::order;
 use rsm_sim::equation_plant::{self, SiteKind, SiteSignal};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::threads::in_threads;
@@ -235,7 +236,7 @@ impl Quantity {
             }
             Division::Whole => {
                 let mut values = all.clone();
-                values.sort_by(f64::total_cmp);
+                order::sort(&mut values);
                 values.dedup();
                 let names = values.iter().map(|value| format!("{} {value}", self.name)).collect();
                 (names, Box::new(move |value| values.iter().position(|it| *it == value).unwrap_or(0)))
@@ -262,7 +263,7 @@ impl Quantity {
     fn bounds(&self, all: &[f64]) -> (Vec<f64>, bool) {
         let is_size = matches!(self.division, Division::Size { .. });
         let mut values: Vec<f64> = all.iter().map(|value| if is_size { value.abs() } else { *value }).collect();
-        values.sort_by(f64::total_cmp);
+        order::sort(&mut values);
         let mut bounds = Vec::new();
         let mut has_rest = false;
         let (Some(first), Some(last)) = (values.first().copied(), values.last().copied()) else { return (bounds, has_rest) };

@@ -6,6 +6,7 @@
 use super::noise::NoiseFloor;
 use super::quantities::{Classes, Quantity};
 use super::whitened_residuals::{Simulated, WhitenedResiduals};
+use rsm_core::order;
 use rsm_sim::kind::OUTPUTS;
 
 /// A region and its share of the error.
@@ -189,7 +190,7 @@ pub fn regions(slices: &[ErrorSlice], spectral: &[Region], side: Side) -> Vec<Re
                 by_information.push((information(share, slice.share_of_rows), region));
             }
         }
-        by_information.sort_by(|a, b| b.0.total_cmp(&a.0));
+        order::descending(&mut by_information, |it| it.0);
         let mut quantities: Vec<&str> = Vec::new();
         for (_, region) in &by_information {
             if quantities.len() < QUANTITIES && !quantities.contains(&region.quantity.as_str()) {
@@ -199,7 +200,7 @@ pub fn regions(slices: &[ErrorSlice], spectral: &[Region], side: Side) -> Vec<Re
         }
         list.extend(spectral.iter().filter(|region| region.output == output).cloned());
     }
-    list.sort_by(|a, b| b.share_of_error.total_cmp(&a.share_of_error));
+    order::descending(&mut list, |it| it.share_of_error);
     list
 }
 
@@ -217,7 +218,7 @@ pub fn most_informative(regions: &[Region], count: usize) -> Vec<Region> {
         let share = it.share_of_output.max(f64::MIN_POSITIVE);
         information(share, it.share_of_rows) * it.share_of_error / share
     };
-    list.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
+    order::descending(&mut list, |it| weight(it));
     list.truncate(count);
     list
 }

@@ -3,6 +3,7 @@
 //! In: the noisy channels of a record. Out: the rows of each repeated block. The test includes the probability that rows are equal by chance. It uses
 //! neither time nor a plant.
 
+use rsm_core::order;
 use std::collections::HashMap;
 
 /// In a noisy channel two equal readings may be chance. This many equal readings mean that the channel is stuck.
@@ -18,7 +19,7 @@ pub fn find(channels: &[&[f64]]) -> Vec<(usize, usize)> {
     // The probability that two rows are equal by chance: the share of equal pairs in each channel, counting at least one pair.
     let chance = |values: &&[f64]| {
         let mut sorted = values.to_vec();
-        sorted.sort_by(f64::total_cmp);
+        order::sort(&mut sorted);
         let equal: f64 = sorted.chunk_by(|a, b| a == b).map(|run| (run.len() * (run.len() - 1)) as f64).sum();
         (equal.max(2.0) / (rows as f64 * (rows as f64 - 1.0)).max(1.0)).ln()
     };

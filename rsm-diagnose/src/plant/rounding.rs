@@ -9,6 +9,7 @@
 //! probit (J. Aitchison, S. D. Silvey, 1957).
 
 use crate::engine::significance::normal;
+use rsm_core::order;
 
 /// The tested noise before rounding, in steps, in factors of 1.43. With less noise, a value within a fiftieth of a step from an edge would dominate.
 /// With 0.5, the mean reading still has a wave of 4 exp(-2 pi^2/4) = 3 % of the step, a tenth of the uniform error's standard deviation; with more
@@ -90,7 +91,7 @@ pub fn step_of<'a>(lists: impl Iterator<Item = (&'a [f64], &'a [bool])>, noise: 
     if steps.len() < 50 {
         return None;
     }
-    steps.sort_by(f64::total_cmp);
+    order::sort(&mut steps);
     let step = steps[steps.len() / 100];
     // A step below a fifth of the noise is only the number format of the file.
     if step < 0.2 * noise {

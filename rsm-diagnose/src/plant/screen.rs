@@ -15,6 +15,7 @@ use super::whitened_residuals::WhitenedResiduals;
 use crate::engine::columns::dot;
 use crate::engine::normal::{Normal, symmetric};
 use crate::engine::significance::point_of_largest;
+use rsm_core::order;
 use rsm_fit::random::Random;
 use rsm_sim::effect::{Guess, Subject};
 use rsm_sim::kind::PlantKind;
@@ -108,7 +109,7 @@ pub fn screen(whitened: &WhitenedResiduals, fit: &Fit, nominal: &Model, hypothes
 /// Groups guesses that have the same trace after projection. The one with the largest predicted gain leads.
 fn grouped(nuisance: &Nuisance<'_>, list: &mut [Screened]) {
     let mut order: Vec<usize> = (0..list.len()).filter(|k| list[*k].traces.len() == 1 && list[*k].gain > 0.0).collect();
-    order.sort_by(|a, b| list[*b].gain.total_cmp(&list[*a].gain));
+    order::descending(&mut order, |it| list[*it].gain);
     order.truncate(GROUPED);
     let between =
         |a: &Screened, b: &Screened| nuisance.between(dot(&a.traces[0], &b.traces[0]), &a.products[0], &b.products[0], 0);
@@ -315,11 +316,11 @@ pub fn pairs(fit: &Fit, hypotheses: &[Hypothesis], screened: &[&Screened]) -> Ve
             }
         }
     }
-    list.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    order::descending(&mut list, |it| it.gain);
     let least = list.first().map_or(0.0, |best| NEAR_THE_BEST * best.gain);
     list.retain(|it| it.gain >= least);
     let mut joint = list.clone();
-    joint.sort_by(|a, b| b.beyond.total_cmp(&a.beyond));
+    order::descending(&mut joint, |it| it.beyond);
     joint.into_iter().zip(list).flat_map(|(joint, strong)| [joint, strong]).collect()
 }
 

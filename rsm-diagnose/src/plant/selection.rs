@@ -18,6 +18,7 @@ use super::search_history::{Limit, SearchHistory};
 use super::variable_projection::project;
 use super::{waves, whiteness};
 use crate::engine::significance::best_gain_by_chance;
+use rsm_core::order;
 use rsm_sim::plant_file::Entry;
 
 /// A cause must remove this share of the noise energy. For one output with 24,000 residuals that is 36 squared standard deviations, less than a tenth
@@ -194,7 +195,7 @@ impl Search<'_> {
             Some(_) => {}
             None => candidates.push(from_equations),
         }
-        candidates.sort_by(|a, b| a.score.total_cmp(&b.score));
+        order::ascending(candidates, |it| it.score);
     }
 
     /// Sets of several causes from the equation errors, as starting points without other causes, if each cause is allowed; the smallest sets first.
@@ -345,7 +346,7 @@ impl Search<'_> {
                     .filter(|it| it.label != name)
                     .map(|it| (it.label.clone(), it.fit.cost - fit.cost, it.fit.model.clone()))
                     .collect();
-                rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
+                order::ascending(&mut rivals, |it| it.1);
                 let mut alike =
                     candidates.iter().find(|it| it.label == name).map_or_else(Vec::new, |it| it.aliases_not_fitted.clone());
                 if !rivals_tested {

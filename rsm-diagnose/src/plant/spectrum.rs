@@ -3,6 +3,7 @@
 //! In: simulations before and after, along the same records. Out: the power spectral density of each output (P. D. Welch, 1967: half-overlapping Hann
 //! segments), lines that exceed their neighbours, and the octave that holds most of the error. Names no cause.
 
+use rsm_core::order;
 use std::f64::consts::TAU;
 
 use super::noise_floor::{NoiseFloor, shape};
@@ -145,7 +146,7 @@ pub fn peaks(power: &[f64], averages: usize, apart: usize) -> Vec<Peak> {
             list.push(Peak { place, ratio: power[place] / around });
         }
     }
-    list.sort_by(|a, b| power[b.place].total_cmp(&power[a.place]));
+    order::descending(&mut list, |it| power[it.place]);
     list
 }
 

@@ -6,6 +6,7 @@
 
 use super::checks::{Finding, SWAPPED};
 use super::units;
+use rsm_core::order;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::{Drive, Record};
@@ -74,7 +75,7 @@ fn of_record(file: &PlantFile, record: &Record, threads: usize) -> Option<Pair> 
     let mut promising: Vec<(f64, Pair)> =
         pairs.into_iter().map(|pair| (units::nominal_error(file, &pair.exchanged(record), threads), pair)).collect();
     promising.retain(|it| it.0 < as_given.at_once);
-    promising.sort_by(|a, b| a.0.total_cmp(&b.0));
+    order::ascending(&mut promising, |it| it.0);
     let beyond = |left: f64| (left - as_given.noise).max(0.0);
     let mut best: Option<(f64, Pair)> = None;
     for (_, pair) in promising.into_iter().take(CALIBRATED) {

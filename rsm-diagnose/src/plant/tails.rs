@@ -9,6 +9,7 @@
 
 use super::noise::NoiseFloor;
 use crate::engine::significance::median;
+use rsm_core::order;
 use statrs::function::gamma::ln_gamma;
 
 /// Rows on either side that give the expected value of a row: outliers do not change their median.
@@ -136,7 +137,7 @@ impl Tails {
             let off: Vec<Option<f64>> = off.iter().map(|it| it.map(|off| off / size)).collect();
             all.extend(off.iter().flatten());
             let mut sizes: Vec<f64> = off.iter().flatten().map(|it| it.abs()).collect();
-            sizes.sort_by(f64::total_cmp);
+            order::sort(&mut sizes);
             let limit = sizes[((1.0 - OUTERMOST) * (sizes.len() - 1) as f64) as usize];
             let is_out = |row: usize| off[row].is_some_and(|it| it.abs() > limit);
             for row in (0..off.len()).filter(|row| is_out(*row)) {

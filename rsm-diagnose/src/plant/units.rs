@@ -18,6 +18,7 @@ use super::prepared::Piece;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::significance::median;
+use rsm_core::order;
 use rsm_sim::effect::Role;
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::kind::PlantKind;
@@ -382,7 +383,7 @@ fn next(
         promising.push((plain(&whitened), it));
     }
     promising.retain(|it| it.0 < nominal);
-    promising.sort_by(|a, b| a.0.total_cmp(&b.0));
+    order::ascending(&mut promising, |it| it.0);
     let mut fits: Vec<(f64, &Candidate, WhitenedResiduals, Fit)> = Vec::new();
     for (_, it) in promising.into_iter().take(CALIBRATED) {
         let whitened = whitened(beside(&checked, it), file, threads);
@@ -390,7 +391,7 @@ fn next(
             fits.push((left, it, whitened, fit));
         }
     }
-    fits.sort_by(|a, b| a.0.total_cmp(&b.0));
+    order::ascending(&mut fits, |it| it.0);
     let beyond = |left: f64| (left - noise).max(0.0);
     let stands = |left: f64, factor: f64| {
         let large = factor.max(1.0 / factor) > LARGE_FACTOR;

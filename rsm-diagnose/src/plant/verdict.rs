@@ -6,6 +6,7 @@ mod cause_report;
 mod resolution;
 mod rivals;
 
+use rsm_core::order;
 use std::collections::BTreeSet;
 
 use super::bootstrap;
@@ -60,7 +61,7 @@ pub(super) const LEAST_CONFIDENCE: f64 = 0.5;
 /// The indices of gains, the largest first.
 fn by_gain(gains: &[f64]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..gains.len()).collect();
-    order.sort_by(|a, b| gains[*b].total_cmp(&gains[*a]));
+    order::descending(&mut order, |it| gains[*it]);
     order
 }
 
@@ -173,8 +174,8 @@ pub fn conclude(
     let (told_by_law, by_law): (Vec<Cause>, Vec<Entry>) = by_law.into_iter().unzip();
     // The result of a known control law about a sensor replaces that of the search.
     replace(&mut causes, told_by_law, |it| (it.kind, it.subject.clone()));
-    causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    aliases.sort_by(|a, b| b.0.total_cmp(&a.0));
+    order::descending(&mut causes, |it| it.gain);
+    order::descending(&mut aliases, |it| it.0);
     let verdict = verdict_of(structure, stopped, causes.is_empty());
     let (causes, helpers): (Vec<Cause>, Vec<Cause>) = causes.into_iter().partition(|it| is_named(verdict, it.confidence));
     let mut plant = final_fit::extended_plant_file(file, whitened, nominal, &fit);

@@ -9,6 +9,7 @@
 //! noise of the readings, together with all other free unknowns. No reading is differentiated. Long slow motion, in which a small force has a large
 //! effect, has its full weight.
 
+use rsm_core::order;
 use std::f64::consts::TAU;
 
 use super::curvature::{Curvature, curvatures};
@@ -172,7 +173,7 @@ pub(super) fn peaks(gains: &[f64], most: usize) -> Vec<usize> {
     let at = |k: usize| gains.get(k).copied().unwrap_or(0.0);
     let mut peaks: Vec<usize> =
         (0..gains.len()).filter(|&k| at(k) > 0.0 && (k == 0 || at(k) >= at(k - 1)) && at(k) > at(k + 1)).collect();
-    peaks.sort_by(|a, b| at(*b).total_cmp(&at(*a)));
+    order::descending(&mut peaks, |it| at(*it));
     peaks.truncate(most);
     peaks
 }
@@ -209,7 +210,7 @@ pub fn waves(whitened: &WhitenedResiduals, fit: &Fit) -> Vec<Wave> {
             found.push((gain, wave(number, factors)));
         }
     }
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    order::descending(&mut found, |it| it.0);
     found.truncate(MOST_WAVES_KEPT);
     found.into_iter().map(|it| it.1).collect()
 }

@@ -15,6 +15,7 @@ use super::search::Search;
 use crate::engine::combinations::{self, Combinations};
 use crate::engine::probability::Probability;
 use crate::engine::significance::f_of;
+use rsm_core::order;
 
 /// A rival that fits worse by less than this is not ruled out: 2 ln 19, odds of 95 to 5. A wrong rival is ahead of the truth by more only once in 20
 /// cases, because the mean of a likelihood ratio under the truth is 1 (Markov's inequality).
@@ -82,7 +83,7 @@ pub fn all(
                 }
             }
         }
-        rivals.sort_by(|a, b| a.1.total_cmp(&b.1));
+        order::ascending(&mut rivals, |it| it.1);
         cause.indistinguishable_from = rivals.iter().filter(|it| it.1 < NOT_RULED_OUT).map(|it| it.0.clone()).collect();
         // The probability that chance gives a hypothesis this good among all, relative to the threshold.
         let chance = (cause.ln_p - thresholds.ln_p_mean).min(0.0).exp() * 0.05;
@@ -95,7 +96,7 @@ pub fn all(
     causes.extend(narrative.outlying(thresholds));
     causes.extend(narrative.growing_noise());
     causes.extend(narrative.autocorrelated());
-    causes.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    order::descending(&mut causes, |it| it.gain);
     causes
 }
 
@@ -141,7 +142,7 @@ pub fn ranking(
             None => ranking.push((label, it.gain, it.ln_p)),
         }
     }
-    ranking.sort_by(|a, b| a.2.total_cmp(&b.2));
+    order::ascending(&mut ranking, |it| it.2);
     ranking
 }
 

@@ -13,6 +13,7 @@ use super::whitening::Space;
 use crate::engine::columns::dot;
 use crate::engine::significance::{ln_p_of_squares, ln_upper_f};
 use crate::engine::work::Work;
+use rsm_core::order;
 
 /// The contribution of one cause in a set.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -175,7 +176,7 @@ fn significant_terms(sample: &Sample, chosen: Vec<Hypothesis>, hypotheses: &[Hyp
         if variance > 0.0 { ln_upper_f(whole.coefficients[first + k].powi(2) / variance, 1.0, freedom) } else { 0.0 }
     };
     let mut by_p: Vec<usize> = (0..order.columns.len()).collect();
-    by_p.sort_by(|a, b| ln_p(*a).total_cmp(&ln_p(*b)));
+    order::ascending(&mut by_p, |it| ln_p(*it));
     let count = by_p.len();
     let standing = by_p.iter().enumerate().take_while(|(rank, k)| ln_p(**k) < (LEVEL / (count - rank) as f64).ln());
     let powers: Vec<&Vec<u32>> =

@@ -4,6 +4,7 @@
 //! its response is a column. Every other column is kept as numbers, kept as levels, or ignored with a reason. Never drops a row.
 
 use rsm_core::model::Model;
+use rsm_core::order;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
 use super::sample::ExtraColumn;
@@ -220,12 +221,12 @@ impl NewData {
             let is_run = is_run(name);
             let values = is_run.then(|| numbers(cells)).flatten()?;
             let mut sorted = values.clone();
-            sorted.sort_by(f64::total_cmp);
+            order::sort(&mut sorted);
             sorted.windows(2).all(|pair| pair[0] < pair[1]).then_some((place, values))
         });
         if let Some((place, values)) = runs {
             let mut order: Vec<usize> = (0..rows).collect();
-            order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
+            order::ascending(&mut order, |it| values[*it]);
             self.ordered_by = Some(columns.remove(place).0);
             self.lines = order.iter().map(|row| self.lines[*row]).collect();
             let sorted = |column: &Vec<f64>| -> Vec<f64> { order.iter().filter_map(|row| column.get(*row).copied()).collect() };

@@ -7,6 +7,7 @@
 //! Durbin and Watson 1950, by exact likelihood.
 
 use crate::engine::autoregression::innovations;
+use rsm_core::order;
 
 /// How the standard deviation of the noise depends on the response.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -118,7 +119,7 @@ pub(super) fn growth(residual: &[f64], fitted: &[f64]) -> (Growth, f64) {
 pub(super) fn growth_beyond_few(residual: &[f64], fitted: &[f64]) -> f64 {
     let few = (residual.len() / 50).max(1);
     let mut order: Vec<usize> = (0..residual.len()).collect();
-    order.sort_by(|a, b| residual[*a].abs().total_cmp(&residual[*b].abs()));
+    order::ascending(&mut order, |it| residual[*it].abs());
     order.truncate(residual.len().saturating_sub(few));
     order.sort_unstable();
     let of = |values: &[f64]| -> Vec<f64> { order.iter().map(|row| values[*row]).collect() };

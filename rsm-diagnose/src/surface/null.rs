@@ -6,6 +6,7 @@
 use super::noise;
 use crate::engine::columns::{Basis, dot};
 use crate::engine::significance::{f_of, ln_p_of_squares, ln_two_sided_t};
+use rsm_core::order;
 use rsm_fit::random::Random;
 
 /// The shares of the false alarms for: causes that change the mean, outlying runs, growing noise, correlated errors, and remaining structure. The
@@ -59,7 +60,7 @@ impl Thresholds {
             let ln_p = tails.map(|(width, share)| ln_p_of_share(*share, width, rows)).fold(0.0, f64::min);
             least.push(ln_p);
         }
-        least.sort_by(f64::total_cmp);
+        order::sort(&mut least);
         let place = (alpha * SHARES[0] * draws as f64).floor() as usize;
         // At most the limit for a single hypothesis.
         let ln_p_mean = least[place.min(draws - 1)].min((alpha * SHARES[0]).ln());

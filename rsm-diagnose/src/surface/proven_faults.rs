@@ -4,6 +4,7 @@
 //! its terms, those of the next order, a drift and all further columns may have other coefficients. Errors that follow each other are whitened first.
 //! A fault needs a probability below [`CHANCE`], so all of them together add nothing to the false alarms of a diagnosis.
 
+use rsm_core::order;
 use rsm_fit::design::{self, terms_up_to};
 
 use super::fault::{Fault, Found, ranges};
@@ -218,7 +219,7 @@ pub(super) fn inputs(sample: &Sample) -> Found {
     for (input, values) in sample.inputs.iter().zip(&sample.points) {
         let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
         let mut others: Vec<f64> = values.iter().copied().filter(|value| ![low, high].contains(value)).collect();
-        others.sort_by(f64::total_cmp);
+        order::sort(&mut others);
         let single: usize = others.chunk_by(|a, b| a == b).map(<[f64]>::len).filter(|count| *count <= 2).sum();
         // An input with levels repeats its readings by intention, also the largest one.
         let has_levels = 2 * others.len() < values.len() || (single as f64) < SINGLE * others.len() as f64;

@@ -4,6 +4,7 @@
 //! a reading. The surface is used only to estimate the noise and to distinguish a clipped sensor from a stuck one. Inputs repeat their values by
 //! intention, so their faults need a proof ([`super::proven_faults`]).
 
+use rsm_core::order;
 use std::collections::HashMap;
 
 use rsm_core::model::Model;
@@ -219,7 +220,7 @@ impl Found {
 /// The step of which all readings are multiples, beside a common offset. `None` if there is none above the resolution of numbers.
 fn grid(values: &[f64]) -> Option<f64> {
     let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
+    order::sort(&mut sorted);
     sorted.dedup();
     let largest = sorted.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
     let smallest = sorted

@@ -4,6 +4,7 @@
 //! third of the run order, a level of a further column). Regions with more error than their share of rows come first. Names no cause.
 
 use super::sample::Sample;
+use rsm_core::order;
 
 /// A region of the runs.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,7 +63,7 @@ pub fn regions(sample: &Sample, residual: &[f64], kept: &[usize]) -> Vec<Region>
     }
     let weight = |it: &Region| it.share_of_error / it.share_of_rows;
     found.retain(|it| weight(it) >= CONCENTRATED);
-    found.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
+    order::descending(&mut found, |it| weight(it));
     found.truncate(MOST_REGIONS);
     found
 }

@@ -7,6 +7,7 @@
 use crate::engine::columns::subtract;
 use crate::engine::normal::{Normal, symmetric};
 use crate::engine::work::Work;
+use rsm_core::order;
 
 /// A hypothesis in the form that the search uses.
 #[derive(Debug, Clone)]
@@ -298,7 +299,7 @@ impl Search {
             let mut grown: Vec<(CandidateSet, usize)> = Vec::new();
             for (path, (found, products)) in paths.iter().enumerate() {
                 let mut joined = self.joined_to(products, &found.set);
-                joined.sort_by(|a, b| a.1.total_cmp(&b.1));
+                order::ascending(&mut joined, |it| it.1);
                 for (candidate, score) in joined.into_iter().take(BEAM) {
                     let mut set = found.set.clone();
                     set.push(candidate);
@@ -308,7 +309,7 @@ impl Search {
                     }
                 }
             }
-            grown.sort_by(|a, b| a.0.score.total_cmp(&b.0.score));
+            order::ascending(&mut grown, |it| it.0.score);
             grown.truncate(BEAM);
             paths = grown
                 .into_iter()

@@ -6,6 +6,7 @@
 //! Source: Hoerl 1959 and Draper 1963 (ridge analysis); Box, Wilson 1951 (steepest ascent); Myers, Montgomery, Anderson-Cook, chapters 5 and 6.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use rsm_core::order;
 use serde::Serialize;
 
 /// A point of a path.
@@ -96,7 +97,7 @@ impl Quadratic {
         let mut axes: Vec<(f64, Vec<f64>)> = (0..self.slope.len())
             .map(|k| (eigen.eigenvalues[k], eigen.eigenvectors.column(k).iter().copied().collect()))
             .collect();
-        axes.sort_by(|a, b| b.0.total_cmp(&a.0));
+        order::descending(&mut axes, |it| it.0);
         axes
     }
 

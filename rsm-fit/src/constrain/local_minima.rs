@@ -5,6 +5,7 @@
 //! each digit would cost as many rounds as there are local minima.
 
 use rsm_core::bernstein::Monomial;
+use rsm_core::order;
 
 /// The first step of a descent, as a share of a side. Local minima of a polynomial of order 5 are wider.
 const FIRST_STEP: f64 = 1.0 / 16.0;
@@ -63,7 +64,7 @@ impl BoxPolynomial {
         let inside = starts.iter().filter(|start| is_inside(start));
         let mut found: Vec<LocalMinimum> = inside.map(|start| self.descent(start, is_inside)).collect();
         found.retain(|minimum| minimum.value < most);
-        found.sort_by(|a, b| a.value.total_cmp(&b.value));
+        order::ascending(&mut found, |it| it.value);
         let mut apart: Vec<LocalMinimum> = Vec::new();
         for minimum in found {
             let is_near =

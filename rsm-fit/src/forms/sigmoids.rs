@@ -8,6 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 use rsm_core::basis::{Factor, Shape};
 use rsm_core::model::{Input, Sigmoid, Surface};
+use rsm_core::order;
 
 use super::drawn;
 use crate::design;
@@ -246,7 +247,7 @@ impl Search<'_> {
                 starts.extend(self.best_start(rows, chosen, &base, order, input));
             }
         }
-        starts.sort_by(|a, b| b.0.total_cmp(&a.0));
+        order::descending(&mut starts, |it| it.0);
         let refined =
             starts.into_iter().take(REFINED).filter_map(|(_, step)| self.levenberg(rows, [chosen, &[step]].concat(), order));
         refined.min_by(|a, b| a.1.square().total_cmp(&b.1.square()))
@@ -256,7 +257,7 @@ impl Search<'_> {
     fn best_start(&self, rows: &Rows, chosen: &[Step], base: &Fitted, order: u32, input: usize) -> Option<(f64, Step)> {
         let (low, span) = self.side(input);
         let mut sorted = rows.inputs[input].clone();
-        sorted.sort_by(f64::total_cmp);
+        order::sort(&mut sorted);
         let quantile = |k: usize| (sorted[(sorted.len() - 1) * k / (CENTRES - 1)] - low) / span;
         let mut centres: Vec<f64> = (0..CENTRES).map(quantile).collect();
         // Friction, dead bands and similar effects are centred at 0.
@@ -297,9 +298,9 @@ impl Search<'_> {
     fn narrowest(&self, rows: &Rows, input: usize) -> f64 {
         let (_, span) = self.side(input);
         let mut sorted = rows.inputs[input].clone();
-        sorted.sort_by(f64::total_cmp);
+        order::sort(&mut sorted);
         let mut gaps: Vec<f64> = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0).collect();
-        gaps.sort_by(f64::total_cmp);
+        order::sort(&mut gaps);
         (gaps.get(gaps.len() / 2).copied().unwrap_or(span) / span / 2.0).max(1e-3)
     }
 

@@ -6,6 +6,7 @@
 //! goals do not take part: a front has directions and targets only.
 
 use rsm_core::check::Checked;
+use rsm_core::order;
 use rsm_core::source::Faults;
 use serde::Serialize;
 
@@ -134,7 +135,7 @@ impl Tracer<'_> {
         }
         candidates.extend(anchors);
         let mut kept = undominated(candidates);
-        kept.sort_by(|a, b| a.losses[0].total_cmp(&b.losses[0]));
+        order::ascending(&mut kept, |it| it.losses[0]);
         let of_objective = |k: usize, place: usize| -> f64 {
             kept.get(place).map_or(f64::NAN, |it| {
                 let settings = self.search.surfaces.settings(&it.coded);

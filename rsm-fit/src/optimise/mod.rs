@@ -15,6 +15,7 @@ mod study;
 mod surfaces;
 
 use rsm_core::check::Checked;
+use rsm_core::order;
 use rsm_core::source::Faults;
 use serde::Serialize;
 
@@ -168,7 +169,7 @@ impl<'a> Search<'a> {
     fn starts(&self, function: descent::Function<'_>, count: usize) -> Vec<Vec<f64>> {
         let mut values: Vec<(usize, f64)> =
             self.pool.iter().enumerate().map(|(k, point)| (k, value(&function(point)))).collect();
-        values.sort_by(|a, b| a.1.total_cmp(&b.1));
+        order::ascending(&mut values, |it| it.1);
         let mut places: Vec<usize> = values.iter().take(count.div_ceil(2)).map(|(k, _)| *k).collect();
         for k in 0..self.pool.len() {
             if places.len() < count && !places.contains(&k) {

@@ -3,6 +3,7 @@
 //! In: a specification of an optimal design, and runs already made. Out: a [`Plan`] with exactly the requested number of runs, or a reason why there
 //! is none.
 
+use rsm_core::order;
 use std::path::Path;
 
 use rsm_core::source::{Collector, Faults};
@@ -101,7 +102,7 @@ pub(super) fn space(specification: &DesignSpecification) -> Space {
     let of_levels = |factor: &Factor| {
         (!factor.levels.is_empty()).then(|| {
             let mut levels: Vec<f64> = factor.levels.iter().map(|xi| coded_setting(factor, *xi)).collect();
-            levels.sort_by(f64::total_cmp);
+            order::sort(&mut levels);
             levels
         })
     };

@@ -11,6 +11,7 @@ use super::{Robust, Rows, product, scale_of};
 use crate::dd::Dd;
 use crate::qr::Growing;
 use crate::random::Random;
+use rsm_core::order;
 
 /// Each response is moved by up to this share of the largest one, so that no surface passes through more than p rows and the search cannot circle.
 /// 10^-22 is above the rounding of double-double (10^-30 with the condition of usual designs) and below that of f64 data.
@@ -96,7 +97,7 @@ pub(super) fn fit(rows: &Rows<'_>, start: &Growing) -> Robust {
 fn first_rows(x: &[Vec<Dd>], errors: &[f64]) -> Vec<usize> {
     let width = x.first().map_or(0, Vec::len);
     let mut order: Vec<usize> = (0..x.len()).collect();
-    order.sort_by(|a, b| errors[*a].abs().total_cmp(&errors[*b].abs()));
+    order::ascending(&mut order, |it| errors[*it].abs());
     let mut chosen: Vec<usize> = Vec::new();
     let mut directions: Vec<Vec<Dd>> = Vec::new();
     for least in INDEPENDENT {

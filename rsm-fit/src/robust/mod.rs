@@ -22,6 +22,7 @@ use crate::design::Design;
 use crate::observations::Observations;
 use crate::qr::{Compressed, Dependent, Growing, Triangle};
 use crate::spec::Loss;
+use rsm_core::order;
 
 pub use report::{LossReport, LowWeight};
 
@@ -114,7 +115,7 @@ fn product(x: &[Dd], coefficients: &[Dd]) -> Dd {
 /// The scale of errors about 0.
 fn scale_of(errors: &[f64]) -> f64 {
     let mut sizes: Vec<f64> = errors.iter().map(|error| error.abs()).collect();
-    sizes.sort_by(f64::total_cmp);
+    order::sort(&mut sizes);
     let middle = sizes.len() / 2;
     let median = if sizes.len() % 2 == 1 { sizes[middle] } else { 0.5 * (sizes[middle - 1] + sizes[middle]) };
     median / NORMAL_MEDIAN

@@ -2,6 +2,7 @@
 //!
 //! In: a [`Robust`] and the rows. Out: a [`LossReport`] with sentences. Computes no coefficient.
 
+use rsm_core::order;
 use serde::Serialize;
 
 use super::{K, Robust};
@@ -58,7 +59,7 @@ impl LossReport {
             weight: weight(row),
         };
         let mut low_weight: Vec<LowWeight> = (0..found.errors.len()).filter(|row| weight(*row) < LOW).map(of_one).collect();
-        low_weight.sort_by(|a, b| a.weight.total_cmp(&b.weight));
+        order::ascending(&mut low_weight, |it| it.weight);
         LossReport {
             loss: loss.word(),
             k: (loss == Loss::Huber).then_some(K),

@@ -7,6 +7,7 @@
 //! of the motor for more than its resistance.
 
 use rsm_core::check::Checked;
+use rsm_core::order;
 use rsm_core::run::Interpreter;
 use rsm_core::source::Faults;
 
@@ -55,7 +56,7 @@ impl AngleErrors {
     /// Of magnitudes.
     #[must_use]
     pub fn of(mut errors: Vec<f64>) -> Self {
-        errors.sort_by(f64::total_cmp);
+        order::sort(&mut errors);
         let count = errors.len().max(1);
         let rank = (0.99 * count as f64).ceil() as usize;
         AngleErrors {

@@ -3,6 +3,7 @@
 //! In: a plant file, a drive, surfaces, seeds. Out: numbers and the traces behind them. The full controller is the standard; both see the same
 //! sensors. Never fits anything, never prints. Times are those of the machine; everything else is the same for the same files on one machine.
 
+use rsm_core::order;
 use std::time::Instant;
 
 use rsm_core::check::Checked;
@@ -113,7 +114,7 @@ fn differences(
             "the full controller never weakens the flux in this profile: use a longer profile",
         )));
     }
-    found.angles.sort_by(f64::total_cmp);
+    order::sort(&mut found.angles);
     Ok(found)
 }
 

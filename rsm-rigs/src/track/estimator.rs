@@ -10,6 +10,7 @@
 //! Jacobian J and the residual r of unit sigma, C (sum over lags of w_l J_t r_t r_{t+l} J_{t+l}') C, C = (J'J)^-1.
 
 use super::response::{Samples, Shape};
+use rsm_core::order;
 
 /// Bounds of the delay, in s. Negative ones are those of a fit that takes a zero of the response for a lead.
 pub const DELAY: [f64; 2] = [-0.03, 0.3];
@@ -321,7 +322,7 @@ pub fn estimate(task: &Task<'_>) -> Estimate {
             }
         }
     }
-    tried.sort_by(|a, b| a.1.total_cmp(&b.1));
+    order::ascending(&mut tried, |it| it.1);
     let mut fine = Problem::new(task, FINE);
     let polished = tried.iter().take(POLISHED).map(|(point, _)| fine.minimise(*point, ITERATIONS[1]));
     let (point, _) = polished.min_by(|a, b| a.1.total_cmp(&b.1)).expect("there are starts");

@@ -48,11 +48,12 @@ pub(crate) fn over_lanes<const L: usize, W: Work>(work: W) -> W::Found {
     if L > 1 { vectorised(work) } else { work.run() }
 }
 
-/// Runs loops with the registers of AVX-512, if this machine has them, else as [`vectorised`]. The bits are the same.
+/// Runs loops over four or eight lanes: over eight with the registers of AVX-512, which the machine must have (see [`has_eight`]), else as
+/// [`vectorised`]. So a loop is compiled for three sets of instructions, not for each set with each number of lanes. The bits are the same.
 #[inline]
-pub(crate) fn widest<W: Work>(work: W) -> W::Found {
+pub(crate) fn by_registers<const L: usize, W: Work>(work: W) -> W::Found {
     #[cfg(target_arch = "x86_64")]
-    if has_eight() {
+    if L > WIDE {
         return native::with_avx512(work);
     }
     vectorised(work)

@@ -13,21 +13,20 @@
 //! The first one needs no e^z, and A and E have few entries, so a doubling costs the two products of the derivative of phi_1^2. What no direction
 //! changes is computed once for all of them.
 
+use super::part::MOST_STATES;
 use super::phi::{Chain, WEIGHTS, stride};
-use crate::code::{Work, vectorised, widest};
+use crate::code::{Work, by_registers, vectorised};
 
 /// The relative size below which the first omitted term of the derivative of phi_3 changes nothing: a sixteenth of the rounding of f64.
 const OMITTED: f64 = f64::EPSILON / 16.0;
 
-/// Rows of a constant length: each number is a register of its own, so lengths that are no multiple of four waste nothing.
+/// The lengths of rows that code is written for. Each number of a row is a register of its own, so no length must be a multiple of four; each length
+/// costs the compiler 2 s.
+const WIDTHS: [usize; 5] = [4, 6, 8, 12, MOST_STATES];
+
+/// The constant length for rows of `n` numbers.
 fn width(n: usize) -> usize {
-    if n <= 4 {
-        4
-    } else if n <= 8 {
-        n
-    } else {
-        stride(n)
-    }
+    WIDTHS.into_iter().find(|width| n <= *width).unwrap_or(MOST_STATES)
 }
 
 /// Runs code written for rows of a constant length.
@@ -35,13 +34,9 @@ macro_rules! by_width {
     ($states:expr, $length:ident => $run:expr) => {
         match width($states) {
             4 => by_width!(4, $length, $run),
-            5 => by_width!(5, $length, $run),
             6 => by_width!(6, $length, $run),
-            7 => by_width!(7, $length, $run),
             8 => by_width!(8, $length, $run),
             12 => by_width!(12, $length, $run),
-            16 => by_width!(16, $length, $run),
-            20 => by_width!(20, $length, $run),
             _ => by_width!(24, $length, $run),
         }
     };
@@ -238,6 +233,9 @@ fn add<const S: usize>(sum: &mut [f64; S], factor: f64, row: &[f64; S]) {
 
 impl<const W: usize> Along<W> {
     /// Computes the derivatives along the directions. `e`: the derivative of A, row by row.
+    ///
+    /// # Panics
+    /// For eight directions on an x86-64 machine without AVX-512.
     pub(super) fn compute(&mut self, shared: &Shared, e: impl Iterator<Item = [f64; W]>) {
         let n = shared.n;
         self.e.clear();
@@ -250,7 +248,7 @@ impl<const W: usize> Along<W> {
                 self.e.ends.push(self.e.entries.len());
             }
         }
-        by_width!(n, S => widest(Compute::<S, W> { along: self, shared }));
+        by_width!(n, S => by_registers::<W, _>(Compute::<S, W> { along: self, shared }));
     }
 
     /// The derivative of an entry of phi_1.
@@ -480,6 +478,13 @@ mod tests {
 
     #[test]
     fn derivatives_are_the_corner_of_the_functions_of_a_block_matrix() {
+        derivatives_are_the_corner::<4>();
+        if crate::code::has_eight() {
+            derivatives_are_the_corner::<8>();
+        }
+    }
+
+    fn derivatives_are_the_corner<const W: usize>() {
         // f([A E; 0 A]) = [f(A) L; 0 f(A)], where L is the derivative of f at A along E (C. F. Van Loan, "Computing integrals involving the matrix
         // exponential", 1978). The first matrix has a small norm, the last one needs ten doublings.
         let n = 5;
@@ -494,7 +499,6 @@ mod tests {
             let jacobian = columns(n, a);
             assert!(chain.set_matrix(n, &jacobian, 1.0));
             let wanted: Vec<usize> = vec![1, 4];
-            const W: usize = 8;
             let moved = |k: usize| -> [f64; W] { std::array::from_fn(|lane| e(lane, k / n, k % n)) };
             for level in levels {
                 for one_level in [level, level + 1] {

@@ -21,6 +21,7 @@ mod tests;
 pub mod turning;
 mod wave_terms;
 
+use rsm_core::order;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::hypotheses::{Hypothesis, generalises};
@@ -180,7 +181,7 @@ impl CandidateGain {
 /// The rotor orders with the largest gain. Candidates from `first` on are orders.
 fn best_orders(judged: &[CandidateGain], candidates: &[Candidate], first: usize) -> Vec<(usize, Guess)> {
     let mut waves: Vec<&CandidateGain> = judged.iter().filter(|it| it.gain > 0.0 && it.candidate >= first).collect();
-    waves.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    order::descending(&mut waves, |it| it.gain);
     let guess = |it: &CandidateGain| {
         let candidate = &candidates[it.candidate];
         (candidate.hypothesis, Guess { values: it.values.clone(), ..candidate.guess.clone() })

@@ -7,6 +7,7 @@ use super::terms::Form;
 use crate::engine::columns::dot;
 use crate::engine::normal::Normal;
 use crate::plant::posterior::REACH;
+use rsm_core::order;
 
 /// The number of points of a curve.
 const POINTS: usize = 41;
@@ -100,7 +101,7 @@ impl Fitted<'_> {
             .iter()
             .map(|values| {
                 let mut values: Vec<f64> = values.iter().copied().filter(|it| it.is_finite()).collect();
-                values.sort_by(f64::total_cmp);
+                order::sort(&mut values);
                 values
             })
             .collect();
@@ -147,7 +148,7 @@ impl Fitted<'_> {
             })
             .filter(|it| it.misfit.is_finite())
             .collect();
-        list.sort_by(|a, b| a.misfit.total_cmp(&b.misfit));
+        order::ascending(&mut list, |it| it.misfit);
         list.truncate(LISTED);
         list
     }

@@ -10,6 +10,7 @@ mod basis;
 mod power;
 mod runs;
 
+use rsm_core::order;
 use std::collections::BTreeSet;
 
 use rsm_core::model::Surface;
@@ -304,7 +305,7 @@ fn prediction(
     let mean = dot(&inverse, &moments);
     let variance = Variance::new(space, inverse);
     let mut values: Vec<f64> = sample.iter().map(|point| n * variance.at(point)).collect();
-    values.sort_by(f64::total_cmp);
+    order::sort(&mut values);
     // The smallest value that is not exceeded at this share of the points.
     let place = |share: f64| ((share * values.len() as f64).ceil() as usize).clamp(1, values.len()) - 1;
     let quantiles = SHARES.map(|share| Quantile { share, value: values[place(share)] }).to_vec();

@@ -6,6 +6,7 @@
 use super::exchange::{Measure, Task, directions};
 use super::space::Space;
 use crate::plan::design::Criterion;
+use rsm_core::order;
 
 /// The number of searches from the largest values at the runs and at random points, each, and of searches from points spread over the region. On the
 /// 29 published designs of `tests/all/evaluation.rs`, whose maxima are certified, they find every maximum; 48 spread points along factors alone
@@ -46,7 +47,7 @@ impl<'a> Variance<'a> {
             let inside = points.iter().filter(|point| space.candidates.is_some() || space.holds(point));
             let mut all: Vec<(Vec<f64>, f64)> = inside.map(|point| (point.clone(), self.at(point))).collect();
             // The sort is stable: points of one value keep their order on every machine.
-            all.sort_by(|a, b| b.1.total_cmp(&a.1));
+            order::descending(&mut all, |it| it.1);
             all.dedup_by(|a, b| a.0 == b.0);
             all
         };

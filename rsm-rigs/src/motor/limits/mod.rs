@@ -18,6 +18,7 @@
 pub mod range;
 pub mod step;
 
+use rsm_core::order;
 use std::collections::BinaryHeap;
 
 use rsm_core::check::Checked;
@@ -413,7 +414,7 @@ impl Search<'_> {
         ];
         let length = |(range, weight): &(Range, f32)| (range.high - range.low) * weight;
         let mut order = [0, 1, 2, 3];
-        order.sort_by(|one, other| length(&sides[*other]).total_cmp(&length(&sides[*one])));
+        order::descending(&mut order, |it| f64::from(length(&sides[*it])));
         let (side, halves) = order.into_iter().find_map(|side| sides[side].0.halves().map(|halves| (side, halves)))?;
         let halves = halves.map(|half| {
             let mut cut = *part;
