@@ -20,9 +20,9 @@ use crate::code::{Work, by_registers, vectorised};
 /// The relative size below which the first omitted term of the derivative of phi_3 changes nothing: a sixteenth of the rounding of f64.
 const OMITTED: f64 = f64::EPSILON / 16.0;
 
-/// The lengths of rows that code is written for. Each number of a row is a register of its own, so no length must be a multiple of four; each length
-/// costs the compiler 2 s.
-const WIDTHS: [usize; 5] = [4, 6, 8, 12, MOST_STATES];
+/// The lengths of rows that code is written for. Each number of a row is a register of its own, so no length must be a multiple of four. The compiler
+/// takes half a second for a short length and 2 s for a long one.
+const WIDTHS: [usize; 7] = [4, 5, 6, 7, 8, 12, MOST_STATES];
 
 /// The constant length for rows of `n` numbers.
 fn width(n: usize) -> usize {
@@ -34,7 +34,9 @@ macro_rules! by_width {
     ($states:expr, $length:ident => $run:expr) => {
         match width($states) {
             4 => by_width!(4, $length, $run),
+            5 => by_width!(5, $length, $run),
             6 => by_width!(6, $length, $run),
+            7 => by_width!(7, $length, $run),
             8 => by_width!(8, $length, $run),
             12 => by_width!(12, $length, $run),
             _ => by_width!(24, $length, $run),
