@@ -67,7 +67,7 @@ enum Command {
     Emit(emit::Arguments),
     /// Let a surface follow measured rows in order, by recursive least squares
     Track(track::Arguments),
-    /// Convert files of other tools into one record: MAT files, other encodings, sampling jitter, two clocks
+    /// Convert files of other tools into one record: MDF and MAT files, other encodings, sampling jitter, two clocks
     Import(import::Arguments),
     /// Simulate a plant, with its effects, with the inputs of a record
     Simulate(simulate::Arguments),

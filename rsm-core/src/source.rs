@@ -33,6 +33,13 @@ pub fn files_read() -> Vec<PathBuf> {
     READ.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
 
+/// The format of a file that `rsm import` reads and that is no text, by its first bytes.
+fn imported(bytes: &[u8]) -> Option<&'static str> {
+    const KNOWN: [(&[u8], &str); 4] =
+        [(b"MDF ", "an MDF"), (b"UnFinMF ", "an MDF"), (b"MATLAB ", "a MAT"), (b"\x89HDF", "an HDF5")];
+    KNOWN.iter().find(|(first, _)| bytes.starts_with(first)).map(|(_, format)| *format)
+}
+
 impl Source {
     /// A source from its name (as the user wrote it) and its text.
     #[must_use]
@@ -60,6 +67,11 @@ impl Source {
                 let at = error.utf8_error().valid_up_to();
                 let prefix = String::from_utf8_lossy(&error.as_bytes()[..at]).into_owned();
                 let source = Source { name, text: prefix };
+                if let Some(format) = imported(error.as_bytes()) {
+                    let what = format!("found {format} file, expected text");
+                    let help = "`rsm import` makes a CSV file of it";
+                    return Err(Faults::one(Fault::whole_file(&source.name, what).help(help)));
+                }
                 let help = "save the file as UTF-8; `rsm import` reads tables in other encodings";
                 Err(Faults::one(source.fault(at..at, "a byte that is not UTF-8 text").help(help)))
             }
@@ -261,6 +273,17 @@ mod tests {
         // µ and ß have two bytes each, and one column each.
         assert_eq!(source.position(6), (2, 3));
         assert_eq!(source.position(10_000), (3, 1));
+    }
+
+    #[test]
+    fn a_file_that_is_no_text_is_named() {
+        let fault = |bytes: &[u8]| Source::of_bytes("a", bytes.to_vec()).unwrap_err().to_string();
+        assert_eq!(
+            fault(b"MDF     4.10\xff"),
+            "a: found an MDF file, expected text\n  help: `rsm import` makes a CSV file of it"
+        );
+        assert!(fault(b"MATLAB 7.3 \xff").contains("a MAT file"));
+        assert!(fault(b"time[s]\n1 \xff").starts_with("a:2:3: a byte that is not UTF-8 text"));
     }
 
     #[test]

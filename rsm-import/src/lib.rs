@@ -1,6 +1,6 @@
 //! Converts records of other tools to records that `rsm` reads.
 //!
-//! In: the bytes of one or more files (tables in any usual encoding and separator, MAT files) and the user's options for their columns. Out: one
+//! In: the bytes of one or more files (tables in any usual encoding and separator, MAT files, MDF files) and the user's options for their columns. Out: one
 //! table with units at a constant period, and notes in words about every conversion; or every fault. A value that is not interpolated keeps its bits.
 //! Units, times and offsets come from the files or from the user. If the program estimates one of them, a note reports it.
 //!
@@ -26,6 +26,7 @@ mod format;
 mod log;
 mod mat;
 mod mat73;
+mod mdf;
 mod record;
 mod resample;
 mod sheet;

@@ -105,8 +105,10 @@ const TIME: [&str; 16] = [
     "date/time",
 ];
 
-/// A file with its clock.
+/// A table with its clock.
 struct Timed {
+    /// The index of its file. Tables of one file have one clock.
+    file: usize,
     log: Log,
     clock: Clock,
     /// The name of the time column.
@@ -122,17 +124,29 @@ pub fn import(files: &[File], wishes: &Wishes) -> Result<Record, Faults> {
         return Err(Faults::one(Fault::whole_file("import", "no file is given")));
     };
     let mut timed: Vec<Timed> = Vec::new();
-    for file in files {
-        timed.push(with_clock(format::read(&file.name, &file.bytes)?, wishes)?);
+    for (place, file) in files.iter().enumerate() {
+        let logs = format::read(&file.name, &file.bytes)?;
+        let tables = logs.into_iter().map(|log| with_clock(place, log, wishes)).collect::<Result<Vec<Timed>, Faults>>()?;
+        timed.extend(base_first(tables, wishes));
     }
     let mut notes: Vec<String> = Vec::new();
     for it in &timed {
-        notes.push(format!("from {}: {}", it.log.file, it.log.notes.join("; ")));
+        if !it.log.notes.is_empty() {
+            notes.push(format!("from {}: {}", it.log.file, it.log.notes.join("; ")));
+        }
         notes.extend(it.clock.notes.iter().map(|note| format!("{}: {note}", it.log.file)));
     }
     let mut alignments = Vec::new();
-    for k in 1..timed.len() {
-        let found = alignment(&timed[0], &timed[k], wishes)?;
+    let of_first = timed.iter().filter(|it| it.file == 0).count();
+    if of_first > 1 {
+        notes.push(format!(
+            "{}: {of_first} tables of one clock; the instants are those of the table of `{}`",
+            first.name,
+            timed[0].log.columns.iter().find(|column| column.name != timed[0].time).map_or("time", |column| &column.name)
+        ));
+    }
+    for file in 1..files.len() {
+        let found = alignment(&timed, file, wishes)?;
         notes.push(format!(
             "{}: clock aligned by `{}` and `{}` (correlation {:.3}): {} s +- {} s added at {} s, rate {:+.1} ppm +- {:.1} ppm (95 %)",
             found.file,
@@ -145,7 +159,9 @@ pub fn import(files: &[File], wishes: &Wishes) -> Result<Record, Faults> {
             1e6 * found.rate,
             1e6 * found.rate_half_width
         ));
-        timed[k].clock.times.iter_mut().for_each(|time| *time = found.to_first(*time));
+        for it in timed.iter_mut().filter(|it| it.file == file) {
+            it.clock.times.iter_mut().for_each(|time| *time = found.to_first(*time));
+        }
         alignments.push(found);
     }
     let clock = &timed[0].clock;
@@ -170,7 +186,7 @@ pub fn import(files: &[File], wishes: &Wishes) -> Result<Record, Faults> {
     let grid = if keeps_rows { clock.times.clone() } else { clock.grid(period) };
     let mut sampled = Vec::new();
     for chosen in chosen(&timed, wishes, &mut notes)? {
-        sampled.push(on_grid(&chosen, &grid, wishes, &mut notes)?);
+        sampled.push(on_grid(&chosen, (&grid, clock.period), wishes, &mut notes)?);
     }
     let is_resampled = !keeps_rows || sampled.iter().any(|(_, is_as_read)| !is_as_read);
     if is_resampled {
@@ -194,8 +210,22 @@ pub fn import(files: &[File], wishes: &Wishes) -> Result<Record, Faults> {
     Ok(Record { time, period, columns, is_resampled, alignments, notes })
 }
 
+/// The tables of a file, first the one with the most instants of those that have a wished column: it gives the instants of the record.
+fn base_first(mut tables: Vec<Timed>, wishes: &Wishes) -> Vec<Timed> {
+    let is_wished =
+        |it: &Timed| wishes.columns.is_empty() || wishes.columns.iter().any(|wish| it.log.column(&wish.value).is_some());
+    let rows = |k: &usize| (is_wished(&tables[*k]), tables[*k].clock.times.len(), std::cmp::Reverse(*k));
+    if let Some(base) = (0..tables.len()).max_by_key(rows) {
+        // What is said about the file comes first.
+        let notes = std::mem::take(&mut tables[0].log.notes);
+        tables.swap(0, base);
+        tables[0].log.notes.splice(0..0, notes);
+    }
+    tables
+}
+
 /// Finds the time column and orders its instants.
-fn with_clock(mut log: Log, wishes: &Wishes) -> Result<Timed, Faults> {
+fn with_clock(file: usize, mut log: Log, wishes: &Wishes) -> Result<Timed, Faults> {
     let fault = |what: String| Fault::whole_file(&log.file, what);
     let wish = match &wishes.time {
         Some(text) => Some(
@@ -224,7 +254,7 @@ fn with_clock(mut log: Log, wishes: &Wishes) -> Result<Timed, Faults> {
         let times: Vec<f64> = (0..rows).map(|row| row as f64 * period).collect();
         log.notes.push(format!("no column of time: rows are {} s apart, from --period", decimal(period)));
         let clock = Clock::of(&times).map_err(|(_, what)| Faults::one(fault(what)))?;
-        return Ok(Timed { log, clock, time: String::new() });
+        return Ok(Timed { file, log, clock, time: String::new() });
     };
     let unit = wish.and_then(|wish| wish.unit).or_else(|| column.unit.clone());
     let instants: Vec<f64> = if column.texts.is_empty() {
@@ -266,7 +296,7 @@ fn with_clock(mut log: Log, wishes: &Wishes) -> Result<Timed, Faults> {
         let what = format!("`{}`: {what}", column.name);
         Faults::one(if line > 0 { Fault::at_line(&log.file, line, 0, what) } else { fault(what) })
     })?;
-    Ok(Timed { log, clock, time: column.name })
+    Ok(Timed { file, log, clock, time: column.name })
 }
 
 /// Times of day continue after midnight.
@@ -294,53 +324,50 @@ fn samples(timed: &Timed, column: &Raw) -> Samples {
 }
 
 /// The clock of another file, from the pair of columns that the user gives, or from the best pair of columns with the same name.
-fn alignment(first: &Timed, second: &Timed, wishes: &Wishes) -> Result<Alignment, Faults> {
-    let fault = |what: String| Fault::whole_file(&second.log.file, what);
-    let column = |timed: &Timed, name: &str| {
-        let none = || {
-            Fault::whole_file(
-                &timed.log.file,
-                format!("there is no column `{name}` to align by; the columns are {}", timed.log.names()),
-            )
-        };
-        timed.log.column(name).filter(|column| column.texts.is_empty()).cloned().ok_or_else(|| Faults::one(none()))
+fn alignment(timed: &[Timed], file: usize, wishes: &Wishes) -> Result<Alignment, Faults> {
+    let of = |file: usize| timed.iter().filter(move |it| it.file == file);
+    let name = |file: usize| of(file).next().map_or("", |it| it.log.file.as_str());
+    let fault = |what: String| Fault::whole_file(name(file), what);
+    let numbers = |it: &Timed, column: &Raw| column.name != it.time && column.texts.is_empty();
+    let column = |file: usize, wanted: &str| {
+        let found = of(file).find_map(|it| it.log.column(wanted).filter(|it| it.texts.is_empty()).map(|column| (it, column)));
+        found.ok_or_else(|| {
+            let known: Vec<String> = of(file).map(|it| it.log.names()).collect();
+            let what = format!("there is no column `{wanted}` to align by; the columns are {}", known.join("; "));
+            Faults::one(Fault::whole_file(name(file), what))
+        })
     };
     let help = "name a signal that both files have with --align FIRST=SECOND";
-    let pairs: Vec<(Raw, Raw)> = match &wishes.align {
-        Some(pair) => vec![(column(first, &pair.name)?, column(second, &pair.value)?)],
+    let mut pairs: Vec<[(&Timed, &Raw); 2]> = Vec::new();
+    match &wishes.align {
+        Some(pair) => pairs.push([column(0, &pair.name)?, column(file, &pair.value)?]),
         None => {
-            let both = first.log.columns.iter().filter(|column| column.name != first.time && column.texts.is_empty());
-            both.filter_map(|one| {
-                let other =
-                    second.log.columns.iter().find(|it| it.name.eq_ignore_ascii_case(&one.name) && it.texts.is_empty())?;
-                (other.name != second.time).then(|| (one.clone(), other.clone()))
-            })
-            .collect()
+            for (one, two) in of(0).flat_map(|one| of(file).map(move |two| (one, two))) {
+                let known = one.log.columns.iter().filter(|column| numbers(one, column));
+                pairs.extend(known.filter_map(|column| {
+                    let is_same = |it: &&Raw| it.name.eq_ignore_ascii_case(&column.name) && numbers(two, it);
+                    two.log.columns.iter().find(is_same).map(|other| [(one, column), (two, other)])
+                }));
+            }
         }
-    };
+    }
     if pairs.is_empty() {
-        let what = format!("its clock is not that of {}, and no column has one name in both", first.log.file);
+        let what = format!("its clock is not that of {}, and no column has one name in both", name(0));
         return Err(Faults::one(fault(what).help(help)));
     }
     let mut why = Vec::new();
     let mut found: Vec<Alignment> = Vec::new();
-    for (one, two) in &pairs {
+    for [(first, one), (second, two)] in pairs {
         match align(&samples(first, one), &samples(second, two)) {
             Ok(it) => {
-                found.push(Alignment {
-                    file: second.log.file.clone(),
-                    first: one.name.clone(),
-                    second: two.name.clone(),
-                    ..it
-                });
+                let file = second.log.file.clone();
+                found.push(Alignment { file, first: one.name.clone(), second: two.name.clone(), ..it });
             }
             Err(what) => why.push(format!("`{}` and `{}`: {what}", one.name, two.name)),
         }
     }
     found.into_iter().min_by(|a, b| a.offset_half_width.total_cmp(&b.offset_half_width)).ok_or_else(|| {
-        Faults::one(
-            fault(format!("its clock cannot be aligned with that of {}: {}", first.log.file, why.join("; "))).help(help),
-        )
+        Faults::one(fault(format!("its clock cannot be aligned with that of {}: {}", name(0), why.join("; "))).help(help))
     })
 }
 
@@ -406,7 +433,12 @@ fn chosen<'a>(timed: &'a [Timed], wishes: &Wishes, notes: &mut Vec<String>) -> R
 }
 
 /// A column at the times of the record, and whether its numbers are unchanged.
-fn on_grid(chosen: &Chosen<'_>, grid: &[f64], wishes: &Wishes, notes: &mut Vec<String>) -> Result<(Column, bool), Faults> {
+fn on_grid(
+    chosen: &Chosen<'_>,
+    (grid, period): (&[f64], f64),
+    wishes: &Wishes,
+    notes: &mut Vec<String>,
+) -> Result<(Column, bool), Faults> {
     let file = &chosen.timed.log.file;
     let clock = &chosen.timed.clock;
     let is_as_read = clock.times == grid && clock.rows.iter().all(|row| !chosen.column.values[*row].is_nan());
@@ -419,7 +451,7 @@ fn on_grid(chosen: &Chosen<'_>, grid: &[f64], wishes: &Wishes, notes: &mut Vec<S
         if holds && !is_wished {
             notes.push(format!("`{}` steps between a few whole numbers and holds its value between samples", chosen.name));
         }
-        if samples.usual() > 1.5 * clock.period {
+        if samples.usual() > 1.5 * period {
             notes.push(format!("`{}` is sampled every {} s only", chosen.name, short(samples.usual())));
         }
         grid.iter().map(|instant| samples.at(*instant, holds)).collect()
