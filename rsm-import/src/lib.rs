@@ -1,8 +1,8 @@
 //! Converts records of other tools to records that `rsm` reads.
 //!
-//! In: the bytes of one or more files (tables in any usual encoding and separator, MAT files, MDF files) and the user's options for their columns. Out: one
-//! table with units at a constant period, and notes in words about every conversion; or every fault. A value that is not interpolated keeps its bits.
-//! Units, times and offsets come from the files or from the user. If the program estimates one of them, a note reports it.
+//! In: the bytes of one or more files (tables in any usual encoding and separator, MDF and MAT files) and the user's options for their columns. Out:
+//! one table with units at a constant period, and notes in words about every conversion; or every fault. A value that is not interpolated keeps its
+//! bits. Units, times and offsets come from the files or from the user. If the program estimates one of them, a note reports it.
 //!
 //! ```
 //! use rsm_import::{File, Wishes, import};

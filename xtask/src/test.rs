@@ -41,10 +41,13 @@ pub(crate) fn run() -> bool {
     let mut run = Run::new();
     run.check("packages", packages::ensure)
         .command("format", cargo(&["fmt", "--all", "--check"]))
-        .command("clippy", cargo_for_tests(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
+        // With all features: what is off by default is compiled and linted here.
+        .command("clippy", {
+            cargo_for_tests(&["clippy", "--workspace", "--all-features", "--all-targets", "--", "-D", "warnings"])
+        })
         // Cargo counts them among all targets only by their names.
         .command("clippy of slow tests", {
-            let mut clippy = cargo_for_tests(&["clippy", "--workspace"]);
+            let mut clippy = cargo_for_tests(&["clippy", "--workspace", "--all-features"]);
             clippy.args(SLOW).args(["--", "-D", "warnings"]);
             clippy
         })
@@ -53,6 +56,7 @@ pub(crate) fn run() -> bool {
         .command("test", tests(&[]))
         // Whole diagnoses, pages in a browser, loops between processes and hosts.
         .command("slow tests", tests(&SLOW))
+        .command("parquet", cargo_for_tests(&["test", "-p", "rsm-fit", "--features", "parquet", "--lib", "--", "parquet"]))
         .command("programs", programs())
         // The diagnosis on records of the independent simulation: a quick subset; all of it is `cargo xtask hidden-effects`.
         .command("hidden effects", hidden_effects::quick())

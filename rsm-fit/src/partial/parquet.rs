@@ -165,7 +165,7 @@ mod on {
     mod tests {
         use std::sync::Arc;
 
-        use parquet::basic::{Compression, Repetition};
+        use parquet::basic::{Compression, Repetition, ZstdLevel};
         use parquet::data_type::{DoubleType, Int64Type};
         use parquet::file::properties::WriterProperties;
         use parquet::file::writer::SerializedFileWriter;
@@ -195,7 +195,8 @@ mod on {
             let mut random = Random::new(3);
             let mut csv = "a[m],k[1],y[V]\n".to_string();
             let path = folder.join("data.parquet");
-            for compression in [Compression::UNCOMPRESSED, Compression::SNAPPY] {
+            let zstd = Compression::ZSTD(ZstdLevel::default());
+            for compression in [Compression::UNCOMPRESSED, Compression::SNAPPY, zstd] {
                 let properties = WriterProperties::builder().set_compression(compression).build();
                 let file = std::fs::File::create(&path).unwrap();
                 let mut writer = SerializedFileWriter::new(file, schema.clone(), Arc::new(properties)).unwrap();
