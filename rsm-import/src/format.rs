@@ -5,9 +5,10 @@ use rsm_core::source::{Fault, Faults};
 use crate::log::Log;
 
 /// Reads a file of any format; its first bytes identify the format. A file has one table, or several with one clock.
-pub(crate) fn read(name: &str, bytes: &[u8]) -> Result<Vec<Log>, Faults> {
+/// Of a format with thousands of channels only the `wanted` ones are read, if there is one of them.
+pub(crate) fn read(name: &str, bytes: &[u8], wanted: &dyn Fn(&str) -> bool) -> Result<Vec<Log>, Faults> {
     if crate::mdf::is_mdf(bytes) {
-        return Ok(crate::mdf::read(name, bytes)?.into_iter().map(Log::with_names_apart).collect());
+        return Ok(crate::mdf::read(name, bytes, wanted)?.into_iter().map(Log::with_names_apart).collect());
     }
     let log = if bytes.starts_with(b"MATLAB 7.3") || hdf5_pure::is_hdf5_bytes(bytes) {
         crate::mat73::read(name, bytes)?

@@ -20,6 +20,8 @@ pub(crate) struct Log {
     pub lines: Vec<usize>,
     /// The conversions while reading.
     pub notes: Vec<String>,
+    /// The names of columns that nobody wished, and that are not read.
+    pub unread: Vec<String>,
 }
 
 impl Log {
@@ -59,9 +61,10 @@ impl Log {
     pub(crate) fn names(&self) -> String {
         // As many names as a reader accepts in one message.
         const MOST: usize = 40;
-        let mut names: Vec<String> = self.columns.iter().take(MOST).map(|column| format!("`{}`", column.name)).collect();
-        if self.columns.len() > MOST {
-            names.push(format!("{} more", self.columns.len() - MOST));
+        let all = self.columns.iter().map(|column| &column.name).chain(&self.unread);
+        let mut names: Vec<String> = all.clone().take(MOST).map(|name| format!("`{name}`")).collect();
+        if all.clone().count() > MOST {
+            names.push(format!("{} more", all.count() - MOST));
         }
         names.join(", ")
     }

@@ -35,7 +35,7 @@ pub(crate) fn finish(file: &str, columns: Vec<Raw>, notes: Vec<String>) -> Resul
         notes.iter().skip(1).for_each(|note| what += &format!("; {note}"));
         return Err(Faults::one(Fault::whole_file(file, what)));
     }
-    Ok(Log { file: file.to_string(), columns, lines: Vec::new(), notes })
+    Ok(Log { file: file.to_string(), columns, lines: Vec::new(), notes, unread: Vec::new() })
 }
 
 /// The columns of an array that is stored column by column.

@@ -123,9 +123,11 @@ pub fn import(files: &[File], wishes: &Wishes) -> Result<Record, Faults> {
     let Some(first) = files.first() else {
         return Err(Faults::one(Fault::whole_file("import", "no file is given")));
     };
+    let names = wishes.names(files.len());
+    let wanted = |name: &str| names.as_ref().is_none_or(|names| names.iter().any(|it| it.eq_ignore_ascii_case(name)));
     let mut timed: Vec<Timed> = Vec::new();
     for (place, file) in files.iter().enumerate() {
-        let logs = format::read(&file.name, &file.bytes)?;
+        let logs = format::read(&file.name, &file.bytes, &wanted)?;
         let tables = logs.into_iter().map(|log| with_clock(place, log, wishes)).collect::<Result<Vec<Timed>, Faults>>()?;
         timed.extend(base_first(tables, wishes));
     }

@@ -45,7 +45,7 @@ pub(crate) fn read(file: &str, bytes: &[u8]) -> Result<Log, Faults> {
     let first = lines.iter().position(|line| is_row(line, is_comma)).unwrap_or(0);
     let width = lines[first].cells.len();
     let Header { names, units, notes } = header(&lines[..first], width);
-    let mut log = Log { file: file.to_string(), columns: Vec::new(), lines: Vec::new(), notes };
+    let mut log = Log { file: file.to_string(), columns: Vec::new(), lines: Vec::new(), notes, unread: Vec::new() };
     let sign = if is_comma { "decimal comma" } else { "decimal point" };
     let named = match separator {
         b'\t' => "tabs".to_string(),

@@ -47,3 +47,14 @@ pub struct Wishes {
     /// One signal in the first file and in each further file, `FIRST=SECOND`; their clocks are aligned with it.
     pub align: Option<Named>,
 }
+
+impl Wishes {
+    /// The names of all columns that are needed; `None` if any may be needed: all are imported, or two clocks are aligned by any signal.
+    pub(crate) fn names(&self, files: usize) -> Option<Vec<&str>> {
+        if self.columns.is_empty() || files > 1 && self.align.is_none() {
+            return None;
+        }
+        let align = self.align.iter().flat_map(|it| [it.name.as_str(), it.value.as_str()]);
+        Some(self.columns.iter().map(|it| it.value.as_str()).chain(align).collect())
+    }
+}

@@ -8,8 +8,8 @@ use std::io::Read as _;
 
 use flate2::read::ZlibDecoder;
 
-/// The limit of the bytes of all records of one data group, decompressed.
-const LARGEST: u64 = 800_000_000;
+/// The limit of the bytes of all records of a file, decompressed.
+pub(super) const LARGEST: u64 = 2_000_000_000;
 
 /// The length of the head of a block: two letters after `##`, its length, the number of its links.
 const HEAD: u64 = 24;
@@ -132,32 +132,32 @@ impl<'a> Blocks<'a> {
         Ok(inside.map_or(String::new(), |(inside, _)| inside.trim().to_string()))
     }
 
-    /// The bytes of the records at an address: one block, or a list of them, as they are or compressed.
-    pub(super) fn records(&self, at: u64) -> Read<Cow<'a, [u8]>> {
+    /// The bytes of the records at an address: one block, or a list of them, as they are or compressed. `left`: the limit of those that are copied.
+    pub(super) fn records(&self, at: u64, left: &mut u64) -> Read<Cow<'a, [u8]>> {
         if at == 0 {
             return Ok(Cow::Borrowed(&[]));
         }
         let block = self.block(at)?;
         match &block.id {
             b"DT" => Ok(Cow::Borrowed(block.data)),
-            b"DZ" => decompressed(&block, LARGEST).map(Cow::Owned),
-            b"HL" => self.listed(block.link(0)).map(Cow::Owned),
-            b"DL" => self.listed(at).map(Cow::Owned),
+            b"DZ" => decompressed(&block, left).map(Cow::Owned),
+            b"HL" => self.listed(block.link(0), left).map(Cow::Owned),
+            b"DL" => self.listed(at, left).map(Cow::Owned),
             b"LD" | b"DV" => Err("its records are stored by columns (MDF 4.2), which is not supported".to_string()),
             other => Err(format!("byte {at}: found the block `{}`, expected records", name(*other))),
         }
     }
 
-    fn listed(&self, first: u64) -> Read<Vec<u8>> {
+    fn listed(&self, first: u64, left: &mut u64) -> Read<Vec<u8>> {
         let mut all = Vec::new();
         for list in self.chain(first, "DL")? {
             for at in list.links.iter().skip(1).filter(|at| **at != 0) {
                 let part = self.one_of(*at, &["DT", "DZ"])?;
-                let left = LARGEST - all.len() as u64;
-                match &part.id {
-                    b"DZ" => all.extend(decompressed(&part, left)?),
-                    _ if part.data.len() as u64 > left => return Err(too_large()),
-                    _ => all.extend_from_slice(part.data),
+                if part.id == *b"DZ" {
+                    all.extend(decompressed(&part, left)?);
+                } else {
+                    take(left, part.data.len() as u64)?;
+                    all.extend_from_slice(part.data);
                 }
             }
         }
@@ -165,20 +165,21 @@ impl<'a> Blocks<'a> {
     }
 }
 
-fn too_large() -> String {
-    format!("a data group has more than {LARGEST} bytes of records, which is the limit")
+/// Takes some bytes from those that are left.
+fn take(left: &mut u64, bytes: u64) -> Read<()> {
+    *left =
+        left.checked_sub(bytes).ok_or_else(|| format!("it has more than {LARGEST} bytes of records, which is the limit"))?;
+    Ok(())
 }
 
-/// The content of a block `DZ`, of at most this length.
-fn decompressed(block: &Block<'_>, most: u64) -> Read<Vec<u8>> {
+/// The content of a block `DZ`.
+fn decompressed(block: &Block<'_>, left: &mut u64) -> Read<Vec<u8>> {
     let (kind, columns) = (block.u8(2)?, block.u32(4)? as usize);
     let (length, compressed) = (block.u64(8)?, block.u64(16)?);
     if kind > 1 {
         return Err(format!("byte {}: found the compression {kind}, expected 0 (deflate) or 1 (transposed deflate)", block.at));
     }
-    if length > most {
-        return Err(too_large());
-    }
+    take(left, length)?;
     let broken = || format!("the compressed block at byte {} is damaged", block.at);
     let from = usize::try_from(compressed).ok().and_then(|length| block.data.get(24..)?.get(..length)).ok_or_else(broken)?;
     let mut content = Vec::new();

@@ -45,6 +45,10 @@ pub(super) fn channels(
     notes: &mut Vec<String>,
 ) -> Read<()> {
     for block in blocks.chain(first, "CN")? {
+        // Each channel ends in one of both lists. More than the file has room for are structures that contain themselves.
+        if all.len() + notes.len() > blocks.0.len() {
+            return Err("its structures of channels have no end".to_string());
+        }
         let own = blocks.text(block.link(2))?;
         let name = if above.is_empty() { own } else { format!("{above}.{own}") };
         let inside = match block.link(1) {

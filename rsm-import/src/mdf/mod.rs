@@ -14,7 +14,7 @@ use std::collections::HashMap;
 use rsm_core::source::{Fault, Faults};
 
 use crate::log::{Log, Raw};
-use blocks::{Block, Blocks, Read};
+use blocks::{Block, Blocks, LARGEST, Read};
 use channel::{Channel, channels};
 use conversion::Conversion;
 
@@ -24,13 +24,16 @@ const HEAD: u64 = 64;
 /// A clock needs three instants.
 const FEWEST: usize = 3;
 
+/// The limit of the numbers of a file: 2 GB.
+const MOST_NUMBERS: usize = 250_000_000;
+
 /// The first bytes of a file, also of one whose recording did not end.
 pub(crate) fn is_mdf(bytes: &[u8]) -> bool {
     bytes.starts_with(b"MDF     ") || bytes.starts_with(b"UnFinMF ")
 }
 
-/// The groups of channels that have a time, each with the instants as its column `time`.
-pub(crate) fn read(file: &str, bytes: &[u8]) -> Result<Vec<Log>, Faults> {
+/// The groups of channels that have a time, each with the instants as its column `time`. Only the wanted channels are read, if there is one of them.
+pub(crate) fn read(file: &str, bytes: &[u8], wanted: &dyn Fn(&str) -> bool) -> Result<Vec<Log>, Faults> {
     let fault = |what: String| Fault::whole_file(file, what);
     let version = String::from_utf8_lossy(bytes.get(8..16).unwrap_or_default()).trim_matches(['\0', ' ']).to_string();
     if bytes.starts_with(b"UnFinMF ") {
@@ -41,30 +44,40 @@ pub(crate) fn read(file: &str, bytes: &[u8]) -> Result<Vec<Log>, Faults> {
         let what = format!("found an MDF file of version `{version}`, expected version 4");
         return Err(Faults::one(fault(what).help("save it as MDF 4, or export it as CSV")));
     }
-    groups(file, bytes, &version).map_err(|what| Faults::one(fault(format!("cannot be read as an MDF file: {what}"))))
+    groups(file, bytes, (&version, wanted)).map_err(|what| Faults::one(fault(format!("cannot be read as an MDF file: {what}"))))
 }
 
-fn groups(file: &str, bytes: &[u8], version: &str) -> Read<Vec<Log>> {
+fn groups(file: &str, bytes: &[u8], (version, wanted): (&str, &dyn Fn(&str) -> bool)) -> Read<Vec<Log>> {
     let blocks = Blocks(bytes);
     let head = blocks.one_of(HEAD, &["HD"])?;
     let mut notes = vec![format!("MDF file, version {version}")];
-    let mut logs = Vec::new();
+    let mut all: Vec<(Block, Vec<Group>)> = Vec::new();
     for data in blocks.chain(head.link(0), "DG")? {
-        let groups: Vec<Group> = blocks
-            .chain(data.link(1), "CG")?
-            .iter()
-            .map(|block| Group::read(&blocks, block, &mut notes))
-            .collect::<Read<_>>()?;
-        let wanted = |group: &Group| group.channels.iter().any(|channel| channel.is_time);
-        for group in groups.iter().filter(|group| !wanted(group) && !group.channels.is_empty()) {
+        let groups = blocks.chain(data.link(1), "CG")?;
+        let groups = groups.iter().map(|block| Group::read(&blocks, block, &mut notes)).collect::<Read<_>>()?;
+        all.push((data, groups));
+    }
+    let mut channels = all.iter().flat_map(|it| &it.1).flat_map(|group| &group.channels).filter(|channel| !channel.is_time);
+    let mut unread = Vec::new();
+    if channels.any(|channel| wanted(&channel.name)) {
+        for group in all.iter_mut().flat_map(|it| &mut it.1) {
+            group.keep(wanted, &mut unread);
+        }
+    }
+    let mut logs = Vec::new();
+    let mut numbers = 0;
+    let mut left = LARGEST;
+    for (data, groups) in &all {
+        let has_time = |group: &Group| group.channels.iter().any(|channel| channel.is_time);
+        for group in groups.iter().filter(|group| !has_time(group) && !group.channels.is_empty()) {
             notes.push(format!("{} has no time and is not read", group.title()));
         }
-        if !groups.iter().any(wanted) {
+        if !groups.iter().any(has_time) {
             continue;
         }
-        let records = blocks.records(data.link(2))?;
-        let begins = begins(&groups, &records, usize::from(data.u8(0)?))?;
-        for (group, begins) in groups.iter().zip(begins).filter(|it| wanted(it.0)) {
+        let records = blocks.records(data.link(2), &mut left)?;
+        let begins = begins(groups, &records, usize::from(data.u8(0)?))?;
+        for (group, begins) in groups.iter().zip(begins).filter(|it| has_time(it.0)) {
             if begins.len() < FEWEST {
                 notes.push(format!("{} has {} records and is not read", group.title(), begins.len()));
                 continue;
@@ -72,15 +85,22 @@ fn groups(file: &str, bytes: &[u8], version: &str) -> Read<Vec<Log>> {
             if (begins.len() as u64) < group.records {
                 notes.push(format!("{} has {} of its {} records", group.title(), begins.len(), group.records));
             }
+            numbers += begins.len() * group.channels.len();
+            if numbers > MOST_NUMBERS {
+                return Err(format!(
+                    "it has more than {MOST_NUMBERS} numbers, which is the limit: choose columns with --column"
+                ));
+            }
             let columns = group.columns(&records, &begins, &mut notes);
-            logs.push(Log { file: file.to_string(), columns, lines: Vec::new(), notes: Vec::new() });
+            let (file, lines, notes) = (file.to_string(), Vec::new(), Vec::new());
+            logs.push(Log { file, columns, lines, notes, unread: Vec::new() });
         }
     }
     let Some(first) = logs.first_mut() else {
         notes.remove(0);
         return Err(format!("it has no channel group with a time and {FEWEST} records; {}", notes.join("; ")));
     };
-    first.notes = notes;
+    (first.notes, first.unread) = (notes, unread);
     Ok(logs)
 }
 
@@ -129,6 +149,19 @@ impl Group {
             name: blocks.text(block.link(2))?,
             channels: all,
         })
+    }
+
+    /// Keeps the wanted channels and their time.
+    fn keep(&mut self, wanted: &dyn Fn(&str) -> bool, unread: &mut Vec<String>) {
+        let is_wanted = |channel: &Channel| !channel.is_time && wanted(&channel.name);
+        let has_wanted = self.channels.iter().any(is_wanted);
+        self.channels.retain(|channel| {
+            let is_kept = is_wanted(channel) || channel.is_time && has_wanted;
+            if !is_kept && !channel.is_time {
+                unread.push(channel.name.clone());
+            }
+            is_kept
+        });
     }
 
     fn title(&self) -> String {

@@ -79,6 +79,9 @@ fn rasters_are_brought_to_the_instants_of_the_fastest() {
             assert!(notes.contains(part), "{name}: no {part:?} in\n{notes}");
         }
     }
+    // A name that is not there: all names are listed, also of channels that nobody wished.
+    let none = import(&[file("plain.mf4")], &wishes(&["oil=oil", "load=load"])).unwrap_err().to_string();
+    assert!(none.contains("there is no column `load`") && none.contains("`speed`") && none.contains("`level`"), "{none}");
     // Of the wished columns the fastest gives the instants.
     let record = read(file("plain.mf4"), &["oil=oil", "level=level"]);
     assert_eq!((record.rows(), record.is_resampled), (4, false));
@@ -267,6 +270,17 @@ fn what_cannot_be_read_is_named() {
         file
     };
     assert!(fault(ring).contains("have no end"));
+    let endless = {
+        let mut file = mixed();
+        let channels: Vec<usize> = (0..file.bytes.len() - 4).filter(|at| &file.bytes[*at..*at + 4] == b"##CN").collect();
+        // Both members of the structure become structures with these two members.
+        let [second, first] = [channels[3], channels[4]];
+        for member in [first, second] {
+            file.bytes[member + 32..member + 40].copy_from_slice(&(first as u64).to_le_bytes());
+        }
+        file
+    };
+    assert!(fault(endless).contains("structures of channels have no end"));
     let place = |file: &File, id: &[u8]| file.bytes.windows(4).position(|part| part == id).unwrap();
     let by_columns = changed(place(&mixed(), b"##HL"), b"##LD");
     assert!(fault(by_columns).contains("stored by columns (MDF 4.2)"));
@@ -278,7 +292,7 @@ fn what_cannot_be_read_is_named() {
         fault(file)
     };
     assert!(with(2, 7).contains("found the compression 7"), "{}", with(2, 7));
-    assert!(with(14, 1).contains("more than 800000000 bytes"), "{}", with(14, 1));
+    assert!(with(14, 1).contains("more than 2000000000 bytes"), "{}", with(14, 1));
     assert!(with(8, 1).contains("is damaged"), "{}", with(8, 1));
 }
 
