@@ -1,7 +1,7 @@
 //! `rsm import`: makes one record from files of other tools.
 //!
-//! In: tables in any usual encoding and separator, MDF and MAT files. Out: a CSV file with units at a constant period, complete or not written at all;
-//! and a list of the conversions, as comments at the beginning of the file, in words and as JSON.
+//! In: tables in any usual encoding and separator, MDF and MAT files. Out: a CSV file with units at a constant period, complete or not written at
+//! all; and a list of the conversions, as comments at the beginning of the file, in words and as JSON.
 
 use std::path::{Path, PathBuf};
 
