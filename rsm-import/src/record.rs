@@ -123,8 +123,7 @@ pub fn import(files: &[File], wishes: &Wishes) -> Result<Record, Faults> {
     let Some(first) = files.first() else {
         return Err(Faults::one(Fault::whole_file("import", "no file is given")));
     };
-    let names = wishes.names(files.len());
-    let wanted = |name: &str| names.as_ref().is_none_or(|names| names.iter().any(|it| it.eq_ignore_ascii_case(name)));
+    let wanted = |name: &str| wishes.may_need(name, files.len());
     let mut timed: Vec<Timed> = Vec::new();
     for (place, file) in files.iter().enumerate() {
         let logs = format::read(&file.name, &file.bytes, &wanted)?;

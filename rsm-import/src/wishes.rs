@@ -49,12 +49,18 @@ pub struct Wishes {
 }
 
 impl Wishes {
-    /// The names of all columns that are needed; `None` if any may be needed: all are imported, or two clocks are aligned by any signal.
-    pub(crate) fn names(&self, files: usize) -> Option<Vec<&str>> {
+    /// Whether a column may be needed: all are imported, or two clocks are aligned by any signal, or it is named. Of several columns with one name
+    /// the later ones have a number behind it.
+    pub(crate) fn may_need(&self, name: &str, files: usize) -> bool {
         if self.columns.is_empty() || files > 1 && self.align.is_none() {
-            return None;
+            return true;
         }
-        let align = self.align.iter().flat_map(|it| [it.name.as_str(), it.value.as_str()]);
-        Some(self.columns.iter().map(|it| it.value.as_str()).chain(align).collect())
+        let is_named = |wish: &String| {
+            let number = wish.split_at_checked(name.len()).filter(|it| it.0.eq_ignore_ascii_case(name)).map(|it| it.1);
+            number
+                .is_some_and(|number| number.is_empty() || number.strip_prefix('_').is_some_and(|it| it.parse::<u32>().is_ok()))
+        };
+        let align = self.align.iter().flat_map(|it| [&it.name, &it.value]);
+        self.columns.iter().map(|it| &it.value).chain(align).any(is_named)
     }
 }

@@ -50,7 +50,7 @@ pub(super) fn channels(
             return Err("its structures of channels have no end".to_string());
         }
         let own = blocks.text(block.link(2))?;
-        let name = if above.is_empty() { own } else { format!("{above}.{own}") };
+        let name = crate::sheet::clean(&if above.is_empty() { own } else { format!("{above}.{own}") });
         let inside = match block.link(1) {
             0 => None,
             at => Some((at, blocks.block(at)?.id)),

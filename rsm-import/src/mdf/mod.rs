@@ -91,7 +91,7 @@ fn groups(file: &str, bytes: &[u8], (version, wanted): (&str, &dyn Fn(&str) -> b
                     "it has more than {MOST_NUMBERS} numbers, which is the limit: choose columns with --column"
                 ));
             }
-            let columns = group.columns(&records, &begins, &mut notes);
+            let columns = group.columns(&records, &begins);
             let (file, lines, notes) = (file.to_string(), Vec::new(), Vec::new());
             logs.push(Log { file, columns, lines, notes, unread: Vec::new() });
         }
@@ -169,30 +169,20 @@ impl Group {
         if self.name.is_empty() { format!("the group of `{first}`") } else { format!("the group `{}`", self.name) }
     }
 
-    fn columns(&self, records: &[u8], begins: &[usize], notes: &mut Vec<String>) -> Vec<Raw> {
-        let mut has_time = false;
-        let mut columns = Vec::new();
-        for channel in &self.channels {
-            let is_first_time = channel.is_time && !has_time;
-            has_time |= channel.is_time;
+    /// The columns of the channels, the time first.
+    fn columns(&self, records: &[u8], begins: &[usize]) -> Vec<Raw> {
+        let column = |channel: &Channel| {
             let number = |(index, begin): (usize, &usize)| {
                 let value = channel.number(&records[*begin..*begin + self.length], self.numbers, index);
                 // A number that is not finite is a missing sample.
                 if value.is_finite() { value } else { f64::NAN }
             };
+            let name = if channel.is_time { "time".to_string() } else { channel.name.clone() };
             let values = begins.iter().enumerate().map(number).collect();
-            let own = crate::sheet::clean(&channel.name);
-            let name = if is_first_time {
-                "time".to_string()
-            } else if own == "time" {
-                notes.push("a channel `time` that is not the time of its records is called `time_2`".to_string());
-                "time_2".to_string()
-            } else {
-                own
-            };
-            columns.push(Raw { name, unit: channel.unit.clone(), values, texts: Vec::new() });
-        }
-        columns
+            Raw { name, unit: channel.unit.clone(), values, texts: Vec::new() }
+        };
+        let (times, others): (Vec<&Channel>, Vec<&Channel>) = self.channels.iter().partition(|channel| channel.is_time);
+        times.into_iter().chain(others).map(column).collect()
     }
 }
 

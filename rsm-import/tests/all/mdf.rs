@@ -5,10 +5,7 @@
 
 use rsm_import::{File, Record, Wishes, import};
 
-fn file(name: &str) -> File {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name);
-    File { name: name.to_string(), bytes: std::fs::read(path).unwrap() }
-}
+use super::{assert_damage_is_a_fault, assert_notes, column, file, rounded};
 
 fn wishes(columns: &[&str]) -> Wishes {
     Wishes { columns: columns.iter().map(|it| it.parse().unwrap()).collect(), ..Wishes::default() }
@@ -16,15 +13,6 @@ fn wishes(columns: &[&str]) -> Wishes {
 
 fn read(file: File, columns: &[&str]) -> Record {
     import(&[file], &wishes(columns)).unwrap_or_else(|faults| panic!("{faults}"))
-}
-
-fn column<'a>(record: &'a Record, name: &str) -> &'a [f64] {
-    let names: Vec<&str> = record.columns.iter().map(|column| column.name.as_str()).collect();
-    &record.columns.iter().find(|column| column.name == name).unwrap_or_else(|| panic!("no `{name}` in {names:?}")).values
-}
-
-fn rounded(value: f64) -> f64 {
-    format!("{value:.6}").parse().unwrap()
 }
 
 const WRITTEN: [&str; 3] = ["plain.mf4", "deflate.mf4", "transposed.mf4"];
@@ -68,16 +56,16 @@ fn rasters_are_brought_to_the_instants_of_the_fastest() {
         assert!((oil[20] - (20.5 + 7.0 / 13.0)).abs() < 1e-12, "{name}: {}", oil[20]);
         // Whole numbers in steps hold their value.
         assert_eq!(column(&record, "state")[..14], [[0.0; 13].as_slice(), &[1.0]].concat(), "{name}");
-        let notes = record.notes.join("\n");
-        for part in [
-            "MDF file, version 4.10",
-            "`mode` is no number",
-            "`state` has texts for its numbers",
-            "2 tables of one clock; the instants are those of the table of `x`",
-            "`oil` is sampled every 0.13 s only",
-        ] {
-            assert!(notes.contains(part), "{name}: no {part:?} in\n{notes}");
-        }
+        assert_notes(
+            &record,
+            &[
+                "MDF file, version 4.10",
+                "`mode` is no number",
+                "`state` has texts for its numbers",
+                "2 tables of one clock; the instants are those of the table of `x`",
+                "`oil` is sampled every 0.13 s only",
+            ],
+        );
     }
     // A name that is not there: all names are listed, also of channels that nobody wished.
     let none = import(&[file("plain.mf4")], &wishes(&["oil=oil", "load=load"])).unwrap_err().to_string();
@@ -212,6 +200,22 @@ fn records_of_several_groups_in_one_list() {
     assert_eq!(level.time, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
 }
 
+/// Names are wished as the record has them: signs that a header cannot have are replaced, and of two columns with one name the later one has a
+/// number.
+#[test]
+fn channels_are_wished_by_the_names_of_their_columns() {
+    let mut it = Written::new();
+    let next = it.channel(0, "x[0]", [0, 0, 0], (1, 0, 8), (0, 0));
+    let next = it.channel(next, "x[0]", [0, 0, 0], (2, 0, 8), (0, 0));
+    let next = it.channel(next, "other", [0, 0, 0], (2, 0, 8), (0, 0));
+    let time = it.channel(next, "t", [2, 1, 0], (0, 0, 8), (0, 0));
+    let group = it.group(0, time, (0, 4, 0, 3));
+    let records = it.block("DT", &[], &[0, 5, 9, 1, 6, 8, 2, 7, 7, 3, 8, 5]);
+    let group = it.data_group(0, group, records, 0);
+    let record = read(it.finish(group), &["a=x_0_", "b=x_0__2"]);
+    assert_eq!((column(&record, "a"), column(&record, "b")), (&[9.0, 8.0, 7.0, 5.0][..], &[5.0, 6.0, 7.0, 8.0][..]));
+}
+
 #[test]
 fn tables_virtual_times_and_what_is_not_read() {
     let mut it = Written::new();
@@ -241,16 +245,16 @@ fn tables_virtual_times_and_what_is_not_read() {
     assert_eq!(column(&record, "nearest"), [-1.0, -1.0, -1.0, 5.0, 5.0, 5.0, 5.0]);
     assert_eq!(column(&record, "steps"), [7.0, 7.0, 8.0, 8.0, 8.0, 3.0, 3.0]);
     assert_eq!(record.columns.len(), 3);
-    let notes = record.notes.join("\n");
-    for part in [
-        "`by_formula` has a formula",
-        "`array` is an array",
-        "`outside` is outside of its records",
-        "the group of `angle` has no time",
-        "has 7 of its 9 records",
-    ] {
-        assert!(notes.contains(part), "no {part:?} in\n{notes}");
-    }
+    assert_notes(
+        &record,
+        &[
+            "`by_formula` has a formula",
+            "`array` is an array",
+            "`outside` is outside of its records",
+            "the group of `angle` has no time",
+            "has 7 of its 9 records",
+        ],
+    );
 }
 
 #[test]
@@ -296,24 +300,10 @@ fn what_cannot_be_read_is_named() {
     assert!(with(8, 1).contains("is damaged"), "{}", with(8, 1));
 }
 
-/// Every file cut off at 150 places, and changed at 150 places: a record or a fault, never a panic.
+/// Every file cut off at 150 places, and each of its bytes changed.
 #[test]
 fn damaged_files_are_faults() {
     for whole in WRITTEN.map(file).into_iter().chain([mixed()]) {
-        let name = &whole.name;
-        let mut faults = 0;
-        let step = whole.bytes.len() / 150 + 1;
-        for length in (0..whole.bytes.len()).step_by(step) {
-            let cut = File { name: name.clone(), bytes: whole.bytes[..length].to_vec() };
-            faults += usize::from(import(&[cut], &Wishes::default()).is_err());
-        }
-        assert!(faults > 60, "{name}: {faults}");
-        for at in 0..whole.bytes.len() {
-            for value in [0, 0xff] {
-                let mut bytes = whole.bytes.clone();
-                bytes[at] = value;
-                let _ = import(&[File { name: name.clone(), bytes }], &Wishes::default());
-            }
-        }
+        assert_damage_is_a_fault(&whole, 1);
     }
 }
