@@ -144,8 +144,10 @@ pub struct Survey {
     pub duration: f64,
     /// Largest first input (length of the voltage vector; throttle; command).
     pub input: f64,
-    /// The largest reading in these records, for each output of the plant.
+    /// The largest magnitude of a reading in these records, for each output of the plant.
     pub largest: [f64; OUTPUTS],
+    /// The lowest and the highest reading of each output.
+    pub ends: [(f64, f64); OUTPUTS],
     /// Spread (standard deviation about the mean) of each output.
     pub spread: [f64; OUTPUTS],
     /// The noise of each output.

@@ -35,9 +35,19 @@ pub(super) fn friction(force: f64) -> String {
 
 /// A record of 0.6 s of the true axis with command steps of 2 V and -1.5 V, with or without noise, and the nominal plant.
 pub(super) fn whitened(nominal: &PlantFile, truth: &PlantFile, noisy: bool) -> (WhitenedResiduals, Model) {
+    whitened_between(nominal, truth, noisy, [2.0, -1.5])
+}
+
+/// The same with command steps between two values in V.
+pub(super) fn whitened_between(
+    nominal: &PlantFile,
+    truth: &PlantFile,
+    noisy: bool,
+    [first, second]: [f64; 2],
+) -> (WhitenedResiduals, Model) {
     let mut csv = "time[s],command[V],position[m]\n".to_string();
     for k in 0..600 {
-        csv += &format!("{},{},0\n", f64::from(k) / 1000.0, if k % 200 < 100 { 2.0 } else { -1.5 });
+        csv += &format!("{},{},0\n", f64::from(k) / 1000.0, if k % 200 < 100 { first } else { second });
     }
     let mut record = Record::read(&Source::new("r.csv", csv), truth).unwrap();
     let simulated = Simulator::new(truth, &record).unwrap().run(&record).unwrap();

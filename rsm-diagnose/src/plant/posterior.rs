@@ -9,6 +9,7 @@ use super::levenberg::{self, Fit};
 use super::model::{Place, Unknown};
 use super::normal::Normal;
 use super::random::Random;
+use super::whitened_residuals::Column;
 use rsm_core::order;
 
 /// Half the width of a 95 % interval of a normal variable, in standard deviations.
@@ -30,7 +31,8 @@ const NEGLIGIBLE_SHARE: f64 = 0.005;
 /// The share of the draws in an interval.
 const SHARE_OF_DRAWS: f64 = 0.95;
 
-/// Standard deviations and intervals of a fit's unknowns, each on the scale of its search; `None` for an unknown that does not move.
+/// Standard deviations and intervals of a fit's unknowns, each on the scale of its search; `None` for an unknown that does not move. An unknown that
+/// changes no simulated row has an interval without ends.
 #[derive(Debug, Clone)]
 pub struct Posterior {
     deviations: Vec<Option<f64>>,
@@ -44,12 +46,14 @@ impl Posterior {
         let model = &fit.model;
         let bounded = |unknown: &Unknown| unknown.prior.is_some() || !unknown.logarithmic;
         // An unknown at an end of its search that is no physical bound has no meaningful interval.
-        let held = fit
-            .held
-            .iter()
-            .filter(|it| bounded(&model.unknowns[it.unknown]) && it.column.values.iter().any(|value| *value != 0.0));
-        let which: Vec<usize> = fit.free.iter().copied().chain(held.clone().map(|it| it.unknown)).collect();
-        let columns: Vec<_> = fit.columns.iter().chain(held.map(|it| &it.column)).cloned().collect();
+        let moves = |column: &Column| column.values.iter().any(|value| *value != 0.0);
+        let held = fit.held.iter().filter(|it| bounded(&model.unknowns[it.unknown]) && moves(&it.column));
+        // No row and no tolerance says anything about an unknown without a column, such as a limit that no record reaches.
+        let (known, unknown): (Vec<_>, Vec<_>) =
+            fit.free.iter().zip(&fit.columns).partition(|it| model.unknowns[*it.0].prior.is_some() || moves(it.1));
+        let free = known.len();
+        let which: Vec<usize> = known.iter().map(|it| *it.0).chain(held.clone().map(|it| it.unknown)).collect();
+        let columns: Vec<_> = known.iter().map(|it| it.1).chain(held.map(|it| &it.column)).cloned().collect();
         let n = which.len();
         // If more than noise is left, the weight of the records is reduced accordingly. The tolerances keep their weight.
         let spread = (levenberg::cost(model, &fit.residual) / fit.residual.len().max(1) as f64).max(1.0);
@@ -69,7 +73,6 @@ impl Posterior {
         let covariance: Vec<f64> =
             (0..m).flat_map(|i| results.iter().map(move |j| (i, *j))).map(|(i, j)| covariances[i][j]).collect();
         // The mean of the unbounded normal distribution: it differs from the fit only for held unknowns.
-        let free = fit.free.len();
         let pull = levenberg::negative_gradient(model, &which, &columns, &fit.residual);
         let pressed: Vec<f64> = (0..n).map(|k| if k < free { 0.0 } else { pull[k] / spread }).collect();
         let beyond: Vec<f64> = covariances.iter().map(|it| it.iter().zip(&pressed).map(|(c, p)| c * p).sum()).collect();
@@ -90,6 +93,7 @@ impl Posterior {
             deviations[which[*k]] = Some(deviation);
             ends[which[*k]] = Some((at + low, at + high));
         }
+        unknown.iter().for_each(|it| ends[*it.0] = Some((f64::NEG_INFINITY, f64::INFINITY)));
         Posterior { deviations, ends }
     }
 
@@ -322,6 +326,28 @@ mod tests {
     fn without_a_bound_within_reach_an_interval_is_1_96_deviations() {
         let marginals = TruncatedNormal::new(&[4.0], &[0.0], |_| (-7.0, 7.0)).marginals();
         assert_eq!(marginals, [(2.0, -3.92, 3.92)]);
+    }
+
+    #[test]
+    fn a_number_that_no_row_depends_on_has_an_interval_without_ends() {
+        use super::super::axis_under_steps;
+        // The axis never moves backward.
+        let friction = "[[effects]]\nkind = \"asymmetric-friction\"\nparameters = { forward = 0.8, backward = 0.5 }\n";
+        let truth = axis_under_steps::file("mass = 0.01", friction);
+        let nominal = axis_under_steps::file("mass = 0.01", "");
+        let (whitened, nominal) = axis_under_steps::whitened_between(&nominal, &truth, true, [2.0, 1.5]);
+        let fit = levenberg::fit(&whitened, nominal.with_effects(&nominal, truth.effects), 8).unwrap();
+        let posterior = Posterior::of(&fit);
+        let place = |name: &str| {
+            let is_named = |it: &Unknown| matches!(it.place, Place::Effect { number, .. } if number == name);
+            fit.model.unknowns.iter().position(is_named).unwrap()
+        };
+        let (low, high) = posterior.interval(&fit, place("backward")).unwrap();
+        assert!(low <= 0.0 && high == f64::INFINITY, "{low} {high}");
+        assert_eq!(posterior.deviations()[place("backward")], None);
+        let (low, high) = posterior.interval(&fit, place("forward")).unwrap();
+        // The tolerance of the mass alone moves the force by 1 % of some 8 N at most, two deviations to both sides.
+        assert!(low < 0.8 && 0.8 < high && high - low < 0.4, "{low} {high}");
     }
 
     #[test]

@@ -18,6 +18,7 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
     let parameters = fit.model.file.parameters.clone();
     let mut largest = [0.0_f64; OUTPUTS];
     let mut spread = [0.0; OUTPUTS];
+    let mut ends = [(0.0, 0.0); OUTPUTS];
     let mut quantum = [None; OUTPUTS];
     let mut input = 0.0_f64;
     for output in 0..kind.outputs().len() {
@@ -31,7 +32,8 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
             continue;
         }
         let mean = all.iter().sum::<f64>() / all.len() as f64;
-        largest[output] = all.iter().fold(0.0, |most, value| most.max(value.abs()));
+        ends[output] = all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
+        largest[output] = ends[output].0.abs().max(ends[output].1.abs());
         spread[output] = (all.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / all.len() as f64).sqrt();
         let used = whitened
             .records
@@ -57,6 +59,7 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
         duration: whitened.records.iter().map(|it| it.record.period * it.record.rows() as f64).fold(0.0, f64::max),
         input: input.max(f64::MIN_POSITIVE),
         largest,
+        ends,
         spread,
         noise: whitened.floors.map(|floor| floor.sd),
         waves: waves::waves(whitened, fit),

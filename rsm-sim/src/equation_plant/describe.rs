@@ -272,6 +272,8 @@ fn sizes(at: &str, survey: &Survey) -> Vec<(String, f64)> {
     if let Some(k) = survey.plant.output(at) {
         add("reading_scale", survey.largest[k]);
         add("reading_spread", survey.spread[k]);
+        add("reading_lowest", survey.ends[k].0);
+        add("reading_highest", survey.ends[k].1);
         add("reading_noise", survey.noise[k]);
         add("reading_step", survey.quantum[k].unwrap_or(3.0 * survey.noise[k]));
         add("signal", survey.largest[k]);
@@ -280,5 +282,7 @@ fn sizes(at: &str, survey: &Survey) -> Vec<(String, f64)> {
         add("signal", value);
     }
     add("input_scale", survey.input);
+    add("input_lowest", -survey.input);
+    add("input_highest", survey.input);
     sizes
 }

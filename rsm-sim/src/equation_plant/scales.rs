@@ -38,12 +38,18 @@ pub fn scales(file: &PlantFile, records: &[&Record]) -> Result<Vec<Scales>, Faul
             SiteKind::Input => {
                 let at = kind.inputs.iter().position(|it| it.name == place.at);
                 let values = records.iter().filter_map(|it| it.inputs.get(at?)).flatten();
-                let recorded = values.fold(0.0_f64, |most, value| most.max(value.abs()));
+                let recorded = values.fold(None, |ends: Option<(f64, f64)>, value| {
+                    Some(ends.map_or((*value, *value), |(low, high)| (low.min(*value), high.max(*value))))
+                });
                 // A signal inside of the plant, such as the command of its controller, is simulated.
                 let simulated = (0..place.roles.len()).map(|part| most(k, part)).fold(0.0, f64::max);
-                let largest = if at.is_some() { recorded } else { simulated };
-                sizes.push(("input_scale".to_string(), largest));
-                sizes.push(("signal".to_string(), largest));
+                let (lowest, highest) = match at {
+                    Some(_) => recorded.unwrap_or((0.0, 0.0)),
+                    None => (-simulated, simulated),
+                };
+                let largest = lowest.abs().max(highest.abs());
+                let named = [("input_scale", largest), ("signal", largest), ("input_lowest", lowest), ("input_highest", highest)];
+                sizes.extend(named.map(|(name, value)| (name.to_string(), value)));
             }
             SiteKind::Output | SiteKind::Parameter | SiteKind::State => {}
             _ => {

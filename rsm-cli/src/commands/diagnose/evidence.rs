@@ -121,6 +121,11 @@ fn rivals(cause: &Cause, evidence: &mut Evidence) {
 
 fn numbers(cause: &Cause, evidence: &mut Evidence) {
     for number in &cause.parameters {
+        if !(number.high - number.low).is_finite() {
+            evidence
+                .speaks_against
+                .push(format!("These records do not determine {}: no simulated row changes with it.", number.name));
+        }
         let Some(share) = Cause::relative_error(number) else { continue };
         let unit = if number.unit == "1" { String::new() } else { format!(" {}", number.unit) };
         let text = format!("{} = {}{unit} +- {} % (95 %)", number.name, figure(Some(number.value)), percent(share));
