@@ -32,7 +32,8 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
             continue;
         }
         let mean = all.iter().sum::<f64>() / all.len() as f64;
-        ends[output] = all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
+        ends[output] =
+            all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
         largest[output] = ends[output].0.abs().max(ends[output].1.abs());
         spread[output] = (all.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / all.len() as f64).sqrt();
         let used = whitened

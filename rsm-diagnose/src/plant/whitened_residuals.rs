@@ -3,13 +3,14 @@
 //! In: a model and prepared records. Out: residuals with variance one where they are noise, and their derivatives with respect to the unknowns.
 //! The bits do not depend on the number of threads: each simulation is one job with its own place in the result.
 
+use super::accuracy;
 use super::model::{Model, Place};
 use super::noise::NoiseFloor;
 pub use super::prepared::Prepared;
 use super::tails::Tails;
 use crate::engine::columns::dot;
 use crate::engine::work::WorkCount;
-use rsm_sim::equation_plant;
+use rsm_sim::equation_plant::{self, RunLimits};
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
@@ -95,13 +96,15 @@ pub struct WhitenedResiduals {
 pub struct SimulationWork {
     /// The mean number of sub-steps per row of a record at which a run is stopped.
     pub most: usize,
+    /// The permitted error of a step.
+    pub tolerance: f64,
     /// The sub-steps of all runs with this value and its clones, and the number at which multistart ends with its best result.
     count: WorkCount,
 }
 
 impl Default for SimulationWork {
     fn default() -> Self {
-        SimulationWork { most: MOST_STEPS_A_ROW, count: WorkCount::within(u64::MAX) }
+        SimulationWork { most: MOST_STEPS_A_ROW, tolerance: accuracy::FINEST, count: WorkCount::within(u64::MAX) }
     }
 }
 
@@ -109,7 +112,7 @@ impl SimulationWork {
     /// The same limit for each run, with a separate count.
     #[must_use]
     pub fn with_new_count(&self) -> Self {
-        SimulationWork { most: self.most, ..SimulationWork::default() }
+        SimulationWork { count: SimulationWork::default().count, ..self.clone() }
     }
 
     /// Sub-steps so far.
@@ -207,7 +210,8 @@ impl WhitenedResiduals {
         let record = jobs[group[0]].0;
         let prepared = &self.records[record];
         let files: Vec<PlantFile> = group.iter().map(|place| jobs[*place].1.for_record(record, &prepared.record)).collect();
-        let (found, taken) = equation_plant::together(&files, &prepared.record, self.work.most);
+        let limits = RunLimits { tolerance: self.work.tolerance, steps_a_row: self.work.most };
+        let (found, taken) = equation_plant::together(&files, &prepared.record, limits);
         self.work.count.add(taken);
         let shown = |values: Vec<Vec<f64>>| -> Option<Simulated> {
             let shown: Simulated = prepared.outputs.iter().map(|output| values[*output].clone()).collect();
@@ -221,7 +225,8 @@ impl WhitenedResiduals {
     pub fn all_outputs(&self, record: usize, model: &Model) -> Option<Outputs> {
         let prepared = &self.records[record];
         let file = model.for_record(record, &prepared.record);
-        let mut simulator = Simulator::new(&file, &prepared.record).ok()?.at_most(self.work.most);
+        let mut simulator =
+            Simulator::new(&file, &prepared.record).ok()?.at_most(self.work.most).tolerance(self.work.tolerance);
         let done = simulator.run(&prepared.record);
         self.work.count.add(simulator.taken());
         done.ok()

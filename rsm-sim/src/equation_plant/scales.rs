@@ -48,7 +48,8 @@ pub fn scales(file: &PlantFile, records: &[&Record]) -> Result<Vec<Scales>, Faul
                     None => (-simulated, simulated),
                 };
                 let largest = lowest.abs().max(highest.abs());
-                let named = [("input_scale", largest), ("signal", largest), ("input_lowest", lowest), ("input_highest", highest)];
+                let named =
+                    [("input_scale", largest), ("signal", largest), ("input_lowest", lowest), ("input_highest", highest)];
                 sizes.extend(named.map(|(name, value)| (name.to_string(), value)));
             }
             SiteKind::Output | SiteKind::Parameter | SiteKind::State => {}
