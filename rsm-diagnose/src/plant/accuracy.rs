@@ -2,7 +2,7 @@
 //!
 //! In: whitened records. Out: the permitted error of a step. It follows from the noise: more accuracy takes time, and no reading shows it.
 
-use super::whitened_residuals::{Prepared, WhitenedResiduals};
+use super::whitened_residuals::{FINEST, Prepared, WhitenedResiduals};
 
 /// The permitted error of a step, as a share of the noise over the square root of the number of readings. Along a record, errors of steps add up to
 /// some seven permitted errors (an axis with dry friction, 600 rows). So the errors of a simulation change the squared residual by 1 at most, and a
@@ -12,10 +12,7 @@ const IN_SEARCH: f64 = 0.15;
 /// The same for numbers that are reported: they move by a tenth of their standard deviation at most.
 const IN_RESULTS: f64 = 0.1 * IN_SEARCH;
 
-/// The smallest and the largest permitted error of a step, relative to the largest reading. Exact sensors do not make a simulation slower than it is
-/// by default; noisy ones do not make it wrong. Before the noise is known, simulations have the smallest one: the noise is estimated from what they
-/// leave.
-pub(super) const FINEST: f64 = 1e-8;
+/// The largest permitted error of a step, relative to the largest reading: noisy sensors do not make a simulation wrong.
 const COARSEST: f64 = 1e-5;
 
 /// Fourth differences of white noise have this variance: the squares of 1, 4, 6, 4, 1.

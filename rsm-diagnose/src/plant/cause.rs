@@ -23,6 +23,21 @@ pub struct Interval {
     pub unit: String,
 }
 
+impl Interval {
+    /// Whether the records say anything about the number: an interval without an end means that no simulated row depends on it.
+    ///
+    /// ```
+    /// use rsm_diagnose::plant::cause::Interval;
+    ///
+    /// let limit = Interval { name: "high", value: 112.6, low: f64::NEG_INFINITY, high: f64::INFINITY, unit: "W".to_string() };
+    /// assert!(!limit.is_determined());
+    /// ```
+    #[must_use]
+    pub fn is_determined(&self) -> bool {
+        (self.high - self.low).is_finite()
+    }
+}
+
 /// A cause.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cause {

@@ -3,7 +3,6 @@
 //! In: a model and prepared records. Out: residuals with variance one where they are noise, and their derivatives with respect to the unknowns.
 //! The bits do not depend on the number of threads: each simulation is one job with its own place in the result.
 
-use super::accuracy;
 use super::model::{Model, Place};
 use super::noise::NoiseFloor;
 pub use super::prepared::Prepared;
@@ -44,6 +43,10 @@ const LEAST_ALLOWED: usize = 64;
 /// A candidate may take this many times the sub-steps of the calibrated plant. A cause adds one faster mode; if more steps are needed, a time
 /// constant goes to zero.
 const TIMES_THE_PLANT: usize = 8;
+
+/// The smallest permitted error of a step, relative to the largest magnitude of a state: that of a simulation by default. It holds until the noise is
+/// known, which is estimated from what a simulation leaves; and an exact sensor does not make a simulation slower.
+pub(super) const FINEST: f64 = 1e-8;
 
 /// Simulated outputs of one record, in the order of [`Prepared::outputs`].
 pub type Simulated = Vec<Vec<f64>>;
@@ -104,7 +107,7 @@ pub struct SimulationWork {
 
 impl Default for SimulationWork {
     fn default() -> Self {
-        SimulationWork { most: MOST_STEPS_A_ROW, tolerance: accuracy::FINEST, count: WorkCount::within(u64::MAX) }
+        SimulationWork { most: MOST_STEPS_A_ROW, tolerance: FINEST, count: WorkCount::within(u64::MAX) }
     }
 }
 

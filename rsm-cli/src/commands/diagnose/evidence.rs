@@ -121,7 +121,7 @@ fn rivals(cause: &Cause, evidence: &mut Evidence) {
 
 fn numbers(cause: &Cause, evidence: &mut Evidence) {
     for number in &cause.parameters {
-        if !(number.high - number.low).is_finite() {
+        if !number.is_determined() {
             evidence
                 .speaks_against
                 .push(format!("These records do not determine {}: no simulated row changes with it.", number.name));

@@ -156,7 +156,8 @@ pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows
 pub(crate) fn with_unit(it: &Interval) -> String {
     let digits = format!("{:.3e}", it.value);
     let value: f64 = digits.parse().unwrap_or(it.value);
-    if it.unit == "1" { format!("{value}") } else { format!("{value} {}", it.unit.replace('*', " ")) }
+    let unit = if it.unit == "1" { String::new() } else { format!(" {}", it.unit.replace('*', " ")) };
+    format!("{value}{unit}{}", if it.is_determined() { "" } else { " (not determined)" })
 }
 
 pub(super) fn unit(plant: PlantKind, description: &rsm_sim::effect::Description, subject: Option<&str>, name: &str) -> String {

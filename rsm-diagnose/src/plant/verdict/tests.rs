@@ -19,6 +19,8 @@ fn numbers_in_sentences_have_four_digits_and_their_unit() {
     assert_eq!(of(8.04761, "N*m"), "8.048 N m");
     assert_eq!(of(1.0757, "1"), "1.076");
     assert_eq!(of(-4.2e-7, "m/s"), "-0.00000042 m/s");
+    let limit = Interval { name: "high", value: 112.6, low: f64::NEG_INFINITY, high: f64::INFINITY, unit: "W".to_string() };
+    assert_eq!(with_unit(&limit), "112.6 W (not determined)");
 }
 
 #[test]
