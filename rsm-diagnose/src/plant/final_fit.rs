@@ -5,7 +5,6 @@
 use rsm_sim::kind::OUTPUTS;
 use std::f64::consts::{PI, TAU};
 
-use super::accuracy;
 use super::identifiability;
 use super::levenberg::{self, Fit};
 use super::model::{InitialMotion, Model, Place};
@@ -20,8 +19,7 @@ const STEPS: usize = 4;
 /// Two rounds: the residual of a fit gives noise floors, and these give another fit. A third round changes nothing visible.
 const ROUNDS: usize = 2;
 
-/// Fits again with the noise floors of the residual, and stores these floors in the whitening. From here on its simulations have the accuracy of
-/// results.
+/// Fits again with the noise floors of the residual, and stores these floors in the whitening.
 #[must_use]
 pub fn final_fit(
     whitened: &mut WhitenedResiduals,
@@ -29,11 +27,9 @@ pub fn final_fit(
     floors: impl Fn(&WhitenedResiduals, &Fit) -> [NoiseFloor; OUTPUTS],
 ) -> Fit {
     fit.model = with_normalised_waves(fit.model);
-    // The first round also fits with simulations of the accuracy of results.
-    whitened.work.tolerance = accuracy::in_results(whitened);
-    for round in 0..ROUNDS {
+    for _ in 0..ROUNDS {
         let found = floors(whitened, &fit);
-        if round > 0 && found == whitened.floors {
+        if found == whitened.floors {
             break;
         }
         whitened.floors = found;

@@ -9,7 +9,6 @@
 //! In: a nominal plant file, training and validation records. Out: a [`Diagnosis`]. Only the records and the nominal plant are inputs: no code here
 //! may look into the plant that made a record. Does not print or write files.
 
-mod accuracy;
 pub mod alignment;
 pub mod all_rows;
 #[cfg(test)]

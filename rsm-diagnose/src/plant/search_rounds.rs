@@ -2,7 +2,6 @@
 //!
 //! In: a plant file, records. Out: a [`Diagnosis`]. Calls the parts in their order; `selection` decides whether a cause is accepted.
 
-use super::accuracy;
 use super::calibrated_records::{CalibratedRecords, HeavyTails};
 use super::cause::Cause;
 use super::configurations::SeparateRecord;
@@ -74,7 +73,6 @@ impl<'a> SearchInput<'a> {
         let run = whitened.work.done() - before;
         let rows = whitened.records.iter().map(|it| it.record.rows()).sum();
         whitened.work = whitened.work.for_candidates(run, rows);
-        whitened.work.tolerance = accuracy::in_search(whitened);
         prepared.unseen.work = whitened.work.clone();
         // For long records, the final check on all rows takes work too.
         let most = if prepared.share.unused_rows().is_some() { MOST_STEPS / 2 } else { MOST_STEPS };
@@ -140,10 +138,7 @@ pub(super) fn diagnose_records(
     }
     if prepared.rounded.is_empty() && seed.is_none() {
         let floors = |whitened: &WhitenedResiduals, fit: &Fit| calibration::floors(whitened, fit, file);
-        let own = configurations::separate_record(&prepared.whitened, &prepared.unseen, &prepared.nominal, &floors);
-        if let Some(mut own) = own {
-            // No final fit follows the search in one record.
-            own.alone.work.tolerance = accuracy::in_results(&own.alone);
+        if let Some(own) = configurations::separate_record(&prepared.whitened, &prepared.unseen, &prepared.nominal, &floors) {
             let none = own.alone.with_records(Vec::new());
             let search = input.search(&own.alone, &none, &own.nominal, &[]);
             let mut whole = of_one_record(file, &own, &search, prepared.findings, test, options)?;
@@ -158,7 +153,6 @@ pub(super) fn diagnose_records(
     });
     let CalibratedRecords { whitened, mut unseen, nominal, findings, share, rounded, .. } = prepared;
     unseen.floors = whitened.floors;
-    unseen.work = whitened.work.clone();
     selection.known_loop = known_loop;
     if share.unused_rows().is_some() {
         (options.progress)("testing all rows");

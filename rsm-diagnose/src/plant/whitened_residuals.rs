@@ -9,7 +9,7 @@ pub use super::prepared::Prepared;
 use super::tails::Tails;
 use crate::engine::columns::dot;
 use crate::engine::work::WorkCount;
-use rsm_sim::equation_plant::{self, RunLimits};
+use rsm_sim::equation_plant;
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
@@ -43,10 +43,6 @@ const LEAST_ALLOWED: usize = 64;
 /// A candidate may take this many times the sub-steps of the calibrated plant. A cause adds one faster mode; if more steps are needed, a time
 /// constant goes to zero.
 const TIMES_THE_PLANT: usize = 8;
-
-/// The smallest permitted error of a step, relative to the largest magnitude of a state: that of a simulation by default. It holds until the noise is
-/// known, which is estimated from what a simulation leaves; and an exact sensor does not make a simulation slower.
-pub(super) const FINEST: f64 = 1e-8;
 
 /// Simulated outputs of one record, in the order of [`Prepared::outputs`].
 pub type Simulated = Vec<Vec<f64>>;
@@ -99,15 +95,13 @@ pub struct WhitenedResiduals {
 pub struct SimulationWork {
     /// The mean number of sub-steps per row of a record at which a run is stopped.
     pub most: usize,
-    /// The permitted error of a step.
-    pub tolerance: f64,
     /// The sub-steps of all runs with this value and its clones, and the number at which multistart ends with its best result.
     count: WorkCount,
 }
 
 impl Default for SimulationWork {
     fn default() -> Self {
-        SimulationWork { most: MOST_STEPS_A_ROW, tolerance: FINEST, count: WorkCount::within(u64::MAX) }
+        SimulationWork { most: MOST_STEPS_A_ROW, count: WorkCount::within(u64::MAX) }
     }
 }
 
@@ -115,7 +109,7 @@ impl SimulationWork {
     /// The same limit for each run, with a separate count.
     #[must_use]
     pub fn with_new_count(&self) -> Self {
-        SimulationWork { count: SimulationWork::default().count, ..self.clone() }
+        SimulationWork { most: self.most, ..SimulationWork::default() }
     }
 
     /// Sub-steps so far.
@@ -213,8 +207,7 @@ impl WhitenedResiduals {
         let record = jobs[group[0]].0;
         let prepared = &self.records[record];
         let files: Vec<PlantFile> = group.iter().map(|place| jobs[*place].1.for_record(record, &prepared.record)).collect();
-        let limits = RunLimits { tolerance: self.work.tolerance, steps_a_row: self.work.most };
-        let (found, taken) = equation_plant::together(&files, &prepared.record, limits);
+        let (found, taken) = equation_plant::together(&files, &prepared.record, self.work.most);
         self.work.count.add(taken);
         let shown = |values: Vec<Vec<f64>>| -> Option<Simulated> {
             let shown: Simulated = prepared.outputs.iter().map(|output| values[*output].clone()).collect();
@@ -228,8 +221,7 @@ impl WhitenedResiduals {
     pub fn all_outputs(&self, record: usize, model: &Model) -> Option<Outputs> {
         let prepared = &self.records[record];
         let file = model.for_record(record, &prepared.record);
-        let mut simulator =
-            Simulator::new(&file, &prepared.record).ok()?.at_most(self.work.most).tolerance(self.work.tolerance);
+        let mut simulator = Simulator::new(&file, &prepared.record).ok()?.at_most(self.work.most);
         let done = simulator.run(&prepared.record);
         self.work.count.add(simulator.taken());
         done.ok()

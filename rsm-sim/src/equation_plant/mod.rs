@@ -46,7 +46,7 @@ pub use first_format::{driveline, kinds as first_format, pmac, servo_axis};
 pub use observer::Observer;
 pub use rates::Rates;
 pub use rsm_model::effects::SiteKind;
-pub use run::{Run, RunLimits, Values, shown, together, unused};
+pub use run::{Run, Values, shown, together, unused};
 pub use scales::scales;
 pub use site_signals::{Body, RoleName, SiteSignal, bodies, role_names, sign_width, site_signals};
 

@@ -370,26 +370,18 @@ pub(super) fn setting(record: &Record, method: Method, tolerance: f64, steps_a_r
     Setting { method, tolerance, steps }
 }
 
-/// The accuracy and the work of a run.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RunLimits {
-    /// The permitted error of a step, as in [`Setting`].
-    pub tolerance: f64,
-    /// The largest number of steps per row, on average over the record.
-    pub steps_a_row: usize,
-}
-
 /// Runs plants of one kind side by side along one record. They must have the same effects at the same places; their numbers may differ. Each result
 /// has the same bits as in a run alone. Returns, for each plant, every output of the kind at every row, or `None` if the plant cannot follow the
-/// record or needs more than the permitted steps; and the total number of steps.
+/// record or needs more than `steps_a_row`; and the total number of steps.
 ///
 /// # Panics
 /// Never: plants that run side by side have one model.
 #[must_use]
-pub fn together(files: &[PlantFile], record: &Record, work: RunLimits) -> (Vec<Option<Values>>, u64) {
+pub fn together(files: &[PlantFile], record: &Record, steps_a_row: usize) -> (Vec<Option<Values>>, u64) {
     let mut done: Vec<Option<Values>> = vec![None; files.len()];
     let Some(Group { model, mut slot, places, lanes }) = Group::of(files, record) else { return (done, 0) };
-    let setting = setting(record, Setting::default().method, work.tolerance, work.steps_a_row);
+    let default = Setting::default();
+    let setting = setting(record, default.method, default.tolerance, steps_a_row);
     let time = instants(record);
     let inputs = Inputs { time: &time, values: &record.inputs };
     for (place, found) in places.into_iter().zip(slot.lanes.run(&lanes, inputs, setting)) {
