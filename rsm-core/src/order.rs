@@ -1,7 +1,9 @@
-//! Lists in the order of their numbers.
+//! Lists in the order of their numbers, and the ends of lists of numbers.
 //!
-//! In: a list, and a number for each element. Out: the list in order. All lists with numbers share one sort, which the compiler makes once: with a
-//! comparison of its own, each list has a sort of its own, and these were an eighth of the code of rsm-fit and rsm-diagnose.
+//! In: a list, and a number for each element. Out: the list in order, or its ends. All lists with numbers share one sort, which the compiler makes
+//! once: with a comparison of its own, each list has a sort of its own, and these were an eighth of the code of rsm-fit and rsm-diagnose.
+
+use std::borrow::Borrow;
 
 /// Sorts numbers, smallest first. `-0` comes before `+0`, and NaN after infinity, or before minus infinity if its sign is set (the total order of
 /// IEEE 754).
@@ -35,6 +37,17 @@ pub fn ascending<T>(list: &mut [T], number: impl Fn(&T) -> f64) {
 /// ```
 pub fn descending<T>(list: &mut [T], number: impl Fn(&T) -> f64) {
     arrange(list, order_of(list.iter().map(|it| -number(it)).collect()));
+}
+
+/// The smallest and the largest number; NaN is passed over. Without a number: infinity and minus infinity.
+///
+/// ```
+/// let voltages = [12.0, f64::NAN, -3.0]; // V
+/// assert_eq!(rsm_core::order::ends(&voltages), (-3.0, 12.0));
+/// ```
+pub fn ends(numbers: impl IntoIterator<Item = impl Borrow<f64>>) -> (f64, f64) {
+    let wider = |(low, high): (f64, f64), number: f64| (low.min(number), high.max(number));
+    numbers.into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), |ends, number| wider(ends, *number.borrow()))
 }
 
 /// The index of the element for each place.

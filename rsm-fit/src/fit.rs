@@ -4,6 +4,7 @@
 //! error with every fault; a numerical outcome (confidence not reached, linearly dependent columns) is data. The way of one
 //! response is in `response.rs`. Never writes a file.
 
+use rsm_core::order;
 use std::borrow::Cow;
 
 use rsm_core::check::Checked;
@@ -345,8 +346,7 @@ fn set_aside(specification: &Specification, data: Data) -> Result<Data, Refused>
 
 /// The smallest and the largest value.
 pub(crate) fn span(values: &[f64]) -> [f64; 2] {
-    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-    [low, values.iter().copied().fold(f64::NEG_INFINITY, f64::max)]
+    order::ends(values).into()
 }
 
 /// The inputs of the model. `spans`: the smallest and the largest value of each input in the fitted data. If the specification gives no range, it is

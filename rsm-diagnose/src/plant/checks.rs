@@ -119,7 +119,7 @@ pub fn check(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
             continue;
         }
         let values = prepared.measured(k);
-        let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+        let (low, high) = order::ends(values);
         let channel = names[prepared.outputs[k]].name.to_string();
         let jump = largest_jump(values);
         let mut limits = Vec::new();
@@ -333,7 +333,7 @@ fn is_noisy(values: &[f64]) -> bool {
         beside = values.to_vec();
     }
     // At a limit and in a dead band, readings repeat whatever the noise. Only readings between them show noise.
-    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+    let (low, high) = order::ends(values);
     let between: Vec<f64> = beside.iter().copied().filter(|value| ![low, high, 0.0].contains(value)).collect();
     repeats_little(if between.len() < ENOUGH_BESIDE { &beside } else { &between })
 }

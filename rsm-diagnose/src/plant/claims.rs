@@ -221,9 +221,7 @@ fn with_sentence_about_file(sentence: &str, claim: &Claim) -> String {
         .iter()
         .zip(&claim.file)
         .filter(|(it, file)| **file < it.low || it.high < **file)
-        .map(|(it, file)| {
-            format!("{} = {}", it.name, verdict::with_unit(&Interval { value: *file, low: *file, high: *file, ..it.clone() }))
-        })
+        .map(|(it, file)| format!("{} = {}", it.name, verdict::with_unit(&Interval { value: *file, ..it.clone() })))
         .collect();
     format!("{sentence} The plant file says {}.", numbers.join(", "))
 }

@@ -12,6 +12,7 @@ use rsm_core::check::Checked;
 use rsm_core::lower;
 use rsm_core::model::{Evidence, Input, Model, Outside, Surface, Term};
 use rsm_core::number::Precision;
+use rsm_core::order;
 use rsm_core::run::Interpreter;
 use rsm_core::tape::Tape;
 use rsm_fit::dd::Dd;
@@ -376,7 +377,7 @@ fn fit(kind: PlantKind, output: usize, sd: f64, training: &[Rows<'_>]) -> Option
     let columns = independent(&rows, variables.iter().filter(|it| kind.output(&it.name).is_some()).count());
     let input = |column: &usize| {
         let values = rows.iter().map(|row| row.point[*column]);
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+        let (low, high) = order::ends(values);
         let of = &variables[*column];
         Input { name: of.name.clone(), unit: of.unit.clone(), range: [low, high], outside: Outside::Clamp }
     };

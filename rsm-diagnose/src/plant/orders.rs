@@ -6,6 +6,7 @@
 //! A piece is weighted by a Hann window over the angle and summed with d(angle), so that a piece of changing speed is sampled evenly over the angle.
 //! A row does not count for an order whose frequency there exceeds 0.45 of the sample rate.
 
+use rsm_core::order;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -173,7 +174,7 @@ fn rotation(
 /// Strokes of an axis; orders in waves over its whole travel.
 fn travel(whitened: &WhitenedResiduals, at: Vec<Vec<f64>>) -> Option<Coordinate> {
     let all = at.iter().flatten();
-    let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
+    let (low, high) = order::ends(all);
     let travel = high - low;
     if travel.is_nan() || travel <= 0.0 {
         return None;

@@ -190,7 +190,7 @@ fn powers(
         };
         let Some(all) = parts.iter().map(|it| values(it.0)).collect::<Option<Vec<_>>>() else { continue };
         let ends = all.iter().flat_map(|it| it.iter());
-        let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), it| (low.min(*it), high.max(*it)));
+        let (low, high) = order::ends(ends);
         if high <= low {
             continue;
         }

@@ -184,7 +184,7 @@ fn relative_to_fit(fit: &Fit, hypothesis: &Hypothesis, guess: &Guess) -> Guess {
 fn from_level(hypothesis: &Hypothesis, guess: &Guess, level: f64) -> Guess {
     let is_level: Vec<bool> = hypothesis.description.arguments.iter().map(|it| it.is_level).collect();
     let levels = guess.values.iter().zip(&is_level).filter(|(_, is)| **is).map(|(value, _)| *value);
-    let (low, high) = levels.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+    let (low, high) = order::ends(levels);
     let spread = if high > low { 0.5 * level / (high - low) } else { 0.0 };
     let each = guess.values.iter().zip(&is_level).map(|(value, is)| if *is { level + spread * (value - low) } else { *value });
     Guess { values: each.collect(), ..guess.clone() }

@@ -4,6 +4,7 @@
 //! end with a jump, because the plant has moved on. Its noise vanishes while the noise of neighbouring rows does not. It may stop at any value. Rest
 //! begins and ends without a jump. The nominal plant is used last, because it may lack the friction that holds the true plant.
 
+use rsm_core::order;
 use std::ops::Range;
 
 /// A channel is at rest after this many equal readings in a row.
@@ -72,7 +73,7 @@ impl<'a> StandstillTest<'a> {
     #[must_use]
     pub fn is_still(&self, rows: Range<usize>) -> bool {
         let part = &self.values[rows];
-        let (low, high) = part.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+        let (low, high) = order::ends(part);
         // One step up or down.
         high == low || self.step.is_some_and(|step| high - low <= 2.0 * (1.0 + WHOLE.0) * step)
     }

@@ -6,6 +6,7 @@ use super::levenberg::Fit;
 use super::rounding;
 use super::waves;
 use super::whitened_residuals::WhitenedResiduals;
+use rsm_core::order;
 use rsm_sim::effect::Survey;
 use rsm_sim::equation_plant;
 use rsm_sim::kind::OUTPUTS;
@@ -32,8 +33,7 @@ pub fn survey(whitened: &WhitenedResiduals, fit: &Fit) -> Survey {
             continue;
         }
         let mean = all.iter().sum::<f64>() / all.len() as f64;
-        ends[output] =
-            all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
+        ends[output] = order::ends(&all);
         largest[output] = ends[output].0.abs().max(ends[output].1.abs());
         spread[output] = (all.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / all.len() as f64).sqrt();
         let used = whitened

@@ -374,7 +374,7 @@ fn column_type(name: &str, unit: Option<&str>, cells: &[String]) -> Result<Extra
     {
         return Err(why);
     }
-    let range = values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
+    let range = <[f64; 2]>::from(order::ends(&values));
     let clock = values.windows(2).all(|pair| pair[0] < pair[1]);
     let whole = values.iter().all(|value| value.fract() == 0.0);
     let bare = unit.is_none_or(|unit| unit == "1");

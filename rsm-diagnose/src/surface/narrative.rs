@@ -11,6 +11,7 @@ use super::noise::{self, Growth};
 use super::null::Thresholds;
 use super::sample::Sample;
 use crate::engine::significance::{ln_two_sided_t, ln_upper_f};
+use rsm_core::order;
 use rsm_fit::design;
 
 /// The standard normal's 97.5 % point.
@@ -410,7 +411,7 @@ impl Narrative<'_> {
         let of_sd = growth.ratio(&fitted);
         let (form, name, weights) = match growth {
             Growth::Exponential(rate) => {
-                let (low, high) = fitted.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), f| (a.min(*f), b.max(*f)));
+                let (low, high) = order::ends(fitted);
                 let per_unit = 4.0 * rate / (high - low);
                 ("exponential", "rate", format!("exp({} {})", number(-per_unit), self.sample.surface.name))
             }

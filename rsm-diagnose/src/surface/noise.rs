@@ -34,7 +34,7 @@ impl Growth {
         match self {
             Growth::Exponential(rate) => (2.0 * rate).exp(),
             Growth::Power(power) => {
-                let (low, high) = ends(fitted);
+                let (low, high) = order::ends(fitted);
                 (high / low).abs().powf(power)
             }
         }
@@ -48,19 +48,15 @@ impl Growth {
     }
 }
 
-fn ends(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)))
-}
-
 fn centred(fitted: &[f64]) -> Vec<f64> {
-    let (low, high) = ends(fitted);
+    let (low, high) = order::ends(fitted);
     let half = ((high - low) / 2.0).max(f64::MIN_POSITIVE);
     fitted.iter().map(|f| ((f - (low + high) / 2.0) / half).clamp(-1.0, 1.0)).collect()
 }
 
 /// ln |fitted|, with |fitted| limited to at least a thousandth of the largest. Nearer to zero, a power law is not plausible.
 fn logarithms(fitted: &[f64]) -> Vec<f64> {
-    let (low, high) = ends(fitted);
+    let (low, high) = order::ends(fitted);
     let most = low.abs().max(high.abs()).max(f64::MIN_POSITIVE);
     fitted.iter().map(|f| f.abs().max(1e-3 * most).ln()).collect()
 }
@@ -102,7 +98,7 @@ pub(super) fn growth(residual: &[f64], fitted: &[f64]) -> (Growth, f64) {
     let u = centred(fitted);
     let (rate, after) = least(-STEEPEST, STEEPEST, &|rate| misfit(residual, &|row| rate * u[row]));
     let mut best = (Growth::Exponential(rate), even - after);
-    let (low, high) = ends(fitted);
+    let (low, high) = order::ends(fitted);
     // A power law needs a response of one sign whose range is large relative to its size.
     if low * high > 0.0 && (high / low).abs().max((low / high).abs()) > 1.5 {
         let logs = logarithms(fitted);

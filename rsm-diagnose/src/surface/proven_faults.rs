@@ -217,7 +217,7 @@ pub(super) fn inputs(sample: &Sample) -> Found {
     let base = base(sample);
     let mut found = Found::default();
     for (input, values) in sample.inputs.iter().zip(&sample.points) {
-        let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+        let (low, high) = order::ends(values);
         let mut others: Vec<f64> = values.iter().copied().filter(|value| ![low, high].contains(value)).collect();
         order::sort(&mut others);
         let single: usize = others.chunk_by(|a, b| a == b).map(<[f64]>::len).filter(|count| *count <= 2).sum();

@@ -2,6 +2,7 @@
 //!
 //! In: a plant file, records. Out: [`Scales`] for each place. This file only computes magnitudes; it does not decide between causes.
 
+use rsm_core::order;
 use rsm_core::source::Faults;
 use rsm_model::effects::SiteKind;
 use rsm_model::expression::Id;
@@ -38,9 +39,7 @@ pub fn scales(file: &PlantFile, records: &[&Record]) -> Result<Vec<Scales>, Faul
             SiteKind::Input => {
                 let at = kind.inputs.iter().position(|it| it.name == place.at);
                 let values = records.iter().filter_map(|it| it.inputs.get(at?)).flatten();
-                let recorded = values.fold(None, |ends: Option<(f64, f64)>, value| {
-                    Some(ends.map_or((*value, *value), |(low, high)| (low.min(*value), high.max(*value))))
-                });
+                let recorded = Some(order::ends(values)).filter(|(lowest, highest)| lowest <= highest);
                 // A signal inside of the plant, such as the command of its controller, is simulated.
                 let simulated = (0..place.roles.len()).map(|part| most(k, part)).fold(0.0, f64::max);
                 let (lowest, highest) = match at {

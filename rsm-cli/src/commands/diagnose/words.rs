@@ -196,6 +196,9 @@ pub fn bridged(filled: &FilledGaps) -> String {
 /// An effect of the plant file, with its parameters as estimated from the records.
 pub fn claim(claim: &Claim) -> String {
     let number = |(number, file): (&Interval, &f64)| {
+        if !number.is_determined() {
+            return format!("{} is {file} in the file, and these records do not determine it", number.name);
+        }
         format!(
             "{} is {file} in the file, {:.4} ({:.4} to {:.4}) in the records",
             number.name, number.value, number.low, number.high

@@ -4,6 +4,7 @@
 //! of the filter, so even a wave of 90 cycles per turn stays in phase; the position of a free run would be several cycles off. The effort of the
 //! wave moves the states of the next row, and the linear model of the rows gives all that follows. Fits nothing.
 
+use rsm_core::order;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -72,7 +73,7 @@ impl<'f> Turning<'f> {
     /// The distance between the ends of the motion, in periods of the slow wave.
     #[must_use]
     pub fn travel(&self) -> f64 {
-        let ends = self.phase.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), it| (low.min(*it), high.max(*it)));
+        let ends = order::ends(&self.phase);
         (ends.1 - ends.0).max(0.0) / TAU
     }
 

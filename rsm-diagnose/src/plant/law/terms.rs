@@ -6,6 +6,7 @@
 //! sign is one more variable: dry friction is no polynomial. Two smooth steps that are wider, the sigmoids of surfaces over the speed, represent what
 //! rises and falls near rest.
 
+use rsm_core::order;
 use std::fmt::Write as _;
 
 use rsm_core::model::{Input, Model, Outside, Sigmoid, Surface, Term as SurfaceTerm};
@@ -70,7 +71,7 @@ impl Form {
         let mut variables = Vec::new();
         for ((name, unit), values) in balance.variables.iter().zip(values) {
             let finite = values.iter().filter(|it| it.is_finite());
-            let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), it| (low.min(*it), high.max(*it)));
+            let (low, high) = order::ends(finite);
             let width = high - low;
             let is_long_angle = balance.kind == "rotation" && name == "position" && width > MOST_ANGLE;
             // The accuracy of a simulation: a variable that varies less is constant.

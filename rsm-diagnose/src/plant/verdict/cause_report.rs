@@ -83,11 +83,11 @@ pub(crate) fn cause(
 /// A number with its unit: one for all configurations, or one for each.
 fn by_configuration(numbers: &[&Interval]) -> String {
     match numbers {
-        [one] => with_unit(one),
+        [one] => estimate(one),
         several => {
             let each = several.iter().filter_map(|it| {
                 let (_, configuration) = configurations::parts(it.name)?;
-                Some(format!("{} in {configuration}", with_unit(it)))
+                Some(format!("{} in {configuration}", estimate(it)))
             });
             joined(&each.collect::<Vec<_>>())
         }
@@ -152,12 +152,17 @@ pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows
     })
 }
 
+/// A number in a sentence, with its unit; and whether the records say nothing about it.
+pub(super) fn estimate(it: &Interval) -> String {
+    let value = with_unit(it);
+    if it.is_determined() { value } else { format!("{value} (not determined)") }
+}
+
 /// A number with four digits and its unit.
 pub(crate) fn with_unit(it: &Interval) -> String {
     let digits = format!("{:.3e}", it.value);
     let value: f64 = digits.parse().unwrap_or(it.value);
-    let unit = if it.unit == "1" { String::new() } else { format!(" {}", it.unit.replace('*', " ")) };
-    format!("{value}{unit}{}", if it.is_determined() { "" } else { " (not determined)" })
+    if it.unit == "1" { format!("{value}") } else { format!("{value} {}", it.unit.replace('*', " ")) }
 }
 
 pub(super) fn unit(plant: PlantKind, description: &rsm_sim::effect::Description, subject: Option<&str>, name: &str) -> String {

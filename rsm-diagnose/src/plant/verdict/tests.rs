@@ -8,7 +8,7 @@ mod whole;
 
 use super::super::levenberg::Fit;
 use super::super::search::AcceptedCause;
-use super::cause_report::unit;
+use super::cause_report::{estimate, unit};
 use rsm_sim::effect::Subject;
 use rsm_sim::equation_plant::{driveline, pmac, servo_axis};
 
@@ -20,7 +20,7 @@ fn numbers_in_sentences_have_four_digits_and_their_unit() {
     assert_eq!(of(1.0757, "1"), "1.076");
     assert_eq!(of(-4.2e-7, "m/s"), "-0.00000042 m/s");
     let limit = Interval { name: "high", value: 112.6, low: f64::NEG_INFINITY, high: f64::INFINITY, unit: "W".to_string() };
-    assert_eq!(with_unit(&limit), "112.6 W (not determined)");
+    assert_eq!(estimate(&limit), "112.6 W (not determined)");
 }
 
 #[test]

@@ -330,10 +330,12 @@ fn parameters(body: &mut String, found: &Diagnosis) {
         for it in &cause.parameters {
             let half = 0.5 * (it.high - it.low);
             let interval = format!("{} to {}", known(it.low, half), known(it.high, half));
-            let note = match it {
-                it if !it.is_determined() => "not determined by these records".to_string(),
-                it if it.high > it.low => interval,
-                _ => "not estimated".to_string(),
+            let note = if !it.is_determined() {
+                "not determined by these records".to_string()
+            } else if it.high > it.low {
+                interval
+            } else {
+                "not estimated".to_string()
             };
             row(&cause.label(), it.name, &it.unit, &words::before(found, cause), &known(it.value, half), &note);
         }
