@@ -46,6 +46,7 @@
 pub mod order;
 pub mod places;
 pub mod source;
+pub mod threads;
 pub mod toml_reader;
 
 pub mod model;

@@ -1,13 +1,14 @@
-//! The same work for many items, on several threads.
+//! The threads of a fit: their number, and passes over rows.
 //!
-//! In: a number of items, and the work for one item. Out: the results, one at a time, in the order of the items. So sums over items have the same
-//! bits for any number of threads. Every thread holds few results, so the memory does not depend on the number of items.
+//! In: the work for items or for ranges of rows. Out: the results in their order, so sums have the same bits for any number of threads. Few results
+//! wait for others, so the memory does not depend on the number of items.
 
 use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::sync_channel;
 
-/// The number of results that a thread holds until they are taken. Each needs memory; two keep a thread at work while another one is slower.
+use rsm_core::threads;
+
+/// The number of results of each thread that may wait. Each needs memory; two keep a thread at work while another one is slower.
 const HELD: usize = 2;
 
 /// The largest number of threads; 0 without a limit.
@@ -28,39 +29,34 @@ fn threads() -> usize {
     if IS_WORKER.get() {
         return 1;
     }
-    let available = || std::thread::available_parallelism().map_or(1, usize::from);
     match MOST.load(Ordering::Relaxed) {
-        0 => available(),
+        0 => threads::available(),
         // A limit above the number of processors is kept: tests use it on machines with one.
         most => most,
     }
 }
 
-/// Gives the results of the items `0..count` to `take`, in their order. Thread t does the items t, t + threads, and so on.
-pub(crate) fn in_order<A: Send>(count: usize, work: impl Fn(usize) -> A + Sync, mut take: impl FnMut(A)) {
+/// Gives the results of the items `0..count` to `take`, in their order, by the threads that a fit may use.
+pub(crate) fn in_order<A: Send>(count: usize, work: impl Fn(usize) -> A + Sync, take: impl FnMut(A)) {
     let threads = threads().min(count);
     if threads < 2 {
-        (0..count).for_each(|item| take(work(item)));
+        threads::in_order(count, 1, 1, work, take);
         return;
     }
-    let work = &work;
-    std::thread::scope(|scope| {
-        let start = |thread: usize| {
-            let (send, receive) = sync_channel(HELD);
-            scope.spawn(move || {
-                IS_WORKER.set(true);
-                // A send fails only if another thread has panicked.
-                (thread..count).step_by(threads).all(|item| send.send(work(item)).is_ok())
-            });
-            receive
-        };
-        let results: Vec<_> = (0..threads).map(start).collect();
-        for item in 0..count {
-            // After a panic of a thread nothing arrives, and the scope panics too.
-            let Ok(result) = results[item % threads].recv() else { return };
-            take(result);
-        }
-    });
+    let as_worker = |item| {
+        let _mark = Mark(IS_WORKER.replace(true));
+        work(item)
+    };
+    threads::in_order(count, threads, threads * HELD, as_worker, take);
+}
+
+/// Restores the mark of a thread after its item.
+struct Mark(bool);
+
+impl Drop for Mark {
+    fn drop(&mut self) {
+        IS_WORKER.set(self.0);
+    }
 }
 
 /// The results of the items `0..count`, in their order. An item takes the time of so many rows: those of few rows are not worth a thread.
@@ -102,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "a scoped thread panicked")]
+    #[should_panic(expected = "item < 5")]
     fn a_panic_of_an_item_is_one_of_the_caller() {
         limit(2);
         all(9, ROWS, |item| assert!(item < 5));

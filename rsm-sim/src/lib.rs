@@ -54,8 +54,6 @@ pub mod equation_plant;
 
 pub mod simulate;
 
-pub mod threads;
-
 /// The examples of the README run as tests.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -4,7 +4,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use rsm_sim::threads::in_threads;
+use rsm_core::threads::in_threads;
 use serde_json::Value;
 
 use crate::run::Diagnose;

@@ -12,7 +12,7 @@ use rsm_bench::simulation::{ROWS, SUBJECTS, diagnosed, rows_per_second};
 
 fn main() {
     let quick = std::env::args().any(|word| word == "--quick");
-    let threads = rsm_sim::threads::threads();
+    let threads = rsm_core::threads::available();
     println!(
         "simulation along {ROWS} rows, one thread, the shortest of some runs; diagnosis of three such records on {threads} threads\n"
     );

@@ -9,6 +9,7 @@ use clap::{Args, Subcommand};
 use indicatif::ProgressBar;
 use rsm_core::check::Checked;
 use rsm_core::source::{Collector, Faults, Source};
+use rsm_core::threads;
 use rsm_fit::plan::Plan;
 use rsm_rigs::bench::{self, Bench, Setting};
 use rsm_rigs::track::experiment::{self, FLAGGED_AT_MOST};
@@ -17,7 +18,6 @@ use rsm_rigs::track::plan::TrackPlan;
 use rsm_rigs::track::rounds;
 use rsm_rigs::track::run::Compensation;
 use rsm_sim::plant_file::PlantFile;
-use rsm_sim::threads::threads;
 use serde_json::json;
 
 use crate::outcome::{Answer, Outcome, Refusal};
@@ -118,7 +118,7 @@ fn driveline(arguments: &Driveline) -> Outcome {
     let plan = TrackPlan::read(&Source::read(&arguments.plan)?)?;
     let compensation = arguments.compensator.as_deref().map(compensation).transpose()?;
     let bar = ProgressBar::new(plan.runs.len() as u64);
-    let runs = experiment::experiment(&plant, &plan, arguments.seed, compensation.as_ref(), threads());
+    let runs = experiment::experiment(&plant, &plan, arguments.seed, compensation.as_ref(), threads::available());
     bar.finish_and_clear();
     // The simulation does not have the file's name, so it is added here.
     let runs = runs.map_err(|faults| Refusal::new(format!("{}: {faults}", arguments.plant.display())))?;

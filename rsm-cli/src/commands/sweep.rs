@@ -9,8 +9,8 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use rsm_core::source::Source;
+use rsm_core::threads;
 use rsm_diagnose::plant::{self, Options};
-use rsm_sim::threads::threads;
 use rsm_sweep::dask::Cluster;
 use rsm_sweep::scenario::Scenario;
 use rsm_sweep::store::Store;
@@ -110,7 +110,7 @@ fn alone(scenario: &Scenario, tasks: &[Task], hash: &str, arguments: &Arguments)
             tasks.len()
         )));
     };
-    let result = task.run(scenario, arguments.threads.unwrap_or_else(threads), &diagnosis);
+    let result = task.run(scenario, arguments.threads.unwrap_or_else(threads::available), &diagnosis);
     output::line(&result.to_string())?;
     Ok(if has_failed(&result) { Answer::Negative } else { Answer::Positive })
 }
@@ -231,7 +231,7 @@ fn make(
     bar.set_style(style.expect("the template is ours"));
     bar.set_position(existing as u64);
     bar.enable_steady_tick(std::time::Duration::from_millis(200));
-    let threads = arguments.threads.unwrap_or_else(threads);
+    let threads = arguments.threads.unwrap_or_else(threads::available);
     let done = |_: &Task, _: &Value| bar.inc(1);
     let made = match (arguments.engine, arguments.scheduler.as_deref()) {
         (Engine::Dask, Some(scheduler)) => {

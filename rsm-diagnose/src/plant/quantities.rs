@@ -6,9 +6,9 @@
 use super::levenberg::Fit;
 use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
 use rsm_core::order;
+use rsm_core::threads::in_threads;
 use rsm_sim::equation_plant::{self, SiteKind, SiteSignal};
 use rsm_sim::kind::PlantKind;
-use rsm_sim::threads::in_threads;
 
 /// Below this share of its largest speed, a plant counts as at rest or reversing.
 const RESTING: f64 = 0.05;

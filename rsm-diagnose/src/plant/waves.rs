@@ -21,12 +21,12 @@ use super::whitened_residuals::{Column, WhitenedResiduals};
 use crate::engine::angle;
 use crate::engine::columns::dot;
 use crate::engine::normal::Normal;
+use rsm_core::threads::in_threads;
 use rsm_sim::effect::{Arguments, Description, Role, Wave};
 use rsm_sim::equation_plant::{SiteKind, sign_width};
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::Entry;
 use rsm_sim::schema::Bound;
-use rsm_sim::threads::in_threads;
 
 /// The largest number of waves over the travel. A spectral line is half a wave over the travel wide.
 pub const MOST: usize = 400;

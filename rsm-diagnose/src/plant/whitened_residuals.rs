@@ -9,12 +9,12 @@ pub use super::prepared::Prepared;
 use super::tails::Tails;
 use crate::engine::columns::dot;
 use crate::engine::work::WorkCount;
+use rsm_core::threads::in_threads;
 use rsm_sim::equation_plant;
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
 use rsm_sim::simulate::{Outputs, Simulator};
-use rsm_sim::threads::in_threads;
 
 /// The step of a finite difference, in units of an unknown's scale. A law with a kink (free play, a limit) is simulated with the kink at an accuracy
 /// of a share of a sub-step, so its outputs jump by 1e-5 of their change. With a step of a thousandth that was a tenth of the derivative. With three

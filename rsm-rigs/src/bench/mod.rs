@@ -26,8 +26,8 @@ use crate::motor::field_oriented::{FieldOriented, Weakening};
 use crate::motor::machine::{Truth, check_plant};
 use crate::motor::noise::Noise;
 use crate::motor::tasks::{DYNAMOMETER_INERTIA, Dynamometer};
+use rsm_core::threads::{available, in_threads};
 use rsm_sim::plant_file::PlantFile;
-use rsm_sim::threads::{in_threads, threads};
 
 /// What is set in a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -127,7 +127,7 @@ impl Bench {
     /// A plant that is no motor, or one that cannot run in a loop; a plant of which every run trips.
     pub fn run(&self, plant: &PlantFile, settings: &[Setting], seed: u64) -> Result<Vec<Outcome>, Faults> {
         check_plant(plant)?;
-        let runs = in_threads(settings, threads(), |setting| self.one(plant, *setting, seed));
+        let runs = in_threads(settings, available(), |setting| self.one(plant, *setting, seed));
         let outcomes = runs.into_iter().collect::<Result<Vec<Outcome>, Faults>>()?;
         if !outcomes.is_empty() && outcomes.iter().all(|it| matches!(it, Outcome::Tripped(_))) {
             let what = "every run ends with more than twice the current limit: check the parameters of the motor";

@@ -8,8 +8,8 @@ use std::fmt::Write as _;
 use rsm_core::number::decimal;
 use rsm_core::source::{Collector, Fault, Faults};
 
+use rsm_core::threads::in_threads;
 use rsm_sim::plant_file::PlantFile;
-use rsm_sim::threads::in_threads;
 
 use super::measure::{Measured, measure};
 use super::plan::{TipIn, TrackPlan};

@@ -11,13 +11,13 @@ use rsm_core::model::Input;
 use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_core::source::Source;
+use rsm_core::threads;
 use rsm_rigs::track::figures::{self, Car, Figures, Study};
 use rsm_rigs::track::gearbox::{self, OTHER_RATIOS, Prediction, Residual};
 use rsm_rigs::track::plan::TrackPlan;
 use rsm_rigs::track::rounds;
 use rsm_rigs::track::run::{COAST_ROWS, PERIOD, Trace};
 use rsm_sim::plant_file::PlantFile;
-use rsm_sim::threads::threads;
 use serde_json::{Map, Value, json};
 
 use super::paper::Paper;
@@ -44,7 +44,7 @@ pub fn run(printer: &Printer, folder: &Path, full: bool, paper: &mut Paper) -> R
         (folder.join("plan.csv"), TrackPlan::experiment(SEED).csv()),
     ])?;
     printer.print("track    25 tip-in runs, five speeds in each gear, without lash and with 3 degrees of it; rounds of the compensator ...")?;
-    let study = Study { seed: SEED, threads: threads() };
+    let study = Study { seed: SEED, threads: threads::available() };
     let found = figures::figures(&plant, &study)?;
     let Figures { without_lash, with_lash, left } = &found;
     for (name, car) in [("tip-in", without_lash), ("tip-in-lash", with_lash)] {

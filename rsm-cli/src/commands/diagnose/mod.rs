@@ -23,6 +23,7 @@ use std::time::Instant;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use rsm_core::source::{Collector, Source};
+use rsm_core::threads;
 use rsm_core::toml_reader;
 use rsm_diagnose::plant::checks::Finding;
 use rsm_diagnose::plant::gaps::FilledGaps;
@@ -33,7 +34,6 @@ use rsm_sim::equation_plant;
 use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
-use rsm_sim::threads::threads;
 use serde_json::{Map, Value, json};
 
 use crate::commands::equations as plants;
@@ -115,7 +115,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     );
     bar.enable_steady_tick(std::time::Duration::from_millis(200));
     let progress = |message: &str| bar.set_message(message.to_string());
-    let options = Options { threads: threads(), progress: &progress };
+    let options = Options { threads: threads::available(), progress: &progress };
     let found = plant::diagnose_and_test(&plant, &training, &validation, &test, &options);
     let found = found.map_err(|why| Refusal::new(format!("{}: {why}", arguments.plant.display())))?;
     let refitted = match (&arguments.out, arguments.refit) {

@@ -32,9 +32,9 @@ use super::whitened_residuals::{WhitenedResiduals, side_by_side};
 use crate::engine::significance::best_gain_by_chance;
 use cross_validation::{Base, Blocks, Prior, blocks};
 use filter::Filter;
+use rsm_core::threads::in_threads;
 use rsm_sim::effect::{Guess, Role};
 use rsm_sim::plant_file::{Entry, PlantFile};
-use rsm_sim::threads::in_threads;
 use wave_terms::{Wave, order_of};
 
 /// The largest number of rows of all records together, from their beginnings. With two hundred guesses they take half a second.

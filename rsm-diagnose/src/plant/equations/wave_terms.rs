@@ -12,10 +12,10 @@ use crate::engine::angle;
 use crate::plant::hypotheses::Hypothesis;
 use crate::plant::model::Model;
 use crate::plant::waves::{LONGEST_WAVE, MOST, largest_between, peaks};
+use rsm_core::threads::in_threads;
 use rsm_sim::effect::{Guess, Role};
 use rsm_sim::plant_file::Entry;
 use rsm_sim::schema::Bound;
-use rsm_sim::threads::in_threads;
 
 /// The highest order of a wave. 36 slots with 42 poles have 252 cycles per turn, but at a hundred turns per second even order four is above a third
 /// of a kilohertz. Orders above 120 are beyond what the sampling resolves.

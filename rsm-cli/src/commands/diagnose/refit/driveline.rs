@@ -4,13 +4,13 @@
 
 use rsm_core::check::Checked;
 use rsm_core::model::Model;
+use rsm_core::threads;
 use rsm_rigs::refit::{gain, usable};
 use rsm_rigs::track::experiment::experiment;
 use rsm_rigs::track::plan::TrackPlan;
 use rsm_rigs::track::rounds::{self, COMPENSATOR, Driven, Poles, Settings};
 use rsm_rigs::track::run::Compensation;
 use rsm_sim::plant_file::PlantFile;
-use rsm_sim::threads::threads;
 use serde_json::{Value, json};
 
 use super::{Refitted, Request};
@@ -46,7 +46,7 @@ fn with_plan(request: &Request<'_>, plan: &TrackPlan) -> Result<Refitted, Refusa
     let mut models: Vec<Model> = Vec::new();
     for (name, plant) in [("nominal", &nominal), ("extended", &extended)] {
         (request.progress)(&format!("the {name} car on the track"));
-        let settings = Settings { seed: SEED, poles: poles(plant), threads: threads() };
+        let settings = Settings { seed: SEED, poles: poles(plant), threads: threads::available() };
         let tuned = rounds::tune(plant, plan, &settings)?;
         if name == "extended" {
             let data = rounds::data(&tuned.uncompensated, &tuned.rounds[tuned.best].pole_damping);
@@ -112,7 +112,7 @@ fn driven(plant: &PlantFile, plan: &TrackPlan, model: Option<&Model>) -> Result<
         Some(model) => Some(Compensation::new(&Checked::from_model(model)?, COMPENSATOR)?),
         None => None,
     };
-    let runs = experiment(plant, plan, TEST_SEED, compensation.as_ref(), threads())?;
+    let runs = experiment(plant, plan, TEST_SEED, compensation.as_ref(), threads::available())?;
     Ok(Driven::of(&runs.into_iter().map(|(measured, _)| measured).collect::<Vec<_>>()))
 }
 
