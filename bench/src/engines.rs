@@ -35,12 +35,21 @@ pub struct Text {
 
 /// The shortest time of some runs, in seconds.
 pub fn shortest(mut run: impl FnMut()) -> f64 {
-    let seconds = (0..RUNS).map(|_| {
-        let start = Instant::now();
-        run();
-        start.elapsed().as_secs_f64()
-    });
-    seconds.fold(f64::INFINITY, f64::min)
+    in_turn([&mut run])[0]
+}
+
+/// The shortest time of some runs of each, in seconds. Each runs once in every round: a machine that becomes slower for some seconds changes the times of
+/// all, not their ratios.
+pub fn in_turn<const N: usize>(mut runs: [&mut dyn FnMut(); N]) -> [f64; N] {
+    let mut seconds = [f64::INFINITY; N];
+    for _ in 0..RUNS {
+        for (seconds, run) in seconds.iter_mut().zip(&mut runs) {
+            let start = Instant::now();
+            run();
+            *seconds = seconds.min(start.elapsed().as_secs_f64());
+        }
+    }
+    seconds
 }
 
 fn read(plant: &str) -> EquationFile {
@@ -95,21 +104,23 @@ impl Text {
         self.machine.outputs().into_iter().map(|it| it.0).zip(found).collect()
     }
 
-    /// Rows per second of this number of lanes, with the rows of all lanes counted.
+    /// Rows per second of one lane, of this number of lanes, with the rows of all lanes counted, and of another engine along the same record.
     ///
     /// # Panics
     /// If a run ends early.
     #[must_use]
-    pub fn rows_per_second(&self, lanes: usize, tolerance: f64) -> f64 {
+    pub fn rows_per_second(&self, lanes: usize, tolerance: f64, other: &mut dyn FnMut()) -> [f64; 3] {
         let setting = Setting::new(Method::Automatic, tolerance);
         let all = vec![self.lane.clone(); lanes];
-        let mut code = Lanes::new(&self.machine);
-        let seconds = shortest(|| {
-            for found in code.run(&all, self.inputs(), setting) {
+        let run = |code: &mut Lanes<'_>, count: usize| {
+            for found in code.run(&all[..count], self.inputs(), setting) {
                 found.unwrap_or_else(|stopped| panic!("{stopped}"));
             }
-        });
-        (lanes * self.signals.time.len()) as f64 / seconds
+        };
+        let (mut alone, mut group) = (Lanes::new(&self.machine), Lanes::new(&self.machine));
+        let rows = self.signals.time.len() as f64;
+        let [one, many, others] = in_turn([&mut || run(&mut alone, 1), &mut || run(&mut group, lanes), other]);
+        [rows / one, lanes as f64 * rows / many, rows / others]
     }
 
     /// Up to `most` parameters that change an output. The derivatives with respect to them are computed.
@@ -181,10 +192,6 @@ impl Text {
         let of = Sensitive::new(&machine, &starts, self.signals.time[0], &first, &values, &by);
         let of = of.unwrap_or_else(|faults| panic!("{faults}"));
         let setting = Setting::new(Method::Automatic, tolerance);
-        let mut code = Lanes::new(&self.machine);
-        let mut exact = None;
-        let own =
-            shortest(|| exact = Some(code.sensitivities(&of, self.inputs(), setting).unwrap_or_else(|it| panic!("{it}"))));
         let mut lanes = vec![self.lane.clone()];
         let mut steps = Vec::new();
         for name in names {
@@ -194,13 +201,21 @@ impl Text {
             lanes.push(self.lane_of(&mut machine));
             machine.set(name, value).unwrap_or_else(|faults| panic!("{faults}"));
         }
-        let mut found = Vec::new();
-        let side_by_side = shortest(|| found = code.run(&lanes, self.inputs(), setting));
-        let one_by_one = shortest(|| {
-            for lane in &lanes {
-                code.run(std::slice::from_ref(lane), self.inputs(), setting).remove(0).unwrap_or_else(|it| panic!("{it}"));
-            }
-        });
+        let (mut exact, mut found) = (None, Vec::new());
+        let [mut of_derivatives, mut alone, mut group] = [(); 3].map(|()| Lanes::new(&self.machine));
+        let [own, side_by_side, one_by_one] = in_turn([
+            &mut || {
+                let derivatives = of_derivatives.sensitivities(&of, self.inputs(), setting);
+                exact = Some(derivatives.unwrap_or_else(|it| panic!("{it}")));
+            },
+            &mut || found = group.run(&lanes, self.inputs(), setting),
+            &mut || {
+                for lane in &lanes {
+                    let found = alone.run(std::slice::from_ref(lane), self.inputs(), setting).remove(0);
+                    found.unwrap_or_else(|it| panic!("{it}"));
+                }
+            },
+        ]);
         let found: Vec<Vec<Vec<f64>>> = found.into_iter().map(|it| it.unwrap_or_else(|it| panic!("{it}"))).collect();
         let exact = exact.map_or_else(Vec::new, |it| it.derivatives);
         let mut worst = 0.0_f64;
@@ -263,14 +278,12 @@ pub fn in_rust(subject: &Subject, record: &Record) -> Vec<(String, Vec<f64>)> {
     file.kind.outputs().iter().map(|it| it.name.to_string()).zip(by_hand::run(&file, record)).collect()
 }
 
-/// Rows per second of the plant in Rust.
-#[must_use]
-pub fn rows_per_second_in_rust(subject: &Subject, record: &Record) -> f64 {
+/// A run of the plant in Rust.
+pub fn run_in_rust<'a>(subject: &Subject, record: &'a Record) -> impl FnMut() + 'a {
     let file = subject.nominal();
-    let seconds = shortest(|| {
+    move || {
         std::hint::black_box(by_hand::run(&file, record));
-    });
-    record.rows() as f64 / seconds
+    }
 }
 
 /// The largest of some tolerances at which a text is at least as accurate as the plant in Rust; its error at this tolerance, and the error in Rust.
