@@ -20,14 +20,14 @@ const fn other(name: &'static str, factor: f64) -> AlternativeUnit {
 /// For every unit.
 const PREFIXES: [AlternativeUnit; 2] = [other("thousandths (m...)", 1000.0), other("thousands (k...)", 0.001)];
 
-/// For a phase quantity, whose values have two usual meanings.
-const PHASE: [AlternativeUnit; 2] =
+/// For a quantity of a rotating frame. Its size stands for a wave, and a wave has several usual sizes.
+pub(super) const OF_A_WAVE: [AlternativeUnit; 2] =
     [other("r.m.s. values", std::f64::consts::FRAC_1_SQRT_2), other("peak-to-peak values", 2.0)];
 
 /// Lists by a unit of the quantity. 9.549297 is 30/pi, 57.29578 is 180/pi, 0.1591549 is 1/(2 pi), 0.1019716 is 1/9.80665. 0.7375621, 2.236936,
 /// 0.2248089, 1.450377e-4 and 1.341022e-3 are for the pound-foot, the mile per hour, the pound-force, the pound-force per square inch and the
 /// horsepower, from the international yard and pound (1959).
-const KINDS: [(&str, &[AlternativeUnit]); 19] = [
+const KINDS: [(&str, &[AlternativeUnit]); 17] = [
     ("rad/s", &[other("rpm", 9.549_297), other("revolutions per second", 0.159_154_9), other("deg/s", 57.295_78)]),
     ("rad", &[other("deg", 57.295_78), other("revolutions", 0.159_154_9)]),
     ("rad/s^2", &[other("deg/s^2", 57.295_78)]),
@@ -44,8 +44,6 @@ const KINDS: [(&str, &[AlternativeUnit]); 19] = [
     ("W", &[other("horsepower", 1.341_022e-3)]),
     ("J", &[other("W h", 2.777_778e-4), other("kW h", 2.777_778e-7)]),
     ("s", &[other("min", 1.0 / 60.0), other("h", 1.0 / 3600.0)]),
-    ("A", &PHASE),
-    ("V", &PHASE),
     ("1", &[other("per cent", 100.0)]),
 ];
 
