@@ -188,9 +188,13 @@ fn neutral(fit: &Fit, entry: usize, hypotheses: &[Hypothesis]) -> Option<String>
         if without < low || high < without {
             return None;
         }
-        why = Some(format!(
-            "{name} = {value:.4}, and its 95 % interval, {low:.4} to {high:.4}, contains {without}, at which it has no effect"
-        ));
+        why = Some(if low.is_finite() || high.is_finite() {
+            format!(
+                "{name} = {value:.4}, and its 95 % interval, {low:.4} to {high:.4}, contains {without}, at which it has no effect"
+            )
+        } else {
+            format!("{name} = {value:.4} is not determined: no simulated row depends on it")
+        });
     }
     why
 }
