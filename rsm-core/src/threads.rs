@@ -28,8 +28,8 @@ pub fn in_threads<T: Sync, A: Send>(items: &[T], threads: usize, work: impl Fn(&
     results
 }
 
-/// Gives the results of the items `0..count` to `take`, in their order. At most `held` results wait at the same time for that of an earlier item, so the
-/// memory does not depend on the number of items. This thread calls `take`, and works too.
+/// Gives the results of the items `0..count` to `take`, in their order. At most `held` results wait at the same time for that of an earlier item, so
+/// the memory does not depend on the number of items. This thread calls `take`, and works too.
 ///
 /// # Panics
 /// If the work or `take` panics, with the same message.

@@ -60,8 +60,8 @@ pub struct Shift {
     pub late: isize,
 }
 
-/// Channels that are shifted in time against the same channel of most other records, at least two: with two records in all, it is unknown which one is
-/// shifted.
+/// Channels that are shifted in time against the same channel of most other records, at least two: with two records in all, it is unknown which one
+/// is shifted.
 #[must_use]
 pub fn shifts(records: &[(&Prepared, &Simulated)]) -> Vec<Shift> {
     let mut found = Vec::new();
