@@ -38,7 +38,7 @@ pub fn shortest(mut run: impl FnMut()) -> f64 {
     in_turn([&mut run])[0]
 }
 
-/// The shortest time of some runs of each, in seconds. Each runs once in every round: a machine that becomes slower for some seconds changes the times
+/// The shortest time of some runs of each, in seconds. Each runs once in every round: a machine that becomes slower for a while changes the times
 /// of all, not their ratios.
 pub fn in_turn<const N: usize>(mut runs: [&mut dyn FnMut(); N]) -> [f64; N] {
     let mut seconds = [f64::INFINITY; N];
