@@ -39,6 +39,17 @@ pub struct SeparateRecord {
     pub nominal: Model,
 }
 
+impl SeparateRecord {
+    /// Whether the causes found in the record alone leave only noise in all others too, with their numbers as they are. Then they are causes
+    /// of the plant that the other records do not excite, such as the limit of an input, and the record is of no other configuration.
+    #[must_use]
+    pub fn others_accept(&self, found: &Fit) -> bool {
+        let sds = Posterior::of(found).deviations().to_vec();
+        let accept = |others: &WhitenedResiduals| structure(others, found, &sds).is_some_and(|it| it <= NEGLIGIBLE_STRUCTURE);
+        !found.model.file.effects.is_empty() && accept(&self.whitened) && accept(&self.unseen)
+    }
+}
+
 /// The record that differs from all others, if there is exactly one. `floors` estimates the noise from the residual of a fit.
 #[must_use]
 pub fn separate_record(

@@ -141,10 +141,17 @@ pub(super) fn diagnose_records(
         if let Some(own) = configurations::separate_record(&prepared.whitened, &prepared.unseen, &prepared.nominal, &floors) {
             let none = own.alone.with_records(Vec::new());
             let search = input.search(&own.alone, &none, &own.nominal, &[]);
-            let mut whole = of_one_record(file, &own, &search, prepared.findings, test, options)?;
-            whole.unused_rows = prepared.share.unused_rows();
-            whole.equations = input.equation_errors;
-            return Ok(whole);
+            (options.progress)(&format!("diagnosing {} alone", own.alone.records[0].record.file));
+            let start = levenberg::fit(&own.alone, own.nominal.clone(), 8).ok_or(Refused::CannotSimulate)?;
+            let its = search.run(start);
+            // What only a holdout record excites cannot be fitted to the training records.
+            let is_trained = own.whitened.records.len() < prepared.whitened.records.len();
+            if !(is_trained && own.others_accept(&its.fit)) {
+                let mut whole = of_one_record(file, &own, &search, its, prepared.findings, test);
+                whole.unused_rows = prepared.share.unused_rows();
+                whole.equations = input.equation_errors;
+                return Ok(whole);
+            }
         }
     }
     let mut selection = in_rounds(&mut prepared, &input, seed, file, tails).ok_or(Refused::CannotSimulate)?;
@@ -277,14 +284,11 @@ fn of_one_record(
     file: &PlantFile,
     own: &SeparateRecord,
     search: &Search<'_>,
+    found: Selection,
     findings: Vec<super::checks::Finding>,
     test: &[Record],
-    options: &Options<'_>,
-) -> Result<Diagnosis, Refused> {
+) -> Diagnosis {
     let record = own.alone.records[0].record.file.clone();
-    (options.progress)(&format!("diagnosing {record} alone"));
-    let start = levenberg::fit(&own.alone, own.nominal.clone(), 8).ok_or(Refused::CannotSimulate)?;
-    let found = search.run(start);
     let (ranking, threshold, stopped) = (found.ranking.clone(), found.threshold, found.stopped);
     let its = verdict::conclude(file, &own.alone, search.unseen, &own.nominal, found, Vec::new(), &[]);
     let nothing = Selection {
@@ -319,5 +323,5 @@ fn of_one_record(
     whole.helpers = its.helpers.into_iter().map(of_record).collect();
     whole.own_record = Some(record.clone());
     whole.tested = tested::tested(file, test, &own.whitened, &nominal, &own.fit.model);
-    Ok(whole)
+    whole
 }

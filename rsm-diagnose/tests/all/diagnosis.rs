@@ -228,6 +228,29 @@ fn a_record_of_another_configuration_is_said_to_be_one() {
     }
 }
 
+/// One record reaches the limit of the voltage. The others do not contradict it, so it is a cause of the plant.
+#[test]
+fn a_cause_that_only_one_record_excites_is_one_of_the_plant() {
+    let limited = plant("pmac", &effect("voltage-limit", "limit = 16"));
+    for odd in [1, 4] {
+        let one = |k: usize| {
+            // 0.24 V at 1 rad/s: up to 36 V, and up to 15 V.
+            let fastest = if k == odd { 150.0 } else { 60.0 };
+            Record { file: format!("run-{k}.csv"), ..motor_between(&limited, 20 + k as u64, -fastest, fastest) }
+        };
+        let records: Vec<Record> = (0..5).map(one).collect();
+        let options = Options { threads: 2, progress: &|_| {} };
+        let found = diagnose(&plant("pmac", ""), &records[..3], &records[3..], &options).unwrap();
+        // A holdout record alone cannot say that the plant has the limit: no cause is fitted to such records.
+        let alone = (odd == 4).then(|| format!("run-{odd}.csv"));
+        let causes: Vec<_> = found.causes.iter().map(|it| (it.kind, it.only_in.clone())).collect();
+        assert_eq!((found.verdict, causes), (Verdict::Explained, vec![("voltage-limit", alone.clone())]));
+        let limit = &found.causes[0].parameters[0];
+        assert!((limit.value - 16.0).abs() < 0.2, "{limit:?}");
+        assert_eq!((found.own_record, found.plant.effects.len()), (alone.clone(), usize::from(alone.is_none())));
+    }
+}
+
 /// Most loggers of motors record voltage, speed and load: they are sufficient to find dry friction.
 #[test]
 fn friction_is_found_in_records_without_current() {
