@@ -104,23 +104,19 @@ impl Text {
         self.machine.outputs().into_iter().map(|it| it.0).zip(found).collect()
     }
 
-    /// Rows per second of one lane, of this number of lanes, with the rows of all lanes counted, and of another engine along the same record.
+    /// A run of this number of lanes.
     ///
     /// # Panics
-    /// If a run ends early.
-    #[must_use]
-    pub fn rows_per_second(&self, lanes: usize, tolerance: f64, other: &mut dyn FnMut()) -> [f64; 3] {
+    /// The run panics if it ends early.
+    pub fn run(&self, lanes: usize, tolerance: f64) -> impl FnMut() {
         let setting = Setting::new(Method::Automatic, tolerance);
         let all = vec![self.lane.clone(); lanes];
-        let run = |code: &mut Lanes<'_>, count: usize| {
-            for found in code.run(&all[..count], self.inputs(), setting) {
+        let mut code = Lanes::new(&self.machine);
+        move || {
+            for found in code.run(&all, self.inputs(), setting) {
                 found.unwrap_or_else(|stopped| panic!("{stopped}"));
             }
-        };
-        let (mut alone, mut group) = (Lanes::new(&self.machine), Lanes::new(&self.machine));
-        let rows = self.signals.time.len() as f64;
-        let [one, many, others] = in_turn([&mut || run(&mut alone, 1), &mut || run(&mut group, lanes), other]);
-        [rows / one, lanes as f64 * rows / many, rows / others]
+        }
     }
 
     /// Up to `most` parameters that change an output. The derivatives with respect to them are computed.

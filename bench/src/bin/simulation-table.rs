@@ -6,7 +6,7 @@
 //! to Rust and to one lane; the time from text to first row; exact sensitivities compared with differences; SciPy LSODA and diffsol at the same
 //! tolerance, or why they are not available. No limits are checked, because times depend on the machine.
 
-use rsm_bench::engines::{LANES, Text, comparable, error, run_in_rust};
+use rsm_bench::engines::{LANES, Text, comparable, error, in_turn, run_in_rust, shortest};
 use rsm_bench::peers;
 use rsm_bench::simulation::{ROWS, SUBJECTS, diagnosed, rows_per_second};
 
@@ -52,7 +52,10 @@ fn texts() {
         let record = subject.record(1);
         let text = Text::of(&subject, &record);
         let (tolerance, own, rust) = comparable(&text, &subject, &record);
-        let [one, eight, old] = text.rows_per_second(LANES, tolerance, &mut run_in_rust(&subject, &record));
+        let seconds =
+            in_turn([&mut text.run(1, tolerance), &mut text.run(LANES, tolerance), &mut run_in_rust(&subject, &record)]);
+        let [one, eight, old] = seconds.map(|it| text.signals.time.len() as f64 / it);
+        let eight = LANES as f64 * eight;
         println!(
             "{:<11}| {own:>9.0e} {rust:>9.0e} {tolerance:>9.0e} {one:>12.0} {:>8.2} | {eight:>12.0} {:>8.2} | {:>7.1} ms",
             subject.plant,
@@ -103,7 +106,7 @@ fn peers() {
         "", "rows/s", "error", "LSODA rows/s", "times", "error", "diffsol", "times", "error"
     );
     for (name, text) in &texts {
-        let [own, ..] = text.rows_per_second(1, TOLERANCE, &mut || ());
+        let own = text.signals.time.len() as f64 / shortest(text.run(1, TOLERANCE));
         let off = error(&text.outputs(TOLERANCE), &text.outputs(1e-13));
         let of = |solver: &str, key: &str| found[name][solver][key].as_f64().unwrap_or(f64::NAN);
         let [lsoda, diffsol] = ["lsoda", "diffsol"].map(|it| (of(it, "rows_per_second"), of(it, "error")));

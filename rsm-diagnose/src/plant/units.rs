@@ -8,23 +8,23 @@
 //! rows shows which candidates need a calibration. The calibrations choose one. A gain, fitted together with all other free unknowns, confirms the
 //! factor.
 
+mod candidates;
+
 use super::checks;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::noise::NoiseFloor;
 use super::nuisance::Nuisance;
-use super::other_units::{OF_A_WAVE, alternative_units};
 use super::prepared::Piece;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::significance::median;
+use candidates::{Candidate, candidates, columns};
 use rsm_core::order;
 use rsm_sim::effect::Role;
 use rsm_sim::kind::OUTPUTS;
-use rsm_sim::kind::PlantKind;
 use rsm_sim::plant_file::PlantFile;
-use rsm_sim::quantity::Signal;
-use rsm_sim::record::{Drive, Record};
+use rsm_sim::record::Record;
 
 /// The number of rows from the beginning of a record that are tested.
 const ROWS: usize = 3000;
@@ -106,116 +106,6 @@ impl std::fmt::Display for WrongUnit {
         }
         Ok(())
     }
-}
-
-/// Columns that are usually wrong together.
-#[derive(Debug, Clone)]
-struct Columns {
-    names: Vec<&'static str>,
-    stated: &'static str,
-    inputs: Vec<usize>,
-    outputs: Vec<usize>,
-    /// Whether they belong to a rotating frame.
-    of_frame: bool,
-}
-
-/// Whether a name is one of a pair along the axes of a rotating frame, such as `i_d` and `i_q`: the other one.
-fn across(name: &str) -> Option<String> {
-    let other = if name.ends_with("_d") { 'q' } else { 'd' };
-    (name.ends_with("_d") || name.ends_with("_q")).then(|| format!("{}{other}", &name[..name.len() - 1]))
-}
-
-/// A column with a factor.
-#[derive(Debug, Clone)]
-struct Candidate {
-    which: Columns,
-    factor: f64,
-    unit: String,
-}
-
-impl Candidate {
-    /// Converts the readings.
-    fn convert(&self, record: &mut Record) {
-        for &input in &self.which.inputs {
-            record.inputs[input].iter_mut().for_each(|value| *value /= self.factor);
-        }
-        for &output in &self.which.outputs {
-            record.measured[output].iter_mut().flatten().for_each(|value| *value /= self.factor);
-        }
-    }
-
-    fn words(&self) -> String {
-        format!("{} in {}", self.which.names.join(" and "), self.unit)
-    }
-}
-
-/// Columns of records of one kind that may be wrong: each column that varies, and groups that belong to one frame or one axis.
-fn columns(kind: PlantKind, records: &[Record]) -> Vec<Columns> {
-    let Some(first) = records.first() else { return Vec::new() };
-    let moves = |values: &[f64]| values.iter().any(|value| *value != 0.0);
-    let mut list = Vec::new();
-    let inputs = rsm_sim::record::inputs(kind, first.drive);
-    let signals = || inputs.iter().chain(kind.outputs());
-    let of_frame = |name: &str| across(name).is_some_and(|other| signals().any(|it| it.name == other));
-    let one = |signal: &Signal, inputs: Vec<usize>, outputs: Vec<usize>| Columns {
-        names: vec![signal.name],
-        stated: signal.unit,
-        inputs,
-        outputs,
-        of_frame: of_frame(signal.name),
-    };
-    for (k, signal) in inputs.iter().enumerate() {
-        if records.iter().any(|it| it.inputs.get(k).is_some_and(|values| moves(values))) {
-            list.push(one(signal, vec![k], vec![]));
-        }
-    }
-    for (k, signal) in kind.outputs().iter().enumerate() {
-        let is_input = first.drive == Drive::Open && inputs.iter().any(|input| input.name == signal.name);
-        if !is_input && records.iter().any(|it| it.measured[k].as_ref().is_some_and(|values| moves(values))) {
-            list.push(one(signal, vec![], vec![k]));
-        }
-    }
-    let together: Vec<[&'static str; 2]> = list
-        .iter()
-        .filter(|it| it.of_frame && it.names[0].ends_with('d'))
-        .filter_map(|it| {
-            let other = across(it.names[0])?;
-            Some([it.names[0], list.iter().find(|found| found.names[0] == other)?.names[0]])
-        })
-        .chain([["reference", "position"]])
-        .collect();
-    for names in together {
-        let both: Vec<Columns> = names.iter().filter_map(|name| list.iter().find(|it| it.names == [*name]).cloned()).collect();
-        if let [one, other] = &both[..] {
-            let join = |a: &[usize], b: &[usize]| [a, b].concat();
-            list.push(Columns {
-                names: names.to_vec(),
-                inputs: join(&one.inputs, &other.inputs),
-                outputs: join(&one.outputs, &other.outputs),
-                ..one.clone()
-            });
-        }
-    }
-    list
-}
-
-fn candidates(columns: &[Columns]) -> Vec<Candidate> {
-    let mut list = Vec::new();
-    for which in columns {
-        let stated = if which.stated == "1" { "a share of 1" } else { which.stated };
-        let of_a_wave = OF_A_WAVE.into_iter().filter(|_| which.of_frame);
-        for other in alternative_units(which.stated).into_iter().chain(of_a_wave) {
-            let read = Candidate { which: which.clone(), factor: other.factor, unit: other.name.to_string() };
-            // The header may state the other unit while the values are already in this one. Reading then converts them once too often.
-            let converted = Candidate {
-                which: which.clone(),
-                factor: 1.0 / other.factor,
-                unit: format!("{stated} under a header of {}", other.name),
-            };
-            list.extend([read, converted]);
-        }
-    }
-    list
 }
 
 /// Records with corrected columns, checked. The rows that count do not depend on a factor, so all candidates use the same ones.
@@ -507,6 +397,3 @@ fn gain(whitened: &WhitenedResiduals, fit: &Fit, it: &Candidate) -> Option<[f64;
     let of = |off: f64| it.factor * (1.0 + off);
     Some([of(off), of(off - reach * sd), of(off + reach * sd)])
 }
-
-#[cfg(test)]
-mod tests;

@@ -7,7 +7,6 @@ use std::fmt::Write as _;
 
 use rsm_core::number::decimal;
 use rsm_core::source::{Collector, Fault, Faults};
-
 use rsm_core::threads::in_threads;
 use rsm_sim::plant_file::PlantFile;
 
