@@ -119,12 +119,12 @@ impl Text {
         }
     }
 
-    /// Up to `most` parameters that change an output. The derivatives with respect to them are computed.
+    /// Up to `most` quantities to differentiate by: parameters that change an output, then values of the start.
     ///
     /// # Panics
     /// If a run ends early.
     #[must_use]
-    pub fn parameters(&self, most: usize) -> Vec<String> {
+    pub fn quantities(&self, most: usize) -> Vec<By> {
         let own = self.outputs(1e-4);
         let setting = Setting::new(Method::Automatic, 1e-4);
         let mut code = Lanes::new(&self.machine);
@@ -137,7 +137,9 @@ impl Text {
             found.is_ok_and(|found| found.iter().zip(&own).any(|(a, b)| *a != b.1))
         };
         let all = self.machine.parameters().into_iter().map(|it| (it.0, it.2));
-        all.filter(|it| !it.0.starts_with("record_")).filter(moves).map(|it| it.0).take(most).collect()
+        let parameters = all.filter(|it| !it.0.starts_with("record_")).filter(moves).map(|it| By::Parameter(it.0));
+        let (given, recorded) = self.signals.start(&self.file, &self.machine);
+        parameters.chain((0..given.len() + recorded.len()).map(By::Start)).take(most).collect()
     }
 
     /// The plant and its record for another solver, as JSON: parameters, states at the start, instants, inputs, and the outputs at a tolerance of
@@ -171,31 +173,42 @@ impl Text {
         Lane::new(machine, start)
     }
 
-    /// The time of the derivatives with respect to some parameters along the record, in seconds: exact; by differences with one run for each
-    /// parameter and one more, separately and in lanes; and the largest difference of both, as a share of a derivative's magnitude.
+    /// The time of the derivatives with respect to some quantities along the record, in seconds: exact; by differences with one run for each
+    /// quantity and one more, separately and in lanes; and the largest difference of both, as a share of a derivative's magnitude.
     ///
     /// # Panics
     /// If a run ends early.
     #[must_use]
-    pub fn sensitivities(&self, names: &[String], tolerance: f64) -> [f64; 4] {
+    pub fn sensitivities(&self, by: &[By], tolerance: f64) -> [f64; 4] {
         let mut machine = self.machine.clone();
         let first: Vec<f64> = self.signals.inputs.iter().map(|it| it[0]).collect();
         let (given, recorded) = self.signals.start(&self.file, &machine);
         let known = [&given, &recorded].map(|list| list.iter().map(|it| it.name.clone()).collect::<Vec<String>>());
         let values: Vec<f64> = given.iter().chain(&recorded).map(|it| it.value).collect();
         let starts = machine.starts(&self.file, &known[0], &known[1]).unwrap_or_else(|faults| panic!("{faults}"));
-        let by: Vec<By> = names.iter().map(|name| By::Parameter(name.clone())).collect();
-        let of = Sensitive::new(&machine, &starts, self.signals.time[0], &first, &values, &by);
+        let of = Sensitive::new(&machine, &starts, self.signals.time[0], &first, &values, by);
         let of = of.unwrap_or_else(|faults| panic!("{faults}"));
         let setting = Setting::new(Method::Automatic, tolerance);
         let mut lanes = vec![self.lane.clone()];
         let mut steps = Vec::new();
-        for name in names {
-            let value = machine.parameters().iter().find(|it| it.0 == *name).map_or(f64::NAN, |it| it.2);
-            steps.push(1e-5 * value);
-            machine.set(name, value + 1e-5 * value).unwrap_or_else(|faults| panic!("{faults}"));
-            lanes.push(self.lane_of(&mut machine));
-            machine.set(name, value).unwrap_or_else(|faults| panic!("{faults}"));
+        for quantity in by {
+            match quantity {
+                By::Parameter(name) => {
+                    let value = machine.parameters().iter().find(|it| it.0 == *name).map_or(f64::NAN, |it| it.2);
+                    steps.push(1e-5 * value);
+                    machine.set(name, value + 1e-5 * value).unwrap_or_else(|faults| panic!("{faults}"));
+                    lanes.push(self.lane_of(&mut machine));
+                    machine.set(name, value).unwrap_or_else(|faults| panic!("{faults}"));
+                }
+                By::Start(place) => {
+                    let mut moved = values.clone();
+                    // A value of the start may be 0.
+                    steps.push(1e-5 * moved[*place].abs().max(1.0));
+                    moved[*place] += 1e-5 * moved[*place].abs().max(1.0);
+                    let start = starts.at(&machine, self.signals.time[0], &first, &moved);
+                    lanes.push(Lane::new(&machine, start.unwrap_or_else(|faults| panic!("{faults}"))));
+                }
+            }
         }
         let (mut exact, mut found) = (None, Vec::new());
         let [mut of_derivatives, mut alone, mut group] = [(); 3].map(|()| Lanes::new(&self.machine));

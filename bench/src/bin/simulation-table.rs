@@ -68,21 +68,21 @@ fn texts() {
     peers();
 }
 
-/// Exact derivatives with respect to ten parameters, or to all that change an output, compared with differences.
+/// Exact derivatives with respect to ten parameters and values of the start, or to all that there are, compared with differences.
 fn sensitivities() {
     println!(
-        "\nsensitivities at a tolerance of 1e-8; differences of one run a parameter and one more; `off`: the difference of both, as a share of a derivative's size\n\n{:<11}| {:>10} {:>9} {:>12} {:>12} {:>9}",
-        "", "parameters", "ms", "one by one", "in lanes", "off"
+        "\nsensitivities at a tolerance of 1e-8; differences of one run a quantity (a parameter or a value of the start) and one more; `off`: the difference of both, as a share of a derivative's size\n\n{:<11}| {:>10} {:>9} {:>12} {:>12} {:>9}",
+        "", "quantities", "ms", "one by one", "in lanes", "off"
     );
     for subject in SUBJECTS {
         let record = subject.record(1);
         let text = Text::of(&subject, &record);
-        let names = text.parameters(10);
-        let [own, one_by_one, side_by_side, off] = text.sensitivities(&names, 1e-8);
+        let by = text.quantities(10);
+        let [own, one_by_one, side_by_side, off] = text.sensitivities(&by, 1e-8);
         println!(
             "{:<11}| {:>10} {:>9.2} {:>12.2} {:>12.2} {off:>9.0e}",
             subject.plant,
-            names.len(),
+            by.len(),
             1e3 * own,
             one_by_one / own,
             side_by_side / own

@@ -31,12 +31,36 @@ impl Search<'_> {
     pub(super) fn without_rejected(
         &self,
         calibrated: &Fit,
-        mut fit: Fit,
-        mut causes: Vec<AcceptedCause>,
+        fit: Fit,
+        causes: Vec<AcceptedCause>,
         threshold: f64,
     ) -> (Fit, Vec<AcceptedCause>, Vec<Refusal>) {
+        let worst = |fit: &Fit, causes: &[AcceptedCause]| {
+            self.with_wrong_number(fit).or_else(|| self.harmful(calibrated, fit, causes, threshold))
+        };
+        self.without(fit, causes, worst)
+    }
+
+    /// Removes only causes whose own numbers are a reason. After the final fit, which moves numbers: the reported ones must pass, too.
+    pub(super) fn without_wrong_numbers(
+        &self,
+        fit: Fit,
+        causes: Vec<AcceptedCause>,
+    ) -> (Fit, Vec<AcceptedCause>, Vec<Refusal>) {
+        self.without(fit, causes, |fit, _| self.with_wrong_number(fit))
+    }
+
+    /// Removes causes one by one as long as a rule names one.
+    fn without(
+        &self,
+        mut fit: Fit,
+        mut causes: Vec<AcceptedCause>,
+        worst: impl Fn(&Fit, &[AcceptedCause]) -> Option<(usize, String)>,
+    ) -> (Fit, Vec<AcceptedCause>, Vec<Refusal>) {
         let mut refused = Vec::new();
-        while let Some((place, why)) = self.worst_member(calibrated, &fit, &causes, threshold) {
+        while causes.len() == fit.model.file.effects.len()
+            && let Some((place, why)) = worst(&fit, &causes)
+        {
             let without = fit.model.without_cause(self.nominal, place);
             let Some(other) = levenberg::refit(self.whitened, without, self.limits.fit_steps, Some(&fit)) else { break };
             let cause = causes.remove(place).label;
@@ -59,23 +83,14 @@ impl Search<'_> {
         }
     }
 
-    /// The cause to remove from a set, with the reason; `None` if the set is accepted.
-    fn worst_member(&self, calibrated: &Fit, fit: &Fit, causes: &[AcceptedCause], threshold: f64) -> Option<(usize, String)> {
-        if causes.len() != fit.model.file.effects.len() {
-            return None;
-        }
+    /// The first cause with a number that is implausible, at the end of its search, or without an effect; with the reason.
+    fn with_wrong_number(&self, fit: &Fit) -> Option<(usize, String)> {
         let of_itself = |(place, entry): (usize, &Entry)| {
             let implausible = plausible::implausibility(entry, self.survey, &self.nominal.file);
             let why = implausible.or_else(|| at_search_bound(fit, place)).or_else(|| neutral(fit, place, self.hypotheses));
             why.map(|why| (place, why))
         };
-        fit.model
-            .file
-            .effects
-            .iter()
-            .enumerate()
-            .find_map(of_itself)
-            .or_else(|| self.harmful(calibrated, fit, causes, threshold))
+        fit.model.file.effects.iter().enumerate().find_map(of_itself)
     }
 
     /// The cause that makes a holdout record worse by more than the deciding difference, or that contributes most if the set as a whole does.

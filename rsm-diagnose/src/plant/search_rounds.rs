@@ -155,9 +155,19 @@ pub(super) fn diagnose_records(
         }
     }
     let mut selection = in_rounds(&mut prepared, &input, seed, file, tails).ok_or(Refused::CannotSimulate)?;
-    selection.fit = final_fit::final_fit(&mut prepared.whitened, selection.fit, |whitened, fit| {
-        calibration::with_rounding(whitened, fit, calibration::floors(whitened, fit, file), &prepared.rounded)
-    });
+    loop {
+        selection.fit = final_fit::final_fit(&mut prepared.whitened, selection.fit, |whitened, fit| {
+            calibration::with_rounding(whitened, fit, calibration::floors(whitened, fit, file), &prepared.rounded)
+        });
+        let search = input.search(&prepared.whitened, &prepared.unseen, &prepared.nominal, &[]);
+        let (fit, causes, refused) = search.without_wrong_numbers(selection.fit, selection.causes);
+        let is_final = refused.is_empty();
+        (selection.fit, selection.causes) = (fit, causes);
+        selection.refused.extend(refused);
+        if is_final {
+            break;
+        }
+    }
     let CalibratedRecords { whitened, mut unseen, nominal, findings, share, rounded, .. } = prepared;
     unseen.floors = whitened.floors;
     selection.known_loop = known_loop;

@@ -8,21 +8,24 @@
 //! This is the exact solution if r is a parabola a s + b s^2 over the step. The order is 3 for any L (S. M. Cox, P. C. Matthews, "Exponential time
 //! differencing for stiff systems", 2002, equations 23 to 25), and 4 if L is the Jacobian. The estimate is the difference from a method that has
 //! order 3 only if L is the Jacobian (M. Hochbruck, A. Ostermann, "Exponential integrators", 2010, example 2.25), so it also shows when L is out of
-//! date.
+//! date. But then it contains the slope g = h (J - L) f0 of r at the start of the step, with the Jacobian J there, which is no error of x1. The
+//! better estimate h (phi_2 - 2 phi_3) (a - g) does not contain it. It needs a derivative of the rates along f0, so it is computed only if the first
+//! estimate is too large.
 //!
-//! In: the tape of the rates, and the dependencies of each derivative. Out: [`Exponential`]: the tape, and the slots of the matrices that it uses. A
+//! In: the tape of the rates, and the dependencies of each derivative. Out: the tape, and the slots of the matrices that it uses. A
 //! rate whose derivatives depend only on parameters and held comparisons has no remainder, so its columns of the last two terms are omitted. This
 //! file never decides whether a step is valid.
 
 use rsm_core::held;
 use rsm_core::number::{exact, integer};
 use rsm_core::series::Argument;
+use rsm_core::tangent;
 use rsm_core::tape::{Op, Reg, Tape, TapeBuilder};
 
 use super::part::{MOST_STATES, Part};
 use super::phi::{by_stride, times};
 use super::placed::Placed;
-use crate::code::{Code, Slot, Way, Work, vectorised};
+use crate::code::{Slot, Work, vectorised};
 
 /// The slots of the matrices of a step, and of its results.
 #[derive(Debug, Clone, Copy)]
@@ -140,12 +143,6 @@ fn put<const L: usize>(slots: &mut [[f64; L]], lane: usize, begin: usize, values
     slots[begin..begin + values.len()].iter_mut().zip(values).for_each(|(slot, value)| slot[lane] = *value);
 }
 
-/// The step as code.
-#[derive(Debug)]
-pub(super) struct Exponential {
-    pub code: Code,
-}
-
 /// The inputs from which the tape is written.
 pub(super) struct StepInputs<'a> {
     /// The rates, and the kind and slot of each of their arguments.
@@ -230,12 +227,9 @@ enum Straight {
     Halves,
 }
 
-impl Exponential {
-    /// The step of a system with states.
-    pub(super) fn new(given: &StepInputs<'_>, lanes: usize, way: Way) -> Exponential {
-        let placed = write(given, &Shape::new(given), Straight::Whole);
-        Exponential { code: Code::new(&placed.tape, &placed.arguments, &placed.results, lanes, way) }
-    }
+/// The step of a system with states.
+pub(super) fn step(given: &StepInputs<'_>) -> Placed {
+    write(given, &Shape::new(given), Straight::Whole)
 }
 
 /// The step for its derivatives: the states after it, the rates at its start, a, D(1). It needs phi_1 of half the length alone, and no phi_2.
@@ -243,19 +237,64 @@ pub(super) fn halves(given: &StepInputs<'_>, shape: &Shape) -> Placed {
     write(given, shape, Straight::Halves)
 }
 
+/// A better estimate of the error of the last step, from its start, its rates there and its a. For a linear part from an earlier point, a contains
+/// the slope that the remainder has at the start of the step. The step takes this slope into account, so it is no error: it is subtracted.
+pub(super) fn refined(given: &StepInputs<'_>) -> Placed {
+    let Shape { nonzero, bent, timed } = &Shape::new(given);
+    let (n, block) = (given.block.states, given.block);
+    let mut w = Writer { given, builder: TapeBuilder::sharing(given.rates.precision), slots: Vec::new() };
+    let start: Vec<Reg> = given.arguments.iter().map(|it| w.slot(slot_of(it) as usize)).collect();
+    let [rates, a, _] = block.inside();
+    let rates: Vec<Reg> = (0..n).map(|i| w.slot(rates + i)).collect();
+    let a: Vec<Reg> = bent.iter().map(|i| w.slot(a + i)).collect();
+    // The derivative of the rates with respect to time, along the solution.
+    let (mut ports, mut speeds) = (Vec::new(), Vec::new());
+    for (port, argument) in given.arguments.iter().enumerate() {
+        let speed = match argument {
+            Argument::Held(_) => continue,
+            Argument::Time(_) => w.builder.constant(integer(1)),
+            Argument::State(_, k) => rates[*k],
+        };
+        ports.push(port);
+        speeds.push(speed);
+    }
+    let along = w.builder.inline(&tangent::along(given.rates, &ports), &[start, speeds].concat());
+    let half = w.slot(block.half_step());
+    let length = w.builder.add(half, half);
+    let left: Vec<(usize, Reg)> = bent
+        .iter()
+        .zip(a)
+        .map(|(i, a)| {
+            let by: Vec<(usize, Reg)> = nonzero[*i].iter().map(|j| (*j, rates[*j])).collect();
+            let slope = w.line(4, *i, &by).map_or(along[*i], |linear| w.builder.subtract(along[*i], linear));
+            let mut slope = w.builder.multiply(length, slope);
+            if timed.contains(i) {
+                let time = w.slot(block.time(3, *i));
+                slope = w.builder.subtract(slope, time);
+            }
+            (*i, w.builder.subtract(a, slope))
+        })
+        .collect();
+    let zero = w.builder.constant(integer(0));
+    let errors = (0..n).map(|i| (format!("r{i}"), w.line(3, i, &left).unwrap_or(zero))).collect::<Vec<_>>();
+    let inputs = (0..w.slots.len()).map(|k| format!("a{k}")).collect();
+    let tape = w.builder.finish_with_results("refined", inputs, errors, [] as [(String, Reg); 0]);
+    Placed { tape, arguments: w.slots, results: (0..n).map(|i| (block.error() + i) as Slot).collect() }
+}
+
+/// The slot of an argument of the rates.
+fn slot_of(argument: &Argument) -> Slot {
+    match argument {
+        Argument::Held(slot) | Argument::Time(slot) | Argument::State(slot, _) => *slot,
+    }
+}
+
 /// Writes the tape of a step.
 fn write(given: &StepInputs<'_>, shape: &Shape, way: Straight) -> Placed {
     let n = given.block.states;
     let Shape { nonzero, bent, timed } = shape;
     let mut w = Writer { given, builder: TapeBuilder::sharing(given.rates.precision), slots: Vec::new() };
-    let slots: Vec<Slot> = given
-        .arguments
-        .iter()
-        .map(|it| match it {
-            Argument::Held(slot) | Argument::Time(slot) | Argument::State(slot, _) => *slot,
-        })
-        .collect();
-    let start: Vec<Reg> = slots.iter().map(|slot| w.slot(*slot as usize)).collect();
+    let start: Vec<Reg> = given.arguments.iter().map(|it| w.slot(slot_of(it) as usize)).collect();
     let mut states = vec![None; n];
     for (argument, reg) in given.arguments.iter().zip(&start) {
         if let Argument::State(_, rate) = argument {

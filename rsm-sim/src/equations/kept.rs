@@ -51,6 +51,12 @@ impl Kept {
         *self = Kept { parts, ..Kept::default() };
     }
 
+    /// The number of linear parts that were computed or selected again in this run.
+    #[cfg(test)]
+    pub(super) fn computed(&self) -> usize {
+        self.clock as usize
+    }
+
     pub(super) fn tick(&mut self) -> u64 {
         self.clock += 1;
         self.clock

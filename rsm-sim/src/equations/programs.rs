@@ -8,7 +8,7 @@ use rsm_core::held::{self, Divided};
 use rsm_core::series::{Argument, Series};
 use rsm_core::tape::{Op, Tape};
 
-use super::exponential::{self, Block, Exponential, Shape, StepInputs};
+use super::exponential::{self, Block, Shape, StepInputs};
 use super::machine::{Counts, Machine, Tapes};
 use super::placed::Placed;
 use crate::code::{Code, Slot, Way};
@@ -116,7 +116,8 @@ pub(super) struct Programs {
     kinds: Vec<Argument>,
     /// Steps that solve the linear part exactly: their slots, and their code, which is compiled at its first use.
     pub block: Block,
-    exponential: Option<Exponential>,
+    exponential: Option<Code>,
+    refined: Option<Code>,
     series: Series,
     parts: Vec<Orders>,
     /// For each order from 1, the slot of the first state's term.
@@ -239,6 +240,7 @@ impl Programs {
             kinds,
             block,
             exponential: None,
+            refined: None,
             series,
             parts: Vec::new(),
             terms: Vec::new(),
@@ -275,10 +277,19 @@ impl Programs {
     #[inline]
     pub(super) fn exponential(&mut self) -> Option<&Code> {
         if self.exponential.is_none() {
-            let code = self.with_step_inputs(|given| Exponential::new(given, self.lanes, self.way))?;
+            let code = self.with_step_inputs(|given| exponential::step(given).code(self.lanes, self.way))?;
             self.exponential = Some(code);
         }
-        self.exponential.as_ref().map(|it| &it.code)
+        self.exponential.as_ref()
+    }
+
+    /// The better estimate of the error of such a step.
+    pub(super) fn refined(&mut self) -> Option<&Code> {
+        if self.refined.is_none() {
+            let code = self.with_step_inputs(|given| exponential::refined(given).code(self.lanes, self.way))?;
+            self.refined = Some(code);
+        }
+        self.refined.as_ref()
     }
 
     /// That step for its derivatives, and which derivatives of the rates exist.
