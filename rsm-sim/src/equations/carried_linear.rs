@@ -117,7 +117,7 @@ impl Walk<'_, 1> {
                     (0..WIDE).for_each(|lane| change[lane] += length * (by_matrix[lane] * rate + entry * moved[lane]));
                 }
                 for (column, j) in columns.iter().copied().enumerate() {
-                    let [_, two, three] = along.in_column(shared, i, column);
+                    let [two, three] = along.in_column(shared, i, column);
                     let (phi_2, phi_3) = (chain.entry(0, 1, i, j), chain.entry(0, 2, i, j));
                     let (a, end, by_time) = (value(1, j), value(2, j), part.by_time[j]);
                     let (moved_a, moved_end, moved_by_time) = (moved(1, j), moved(2, j), slopes[n * n + j]);
@@ -193,31 +193,49 @@ impl Step<'_> {
         slopes: impl Fn(usize) -> [f64; W],
         to: &mut impl FnMut(usize, [f64; W]),
     ) {
-        let Step { part, level, entries, timed, shared } = *self;
+        let Step { part, level, entries, shared, .. } = *self;
         let (n, h) = (part.chain.rows(), part.length_of(level));
         for (k, entry) in entries.iter().enumerate() {
             let value = match *entry {
-                Entry::Half(i, j) => along.one(shared, i, j).map(|it| 0.5 * h * it),
-                Entry::Whole(i, column) => along.in_column(shared, i, column)[0].map(|it| h * it),
-                Entry::Bent(i, column) => along.in_column(shared, i, column)[2].map(|it| 2.0 * h * it),
+                Entry::Half(i, j) => along.half(shared, i, j).map(|it| 0.5 * h * it),
+                Entry::Whole(i, j) => along.one(shared, i, j).map(|it| h * it),
+                Entry::Bent(i, column) => along.in_column(shared, i, column)[1].map(|it| 2.0 * h * it),
                 Entry::Off(i, column) => {
-                    let [_, two, three] = along.in_column(shared, i, column);
+                    let [two, three] = along.in_column(shared, i, column);
                     std::array::from_fn(|lane| h * (two[lane] - 2.0 * three[lane]))
                 }
                 Entry::Slope(i, j) => slopes(i * n + j),
-                Entry::Time(i) => {
-                    let mut sum = [0.0; W];
-                    for (column, j) in timed.iter().copied() {
-                        let (moved, moved_by_time) = (along.two_before(shared, i, column), slopes(n * n + j));
-                        let (entry, by_time) = (part.chain.entry(level + 1, 1, i, j), part.by_time[j]);
-                        (0..W).for_each(|lane| sum[lane] += moved[lane] * by_time + entry * moved_by_time[lane]);
-                    }
-                    sum.map(|it| 0.25 * h * h * it)
+                Entry::HalfTime(i) => {
+                    let moved = |column: usize| along.half_two(shared, i, column);
+                    self.by_time(i, level + 1, &moved, &slopes).map(|it| 0.25 * h * h * it)
+                }
+                Entry::WholeTime(i) => {
+                    let moved = |column: usize| along.in_column(shared, i, column)[0];
+                    self.by_time(i, level, &moved, &slopes).map(|it| h * h * it)
                 }
                 Entry::HalfSlope(i) => slopes(n * n + i).map(|it| 0.5 * h * it),
                 Entry::WholeSlope(i) => slopes(n * n + i).map(|it| h * it),
             };
             to(k, value);
         }
+    }
+
+    /// The derivatives of a row of phi_2 of a level times the derivative of the rates with respect to time. `moved`: those of an entry of phi_2, by
+    /// the index of its column.
+    fn by_time<const W: usize>(
+        &self,
+        i: usize,
+        level: usize,
+        moved: &impl Fn(usize) -> [f64; W],
+        slopes: &impl Fn(usize) -> [f64; W],
+    ) -> [f64; W] {
+        let (part, n) = (self.part, self.part.chain.rows());
+        let mut sum = [0.0; W];
+        for (column, j) in self.timed.iter().copied() {
+            let (moved, moved_by_time) = (moved(column), slopes(n * n + j));
+            let (entry, by_time) = (part.chain.entry(level, 1, i, j), part.by_time[j]);
+            (0..W).for_each(|lane| sum[lane] += moved[lane] * by_time + entry * moved_by_time[lane]);
+        }
+        sum
     }
 }

@@ -218,23 +218,14 @@ impl Shape {
     }
 }
 
-/// The way from the start of a step to its end, without the remainder.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Straight {
-    /// In one step.
-    Whole,
-    /// In two steps of half the length: the same change, up to rounding.
-    Halves,
-}
-
 /// The step of a system with states.
 pub(super) fn step(given: &StepInputs<'_>) -> Placed {
-    write(given, &Shape::new(given), Straight::Whole)
+    write(given, &Shape::new(given), true)
 }
 
-/// The step for its derivatives: the states after it, the rates at its start, a, D(1). It needs phi_1 of half the length alone, and no phi_2.
-pub(super) fn halves(given: &StepInputs<'_>, shape: &Shape) -> Placed {
-    write(given, shape, Straight::Halves)
+/// The step for its derivatives: without the estimate of the error, whose derivative nothing needs.
+pub(super) fn without_estimate(given: &StepInputs<'_>, shape: &Shape) -> Placed {
+    write(given, shape, false)
 }
 
 /// A better estimate of the error of the last step, from its start, its rates there and its a. For a linear part from an earlier point, a contains
@@ -290,7 +281,7 @@ fn slot_of(argument: &Argument) -> Slot {
 }
 
 /// Writes the tape of a step.
-fn write(given: &StepInputs<'_>, shape: &Shape, way: Straight) -> Placed {
+fn write(given: &StepInputs<'_>, shape: &Shape, has_estimate: bool) -> Placed {
     let n = given.block.states;
     let Shape { nonzero, bent, timed } = shape;
     let mut w = Writer { given, builder: TapeBuilder::sharing(given.rates.precision), slots: Vec::new() };
@@ -335,10 +326,15 @@ fn write(given: &StepInputs<'_>, shape: &Shape, way: Straight) -> Placed {
             })
             .collect()
     };
-    let moved_by = |w: &mut Writer<'_>, half: bool, rates: &[(usize, Reg)]| -> Vec<Reg> {
+    let zero = w.builder.constant(integer(0));
+    // The way to the middle or to the end, without the remainder; 0 for states that are not asked for.
+    let moved = |w: &mut Writer<'_>, half: bool, is_wanted: &dyn Fn(usize) -> bool| -> Vec<Reg> {
         (0..n)
             .map(|i| {
-                let sum = w.line(usize::from(!half), i, rates).expect("a system with states has rates");
+                if !is_wanted(i) {
+                    return zero;
+                }
+                let sum = w.line(usize::from(!half), i, &all).expect("a system with states has rates");
                 if timed.is_empty() {
                     return sum;
                 }
@@ -347,35 +343,11 @@ fn write(given: &StepInputs<'_>, shape: &Shape, way: Straight) -> Placed {
             })
             .collect()
     };
-    let moved = |w: &mut Writer<'_>, half: bool| moved_by(w, half, &all);
-    let straight = match way {
-        Straight::Whole => moved(&mut w, false),
-        Straight::Halves => {
-            // The rates of the linear part at the middle, where the second half begins.
-            let middle = moved(&mut w, true);
-            let there: Vec<(usize, Reg)> = (0..n)
-                .map(|i| {
-                    let by: Vec<(usize, Reg)> = nonzero[i].iter().map(|j| (*j, middle[*j])).collect();
-                    let mut rate = rates[i];
-                    if let Some(linear) = w.line(4, i, &by) {
-                        rate = w.builder.add(rate, linear);
-                    }
-                    if timed.contains(&i) {
-                        let time = w.slot(given.block.time(2, i));
-                        rate = w.builder.add(rate, time);
-                    }
-                    (i, rate)
-                })
-                .collect();
-            let further = moved_by(&mut w, true, &there);
-            middle.into_iter().zip(further).map(|(middle, further)| w.builder.add(middle, further)).collect()
-        }
-    };
+    let straight = moved(&mut w, false, &|_| true);
     let mut end: Vec<Reg> = straight.clone();
-    let zero = w.builder.constant(integer(0));
     let (mut error, mut a, mut last) = (vec![zero; n], vec![zero; n], vec![zero; n]);
     if !bent.is_empty() {
-        let middle = moved(&mut w, true);
+        let middle = moved(&mut w, true, &|k| bent.iter().any(|i| nonzero[*i].contains(&k)));
         let at_middle = remainder(&mut w, &middle, true);
         let two = w.builder.constant(integer(2));
         let four = w.builder.constant(exact(4.0));
@@ -408,8 +380,7 @@ fn write(given: &StepInputs<'_>, shape: &Shape, way: Straight) -> Placed {
     }
     let end: Vec<Reg> = end.iter().zip(&states).map(|(moved, state)| w.builder.add(*state, *moved)).collect();
     let results = [end, error, rates.clone(), a, last];
-    // The estimate of the error has no derivative that anything needs.
-    let groups: Vec<usize> = (0..RESULTS).filter(|place| *place != 1 || way == Straight::Whole).collect();
+    let groups: Vec<usize> = (0..RESULTS).filter(|place| *place != 1 || has_estimate).collect();
     let places: Vec<Slot> = groups
         .iter()
         .flat_map(|place| (0..n).map(move |i| (*place, i)))

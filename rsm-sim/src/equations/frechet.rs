@@ -1,8 +1,8 @@
 //! How the functions of [`super::phi`] change with their matrix: their derivatives along directions of the matrix (M. Frechet), four or eight
 //! directions in a register.
 //!
-//! In: a chain of a matrix A over a span H, and for each direction the derivative E of A. Out: [`Along`]: the derivatives of phi_1 at a level, and of
-//! some columns of phi_1, phi_2 and phi_3 at this level or at the one before it. They are the exact derivatives of the functions; rounding is that of
+//! In: a chain of a matrix A over a span H, and for each direction the derivative E of A. Out: [`Along`]: the derivatives of phi_1 and of some columns
+//! of phi_2 and phi_3 at a level, and of phi_1 and phi_2 at the level of half its length. They are the exact derivatives of the functions; rounding is that of
 //! the functions themselves. The series of the last level is differentiated term by term (A. H. Al-Mohy, N. J. Higham, "Computing the Frechet
 //! derivative of the matrix exponential, with an application to condition number estimation", 2009, section 4), then the doublings:
 //!
@@ -86,9 +86,9 @@ impl<T: Copy> Sparse<T> {
 pub(super) struct Shared {
     n: usize,
     span: f64,
-    /// The level of phi_1; the level of the columns is this one or the one before it.
-    one_level: usize,
-    columns_level: usize,
+    level: usize,
+    /// The level of half the length, or `level` if half is not asked for.
+    half_level: usize,
     /// The level whose series is differentiated.
     base: usize,
     /// An even number of columns: the last one may stand twice.
@@ -96,7 +96,7 @@ pub(super) struct Shared {
     a: Sparse<f64>,
     /// The matrices that Horner's rule multiplies by z, the last one is phi_2; row by row.
     series: Vec<f64>,
-    /// For each level after `columns_level` up to the base: phi_1 and its square, row by row.
+    /// For each level after `level` up to the base: phi_1 and its square, row by row.
     levels: Vec<f64>,
     /// For each of these levels, for each two columns: phi_2, row by row.
     levels_of_two: Vec<[f64; 2]>,
@@ -111,11 +111,12 @@ pub(super) struct Along<const W: usize> {
     square: Vec<[f64; W]>,
     before: Vec<[f64; W]>,
     earlier: Vec<[f64; W]>,
-    /// For each two columns, row by row: phi_2 and phi_3; phi_1 at their level; phi_2 at the level of phi_1.
+    /// For each two columns, row by row: phi_2 and phi_3.
     two: Vec<[[f64; W]; 2]>,
     three: Vec<[[f64; W]; 2]>,
-    one_of_columns: Vec<[[f64; W]; 2]>,
-    two_before: Vec<[[f64; W]; 2]>,
+    /// phi_1 and these columns of phi_2 at the level of half the length.
+    half: Vec<[f64; W]>,
+    half_two: Vec<[[f64; W]; 2]>,
 }
 
 impl<const W: usize> Default for Along<W> {
@@ -128,24 +129,24 @@ impl<const W: usize> Default for Along<W> {
             earlier: Vec::new(),
             two: Vec::new(),
             three: Vec::new(),
-            one_of_columns: Vec::new(),
-            two_before: Vec::new(),
+            half: Vec::new(),
+            half_two: Vec::new(),
         }
     }
 }
 
 impl Shared {
-    /// Prepares the derivatives of the functions of a chain. `jacobian`: A, column by column. `columns`: the columns of phi_1 to phi_3 at the level
-    /// `columns_level`, which is `one_level` or the level before it. The chain must have computed all levels from `columns_level` on.
+    /// Prepares the derivatives of the functions of a chain. `jacobian`: A, column by column. `half_level`: the level after `level`, or `level` again.
+    /// `columns`: the columns of phi_2 and phi_3. The chain must have computed all levels from `level` on.
     pub(super) fn prepare(
         &mut self,
         (n, jacobian, span): (usize, &[f64], f64),
         chain: &Chain,
-        (one_level, columns_level): (usize, usize),
+        (half_level, level): (usize, usize),
         columns: &[usize],
     ) {
-        (self.n, self.span, self.one_level, self.columns_level) = (n, span, one_level, columns_level);
-        self.base = chain.base().max(one_level);
+        (self.n, self.span, self.half_level, self.level) = (n, span, half_level, level);
+        self.base = chain.base().max(half_level);
         self.columns.clear();
         self.columns.extend_from_slice(columns);
         if columns.len() % 2 == 1 {
@@ -205,9 +206,9 @@ impl<const S: usize> Work for Prepare<'_, S> {
             }
         }
         shared.levels.clear();
-        shared.levels.resize((base - shared.columns_level) * 2 * n * S, 0.0);
+        shared.levels.resize((base - shared.level) * 2 * n * S, 0.0);
         shared.levels_of_two.clear();
-        for (level, both) in (shared.columns_level + 1..=base).zip(shared.levels.as_chunks_mut::<S>().0.chunks_mut(2 * n)) {
+        for (level, both) in (shared.level + 1..=base).zip(shared.levels.as_chunks_mut::<S>().0.chunks_mut(2 * n)) {
             let (rows, square) = both.split_at_mut(n);
             for (i, row) in rows.iter_mut().enumerate() {
                 for (j, entry) in row.iter_mut().enumerate().take(n) {
@@ -259,17 +260,23 @@ impl<const W: usize> Along<W> {
         self.one[i * width(shared.n) + j]
     }
 
-    /// The derivatives of an entry of phi_1, phi_2 and phi_3, in the column with this index in the list of columns.
+    /// The derivative of an entry of phi_1 at the level of half the length.
     #[inline]
-    pub(super) fn in_column(&self, shared: &Shared, i: usize, column: usize) -> [[f64; W]; 3] {
-        let (place, side) = (column / 2 * shared.n + i, column % 2);
-        [self.one_of_columns[place][side], self.two[place][side], self.three[place][side]]
+    pub(super) fn half(&self, shared: &Shared, i: usize, j: usize) -> [f64; W] {
+        self.half[i * width(shared.n) + j]
     }
 
-    /// The derivative of an entry of phi_2 at the level of phi_1, in such a column.
+    /// The derivatives of an entry of phi_2 and phi_3, in the column with this index in the list of columns.
     #[inline]
-    pub(super) fn two_before(&self, shared: &Shared, i: usize, column: usize) -> [f64; W] {
-        self.two_before[column / 2 * shared.n + i][column % 2]
+    pub(super) fn in_column(&self, shared: &Shared, i: usize, column: usize) -> [[f64; W]; 2] {
+        let (place, side) = (column / 2 * shared.n + i, column % 2);
+        [self.two[place][side], self.three[place][side]]
+    }
+
+    /// The derivative of an entry of phi_2 at the level of half the length, in such a column.
+    #[inline]
+    pub(super) fn half_two(&self, shared: &Shared, i: usize, column: usize) -> [f64; W] {
+        self.half_two[column / 2 * shared.n + i][column % 2]
     }
 }
 
@@ -286,7 +293,7 @@ impl<const S: usize, const W: usize> Work for Compute<'_, S, W> {
         let Compute { along, shared } = self;
         let n = shared.n;
         let pairs = shared.columns.as_chunks::<2>().0;
-        let Along { e, one, square, before, earlier, two, three, one_of_columns, two_before } = along;
+        let Along { e, one, square, before, earlier, two, three, half, half_two } = along;
         for list in [&mut *one, &mut *square, &mut *before, &mut *earlier] {
             list.resize(n * S, [0.0; W]);
         }
@@ -308,25 +315,17 @@ impl<const S: usize, const W: usize> Work for Compute<'_, S, W> {
         }
         columns_of::<S, W>(two, before, pairs);
         columns_of::<S, W>(three, earlier, pairs);
-        columns_of::<S, W>(one_of_columns, one, pairs);
-        if shared.base == shared.one_level {
-            two_before.clone_from(two);
+        if shared.base == shared.half_level {
+            half.clone_from(one);
+            half_two.clone_from(two);
         }
         let levels = shared.levels.as_chunks::<S>().0;
-        for level in (shared.columns_level..shared.base).rev() {
-            let place = level - shared.columns_level;
+        for level in (shared.level..shared.base).rev() {
+            let place = level - shared.level;
             let (rows, values_of_square) = levels[place * 2 * n..(place + 1) * 2 * n].split_at(n);
-            let half = 0.5 * shared.share(level + 1);
-            // The last level has columns alone, if it comes after that of phi_1.
-            let has_columns_alone = level < shared.one_level;
+            let factor = 0.5 * shared.share(level + 1);
             let moved_rows = one.as_chunks::<S>().0;
             for ((moved, row), square) in moved_rows.iter().zip(rows).zip(square.as_chunks_mut::<S>().0) {
-                if has_columns_alone {
-                    for j in &shared.columns {
-                        square[*j] = product_at(*j, (moved, row), (moved_rows, rows));
-                    }
-                    continue;
-                }
                 let mut sum = [[0.0; W]; S];
                 for ((moved, value), (other, moved_other)) in moved.iter().zip(row).zip(rows.iter().zip(moved_rows)) {
                     each!(S, J => for lane in 0..W {
@@ -369,41 +368,17 @@ impl<const S: usize, const W: usize> Work for Compute<'_, S, W> {
                     *two = next;
                 }
             }
-            if has_columns_alone {
-                for (k, pair) in pairs.iter().enumerate() {
-                    for (i, row) in one.as_chunks::<S>().0.iter().enumerate() {
-                        for (side, j) in pair.iter().copied().enumerate() {
-                            let mut sum = [0.0; W];
-                            for (k, factor) in e.row(i) {
-                                for lane in 0..W {
-                                    sum[lane] += factor[lane] * values_of_square[*k][j];
-                                }
-                            }
-                            for (k, factor) in shared.a.row(i) {
-                                for lane in 0..W {
-                                    sum[lane] += factor * square[*k][j][lane];
-                                }
-                            }
-                            let to = &mut one_of_columns[k * n + i][side];
-                            for lane in 0..W {
-                                to[lane] = row[j][lane] + half * sum[lane];
-                            }
-                        }
-                    }
-                }
-                continue;
-            }
             for (i, to) in one.as_chunks_mut::<S>().0.iter_mut().enumerate() {
                 let sum = row_of(i, (e, &shared.a), (values_of_square, square));
                 for j in 0..S {
                     for lane in 0..W {
-                        to[j][lane] += half * sum[j][lane];
+                        to[j][lane] += factor * sum[j][lane];
                     }
                 }
             }
-            if level == shared.one_level {
-                two_before.clone_from(two);
-                columns_of::<S, W>(one_of_columns, one, pairs);
+            if level == shared.half_level {
+                half.clone_from(one);
+                half_two.clone_from(two);
             }
         }
     }
@@ -437,22 +412,6 @@ fn row_of<const S: usize, const W: usize>(
         each!(S, J => for lane in 0..W {
             sum[J][lane] += factor * row[J][lane];
         });
-    }
-    sum
-}
-
-/// An entry in column j of the derivative of a product, from a row of the first factor.
-#[inline(always)]
-fn product_at<const S: usize, const W: usize>(
-    j: usize,
-    (moved, row): (&[[f64; W]; S], &[f64; S]),
-    (moved_others, others): (&[[[f64; W]; S]], &[[f64; S]]),
-) -> [f64; W] {
-    let mut sum = [0.0; W];
-    for ((moved, value), (other, moved_other)) in moved.iter().zip(row).zip(others.iter().zip(moved_others)) {
-        for lane in 0..W {
-            sum[lane] += moved[lane] * other[j] + value * moved_other[j][lane];
-        }
     }
     sum
 }
@@ -503,10 +462,10 @@ mod tests {
             let wanted: Vec<usize> = vec![1, 4];
             let moved = |k: usize| -> [f64; W] { std::array::from_fn(|lane| e(lane, k / n, k % n)) };
             for level in levels {
-                for one_level in [level, level + 1] {
-                    assert!(chain.make(level) && chain.make(one_level));
+                for half_level in [level, level + 1] {
+                    assert!(chain.make(level) && chain.make(half_level));
                     let (mut shared, mut along) = (Shared::default(), Along::<W>::default());
-                    shared.prepare((n, &jacobian, 1.0), &chain, (one_level, level), &wanted);
+                    shared.prepare((n, &jacobian, 1.0), &chain, (half_level, level), &wanted);
                     along.compute(&shared, (0..n * n).map(moved));
                     for lane in 0..W {
                         let both = columns(2 * n, |i, j| match (i < n, j < n) {
@@ -516,7 +475,7 @@ mod tests {
                             (false, true) => 0.0,
                         });
                         let mut whole = Chain::default();
-                        assert!(whole.set_matrix(2 * n, &both, 1.0) && whole.make(level) && whole.make(one_level));
+                        assert!(whole.set_matrix(2 * n, &both, 1.0) && whole.make(level) && whole.make(half_level));
                         let corner = |level: usize, k: usize, i: usize, j: usize| whole.at::<12>(level)[k][j + n][i];
                         let near = |found: f64, expected: f64, what: &str| {
                             // Each doubling doubles the relative rounding at most: 2^10 times 2 n roundings.
@@ -525,14 +484,19 @@ mod tests {
                         };
                         for i in 0..n {
                             for j in 0..n {
-                                near(along.one(&shared, i, j)[lane], corner(one_level, 0, i, j), "phi_1");
+                                near(along.one(&shared, i, j)[lane], corner(level, 0, i, j), "phi_1");
+                                near(along.half(&shared, i, j)[lane], corner(half_level, 0, i, j), "phi_1 of the half");
                             }
                             for (column, j) in wanted.iter().enumerate() {
                                 let found = along.in_column(&shared, i, column);
                                 for (k, found) in found.iter().enumerate() {
-                                    near(found[lane], corner(level, k, i, *j), "a column");
+                                    near(found[lane], corner(level, k + 1, i, *j), "a column");
                                 }
-                                near(along.two_before(&shared, i, column)[lane], corner(one_level, 1, i, *j), "phi_2");
+                                near(
+                                    along.half_two(&shared, i, column)[lane],
+                                    corner(half_level, 1, i, *j),
+                                    "phi_2 of the half",
+                                );
                             }
                         }
                     }

@@ -293,10 +293,10 @@ impl Programs {
     }
 
     /// That step for its derivatives, and which derivatives of the rates exist.
-    pub(super) fn halves(&self) -> Option<(Placed, Shape)> {
+    pub(super) fn without_estimate(&self) -> Option<(Placed, Shape)> {
         self.with_step_inputs(|given| {
             let shape = Shape::new(given);
-            (exponential::halves(given, &shape), shape)
+            (exponential::without_estimate(given, &shape), shape)
         })
     }
 

@@ -159,16 +159,18 @@ pub(super) struct Carried {
 pub(super) enum Entry {
     /// h/2 phi_1 of the half.
     Half(usize, usize),
-    /// h phi_1, in the column with this index in the list of columns.
+    /// h phi_1.
     Whole(usize, usize),
-    /// 2 h phi_3, in such a column.
+    /// 2 h phi_3, in the column with this index in the list of columns.
     Bent(usize, usize),
     /// h (phi_2 - 2 phi_3), in such a column.
     Off(usize, usize),
     /// The Jacobian.
     Slope(usize, usize),
     /// (h/2)^2 phi_2 of the half times the derivative of the rates with respect to time.
-    Time(usize),
+    HalfTime(usize),
+    /// h^2 phi_2 times it.
+    WholeTime(usize),
     /// This derivative times h/2.
     HalfSlope(usize),
     /// This derivative times h.
@@ -352,7 +354,7 @@ impl Carried {
 
     /// Compiles the derivatives of steps by a linear part.
     pub(super) fn write_linear(&mut self, programs: &Programs) {
-        let Some((slopes, (step, shape))) = programs.placed_slopes().zip(programs.halves()) else { return };
+        let Some((slopes, (step, shape))) = programs.placed_slopes().zip(programs.without_estimate()) else { return };
         let (n, block, first) = (programs.counts.states, programs.block, slopes.results[0]);
         let of_slopes = self.speeds(&slopes, false);
         let changing: Vec<usize> = (0..slopes.results.len()).filter(|k| self.moving.contains(&(first + *k as Slot))).collect();
@@ -364,13 +366,15 @@ impl Carried {
         let square =
             |columns: &[usize]| -> Vec<(usize, usize)> { (0..n).flat_map(|i| columns.iter().map(move |j| (i, *j))).collect() };
         if changing.iter().any(|k| *k < n * n) {
-            entries.extend(square(&(0..n).collect::<Vec<usize>>()).into_iter().map(|(i, j)| Entry::Half(i, j)));
-            for (i, j) in square(&(0..columns.len()).collect::<Vec<usize>>()) {
-                entries.extend([Entry::Whole(i, j), Entry::Bent(i, j), Entry::Off(i, j)]);
+            for (i, j) in square(&(0..n).collect::<Vec<usize>>()) {
+                entries.extend([Entry::Half(i, j), Entry::Whole(i, j)]);
+            }
+            for (i, column) in square(&(0..columns.len()).collect::<Vec<usize>>()) {
+                entries.extend([Entry::Bent(i, column), Entry::Off(i, column)]);
             }
         }
         if !shape.timed.is_empty() && !changing.is_empty() {
-            entries.extend((0..n).map(Entry::Time));
+            entries.extend((0..n).flat_map(|i| [Entry::HalfTime(i), Entry::WholeTime(i)]));
         }
         for k in &changing {
             match k.checked_sub(n * n) {
@@ -382,11 +386,12 @@ impl Carried {
             .iter()
             .map(|entry| match *entry {
                 Entry::Half(i, j) => block.matrix(0, i, j),
-                Entry::Whole(i, column) => block.matrix(1, i, columns[column]),
+                Entry::Whole(i, j) => block.matrix(1, i, j),
                 Entry::Bent(i, column) => block.matrix(2, i, columns[column]),
                 Entry::Off(i, column) => block.matrix(3, i, columns[column]),
                 Entry::Slope(i, j) => block.matrix(4, i, j),
-                Entry::Time(i) => block.time(0, i),
+                Entry::HalfTime(i) => block.time(0, i),
+                Entry::WholeTime(i) => block.time(1, i),
                 Entry::HalfSlope(i) => block.time(2, i),
                 Entry::WholeSlope(i) => block.time(3, i),
             })
