@@ -75,16 +75,20 @@ impl Assembler {
         Memory::Constant(place)
     }
 
-    /// A VEX prefix of three bytes, the opcode, and its operands. `map`: 1 for 0F, 3 for 0F3A. `prefix`: 1 for 66, 3 for F2.
+    /// A VEX prefix of two bytes, or of three where the operands need it, the opcode, and its operands, with a short displacement if it fits. Short
+    /// code matters: the programs of a row fill the cache of instructions. `map`: 1 for 0F, 3 for 0F3A. `prefix`: 1 for 66, 3 for F2.
     fn vex(&mut self, map: u8, prefix: u8, opcode: u8, reg: u8, vvvv: u8, rm: Operand) {
         let base = match rm {
             Operand::Register(register) => register,
             Operand::Memory(_) => 0,
         };
         let length = u8::from(self.wide);
-        self.code.push(0xc4);
-        self.code.push((((reg >> 3) ^ 1) << 7) | (1 << 6) | (((base >> 3) ^ 1) << 5) | map);
-        self.code.push(((vvvv ^ 15) << 3) | (length << 2) | prefix);
+        let (high, rest) = (((reg >> 3) ^ 1) << 7, ((vvvv ^ 15) << 3) | (length << 2) | prefix);
+        if map == 1 && base < 8 {
+            self.code.extend([0xc5, high | rest]);
+        } else {
+            self.code.extend([0xc4, high | (1 << 6) | (((base >> 3) ^ 1) << 5) | map, rest]);
+        }
         self.code.push(opcode);
         match rm {
             Operand::Register(register) => self.code.push(0xc0 | ((reg & 7) << 3) | (register & 7)),
@@ -95,8 +99,14 @@ impl Assembler {
                     Memory::Constant(place) => (CONSTANTS, place),
                     Memory::Spilled(place) => (SPILLS, place),
                 };
-                self.code.push(0x80 | ((reg & 7) << 3) | base);
-                self.code.extend((place * size).to_le_bytes());
+                let (displacement, operands) = (place * size, ((reg & 7) << 3) | base);
+                match i8::try_from(displacement) {
+                    Ok(short) => self.code.extend([0x40 | operands, short as u8]),
+                    Err(_) => {
+                        self.code.push(0x80 | operands);
+                        self.code.extend(displacement.to_le_bytes());
+                    }
+                }
             }
         }
     }
