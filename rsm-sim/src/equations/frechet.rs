@@ -1,10 +1,11 @@
 //! How the functions of [`super::phi`] change with their matrix: their derivatives along directions of the matrix (M. Frechet), four or eight
 //! directions in a register.
 //!
-//! In: a chain of a matrix A over a span H, and for each direction the derivative E of A. Out: [`Along`]: the derivatives of phi_1 and of some columns
-//! of phi_2 and phi_3 at a level, and of phi_1 and phi_2 at the level of half its length. They are the exact derivatives of the functions; rounding is that of
-//! the functions themselves. The series of the last level is differentiated term by term (A. H. Al-Mohy, N. J. Higham, "Computing the Frechet
-//! derivative of the matrix exponential, with an application to condition number estimation", 2009, section 4), then the doublings:
+//! In: a chain of a matrix A over a span H, and for each direction the derivative E of A. Out: [`Along`]: the derivatives of phi_1 and of some
+//! columns of phi_2 and phi_3 at a level, and of phi_1 and phi_2 at the level of half its length. They are the exact derivatives of the functions;
+//! rounding is that of the functions themselves. The series of the last level is differentiated term by term (A. H. Al-Mohy, N. J. Higham,
+//! "Computing the Frechet derivative of the matrix exponential, with an application to condition number estimation", 2009, section 4), then the
+//! doublings:
 //!
 //! ```text
 //! phi_1(2z) = phi_1 + z phi_1^2/2    phi_2(2z) = (phi_1^2 + 2 phi_2)/4    phi_3(2z) = (phi_1 phi_2 + phi_2 + 2 phi_3)/8
@@ -136,8 +137,8 @@ impl<const W: usize> Default for Along<W> {
 }
 
 impl Shared {
-    /// Prepares the derivatives of the functions of a chain. `jacobian`: A, column by column. `half_level`: the level after `level`, or `level` again.
-    /// `columns`: the columns of phi_2 and phi_3. The chain must have computed all levels from `level` on.
+    /// Prepares the derivatives of the functions of a chain. `jacobian`: A, column by column. `half_level`: the level after `level`, or `level`
+    /// again. `columns`: the columns of phi_2 and phi_3. The chain must have computed all levels from `level` on.
     pub(super) fn prepare(
         &mut self,
         (n, jacobian, span): (usize, &[f64], f64),
