@@ -203,8 +203,9 @@ impl Text {
                 By::Start(place) => {
                     let mut moved = values.clone();
                     // A value of the start may be 0.
-                    steps.push(1e-5 * moved[*place].abs().max(1.0));
-                    moved[*place] += 1e-5 * moved[*place].abs().max(1.0);
+                    let step = 1e-5 * moved[*place].abs().max(1.0);
+                    moved[*place] += step;
+                    steps.push(step);
                     let start = starts.at(&machine, self.signals.time[0], &first, &moved);
                     lanes.push(Lane::new(&machine, start.unwrap_or_else(|faults| panic!("{faults}"))));
                 }
