@@ -7,12 +7,12 @@ use super::Slot;
 
 /// The operations that the results need, in order, with their slots.
 #[derive(Debug)]
-pub(super) struct Interpreted {
-    pub ops: Vec<Op>,
+pub(crate) struct Interpreted {
+    pub(super) ops: Vec<Op>,
     /// For each argument: its slot.
-    pub arguments: Vec<Slot>,
+    pub(super) arguments: Vec<Slot>,
     /// Registers of the results, with their slots.
-    pub results: Vec<(Reg, Slot)>,
+    pub(super) results: Vec<(Reg, Slot)>,
 }
 
 impl Interpreted {

@@ -101,14 +101,59 @@ pub(crate) fn lengthen<const L: usize>(slots: &mut Vec<[f64; L]>, length: usize)
     *slots = memory;
 }
 
-/// A tape with the places of its arguments and results.
+/// A part of a program.
+#[derive(Debug)]
+pub(crate) enum Piece {
+    /// A tape.
+    Tape(Interpreted),
+    /// Writes a number of another array to all lanes of a slot: pairs of the index there and the slot.
+    Spread(Vec<(usize, usize)>),
+    /// Copies slots: pairs of the slot that is read and the slot that is written.
+    Copy(Vec<(usize, usize)>),
+}
+
+impl Piece {
+    /// A tape. Argument k is read from slot `arguments[k]`; result k is written to slot `results[k]`.
+    ///
+    /// # Panics
+    /// If the tape has states, if there is not one slot for each argument and result, or if a result has the same slot as an argument.
+    pub(crate) fn tape(tape: &Tape, arguments: &[Slot], results: &[Slot]) -> Piece {
+        assert!(tape.states.is_empty(), "a tape with states is executed step by step");
+        assert_eq!(arguments.len(), tape.inputs.len(), "one slot an argument");
+        assert_eq!(results.len(), tape.outputs.len(), "one slot a result");
+        let used = |slot: &Slot| tape.ops.iter().any(|op| matches!(op, Op::Input(port) if arguments[port.0 as usize] == *slot));
+        assert!(!results.iter().any(used), "a result goes where no argument stands");
+        Piece::Tape(Interpreted::new(tape, arguments, results))
+    }
+
+    /// The smallest permitted length of the array of slots, and of the other array.
+    fn lengths(&self) -> (usize, usize) {
+        let after =
+            |places: &[(usize, usize)], of: fn(&(usize, usize)) -> usize| places.iter().map(of).max().map_or(0, |it| it + 1);
+        match self {
+            Piece::Tape(tape) => (tape.slots(), 0),
+            Piece::Spread(places) => (after(places, |it| it.1), after(places, |it| it.0)),
+            Piece::Copy(places) => (after(places, |it| it.0.max(it.1)), 0),
+        }
+    }
+
+    fn run<const L: usize>(&self, numbers: &[f64], slots: &mut [[f64; L]], spare: &mut Vec<[f64; L]>) {
+        match self {
+            Piece::Tape(tape) => tape.run(slots, spare),
+            Piece::Spread(places) => places.iter().for_each(|(from, to)| slots[*to] = [numbers[*from]; L]),
+            Piece::Copy(places) => places.iter().for_each(|(from, to)| slots[*to] = slots[*from]),
+        }
+    }
+}
+
+/// A program: one tape, or some pieces one after another.
 #[derive(Debug)]
 pub struct Code {
-    interpreted: Interpreted,
+    pieces: Vec<Piece>,
     #[cfg(target_arch = "x86_64")]
     native: Option<native::Native>,
-    /// The smallest permitted length of the array.
-    slots: usize,
+    /// The smallest permitted length of the array of slots, and of the other array.
+    lengths: (usize, usize),
 }
 
 /// The way a tape is executed.
@@ -128,31 +173,33 @@ impl Code {
     /// If the tape has states or is not in f64, if a result has the same slot as an argument, or if `lanes` is neither 1 nor [`WIDE`].
     #[must_use]
     pub fn new(tape: &Tape, arguments: &[Slot], results: &[Slot], lanes: usize, way: Way) -> Code {
-        assert!(tape.states.is_empty(), "a tape with states is executed step by step");
+        Code::of(vec![Piece::tape(tape, arguments, results)], lanes, way)
+    }
+
+    /// The code of some pieces.
+    ///
+    /// # Panics
+    /// If `lanes` is neither 1 nor [`WIDE`].
+    pub(crate) fn of(pieces: Vec<Piece>, lanes: usize, way: Way) -> Code {
         assert!(lanes == 1 || lanes == WIDE, "one lane or {WIDE}");
-        assert_eq!(arguments.len(), tape.inputs.len(), "one slot an argument");
-        assert_eq!(results.len(), tape.outputs.len(), "one slot a result");
-        let used = |slot: &Slot| tape.ops.iter().any(|op| matches!(op, Op::Input(port) if arguments[port.0 as usize] == *slot));
-        assert!(!results.iter().any(used), "a result goes where no argument stands");
-        let interpreted = Interpreted::new(tape, arguments, results);
+        let longest = |a: (usize, usize), b: (usize, usize)| (a.0.max(b.0), a.1.max(b.1));
+        let lengths = pieces.iter().map(Piece::lengths).fold((0, 0), longest);
         #[cfg(target_arch = "x86_64")]
         {
-            // Machine code has no instruction for the tables of a spline.
-            let has_tables = tape.ops.iter().any(|op| matches!(op, Op::Nearest(_) | Op::Load { .. }));
-            let native = (way == Way::Fastest && !has_tables).then(|| native::Native::new(&interpreted, lanes)).flatten();
-            Code { native, slots: interpreted.slots(), interpreted }
+            let native = (way == Way::Fastest).then(|| native::Native::new(&pieces, lengths, lanes)).flatten();
+            Code { native, lengths, pieces }
         }
         #[cfg(not(target_arch = "x86_64"))]
         {
             let _ = way;
-            Code { slots: interpreted.slots(), interpreted }
+            Code { lengths, pieces }
         }
     }
 
     /// The smallest permitted length of the array.
     #[must_use]
     pub fn slots(&self) -> usize {
-        self.slots
+        self.lengths.0
     }
 
     /// Whether it runs as machine code.
@@ -174,11 +221,21 @@ impl Code {
     /// If the array is too short, or has a different number of lanes than the code.
     #[inline]
     pub fn run<const L: usize>(&self, slots: &mut [[f64; L]], spare: &mut Vec<[f64; L]>) {
+        self.run_with(&[], slots, spare);
+    }
+
+    /// Runs pieces that read numbers of another array.
+    ///
+    /// # Panics
+    /// If an array is too short, or `slots` has a different number of lanes than the code.
+    #[inline]
+    pub(crate) fn run_with<const L: usize>(&self, numbers: &[f64], slots: &mut [[f64; L]], spare: &mut Vec<[f64; L]>) {
         #[cfg(target_arch = "x86_64")]
         if let Some(native) = &self.native {
-            native.run(slots, spare);
+            native.run(numbers, slots, spare);
             return;
         }
-        self.interpreted.run(slots, spare);
+        assert!(slots.len() >= self.lengths.0 && numbers.len() >= self.lengths.1, "an array is of another shape than the code");
+        self.pieces.iter().for_each(|piece| piece.run(numbers, slots, spare));
     }
 }

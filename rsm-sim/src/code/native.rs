@@ -1,9 +1,9 @@
 //! Machine code for x86-64 with AVX2.
 //!
-//! In: operations with their slots. Out: a function of the slots' address, in separate memory. Each operation of the tape becomes one instruction of
-//! IEEE 754 double precision (`Exponent` four, `PowerOfTwo` two), so the bits are those of the interpreter. Encodings: Intel 64 and IA-32
-//! Architectures Software Developer's Manual, volume 2, sections 2.3 and 4. The function has no call and no branch, and accesses only the slots, its
-//! constants and the memory for spilled values.
+//! In: pieces of a program, with their slots. Out: a function of the slots' address, in separate memory. Each operation of a tape becomes one
+//! instruction of IEEE 754 double precision (`Exponent` four, `PowerOfTwo` two), so the bits are those of the interpreter. Encodings: Intel 64 and
+//! IA-32 Architectures Software Developer's Manual, volume 2, sections 2.3 and 4. The function has no call and no branch, and accesses only the
+//! slots, the array of other numbers, its constants and the memory for spilled values.
 #![allow(unsafe_code)] // Machine code is called through a pointer, which is not possible in safe code.
 
 use std::collections::HashMap;
@@ -13,15 +13,15 @@ use rsm_core::tape::{Op, Reg};
 
 use super::interpreted::Interpreted;
 use super::registers::{Memory, Move, Registers};
-use super::{Slot, WIDE, Work, lengthen};
+use super::{Piece, Slot, WIDE, Work, lengthen};
 
 /// 2^52: from here to 2^53 the last bit of a number has the value 1.
 const WHOLE: f64 = 4_503_599_627_370_496.0;
 /// The bias of exponents.
 const BIAS: f64 = 1023.0;
 
-/// The signature of the machine code: the addresses of the slots, of the constants, and of the places for spilled values.
-type Function = extern "sysv64" fn(*mut f64, *const f64, *mut f64);
+/// The signature of the machine code: the addresses of the slots, of the constants, of the places for spilled values, and of the other array.
+type Function = extern "sysv64" fn(*mut f64, *const f64, *mut f64, *const f64);
 
 /// A function in executable memory.
 #[derive(Debug)]
@@ -30,7 +30,8 @@ pub(super) struct Native {
     _memory: Mmap,
     function: Function,
     constants: Vec<f64>,
-    slots: usize,
+    /// The smallest permitted length of the array of slots, and of the other array.
+    lengths: (usize, usize),
     spills: usize,
     lanes: usize,
 }
@@ -39,6 +40,7 @@ pub(super) struct Native {
 const SLOTS: u8 = 7;
 const CONSTANTS: u8 = 6;
 const SPILLS: u8 = 2;
+const NUMBERS: u8 = 1;
 
 #[derive(Clone, Copy)]
 enum Operand {
@@ -76,7 +78,7 @@ impl Assembler {
     }
 
     /// A VEX prefix of two bytes, or of three where the operands need it, the opcode, and its operands, with a short displacement if it fits. Short
-    /// code matters: the programs of a row fill the cache of instructions. `map`: 1 for 0F, 3 for 0F3A. `prefix`: 1 for 66, 3 for F2.
+    /// code matters: the programs of a row fill the cache of instructions. `map`: 1 for 0F, 2 for 0F38, 3 for 0F3A. `prefix`: 1 for 66, 3 for F2.
     fn vex(&mut self, map: u8, prefix: u8, opcode: u8, reg: u8, vvvv: u8, rm: Operand) {
         let base = match rm {
             Operand::Register(register) => register,
@@ -94,12 +96,13 @@ impl Assembler {
             Operand::Register(register) => self.code.push(0xc0 | ((reg & 7) << 3) | (register & 7)),
             Operand::Memory(memory) => {
                 let size = if self.wide { 8 * WIDE as u32 } else { 8 };
-                let (base, place) = match memory {
-                    Memory::Slot(slot) => (SLOTS, slot),
-                    Memory::Constant(place) => (CONSTANTS, place),
-                    Memory::Spilled(place) => (SPILLS, place),
+                let (base, displacement) = match memory {
+                    Memory::Slot(slot) => (SLOTS, slot * size),
+                    Memory::Constant(place) => (CONSTANTS, place * size),
+                    Memory::Spilled(place) => (SPILLS, place * size),
+                    Memory::Number(place) => (NUMBERS, place * 8),
                 };
-                let (displacement, operands) = (place * size, ((reg & 7) << 3) | base);
+                let operands = ((reg & 7) << 3) | base;
                 match i8::try_from(displacement) {
                     Ok(short) => self.code.extend([0x40 | operands, short as u8]),
                     Err(_) => {
@@ -119,6 +122,11 @@ impl Assembler {
     fn store(&mut self, register: u8, memory: Memory) {
         let prefix = if self.wide { 1 } else { 3 };
         self.vex(1, prefix, 0x11, register, 0, Operand::Memory(memory));
+    }
+
+    /// Loads a number into every lane of a register.
+    fn broadcast(&mut self, register: u8, memory: Memory) {
+        self.vex(2, 1, 0x19, register, 0, Operand::Memory(memory));
     }
 
     fn arithmetic(&mut self, instruction: Instruction, to: u8, a: u8, b: Operand) {
@@ -144,28 +152,33 @@ struct Compiler<'a> {
 }
 
 impl Native {
-    /// The code; `None` if the machine has no AVX2, or gives no executable memory.
-    pub(super) fn new(source: &Interpreted, lanes: usize) -> Option<Native> {
+    /// The code; `None` if the machine has no AVX2, or gives no executable memory, or if a piece has no machine code. `lengths`: the smallest
+    /// permitted length of the array of slots, and of the other array.
+    pub(super) fn new(pieces: &[Piece], lengths: (usize, usize), lanes: usize) -> Option<Native> {
         if !std::arch::is_x86_feature_detected!("avx2") {
             return None;
         }
-        let mut readers = vec![Vec::new(); source.ops.len()];
-        for (k, op) in source.ops.iter().enumerate() {
-            for operand in op.operands() {
-                readers[operand.0 as usize].push(k as u32);
+        let mut assembler = Assembler { code: Vec::new(), wide: lanes == WIDE, constants: Vec::new(), places: HashMap::new() };
+        let mut spills = 0;
+        for piece in pieces {
+            match piece {
+                Piece::Tape(source) => {
+                    let compiled = Compiler::run(source, assembler)?;
+                    assembler = compiled.assembler;
+                    spills = spills.max(compiled.registers.spills());
+                }
+                // The numbers of a copy go through the same register: the machine renames it.
+                Piece::Spread(places) if lanes == WIDE => places.iter().for_each(|(from, to)| {
+                    assembler.broadcast(0, Memory::Number(*from as u32));
+                    assembler.store(0, Memory::Slot(*to as Slot));
+                }),
+                Piece::Spread(_) => return None,
+                Piece::Copy(places) => places.iter().for_each(|(from, to)| {
+                    assembler.load(0, Memory::Slot(*from as Slot));
+                    assembler.store(0, Memory::Slot(*to as Slot));
+                }),
             }
         }
-        let mut results: HashMap<u32, Vec<Slot>> = HashMap::new();
-        for (reg, slot) in &source.results {
-            results.entry(reg.0).or_default().push(*slot);
-        }
-        let assembler = Assembler { code: Vec::new(), wide: lanes == WIDE, constants: Vec::new(), places: HashMap::new() };
-        let mut compiler = Compiler { source, assembler, registers: Registers::new(readers), results };
-        for (k, op) in source.ops.iter().enumerate() {
-            compiler.registers.begin();
-            compiler.operation(k as u32, op);
-        }
-        let Compiler { mut assembler, registers, .. } = compiler;
         if assembler.wide {
             assembler.code.extend([0xc5, 0xf8, 0x77]); // vzeroupper
         }
@@ -179,19 +192,19 @@ impl Native {
         let constants = assembler.constants.iter().flat_map(|bits| std::iter::repeat_n(f64::from_bits(*bits), lanes));
         // A bitwise instruction reads two numbers, and only the first is used. This padding keeps the second one inside the array.
         let constants = constants.chain([0.0]).collect();
-        let (slots, spills) = (source.slots(), registers.spills());
-        Some(Native { _memory: memory, function, constants, slots, spills, lanes })
+        Some(Native { _memory: memory, function, constants, lengths, spills, lanes })
     }
 
     #[inline]
-    pub(super) fn run<const L: usize>(&self, slots: &mut [[f64; L]], spare: &mut Vec<[f64; L]>) {
-        assert!(L == self.lanes && slots.len() >= self.slots, "the array is of another shape than the code");
+    pub(super) fn run<const L: usize>(&self, numbers: &[f64], slots: &mut [[f64; L]], spare: &mut Vec<[f64; L]>) {
+        let fits = L == self.lanes && slots.len() >= self.lengths.0 && numbers.len() >= self.lengths.1;
+        assert!(fits, "an array is of another shape than the code");
         if spare.len() < self.spills {
             lengthen(spare, self.spills);
         }
-        // The machine code needs no bounds checks: it accesses only slots below `self.slots` and places below `self.spills`, each with `L` numbers,
-        // and its constants.
-        (self.function)(slots.as_mut_ptr().cast(), self.constants.as_ptr(), spare.as_mut_ptr().cast());
+        // The machine code needs no bounds checks: it accesses only slots below `self.lengths.0` and places below `self.spills`, each with `L`
+        // numbers, the other array below `self.lengths.1`, and its constants.
+        (self.function)(slots.as_mut_ptr().cast(), self.constants.as_ptr(), spare.as_mut_ptr().cast(), numbers.as_ptr());
     }
 }
 
@@ -219,7 +232,31 @@ pub(super) fn with_avx512<W: Work>(work: W) -> W::Found {
     unsafe { widest(work) }
 }
 
-impl Compiler<'_> {
+impl<'a> Compiler<'a> {
+    /// Compiles a tape; `None` if it has an operation without machine code.
+    fn run(source: &'a Interpreted, assembler: Assembler) -> Option<Compiler<'a>> {
+        // There is no instruction for the tables of a spline.
+        if source.ops.iter().any(|op| matches!(op, Op::Nearest(_) | Op::Load { .. })) {
+            return None;
+        }
+        let mut readers = vec![Vec::new(); source.ops.len()];
+        for (k, op) in source.ops.iter().enumerate() {
+            for operand in op.operands() {
+                readers[operand.0 as usize].push(k as u32);
+            }
+        }
+        let mut results: HashMap<u32, Vec<Slot>> = HashMap::new();
+        for (reg, slot) in &source.results {
+            results.entry(reg.0).or_default().push(*slot);
+        }
+        let mut compiler = Compiler { source, assembler, registers: Registers::new(readers), results };
+        for (k, op) in source.ops.iter().enumerate() {
+            compiler.registers.begin();
+            compiler.operation(k as u32, op);
+        }
+        Some(compiler)
+    }
+
     fn operation(&mut self, k: u32, op: &Op) {
         match *op {
             Op::Constant(ref constant) => {
@@ -321,9 +358,12 @@ impl Compiler<'_> {
     }
 
     fn binary(&mut self, k: u32, a: Reg, b: Reg, instruction: Instruction) {
-        // The order may change which of two NaNs is the result, but no other bit.
+        // The order may change which of two NaNs is the result, but no other bit. The first operand is in a register: if none of them is, the one
+        // that is needed again first is loaded, and the other one is read from memory.
         let commutes = matches!(instruction, Instruction::Add | Instruction::Multiply);
-        let swaps = commutes && self.registers.register(a.0).is_none() && self.registers.register(b.0).is_some();
+        let is_sooner = || self.registers.reader_after(b.0, k) < self.registers.reader_after(a.0, k);
+        let swaps =
+            commutes && self.registers.register(a.0).is_none() && (self.registers.register(b.0).is_some() || is_sooner());
         let (a, b) = if swaps { (b, a) } else { (a, b) };
         let (to, a, b) = self.operands(k, a, b);
         self.assembler.arithmetic(instruction, to, a, b);

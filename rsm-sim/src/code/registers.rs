@@ -8,12 +8,13 @@ use super::Slot;
 /// The number of registers of the machine.
 const COUNT: usize = 16;
 
-/// A number in memory: in a slot, a constant, or a spilled value.
+/// A number in memory: in a slot, a constant, a spilled value, or a number of the other array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Memory {
     Slot(Slot),
     Constant(u32),
     Spilled(u32),
+    Number(u32),
 }
 
 /// A move that must be executed before a value can be used.
@@ -84,6 +85,11 @@ impl Registers {
 
     pub(super) fn is_read(&self, value: u32) -> bool {
         !self.values[value as usize].readers.is_empty()
+    }
+
+    /// The next operation after this one that reads a value; the largest number if there is none.
+    pub(super) fn reader_after(&self, value: u32, operation: u32) -> u32 {
+        self.values[value as usize].readers.iter().rev().copied().find(|it| *it > operation).unwrap_or(u32::MAX)
     }
 
     /// Returns a register with the value. Loading it does not displace the values in `keep`.

@@ -5,7 +5,7 @@ use rsm_core::number::{Precision, exact};
 use rsm_core::run::Interpreter;
 use rsm_core::tape::{Op, Reg, Tape, TapeBuilder};
 
-use super::{Code, WIDE, Way};
+use super::{Code, Piece, WIDE, Way};
 
 /// Pseudo-random numbers of a linear congruential generator (D. E. Knuth's MMIX).
 struct Numbers(u64);
@@ -117,4 +117,41 @@ fn elementary_functions_keep_their_bits() {
         compare::<1>(&tape, &mut Numbers(2), Way::Fastest);
         compare::<WIDE>(&tape, &mut Numbers(3), Way::Fastest);
     }
+}
+
+#[test]
+fn pieces_in_sequence_write_the_same_slots_as_the_interpreter() {
+    // More numbers and slots than a short displacement reaches: 127/8 and 127/32.
+    const SLOTS: usize = 300;
+    let mut numbers = Numbers(4);
+    for length in (0..200).step_by(9) {
+        let tape = tape(&mut numbers, length);
+        let results: Vec<u32> = (0..tape.outputs.len() as u32).map(|k| 100 + k).collect();
+        let mut pairs = |count: usize, most: usize| -> Vec<(usize, usize)> {
+            (0..count).map(|_| (numbers.below(most), numbers.below(SLOTS))).collect()
+        };
+        let (spread, first, last) = (pairs(40, 50), pairs(30, SLOTS), pairs(30, SLOTS));
+        let pieces = || {
+            let arguments: Vec<u32> = (0..tape.inputs.len() as u32).collect();
+            let all = [Piece::Spread(spread.clone()), Piece::Copy(first.clone()), Piece::tape(&tape, &arguments, &results)];
+            all.into_iter().chain([Piece::Copy(last.clone()), Piece::tape(&tape, &arguments, &results)]).collect()
+        };
+        let given: Vec<f64> = (0..50).map(|_| numbers.any()).collect();
+        let begin: Vec<[f64; WIDE]> = (0..SLOTS).map(|_| std::array::from_fn(|_| numbers.any())).collect();
+        let [found, expected] = [Way::Fastest, Way::Interpreted].map(|way| {
+            let mut slots = begin.clone();
+            Code::of(pieces(), WIDE, way).run_with(&given, &mut slots, &mut Vec::new());
+            slots
+        });
+        for (place, (found, expected)) in found.as_flattened().iter().zip(expected.as_flattened()).enumerate() {
+            assert!(same(*found, *expected), "slot {}, lane {}: {found}, expected {expected}", place / WIDE, place % WIDE);
+        }
+    }
+}
+
+#[test]
+#[should_panic(expected = "another shape")]
+fn pieces_refuse_an_array_that_is_too_short() {
+    let code = Code::of(vec![Piece::Spread(vec![(3, 0)])], WIDE, Way::Fastest);
+    code.run_with(&[1.0; 3], &mut [[0.0; WIDE]], &mut Vec::new());
 }

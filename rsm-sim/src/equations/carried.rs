@@ -14,7 +14,8 @@
 
 use super::rows::Stopped;
 use super::series::Tried;
-use super::speeds::{BLOCK, Carried, Direction, composed};
+use super::shortened::composed;
+use super::speeds::{Carried, Direction};
 use super::walk::Walk;
 use crate::code::{Slot, WIDE, Way};
 
@@ -33,7 +34,7 @@ impl<const L: usize> Walk<'_, L> {
         let it = &mut *boxed;
         it.store.begin(it.mirror.next);
         it.instant = None;
-        it.rows = 0;
+        it.block.clear();
         if let Some(linear) = &mut it.linear {
             linear.parts.clear();
             linear.loaded = None;
@@ -239,13 +240,7 @@ impl<const L: usize> Walk<'_, L> {
     pub(super) fn carry_outputs(&mut self, to: &mut [Vec<Vec<f64>>]) {
         let Some(it) = self.carried.as_deref_mut() else { return };
         it.output_program.iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
-        for (block, from) in it.block.iter_mut().zip(&it.outputs) {
-            block[it.rows] = from.map_or([0.0; WIDE], |from| it.store.slots[from]);
-        }
-        it.rows += 1;
-        if it.rows == BLOCK {
-            it.write_outputs(to);
-        }
+        it.collect_outputs(to);
     }
 
     /// Writes the rows that are collected.

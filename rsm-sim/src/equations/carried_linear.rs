@@ -65,7 +65,7 @@ impl Walk<'_, 1> {
             for (places, entries) in linear.places.iter().zip(entries.chunks(linear.entries.len().max(1))) {
                 places.iter().zip(entries).for_each(|(to, value)| it.store.slots[*to] = *value);
             }
-            linear.matrices.iter().for_each(|(from, to)| it.store.slots[*to] = [self.slots[*from][0]; WIDE]);
+            it.store.run(&linear.matrices, self.slots.as_flattened());
             linear.loaded = Some((loaded.version, loaded.level));
         }
         let mut time = [begin];

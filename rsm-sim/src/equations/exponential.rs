@@ -156,6 +156,9 @@ pub(super) struct StepInputs<'a> {
     pub block: Block,
 }
 
+/// The number of sums that are computed side by side.
+const SIDE_BY_SIDE: usize = 8;
+
 /// The writer of the tape.
 struct Writer<'a> {
     given: &'a StepInputs<'a>,
@@ -174,13 +177,22 @@ impl Writer<'_> {
 
     /// The product of a row of a matrix and a sparse vector.
     fn line(&mut self, matrix: usize, i: usize, by: &[(usize, Reg)]) -> Option<Reg> {
-        let mut sum = None;
-        for (j, value) in by {
-            let entry = self.slot(self.given.block.matrix(matrix, i, *j));
-            let product = self.builder.multiply(entry, *value);
-            sum = Some(self.plus(sum, product));
+        self.lines(matrix, &[i], by)[0]
+    }
+
+    /// The products of some rows of a matrix and a sparse vector, column by column: the sums do not wait for each other.
+    fn lines(&mut self, matrix: usize, rows: &[usize], by: &[(usize, Reg)]) -> Vec<Option<Reg>> {
+        let mut sums = vec![None; rows.len()];
+        for (sums, rows) in sums.chunks_mut(SIDE_BY_SIDE).zip(rows.chunks(SIDE_BY_SIDE)) {
+            for (j, value) in by {
+                for (sum, i) in sums.iter_mut().zip(rows) {
+                    let entry = self.slot(self.given.block.matrix(matrix, *i, *j));
+                    let product = self.builder.multiply(entry, *value);
+                    *sum = Some(self.plus(*sum, product));
+                }
+            }
         }
-        sum
+        sums
     }
 
     fn plus(&mut self, sum: Option<Reg>, value: Reg) -> Reg {
@@ -294,6 +306,7 @@ fn write(given: &StepInputs<'_>, shape: &Shape, has_estimate: bool) -> Placed {
     }
     let states: Vec<Reg> = states.into_iter().flatten().collect();
     let rates = w.builder.inline(given.rates, &start);
+    let rows: Vec<usize> = (0..n).collect();
     let all: Vec<(usize, Reg)> = rates.iter().copied().enumerate().collect();
     // The remainder of these rates at the moved states, half a step or a whole step later.
     let remainder = |w: &mut Writer<'_>, moved: &[Reg], half: bool| -> Vec<(usize, Reg)> {
@@ -329,19 +342,19 @@ fn write(given: &StepInputs<'_>, shape: &Shape, has_estimate: bool) -> Placed {
     let zero = w.builder.constant(integer(0));
     // The way to the middle or to the end, without the remainder; 0 for states that are not asked for.
     let moved = |w: &mut Writer<'_>, half: bool, is_wanted: &dyn Fn(usize) -> bool| -> Vec<Reg> {
-        (0..n)
-            .map(|i| {
-                if !is_wanted(i) {
-                    return zero;
-                }
-                let sum = w.line(usize::from(!half), i, &all).expect("a system with states has rates");
-                if timed.is_empty() {
-                    return sum;
-                }
+        let wanted: Vec<usize> = (0..n).filter(|i| is_wanted(*i)).collect();
+        let sums = w.lines(usize::from(!half), &wanted, &all);
+        let mut moved = vec![zero; n];
+        for (i, sum) in wanted.into_iter().zip(sums) {
+            let sum = sum.expect("a system with states has rates");
+            moved[i] = if timed.is_empty() {
+                sum
+            } else {
                 let time = w.slot(given.block.time(usize::from(!half), i));
                 w.builder.add(sum, time)
-            })
-            .collect()
+            };
+        }
+        moved
     };
     let straight = moved(&mut w, false, &|_| true);
     let mut end: Vec<Reg> = straight.clone();
@@ -352,11 +365,11 @@ fn write(given: &StepInputs<'_>, shape: &Shape, has_estimate: bool) -> Placed {
         let two = w.builder.constant(integer(2));
         let four = w.builder.constant(exact(4.0));
         let doubled: Vec<(usize, Reg)> = at_middle.iter().map(|(i, it)| (*i, w.builder.multiply(two, *it))).collect();
-        let there: Vec<Reg> = (0..n)
-            .map(|i| {
-                let further = w.line(1, i, &doubled);
-                further.map_or(straight[i], |it| w.builder.add(straight[i], it))
-            })
+        let further = w.lines(1, &rows, &doubled);
+        let there: Vec<Reg> = straight
+            .iter()
+            .zip(further)
+            .map(|(straight, it)| it.map_or(*straight, |it| w.builder.add(*straight, it)))
             .collect();
         let at_end = remainder(&mut w, &there, false);
         let slopes: Vec<(usize, Reg)> = at_middle
@@ -367,8 +380,8 @@ fn write(given: &StepInputs<'_>, shape: &Shape, has_estimate: bool) -> Placed {
                 (*i, w.builder.subtract(four, *end))
             })
             .collect();
-        for i in 0..n {
-            let (bent, off) = (w.line(2, i, &at_end), w.line(3, i, &slopes));
+        let (bents, offs) = (w.lines(2, &rows, &at_end), w.lines(3, &rows, &slopes));
+        for (i, (bent, off)) in bents.into_iter().zip(offs).enumerate() {
             if let Some((bent, off)) = bent.zip(off) {
                 error[i] = off;
                 let sum = w.builder.add(bent, off);

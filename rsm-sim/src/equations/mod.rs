@@ -40,6 +40,7 @@ pub mod rows;
 mod sampling;
 pub mod sensitivities;
 mod series;
+mod shortened;
 pub mod signals;
 mod speeds;
 mod start_parameters;

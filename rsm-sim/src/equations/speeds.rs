@@ -5,22 +5,23 @@
 //! handles no steps and no events.
 
 use std::cell::Cell;
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
+use std::ops::Range;
 
 use rsm_core::held::{Divided, divided};
-use rsm_core::number::integer;
 use rsm_core::tangent;
-use rsm_core::tape::{Op, Reg, Tape, TapeBuilder};
+use rsm_core::tape::{Op, Tape};
 
 use super::frechet::{Along, Shared};
 use super::phi::Chain;
 use super::placed::Placed;
 use super::programs::Programs;
-use crate::code::{Code, Slot, WIDE, Way, lengthen};
+use super::shortened::without;
+use crate::code::{Code, Piece, Slot, WIDE, Way, lengthen};
 
 /// The rows of derivatives of outputs that are collected before they are written: one at a time, they would go to as many places as there are
 /// directions and outputs.
-pub(super) const BLOCK: usize = 64;
+const BLOCK: usize = 64;
 
 /// The derivatives of a run's start and parameters in one direction.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,6 +40,9 @@ pub(super) struct Mirror {
     pub places: Vec<Vec<Slot>>,
     pub next: Slot,
 }
+
+/// No slots.
+const NONE: Range<usize> = 0..0;
 
 /// No place.
 const NO_SLOT: Slot = Slot::MAX;
@@ -69,14 +73,13 @@ impl Mirror {
 /// The derivatives of a program's results.
 #[derive(Debug)]
 pub(super) struct DerivativeProgram {
-    /// Values that it reads: their places in the walk, and in the mirror.
-    pub read: Vec<(usize, usize)>,
-    /// The part that does not depend on the direction.
-    pub shared: Option<Code>,
-    /// Values that are constant during a run. They are copied once, in the run with this number.
+    /// Copies the values that it reads, then computes first what does not depend on the direction, then group by group.
+    code: Code,
+    /// Values that are constant during a run: their places in the walk, and in the mirror. They are copied once, in the run with this number.
     fixed: Vec<(usize, usize)>,
     run: Cell<u64>,
-    pub groups: Vec<Code>,
+    /// Values that only a new linear part changes, and which are copied then.
+    loaded: Vec<(usize, usize)>,
 }
 
 /// Values and derivatives, at the places of the mirror.
@@ -99,22 +102,23 @@ impl Store {
     fn grow(&mut self, places: Slot) {
         lengthen(&mut self.slots, places as usize);
     }
+
+    /// Runs code that reads values of a walk.
+    #[inline]
+    pub(super) fn run(&mut self, code: &Code, values: &[f64]) {
+        code.run_with(values, &mut self.slots, &mut self.spare);
+    }
 }
 
 impl DerivativeProgram {
-    /// Computes the derivatives of a program's results from the values in a walk.
+    /// Computes the derivatives of a program's results from the values in a walk of one lane.
     pub(super) fn run<const L: usize>(&self, store: &mut Store, values: &[[f64; L]]) {
+        assert!(L == 1, "derivatives are computed along with one lane");
+        let values = values.as_flattened();
         if self.run.replace(store.run) != store.run {
-            for (from, to) in &self.fixed {
-                store.slots[*to] = [values[*from][0]; WIDE];
-            }
+            self.fixed.iter().for_each(|(from, to)| store.slots[*to] = [values[*from]; WIDE]);
         }
-        for (from, to) in &self.read {
-            store.slots[*to] = [values[*from][0]; WIDE];
-        }
-        for code in self.shared.iter().chain(&self.groups) {
-            code.run(&mut store.slots, &mut store.spare);
-        }
+        store.run(&self.code, values);
     }
 }
 
@@ -144,12 +148,11 @@ pub(super) struct Carried {
     pub instant: Option<Vec<[f64; WIDE]>>,
     /// For each memory that has a derivative in a group: its place, and that of its next value.
     pub memories: Vec<(usize, Option<usize>)>,
-    /// For each state: the place of its derivative, and that at the end of a step; of the series, and by a linear part.
-    ends: [Vec<(usize, usize)>; 2],
-    /// For each group, for each output: the place of its derivative, and the collected rows.
-    pub outputs: Vec<Option<usize>>,
-    pub block: Vec<[[f64; WIDE]; BLOCK]>,
-    pub rows: usize,
+    /// Copies the derivatives of the states at the end of a step; of the series, and by a linear part.
+    ends: [Option<Code>; 2],
+    /// The places of the derivatives of the outputs, side by side: for each group, for each output; and the collected rows of them.
+    outputs: Range<usize>,
+    pub block: Vec<[f64; WIDE]>,
     /// The steps by a linear part. Compiled at the first one.
     pub linear: Option<Box<LinearSpeeds>>,
 }
@@ -186,8 +189,8 @@ pub(super) struct LinearSpeeds {
     pub changing: Vec<usize>,
     /// Of the step.
     pub step: Option<DerivativeProgram>,
-    /// Values of the step that only a new linear part changes: their places in the walk and in the mirror.
-    pub matrices: Vec<(usize, usize)>,
+    /// Copies the values of the step that only a new linear part changes.
+    pub matrices: Code,
     /// The derivatives that only a new linear part changes; for each group, their places in the mirror.
     pub entries: Vec<Entry>,
     pub places: Vec<Vec<usize>>,
@@ -255,10 +258,9 @@ impl Carried {
             events: None,
             instant: None,
             memories: Vec::new(),
-            ends: [Vec::new(), Vec::new()],
-            outputs: Vec::new(),
+            ends: [None, None],
+            outputs: 0..0,
             block: Vec::new(),
-            rows: 0,
             linear: None,
         });
         // Places for the derivatives of states, memories and the time, whether a program reads them or not.
@@ -269,18 +271,26 @@ impl Carried {
             }
         }
         for (_, placed) in &programs.once {
-            let found = it.speeds(placed, false);
+            let found = it.speeds(placed, false, &NONE);
             it.once.push(found);
         }
         for (_, placed) in &programs.row {
-            let found = it.speeds(placed, false);
+            let found = it.speeds(placed, false, &NONE);
             it.row.push(found);
         }
-        it.output_program = programs.output_program.as_ref().and_then(|program| it.speeds(&program.placed, false));
+        let first = it.mirror.next as usize;
+        let begin = programs.output_program.as_ref().map_or(0, |program| program.results);
+        for group_of in 1..=it.groups {
+            for k in 0..counts.outputs as Slot {
+                it.mirror.place(group_of, begin + k);
+            }
+        }
+        it.outputs = first..it.mirror.next as usize;
+        it.output_program = programs.output_program.as_ref().and_then(|program| it.speeds(&program.placed, false, &NONE));
         // The instant of an event changes with the parameters, so the events also need derivatives with respect to time.
         it.moving.insert(layout.time);
-        it.sides = programs.sides.as_ref().and_then(|program| it.speeds(&program.placed, true));
-        it.events = programs.events.as_ref().and_then(|program| it.speeds(&program.placed, false));
+        it.sides = programs.sides.as_ref().and_then(|program| it.speeds(&program.placed, true, &NONE));
+        it.events = programs.events.as_ref().and_then(|program| it.speeds(&program.placed, false, &NONE));
         it.moving.remove(&layout.time);
         for group in 0..it.groups {
             let first = programs.events.as_ref().map_or(0, |program| program.results);
@@ -289,15 +299,14 @@ impl Carried {
                     it.memories.push((to, it.speed(group, first + k)));
                 }
             }
-            let first = programs.output_program.as_ref().map_or(0, |program| program.results);
-            it.outputs.extend((0..counts.outputs as Slot).map(|k| it.speed(group, first + k)).collect::<Vec<_>>());
         }
-        it.block = vec![[[0.0; WIDE]; BLOCK]; it.outputs.len()];
+        it.block = Vec::with_capacity(BLOCK * it.outputs.len());
         it
     }
 
     /// Compiles the derivatives of a program, and marks which of its results have derivatives.
-    pub(super) fn speeds(&mut self, placed: &Placed, by_time: bool) -> Option<DerivativeProgram> {
+    /// `loaded`: the slots of the walk that only a new linear part changes.
+    pub(super) fn speeds(&mut self, placed: &Placed, by_time: bool, loaded: &Range<usize>) -> Option<DerivativeProgram> {
         let ports: Vec<usize> =
             (0..placed.arguments.len()).filter(|port| self.moving.contains(&placed.arguments[*port])).collect();
         if ports.is_empty() {
@@ -325,38 +334,37 @@ impl Carried {
                 .any(|tape| tape.ops.iter().any(|op| matches!(op, Op::Input(it) if it.0 as usize == port)))
         };
         let all = (0..count).filter(|port| reads(*port)).map(|port| (placed.arguments[port] as usize, values[port] as usize));
-        let (fixed, read) = all.partition(|it| self.fixed.contains(&(it.0 as Slot)));
-        let shared = held.map(|held| {
-            let found: Vec<Slot> = held.outputs.iter().map(|_| self.mirror.fresh()).collect();
+        let (fixed, changing): (Vec<_>, Vec<_>) = all.partition(|it| self.fixed.contains(&(it.0 as Slot)));
+        let (loaded, read) = changing.into_iter().partition(|it| loaded.contains(&it.0));
+        let mut pieces = vec![Piece::Spread(read)];
+        let mut found: Vec<Slot> = Vec::new();
+        if let Some(held) = held {
+            found.extend(held.outputs.iter().map(|_| self.mirror.fresh()));
             let all = values.iter().copied().chain(vec![0; held.inputs.len() - count]).collect::<Vec<_>>();
-            (Code::new(&held, &all, &found, WIDE, self.way), found)
-        });
-        let (shared, found) = shared.map_or((None, Vec::new()), |(code, found)| (Some(code), found));
-        let groups = (1..=self.groups + usize::from(by_time))
-            .filter_map(|group| {
-                let speeds = ports.iter().map(|port| self.mirror.place(group, placed.arguments[*port]));
-                let all: Vec<Slot> =
-                    values.iter().copied().chain(speeds.collect::<Vec<_>>()).chain(found.iter().copied()).collect();
-                // What no direction of this group changes keeps its derivative of 0, which is in its place.
-                let still = &self.still[group - 1];
-                let mut is_zero = vec![false; rest.inputs.len()];
-                ports.iter().enumerate().for_each(|(k, port)| is_zero[count + k] = still.contains(&placed.arguments[*port]));
-                let (own, moves) = without(&rest, &is_zero);
-                let results: Vec<(Slot, Slot)> = results.iter().map(|slot| (*slot, self.mirror.place(group, *slot))).collect();
-                let still: Vec<Slot> = results.iter().zip(&moves).filter(|it| !it.1).map(|it| it.0.0).collect();
-                self.still[group - 1].extend(still);
-                let results: Vec<Slot> = results.iter().zip(&moves).filter(|it| *it.1).map(|it| it.0.1).collect();
-                own.map(|own| Code::new(&own, &all, &results, WIDE, self.way))
-            })
-            .collect();
-        Some(DerivativeProgram { read, fixed, run: Cell::new(0), shared, groups })
+            pieces.push(Piece::tape(&held, &all, &found));
+        }
+        for group in 1..=self.groups + usize::from(by_time) {
+            let speeds: Vec<Slot> = ports.iter().map(|port| self.mirror.place(group, placed.arguments[*port])).collect();
+            let all: Vec<Slot> = values.iter().copied().chain(speeds).chain(found.iter().copied()).collect();
+            // What no direction of this group changes keeps its derivative of 0, which is in its place.
+            let still = &self.still[group - 1];
+            let mut is_zero = vec![false; rest.inputs.len()];
+            ports.iter().enumerate().for_each(|(k, port)| is_zero[count + k] = still.contains(&placed.arguments[*port]));
+            let (own, moves) = without(&rest, &is_zero);
+            let results: Vec<(Slot, Slot)> = results.iter().map(|slot| (*slot, self.mirror.place(group, *slot))).collect();
+            let still: Vec<Slot> = results.iter().zip(&moves).filter(|it| !it.1).map(|it| it.0.0).collect();
+            self.still[group - 1].extend(still);
+            let results: Vec<Slot> = results.iter().zip(&moves).filter(|it| *it.1).map(|it| it.0.1).collect();
+            pieces.extend(own.map(|own| Piece::tape(&own, &all, &results)));
+        }
+        Some(DerivativeProgram { code: Code::of(pieces, WIDE, self.way), fixed, run: Cell::new(0), loaded })
     }
 
     /// Compiles the derivatives of steps by a linear part.
     pub(super) fn write_linear(&mut self, programs: &Programs) {
         let Some((slopes, (step, shape))) = programs.placed_slopes().zip(programs.without_estimate()) else { return };
         let (n, block, first) = (programs.counts.states, programs.block, slopes.results[0]);
-        let of_slopes = self.speeds(&slopes, false);
+        let of_slopes = self.speeds(&slopes, false, &NONE);
         let changing: Vec<usize> = (0..slopes.results.len()).filter(|k| self.moving.contains(&(first + *k as Slot))).collect();
         let mut columns: Vec<usize> = shape.bent.iter().chain(&shape.timed).copied().collect();
         columns.sort_unstable();
@@ -398,12 +406,10 @@ impl Carried {
             .map(|slot| slot as Slot)
             .collect();
         self.moving.extend(&slots);
-        let mut of_step = self.written(&step);
-        let matrices = of_step.as_mut().map_or_else(Vec::new, |program| {
-            let (matrices, read) = program.read.iter().partition(|it| block.loaded().contains(&it.0));
-            program.read = read;
-            matrices
-        });
+        let mut of_step = self.speeds(&step, false, &block.loaded());
+        self.store.grow(self.mirror.next);
+        let loaded = of_step.as_mut().map_or_else(Vec::new, |program| std::mem::take(&mut program.loaded));
+        let matrices = Code::of(vec![Piece::Spread(loaded)], WIDE, self.way);
         // The step does not read every entry.
         let (entries, slots): (Vec<Entry>, Vec<Slot>) =
             entries.into_iter().zip(slots).filter(|it| self.speed(0, it.1).is_some()).unzip();
@@ -439,102 +445,40 @@ impl Carried {
 
     /// Takes the derivatives of the states from those at the end of a step, of the series or by a linear part.
     pub(super) fn take_end(&mut self, states: Slot, end: Slot, count: usize, by_linear: bool) {
-        let place = usize::from(by_linear);
-        if self.ends[place].is_empty() {
-            let both = |(group, k): (usize, Slot)| self.speed(group, states + k).zip(self.speed(group, end + k));
-            let all = (0..self.groups).flat_map(|group| (0..count as Slot).map(move |k| (group, k)));
-            self.ends[place] = all.filter_map(both).collect();
-        }
-        for (to, from) in &self.ends[place] {
-            self.store.slots[*to] = self.store.slots[*from];
+        let Carried { ends, mirror, groups, store, way, .. } = self;
+        let code = ends[usize::from(by_linear)].get_or_insert_with(|| {
+            let both = |(group, k): (usize, Slot)| mirror.known(group, end + k).zip(mirror.known(group, states + k));
+            let all = (1..=*groups).flat_map(|group| (0..count as Slot).map(move |k| (group, k)));
+            Code::of(vec![Piece::Copy(all.filter_map(both).collect())], WIDE, *way)
+        });
+        store.run(code, &[]);
+    }
+
+    /// Collects a row of the derivatives of outputs, and writes the collected rows if there are enough.
+    pub(super) fn collect_outputs(&mut self, to: &mut [Vec<Vec<f64>>]) {
+        self.block.extend_from_slice(&self.store.slots[self.outputs.clone()]);
+        if self.block.len() >= BLOCK * self.outputs.len() {
+            self.write_outputs(to);
         }
     }
 
     /// Writes the collected rows of the derivatives of outputs: for each direction, for each output.
     pub(super) fn write_outputs(&mut self, to: &mut [Vec<Vec<f64>>]) {
-        let count = self.outputs.len() / self.groups.max(1);
+        let all = self.outputs.len();
+        let count = all / self.groups.max(1);
         for (k, to) in to.iter_mut().enumerate() {
             for (output, to) in to.iter_mut().enumerate() {
-                let block = &self.block[k / WIDE * count + output][..self.rows];
-                to.extend(block.iter().map(|row| row[k % WIDE]));
+                let rows = self.block.chunks_exact(all);
+                to.extend(rows.map(|row| row[k / WIDE * count + output][k % WIDE]));
             }
         }
-        self.rows = 0;
+        self.block.clear();
     }
 
     /// The derivatives of a program that is first needed during a run, with memory for them.
     pub(super) fn written(&mut self, placed: &Placed) -> Option<DerivativeProgram> {
-        let found = self.speeds(placed, false);
+        let found = self.speeds(placed, false, &NONE);
         self.store.grow(self.mirror.next);
         found
     }
-}
-
-/// A tape in which some inputs are 0, without the operations that are 0 then; and which of its results are not. The others are left out; `None` if
-/// all are.
-fn without(tape: &Tape, zero_inputs: &[bool]) -> (Option<Tape>, Vec<bool>) {
-    // Marks of elementary functions would have to be moved. The derivatives of programs have none.
-    if !tape.computed.is_empty() || !zero_inputs.contains(&true) {
-        return (Some(tape.clone()), vec![true; tape.outputs.len()]);
-    }
-    let mut zero = vec![false; tape.ops.len()];
-    for (reg, op) in tape.iter() {
-        let is = |a: &Reg| zero[a.0 as usize];
-        zero[reg.0 as usize] = match op {
-            Op::Input(port) => zero_inputs[port.0 as usize],
-            Op::Negate(a) | Op::Absolute(a) | Op::Divide(a, _) => is(a),
-            Op::Add(a, b) | Op::Subtract(a, b) => is(a) && is(b),
-            Op::Multiply(a, b) => is(a) || is(b),
-            Op::Select { then, otherwise, .. } => is(then) && is(otherwise),
-            _ => false,
-        };
-    }
-    let mut needed = vec![false; tape.ops.len()];
-    tape.outputs.iter().for_each(|output| needed[output.reg.0 as usize] = !zero[output.reg.0 as usize]);
-    for k in (0..tape.ops.len()).rev().filter(|k| !zero[*k]) {
-        if needed[k] {
-            tape.ops[k].operands().iter().for_each(|reg| needed[reg.0 as usize] = true);
-        }
-    }
-    let mut builder = TapeBuilder::sharing(tape.precision);
-    let nothing = builder.constant(integer(0));
-    let mut places = vec![nothing; tape.ops.len()];
-    for (reg, op) in tape.iter().filter(|(reg, _)| needed[reg.0 as usize] && !zero[reg.0 as usize]) {
-        let is = |a: &Reg| zero[a.0 as usize];
-        let place = |a: &Reg| places[a.0 as usize];
-        places[reg.0 as usize] = match op {
-            Op::Add(a, b) if is(a) => place(b),
-            Op::Add(a, b) | Op::Subtract(a, b) if is(b) => place(a),
-            Op::Subtract(a, b) if is(a) => builder.push(Op::Negate(place(b))),
-            other => builder.push(other.with_operands(|operand| places[operand.0 as usize])),
-        };
-    }
-    let moves: Vec<bool> = tape.outputs.iter().map(|output| !zero[output.reg.0 as usize]).collect();
-    let outputs = tape.outputs.iter().zip(&moves).filter(|it| *it.1);
-    let outputs: Vec<(String, Reg)> = outputs.map(|(it, _)| (it.name.clone(), places[it.reg.0 as usize])).collect();
-    let own = (!outputs.is_empty())
-        .then(|| builder.finish_with_results(tape.name.clone(), tape.inputs.clone(), outputs, [] as [(String, Reg); 0]));
-    (own, moves)
-}
-
-/// Combines parts of a series to one program for the states at the end of a whole step.
-pub(super) fn composed(parts: &[&Placed], end: Slot, states: usize) -> Placed {
-    let mut builder = TapeBuilder::sharing(rsm_core::number::Precision::F64);
-    let mut found: HashMap<Slot, Reg> = HashMap::new();
-    let mut arguments: Vec<Slot> = Vec::new();
-    for part in parts {
-        let mut inputs = Vec::with_capacity(part.arguments.len());
-        for slot in &part.arguments {
-            inputs.push(*found.entry(*slot).or_insert_with(|| {
-                arguments.push(*slot);
-                builder.input(arguments.len() as u32 - 1)
-            }));
-        }
-        let results = builder.inline(&part.tape, &inputs);
-        found.extend(part.results.iter().copied().zip(results));
-    }
-    let results: Vec<Slot> = (end..end + states as Slot).collect();
-    let outputs: Vec<(String, Reg)> = results.iter().map(|slot| (format!("slot {slot}"), found[slot])).collect();
-    let names = arguments.iter().map(|slot| format!("slot {slot}")).collect();
-    Placed { tape: builder.finish_with_results("step", names, outputs, [] as [(String, Reg); 0]), arguments, results }
 }
