@@ -235,6 +235,13 @@ impl Code {
             native.run(numbers, slots, spare);
             return;
         }
+        self.interpret(numbers, slots, spare);
+    }
+
+    /// Apart from the machine code, whose call then needs to save no registers.
+    #[cold]
+    #[inline(never)]
+    fn interpret<const L: usize>(&self, numbers: &[f64], slots: &mut [[f64; L]], spare: &mut Vec<[f64; L]>) {
         assert!(slots.len() >= self.lengths.0 && numbers.len() >= self.lengths.1, "an array is of another shape than the code");
         self.pieces.iter().for_each(|piece| piece.run(numbers, slots, spare));
     }

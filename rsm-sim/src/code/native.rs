@@ -55,6 +55,8 @@ enum Instruction {
     Multiply = 0x59,
     Subtract = 0x5c,
     Divide = 0x5e,
+    Smaller = 0x5d,
+    Larger = 0x5f,
     And = 0x54,
     Xor = 0x57,
     Or = 0xeb,
@@ -125,8 +127,12 @@ impl Assembler {
     }
 
     /// Loads a number into every lane of a register.
-    fn broadcast(&mut self, register: u8, memory: Memory) {
-        self.vex(2, 1, 0x19, register, 0, Operand::Memory(memory));
+    fn load_everywhere(&mut self, register: u8, memory: Memory) {
+        if self.wide {
+            self.vex(2, 1, 0x19, register, 0, Operand::Memory(memory));
+        } else {
+            self.load(register, memory);
+        }
     }
 
     fn arithmetic(&mut self, instruction: Instruction, to: u8, a: u8, b: Operand) {
@@ -142,9 +148,31 @@ impl Assembler {
     }
 }
 
+/// A selection of the smaller or larger of two numbers, which is one instruction: it gives the first number if that is smaller (larger), else the
+/// second, also if one of them is NaN.
+#[derive(Clone, Copy)]
+struct Extreme {
+    instruction: Instruction,
+    first: Reg,
+    second: Reg,
+}
+
+/// Finds the selection `a < b ? a : b` or `b < a ? a : b`.
+fn extreme(ops: &[Op], op: &Op) -> Option<Extreme> {
+    let Op::Select { condition, then, otherwise } = *op else { return None };
+    let Op::Less(left, right) = ops[condition.0 as usize] else { return None };
+    let instruction = match (then, otherwise) {
+        it if it == (left, right) => Instruction::Smaller,
+        it if it == (right, left) => Instruction::Larger,
+        _ => return None,
+    };
+    Some(Extreme { instruction, first: then, second: otherwise })
+}
+
 /// Compiles the operations of a tape, one by one.
 struct Compiler<'a> {
     source: &'a Interpreted,
+    extremes: Vec<Option<Extreme>>,
     assembler: Assembler,
     registers: Registers,
     /// Slots to which a register of the tape is written.
@@ -168,11 +196,10 @@ impl Native {
                     spills = spills.max(compiled.registers.spills());
                 }
                 // The numbers of a copy go through the same register: the machine renames it.
-                Piece::Spread(places) if lanes == WIDE => places.iter().for_each(|(from, to)| {
-                    assembler.broadcast(0, Memory::Number(*from as u32));
+                Piece::Spread(places) => places.iter().for_each(|(from, to)| {
+                    assembler.load_everywhere(0, Memory::Number(*from as u32));
                     assembler.store(0, Memory::Slot(*to as Slot));
                 }),
-                Piece::Spread(_) => return None,
                 Piece::Copy(places) => places.iter().for_each(|(from, to)| {
                     assembler.load(0, Memory::Slot(*from as Slot));
                     assembler.store(0, Memory::Slot(*to as Slot));
@@ -200,12 +227,19 @@ impl Native {
         let fits = L == self.lanes && slots.len() >= self.lengths.0 && numbers.len() >= self.lengths.1;
         assert!(fits, "an array is of another shape than the code");
         if spare.len() < self.spills {
-            lengthen(spare, self.spills);
+            more_spills(spare, self.spills);
         }
         // The machine code needs no bounds checks: it accesses only slots below `self.lengths.0` and places below `self.spills`, each with `L`
         // numbers, the other array below `self.lengths.1`, and its constants.
         (self.function)(slots.as_mut_ptr().cast(), self.constants.as_ptr(), spare.as_mut_ptr().cast(), numbers.as_ptr());
     }
+}
+
+/// Apart from the usual way, which then needs to save no registers.
+#[cold]
+#[inline(never)]
+fn more_spills<const L: usize>(spare: &mut Vec<[f64; L]>, count: usize) {
+    lengthen(spare, count);
 }
 
 /// Runs work as code with AVX2. The machine must have AVX2.
@@ -239,9 +273,11 @@ impl<'a> Compiler<'a> {
         if source.ops.iter().any(|op| matches!(op, Op::Nearest(_) | Op::Load { .. })) {
             return None;
         }
+        let extremes: Vec<Option<Extreme>> = source.ops.iter().map(|op| extreme(&source.ops, op)).collect();
         let mut readers = vec![Vec::new(); source.ops.len()];
         for (k, op) in source.ops.iter().enumerate() {
-            for operand in op.operands() {
+            let operands = extremes[k].map_or_else(|| op.operands(), |it| vec![it.first, it.second]);
+            for operand in operands {
                 readers[operand.0 as usize].push(k as u32);
             }
         }
@@ -249,7 +285,7 @@ impl<'a> Compiler<'a> {
         for (reg, slot) in &source.results {
             results.entry(reg.0).or_default().push(*slot);
         }
-        let mut compiler = Compiler { source, assembler, registers: Registers::new(readers), results };
+        let mut compiler = Compiler { source, extremes, assembler, registers: Registers::new(readers), results };
         for (k, op) in source.ops.iter().enumerate() {
             compiler.registers.begin();
             compiler.operation(k as u32, op);
@@ -258,6 +294,10 @@ impl<'a> Compiler<'a> {
     }
 
     fn operation(&mut self, k: u32, op: &Op) {
+        if let Some(Extreme { instruction, first, second }) = self.extremes[k as usize] {
+            self.binary(k, first, second, instruction);
+            return;
+        }
         match *op {
             Op::Constant(ref constant) => {
                 let memory = self.assembler.constant(constant.value.to_bits());
@@ -293,6 +333,8 @@ impl<'a> Compiler<'a> {
             Op::Subtract(a, b) => self.binary(k, a, b, Instruction::Subtract),
             Op::Multiply(a, b) => self.binary(k, a, b, Instruction::Multiply),
             Op::Divide(a, b) => self.binary(k, a, b, Instruction::Divide),
+            // No operation reads it.
+            Op::Less(..) if !self.registers.is_read(k) && !self.results.contains_key(&k) => {}
             Op::Less(a, b) => {
                 let (to, a, b) = self.operands(k, a, b);
                 let prefix = if self.assembler.wide { 1 } else { 3 };

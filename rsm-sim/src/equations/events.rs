@@ -12,6 +12,12 @@ use super::walk::Walk;
 const MOST_ROUNDS: usize = 100;
 
 impl<const L: usize> Walk<'_, L> {
+    /// Whether nothing ever happens at an instant: there are no events, and no nonlinear block has to be solved.
+    #[inline]
+    pub(super) fn is_quiet(&self) -> bool {
+        self.programs.counts.guesses == 0 && !self.has_events()
+    }
+
     /// Whether any event can occur at an instant.
     pub(super) fn has_events(&self) -> bool {
         let counts = self.programs.counts;
@@ -97,7 +103,8 @@ impl<const L: usize> Walk<'_, L> {
 
     /// Executes the events of this instant in all lanes. All lanes must be at the same instant.
     pub(super) fn execute_events(&mut self, now: f64) -> Result<(), Stopped> {
-        if !self.settle() {
+        let has_blocks = self.programs.counts.guesses > 0;
+        if has_blocks && !self.settle() {
             return Err(Stopped::NoSolution { row: self.row });
         }
         if !self.has_events() {
@@ -129,7 +136,7 @@ impl<const L: usize> Walk<'_, L> {
                     self.slots[due_slots + k] = [0.0; L];
                 }
             }
-            if !self.settle() {
+            if has_blocks && !self.settle() {
                 return Err(Stopped::NoSolution { row: self.row });
             }
             // After an instant of a sample, the conditions are evaluated once more without it, so that they can become true again at the next

@@ -10,7 +10,7 @@ use super::late::DelayedSignals;
 use super::machine::{Machine, Point};
 use super::rows::{Inputs, Stopped};
 use super::walk::{Lane, Walk};
-use crate::code::{WIDE, Way, Work, vectorised};
+use crate::code::{WIDE, Way, Work, over_lanes};
 
 /// A machine as code: compiled once, for any number of runs.
 pub struct Lanes<'m> {
@@ -137,10 +137,12 @@ impl<'m> Lanes<'m> {
         let has_late = has_late(lane);
         let walk = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));
         walk.begin([lane], setting, period(inputs));
-        let mut outputs = allocate_outputs(self.machine, inputs);
+        let mut outputs = [allocate_outputs(self.machine, inputs)];
         let can_be_plain = walk.can_be_plain() && !has_late;
         let mut late = DelayedSignals::new(&lane.numbers, inputs.time, period(inputs));
         let mut said = 0.0;
+        let is_quiet = walk.is_quiet();
+        let mut block = Block::new(self.machine.outputs().len());
         for (row, end) in inputs.time.iter().enumerate() {
             walk.row = row;
             let before = inputs.time[row.max(1) - 1];
@@ -159,12 +161,18 @@ impl<'m> Lanes<'m> {
             if has_late {
                 walk.exchange(&mut late);
             }
-            walk.execute_events_and_send(*end, &mut late)?;
-            read(walk, row, &mut outputs)?;
+            if has_late {
+                walk.execute_events_and_send(*end, &mut late)?;
+            } else if !is_quiet {
+                walk.execute_events(*end)?;
+            }
+            block.read(walk, &mut outputs)?;
             if has_late {
                 late.read(*end, walk.evaluate_outputs());
             }
         }
+        block.write(&mut outputs);
+        let [mut outputs] = outputs;
         late.finish(&mut outputs);
         Ok(outputs)
     }
@@ -191,20 +199,21 @@ impl<'m> Lanes<'m> {
         outputs: &mut [Outputs; WIDE],
     ) -> Result<(), Stopped> {
         let mut block = Block::new(self.machine.outputs().len());
+        let is_quiet = walk.is_quiet();
         for (row, end) in inputs.time.iter().enumerate() {
             self.reach_row(walk, lanes, row, inputs, setting)?;
             walk.set_inputs(inputs.values, row);
-            walk.execute_events(*end)?;
-            if !block.read(walk.evaluate_outputs(), outputs) {
-                // A lane that runs alone names the output.
-                return Err(Stopped::NotFinite { row, name: String::new() });
+            if !is_quiet {
+                walk.execute_events(*end)?;
             }
+            block.read(walk, outputs)?;
         }
         block.write(outputs);
         Ok(())
     }
 
     /// Advances a group of lanes from one row to the next.
+    #[inline]
     pub(super) fn reach_row(
         &mut self,
         walk: &mut Walk<'m, WIDE>,
@@ -213,13 +222,26 @@ impl<'m> Lanes<'m> {
         inputs: Inputs<'_>,
         setting: Setting,
     ) -> Result<(), Stopped> {
-        let count = lanes.len();
         let (now, end) = (inputs.time[row.max(1) - 1], inputs.time[row]);
         walk.row = row;
         let is_free = walk.is_free(now, end);
         if row == 0 || walk.can_be_plain() && is_free && walk.plain(now, end) {
             return Ok(());
         }
+        self.reach_with_events(walk, lanes, (now, end, is_free), inputs, setting)
+    }
+
+    /// Advances each lane by its own steps. Apart from the usual way, which then needs little of the stack.
+    #[inline(never)]
+    fn reach_with_events(
+        &mut self,
+        walk: &mut Walk<'m, WIDE>,
+        lanes: &[Lane],
+        (now, end, is_free): (f64, f64, bool),
+        inputs: Inputs<'_>,
+        setting: Setting,
+    ) -> Result<(), Stopped> {
+        let count = lanes.len();
         let right = if is_free { walk.together(now, end) } else { [false; WIDE] };
         for lane in (0..count).filter(|lane| !right[*lane]) {
             let alone = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));
@@ -301,31 +323,39 @@ const BLOCK: usize = 64;
 
 /// Outputs of the last rows, with the lanes side by side as they are computed. A block is written to the outputs of each lane when it is full: a row
 /// alone would go to as many places as there are lanes and outputs.
-struct Block {
-    outputs: Vec<[[f64; WIDE]; BLOCK]>,
+pub(super) struct Block<const L: usize> {
+    /// For each output, its rows.
+    outputs: Vec<[[f64; L]; BLOCK]>,
     rows: usize,
 }
 
-impl Block {
-    fn new(outputs: usize) -> Self {
-        Block { outputs: vec![[[0.0; WIDE]; BLOCK]; outputs], rows: 0 }
+impl<const L: usize> Block<L> {
+    pub(super) fn new(outputs: usize) -> Self {
+        Block { outputs: vec![[[0.0; L]; BLOCK]; outputs], rows: 0 }
     }
 
-    /// Adds a row. Returns whether all its values are finite.
-    fn read(&mut self, found: &[[f64; WIDE]], outputs: &mut [Outputs; WIDE]) -> bool {
+    /// Adds the outputs at a row. They must be finite.
+    #[inline]
+    pub(super) fn read(&mut self, walk: &mut Walk<'_, L>, outputs: &mut [Outputs; L]) -> Result<(), Stopped> {
+        let found = walk.evaluate_outputs();
+        if !over_lanes::<L, _>(Row { outputs: &mut self.outputs, found, row: self.rows }) {
+            let place = found.iter().position(|it| it.iter().any(|it| !it.is_finite())).unwrap_or(0);
+            return Err(Stopped::NotFinite { row: walk.row, name: walk.machine.outputs()[place].0.clone() });
+        }
+        self.rows += 1;
         if self.rows == BLOCK {
             self.write(outputs);
         }
-        let is_finite = vectorised(Row { outputs: &mut self.outputs, found, row: self.rows });
-        self.rows += 1;
-        is_finite
+        Ok(())
     }
 
     /// Writes the rows to the outputs of each lane.
-    fn write(&mut self, outputs: &mut [Outputs; WIDE]) {
-        for (lane, outputs) in outputs.iter_mut().enumerate() {
-            for (output, block) in outputs.iter_mut().zip(&self.outputs) {
-                output.extend(block[..self.rows].iter().map(|values| values[lane]));
+    pub(super) fn write(&mut self, outputs: &mut [Outputs; L]) {
+        let mut turned = [[0.0; BLOCK]; L];
+        for (place, block) in self.outputs.iter().enumerate() {
+            over_lanes::<L, _>(Turn { block, turned: &mut turned });
+            for (turned, output) in turned.iter().zip(outputs.iter_mut()) {
+                output[place].extend_from_slice(&turned[..self.rows]);
             }
         }
         self.rows = 0;
@@ -333,40 +363,45 @@ impl Block {
 }
 
 /// A row that is added to a block.
-struct Row<'a> {
-    outputs: &'a mut [[[f64; WIDE]; BLOCK]],
-    found: &'a [[f64; WIDE]],
+struct Row<'a, const L: usize> {
+    outputs: &'a mut [[[f64; L]; BLOCK]],
+    found: &'a [[f64; L]],
     row: usize,
 }
 
-impl Work for Row<'_> {
+impl<const L: usize> Work for Row<'_, L> {
     type Found = bool;
 
     #[inline(always)]
     fn run(self) -> bool {
-        // The product of a number that is not finite with zero is NaN.
-        let mut zero = [0.0; WIDE];
+        let row = self.row % BLOCK;
+        let mut zero = [0.0; L];
         for (block, values) in self.outputs.iter_mut().zip(self.found) {
-            block[self.row] = *values;
-            for lane in 0..WIDE {
+            block[row] = *values;
+            // The product of a number that is not finite with zero is NaN.
+            for lane in 0..L {
                 zero[lane] += values[lane] * 0.0;
             }
         }
-        zero == [0.0; WIDE]
+        zero == [0.0; L]
     }
 }
 
-/// Reads the outputs of a lane at a row.
-pub(super) fn read(walk: &mut Walk<'_, 1>, row: usize, outputs: &mut Outputs) -> Result<(), Stopped> {
-    let mut place = None;
-    for (k, ([value], output)) in walk.evaluate_outputs().iter().zip(outputs).enumerate() {
-        if !value.is_finite() {
-            place = Some(k);
+/// The rows of an output become a list for each lane, four rows at a time.
+struct Turn<'a, const L: usize> {
+    block: &'a [[f64; L]; BLOCK],
+    turned: &'a mut [[f64; BLOCK]; L],
+}
+
+impl<const L: usize> Work for Turn<'_, L> {
+    type Found = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (place, rows) in self.block.as_chunks::<4>().0.iter().enumerate() {
+            for (lane, turned) in self.turned.iter_mut().enumerate() {
+                turned.as_chunks_mut::<4>().0[place] = rows.map(|row| row[lane]);
+            }
         }
-        output.push(*value);
-    }
-    match place {
-        None => Ok(()),
-        Some(k) => Err(Stopped::NotFinite { row, name: walk.machine.outputs()[k].0.clone() }),
     }
 }

@@ -11,6 +11,7 @@ mod branches;
 mod carried;
 mod carried_linear;
 mod changes;
+mod checked;
 pub mod code;
 mod computed;
 pub(crate) mod effect_files;

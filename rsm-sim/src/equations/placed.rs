@@ -2,7 +2,7 @@
 
 use rsm_core::tape::Tape;
 
-use crate::code::{Code, Slot, Way};
+use crate::code::{Code, Piece, Slot, Way};
 
 /// A tape with the slots of its arguments and of its results.
 #[derive(Debug)]
@@ -13,6 +13,10 @@ pub(super) struct Placed {
 }
 
 impl Placed {
+    pub(super) fn piece(&self) -> Piece {
+        Piece::tape(&self.tape, &self.arguments, &self.results)
+    }
+
     pub(super) fn code(&self, lanes: usize, way: Way) -> Code {
         Code::new(&self.tape, &self.arguments, &self.results, lanes, way)
     }

@@ -4,8 +4,8 @@
 //! rates must be polynomials. Out: the walk at the next row, if the first part of the series, or the existing matrices, reach it in every lane. This
 //! is the same computation as for a general row, without the parts that are not needed here, so the bits are the same.
 
+use super::stiff::SMALL;
 use super::walk::{Walk, larger};
-use crate::code::{Work, over_lanes};
 
 impl<const L: usize> Walk<'_, L> {
     /// Whether this plant can have rows without events.
@@ -18,72 +18,56 @@ impl<const L: usize> Walk<'_, L> {
     #[inline]
     pub(super) fn plain(&mut self, now: f64, end: f64) -> bool {
         let rest = end - now;
-        if self.is_stiff == [true; L] {
-            return self.plain_exponential(now, end);
+        if self.suggestion.iter().any(|it| *it < 0.999 * rest) {
+            return false;
         }
-        if !self.programs.is_polynomial || (0..L).any(|lane| self.is_stiff[lane] || self.suggestion[lane] < 0.999 * rest) {
+        if self.is_stiff == [true; L] {
+            return self.plain_by_matrices(rest, end);
+        }
+        if !self.programs.is_polynomial || self.is_stiff != [false; L] {
             return false;
         }
         let layout = self.programs.layout;
-        self.slots[layout.step as usize] = [rest; L];
-        let Some((code, order)) = self.programs.first_part() else { return false };
-        code.run(&mut self.slots, &mut self.spare);
+        let Some((checked, order)) = self.programs.checked_series() else { return false };
         let (last, before) = self.thresholds.of(order);
-        let terms = &self.programs.terms;
-        let ends = self.programs.end() as usize;
-        let fits = over_lanes::<L, _>(Fits {
-            slots: &self.slots,
-            largest: &self.largest,
-            states: layout.states as usize,
-            ends,
-            first: terms[0] as usize,
-            one: (terms[order - 1] as usize, last),
-            other: (terms[order - 2] as usize, before),
-        });
-        if !fits {
+        checked.step.run_with(&[rest, last, before], &mut self.slots, &mut self.spare);
+        if self.slots[layout.excess as usize] != [0.0; L] {
             return false;
         }
-        self.finish_step(ends, end);
-        for suggestion in &mut self.suggestion {
-            *suggestion = suggestion.max(2.0 * rest);
-        }
+        checked.accept.run_with(&[end], &mut self.slots, &mut self.spare);
+        self.finish_plain(2.0 * rest);
         true
     }
-}
 
-/// Whether the last two terms of the series show, in every lane, that a step was not too long.
-struct Fits<'a, const L: usize> {
-    slots: &'a [[f64; L]],
-    largest: &'a [[f64; L]],
-    states: usize,
-    ends: usize,
-    first: usize,
-    /// The last two terms, each with its limit.
-    one: (usize, f64),
-    other: (usize, f64),
-}
-
-impl<const L: usize> Work for Fits<'_, L> {
-    type Found = bool;
-
-    #[inline(always)]
-    fn run(self) -> bool {
-        let Fits { slots, largest, states, ends, first, one: (one, last), other: (other, before) } = self;
-        let count = largest.len();
-        let list = |begin: usize| &slots[begin..begin + count];
-        let (states, ends, first, one, other) = (list(states), list(ends), list(first), list(one), list(other));
-        // A term that is not finite makes the end not finite. Its product with zero is then NaN.
-        let (mut excess, mut zero) = ([0.0; L], [0.0; L]);
-        for k in 0..count {
-            let (x, end, largest, first, one, other) = (&states[k], &ends[k], &largest[k], &first[k], &one[k], &other[k]);
-            for lane in 0..L {
-                let moved = larger((end[lane] - x[lane]).abs(), first[lane].abs());
-                let scale = larger(larger(x[lane].abs(), largest[lane]), moved);
-                excess[lane] = larger(one[lane].abs() - last * scale, excess[lane]);
-                excess[lane] = larger(other[lane].abs() - before * scale, excess[lane]);
-                zero[lane] += end[lane] * 0.0;
+    /// The same with existing matrices.
+    fn plain_by_matrices(&mut self, rest: f64, end: f64) -> bool {
+        if !self.select_all(rest) {
+            return false;
+        }
+        let layout = self.programs.layout;
+        let Some(checked) = self.programs.checked_linear() else { return false };
+        checked.step.run_with(&[rest, self.setting.tolerance, 0.0], &mut self.slots, &mut self.spare);
+        if self.slots[layout.excess as usize] != [0.0; L] {
+            // The first estimate is valid in these lanes; the better one may be in the others.
+            let first = self.slots[layout.excess as usize].map(|it| it == 0.0);
+            self.refine();
+            let second = self.is_below(SMALL);
+            let fits: [bool; L] = std::array::from_fn(|lane| first[lane] || second[lane]);
+            if fits != [true; L] {
+                (0..L).filter(|lane| !fits[*lane]).for_each(|lane| self.kept[lane].has_failed = true);
+                return false;
             }
         }
-        excess == [0.0; L] && zero == [0.0; L]
+        if let Some(checked) = self.programs.checked_linear() {
+            checked.accept.run_with(&[end], &mut self.slots, &mut self.spare);
+        }
+        self.finish_plain(rest);
+        true
+    }
+
+    /// After the states at the end of a row are taken in all lanes.
+    fn finish_plain(&mut self, suggestion: f64) {
+        self.taken.iter_mut().for_each(|it| *it += 1);
+        self.suggestion.iter_mut().for_each(|it| *it = larger(*it, suggestion));
     }
 }

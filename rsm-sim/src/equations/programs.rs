@@ -8,10 +8,11 @@ use rsm_core::held::{self, Divided};
 use rsm_core::series::{Argument, Series};
 use rsm_core::tape::{Op, Tape};
 
+use super::checked::{Check, Checked};
 use super::exponential::{self, Block, Shape, StepInputs};
 use super::machine::{Counts, Machine, Tapes};
 use super::placed::Placed;
-use crate::code::{Code, Slot, Way};
+use crate::code::{Code, Piece, Slot, Way};
 
 /// Values that are constant within a row are computed separately if that saves at least this number of operations. A call costs about as much.
 const LEAST_SAVED: usize = 12;
@@ -33,6 +34,12 @@ pub(super) struct Layout {
     pub acts: Slot,
     pub due: Slot,
     pub parameters: Slot,
+    /// For each state, its largest magnitude so far, and after a step that is not accepted yet.
+    pub largest: Slot,
+    pub next: Slot,
+    /// The limits of the errors of a step, and by how much the errors exceed them ([`super::checked`]).
+    pub limits: Slot,
+    pub excess: Slot,
     end: Slot,
 }
 
@@ -49,7 +56,49 @@ impl Layout {
         let (states, inputs, held, memories) = (take(count.states), take(count.inputs), take(count.held), take(count.memories));
         let (guesses, acts, due) = (take(count.guesses), take(count.acts), take(count.due));
         let parameters = take(count.parameters);
-        Layout { step, time, states, inputs, held, memories, guesses, acts, due, parameters, end: take(0) }
+        let (largest, next, limits, excess) = (take(count.states), take(count.states), take(2), take(1));
+        Layout {
+            step,
+            time,
+            states,
+            inputs,
+            held,
+            memories,
+            guesses,
+            acts,
+            due,
+            parameters,
+            largest,
+            next,
+            limits,
+            excess,
+            end: take(0),
+        }
+    }
+
+    /// The layout of one state and nothing else.
+    #[cfg(test)]
+    pub(super) fn of_test() -> Layout {
+        let [step, time, states, inputs] = [0, 1, 2, 3];
+        let [held, memories, guesses, acts, due, parameters] = [inputs; 6];
+        let [largest, next, limits, excess, end] = [3, 4, 5, 7, 8];
+        Layout {
+            step,
+            time,
+            states,
+            inputs,
+            held,
+            memories,
+            guesses,
+            acts,
+            due,
+            parameters,
+            largest,
+            next,
+            limits,
+            excess,
+            end,
+        }
     }
 
     /// The slots of the arguments of a program. Programs of events have some additional arguments.
@@ -99,6 +148,8 @@ pub(super) struct Programs {
     pub counts: Counts,
     /// Run once, after the parameters are set.
     pub once: Vec<(Code, Placed)>,
+    /// Writes the inputs of a row, and runs what follows.
+    pub inputs: Code,
     /// Run when inputs, held comparisons or memories change.
     pub row: Vec<(Code, Placed)>,
     pub rates: Program,
@@ -117,6 +168,9 @@ pub(super) struct Programs {
     /// Steps that solve the linear part exactly: their slots, and their code, which is compiled at its first use.
     pub block: Block,
     exponential: Option<Code>,
+    /// Steps over a whole row with their checks: of the first part of the series, and by a linear part.
+    checked_series: Option<Checked>,
+    checked_linear: Option<Checked>,
     refined: Option<Code>,
     series: Series,
     parts: Vec<Orders>,
@@ -226,9 +280,13 @@ impl Programs {
         let free = building.next + block.slots() as Slot;
         let series = Series::new(rates, &kinds, layout.step, free);
         let is_held: Vec<bool> = kinds.iter().map(|it| matches!(it, Argument::Held(_))).collect();
+        let of_row = building.row.iter().map(|it| it.1.piece());
+        let given = (0..tapes.counts.inputs).map(|k| (k, layout.inputs as usize + k)).collect();
+        let inputs = Code::of(std::iter::once(Piece::Spread(given)).chain(of_row).collect(), lanes, way);
         Programs {
             layout,
             counts: tapes.counts,
+            inputs,
             is_polynomial: is_polynomial(rates, &is_held),
             rates: Program { code, results: begin, placed },
             output_program,
@@ -240,6 +298,8 @@ impl Programs {
             kinds,
             block,
             exponential: None,
+            checked_series: None,
+            checked_linear: None,
             refined: None,
             series,
             parts: Vec::new(),
@@ -335,10 +395,71 @@ impl Programs {
         self.counts.held == 0 && self.counts.guesses == 0 && are_steady
     }
 
-    /// The first part of the series and its order, if it is compiled.
+    /// The order of the first part of the series, if it is compiled.
     #[inline]
-    pub(super) fn first_part(&self) -> Option<(&Code, usize)> {
-        self.parts.first().map(|part| (&part.code, part.order))
+    pub(super) fn first_order(&self) -> Option<usize> {
+        self.parts.first().map(|part| part.order)
+    }
+
+    /// The first part of the series with its check, and its order, if the part is compiled.
+    #[inline]
+    pub(super) fn checked_series(&mut self) -> Option<(&Checked, usize)> {
+        let part = self.parts.first()?;
+        let order = part.order;
+        if self.checked_series.is_none() {
+            self.write_checked_series();
+        }
+        Some((self.checked_series.as_ref()?, order))
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn write_checked_series(&mut self) {
+        if let Some(part) = self.parts.first() {
+            let order = part.order;
+            let term = |k: usize| self.terms[k - 1];
+            let check = Check {
+                layout: self.layout,
+                states: self.counts.states,
+                ends: self.end(),
+                errors: &[(term(order), self.layout.limits), (term(order - 1), self.layout.limits + 1)],
+                first: Some(term(1)),
+                kept: &[],
+            };
+            self.checked_series = Some(Checked::new(&part.placed, &check, self.lanes, self.way));
+        }
+    }
+
+    /// The step by a linear part with its check. `None` for a plant without states.
+    #[inline]
+    pub(super) fn checked_linear(&mut self) -> Option<&Checked> {
+        if self.checked_linear.is_none() {
+            self.write_checked_linear();
+        }
+        self.checked_linear.as_ref()
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn write_checked_linear(&mut self) {
+        if let Some(placed) = self.with_step_inputs(exponential::step) {
+            let (block, states) = (self.block, self.counts.states);
+            let [rates, a, _] = block.inside();
+            let check = Check {
+                layout: self.layout,
+                states,
+                ends: block.end() as Slot,
+                errors: &[(block.error() as Slot, self.layout.limits)],
+                first: None,
+                // The better estimate reads these.
+                kept: &[rates, a]
+                    .map(|begin| begin as Slot..(begin + states) as Slot)
+                    .into_iter()
+                    .flatten()
+                    .collect::<Vec<Slot>>(),
+            };
+            self.checked_linear = Some(Checked::new(&placed, &check, self.lanes, self.way));
+        }
     }
 
     /// The parts of the series up to a part that is already compiled.

@@ -134,7 +134,10 @@ impl<const L: usize> Walk<'_, L> {
     /// Updates the largest magnitudes with the current states.
     fn update_largest(&mut self, lanes: [bool; L]) {
         let states = self.programs.layout.states as usize;
-        for (largest, state) in self.largest.iter_mut().zip(&self.slots[states..]) {
+        let largest = self.programs.layout.largest as usize;
+        for k in 0..self.programs.counts.states {
+            let state = self.slots[states + k];
+            let largest = &mut self.slots[largest + k];
             for lane in 0..L {
                 if lanes[lane] {
                     largest[lane] = largest[lane].max(state[lane].abs());
@@ -390,7 +393,7 @@ impl Walk<'_, 1> {
             if !end.is_finite() || !error.is_finite() {
                 return f64::INFINITY;
             }
-            let (begin, largest) = (self.before[k][0], self.largest[k][0]);
+            let (begin, largest) = (self.before[k][0], self.largest(k)[0]);
             let scale = largest.max(begin.abs()).max(((end - begin) / h * rest).abs());
             // A state that is 0, stays 0 and has an error of 0 is correct.
             if *error != 0.0 {

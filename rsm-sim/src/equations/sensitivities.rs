@@ -11,7 +11,7 @@ use rsm_core::tangent;
 use super::carried::Along;
 use super::computed::Computed;
 use super::engine::{Method, Setting};
-use super::lanes::{Lanes, Outputs, allocate_outputs, period};
+use super::lanes::{Block, Lanes, Outputs, allocate_outputs, period};
 use super::late::DelayedSignals;
 use super::machine::{MOST_ITERATIONS, Machine};
 use super::numbers;
@@ -205,7 +205,9 @@ impl<'m> Lanes<'m> {
 
 fn along(walk: &mut Walk<'_, 1>, of: &Sensitive, inputs: Inputs<'_>) -> Result<Sensitivities, Stopped> {
     let mut late = DelayedSignals::new(&of.lane.numbers, inputs.time, period(inputs));
-    let mut outputs = allocate_outputs(walk.machine, inputs);
+    let mut outputs = [allocate_outputs(walk.machine, inputs)];
+    let mut block = Block::new(walk.machine.outputs().len());
+    let is_quiet = walk.is_quiet();
     let mut derivatives: Vec<Outputs> = of.directions.iter().map(|_| allocate_outputs(walk.machine, inputs)).collect();
     let can_be_plain = walk.can_be_plain();
     for (row, end) in inputs.time.iter().enumerate() {
@@ -218,7 +220,7 @@ fn along(walk: &mut Walk<'_, 1>, of: &Sensitive, inputs: Inputs<'_>) -> Result<S
                 if walk.is_stiff[0] {
                     walk.carry_linear_step(1.0, before)?;
                 } else {
-                    let order = walk.programs.first_part().map_or(0, |it| it.1);
+                    let order = walk.programs.first_order().unwrap_or(0);
                     walk.carry_step(Tried { order, share: 1.0 }, 1.0, before);
                 }
             } else {
@@ -226,10 +228,14 @@ fn along(walk: &mut Walk<'_, 1>, of: &Sensitive, inputs: Inputs<'_>) -> Result<S
             }
         }
         walk.set_inputs(inputs.values, row);
-        walk.execute_events(*end)?;
-        super::lanes::read(walk, row, &mut outputs)?;
+        if !is_quiet {
+            walk.execute_events(*end)?;
+        }
+        block.read(walk, &mut outputs)?;
         walk.carry_outputs(&mut derivatives);
     }
     walk.finish_outputs(&mut derivatives);
+    block.write(&mut outputs);
+    let [outputs] = outputs;
     Ok(Sensitivities { outputs, derivatives })
 }

@@ -54,7 +54,7 @@ impl<const L: usize> Walk<'_, L> {
             let end = self.programs.end() as usize;
             let mut fits = open;
             for k in 0..count {
-                let (x, largest, first) = (self.slots[states + k], self.largest[k], self.slots[first_term + k]);
+                let (x, largest, first) = (self.slots[states + k], *self.largest(k), self.slots[first_term + k]);
                 let (end, one, other) = (self.slots[end + k], self.slots[last_term + k], self.slots[term_before + k]);
                 for lane in 0..L {
                     let moved = (end[lane] - x[lane]).abs().max(first[lane].abs());
@@ -101,7 +101,7 @@ impl<const L: usize> Walk<'_, L> {
                     |order: usize| self.slots[self.programs.terms[order - 1] as usize + k][lane].abs() * powers[order - 1];
                 let x = self.slots[states + k][lane];
                 let moved = (1..=order).map(term).fold(0.0, f64::max);
-                let scale = self.largest[k][lane].max(x.abs()).max(moved);
+                let scale = self.largest(k)[lane].max(x.abs()).max(moved);
                 for (found, limit, degree) in [(term(order), last, order), (term(order - 1), before, order - 1)] {
                     if !found.is_finite() {
                         return None;
@@ -161,7 +161,7 @@ impl<const L: usize> Walk<'_, L> {
                     slope = slope * tried.share + order as f64 * term(order);
                 }
                 let (end, begin) = (self.slots[states + k][lane], self.before[k][lane]);
-                let scale = self.largest[k][lane].max(begin.abs()).max((end - begin).abs()).max(term(1).abs());
+                let scale = self.largest(k)[lane].max(begin.abs()).max((end - begin).abs()).max(term(1).abs());
                 let off = (steps[lane] * self.slots[rates + k][lane] - slope).abs() * tried.share;
                 let allowed = SLOPE * (tried.order + 1) as f64 * self.thresholds.tolerance() * scale;
                 agree[lane] &= off <= allowed;

@@ -14,7 +14,7 @@ use crate::code::{Work, over_lanes};
 /// If the error of a step is below this share of the permitted error, the next step may be twice as long: an error of order 4 becomes 16 times as
 /// large. The better estimate ([`super::exponential`]) must also be below this share. With a linear part from an earlier point it has the size of the
 /// error, and the errors of a hundred steps have one sign; the first estimate is far larger than the error.
-const SMALL: f64 = 1.0 / 32.0;
+pub(super) const SMALL: f64 = 1.0 / 32.0;
 
 /// The largest number of halvings.
 const MOST_LEVELS: usize = 40;
@@ -39,6 +39,12 @@ pub(super) enum Attempt {
     None,
 }
 
+/// Whether a step of a length can take matrices for steps of another length.
+#[inline]
+fn is_same(whole: f64, length: f64, tolerance: f64) -> bool {
+    (whole - length).abs() <= SAME * tolerance * length
+}
+
 impl<const L: usize> Walk<'_, L> {
     /// Whether the matrices for a whole row of this length are in the slots of a lane, or can be copied there.
     pub(super) fn select(&mut self, lane: usize, length: f64) -> bool {
@@ -46,7 +52,7 @@ impl<const L: usize> Walk<'_, L> {
         let tolerance = self.setting.tolerance;
         if let Some(loaded) = self.loaded[lane]
             && loaded.level == 0
-            && (loaded.whole - length).abs() <= SAME * tolerance * length
+            && is_same(loaded.whole, length, tolerance)
             && (0..count).all(|k| self.slots[held + k][lane] == self.patterns[k][lane])
         {
             return true;
@@ -67,7 +73,7 @@ impl<const L: usize> Walk<'_, L> {
             }
             self.programs.block.load(&mut self.slots, lane, part, level);
             self.patterns.iter_mut().zip(&part.held).for_each(|(to, from)| to[lane] = *from);
-            self.loaded[lane] = Some(wanted);
+            (self.loaded[lane], self.loaded_length) = (Some(wanted), f64::NAN);
         }
         true
     }
@@ -77,6 +83,22 @@ impl<const L: usize> Walk<'_, L> {
         let kept = &self.kept[lane];
         let version = kept.current.map(|place| kept.parts[place].version);
         self.loaded[lane] = self.loaded[lane].filter(|it| Some(it.version) == version);
+        self.loaded_length = f64::NAN;
+    }
+
+    /// Selects matrices for steps of a length in all lanes of a plant without comparisons. Returns `false` if there are none.
+    #[inline]
+    pub(super) fn select_all(&mut self, length: f64) -> bool {
+        if is_same(self.loaded_length, length, self.setting.tolerance) {
+            return true;
+        }
+        if !(0..L).all(|lane| self.select(lane, length)) {
+            return false;
+        }
+        let whole = self.loaded[0].map_or(f64::NAN, |it| it.whole);
+        let all = self.loaded.iter().all(|it| it.is_some_and(|it| it.level == 0 && it.whole == whole));
+        self.loaded_length = if all { whole } else { f64::NAN };
+        true
     }
 
     /// One step of all lanes with the matrices in their slots. The slot of the step length must be set.
@@ -87,7 +109,7 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// Replaces the estimate of the error of the last step, in all lanes, by the better one. The states must still be those of its start.
-    fn refine(&mut self) {
+    pub(super) fn refine(&mut self) {
         if let Some(code) = self.programs.refined() {
             code.run(&mut self.slots, &mut self.spare);
         }
@@ -103,7 +125,7 @@ impl<const L: usize> Walk<'_, L> {
         for k in 0..self.programs.counts.states {
             let (begin, end, error) = (self.slots[states + k][lane], self.slots[ends + k][lane], self.slots[errors + k][lane]);
             is_finite &= end.is_finite() && error.is_finite();
-            let scale = self.largest[k][lane].max(begin.abs()).max(((end - begin) * longer).abs());
+            let scale = self.largest(k)[lane].max(begin.abs()).max(((end - begin) * longer).abs());
             // A state that is 0, stays 0 and has an error of 0 is correct.
             if error.abs() > tolerance * scale {
                 worst = worst.max(error.abs() / (tolerance * scale)).max(ABOVE);
@@ -128,11 +150,11 @@ impl<const L: usize> Walk<'_, L> {
 
     /// Whether the estimate is at most a share of the permitted error, in each lane.
     #[inline]
-    fn is_below(&self, share: f64) -> [bool; L] {
+    pub(super) fn is_below(&self, share: f64) -> [bool; L] {
         let block = self.programs.block;
         over_lanes::<L, _>(Allowed {
             slots: &self.slots,
-            largest: &self.largest,
+            largest: &self.slots[self.layout().largest as usize..][..self.programs.counts.states],
             states: self.layout().states as usize,
             ends: block.end(),
             errors: block.error(),
@@ -163,29 +185,6 @@ impl<const L: usize> Walk<'_, L> {
             self.slots[layout.states as usize + k][lane] = self.before[k][lane] + anchor.moved[k];
         }
         self.slots[layout.time as usize][lane] = time;
-    }
-
-    /// One step over a whole row with existing matrices, for a plant without events in this row. Returns `false` if a lane needs more than that; then
-    /// all lanes keep their states.
-    #[inline]
-    pub(super) fn plain_exponential(&mut self, now: f64, end: f64) -> bool {
-        let rest = end - now;
-        if !(0..L).all(|lane| self.suggestion[lane] >= 0.999 * rest && self.select(lane, rest)) {
-            return false;
-        }
-        let layout = self.programs.layout;
-        self.slots[layout.step as usize] = [rest; L];
-        if !self.exponential_step() {
-            return false;
-        }
-        let fits = self.allowed();
-        if fits != [true; L] {
-            (0..L).filter(|lane| !fits[*lane]).for_each(|lane| self.kept[lane].has_failed = true);
-            return false;
-        }
-        self.finish_step(self.programs.block.end(), end);
-        self.suggestion.iter_mut().for_each(|it| *it = it.max(rest));
-        true
     }
 }
 

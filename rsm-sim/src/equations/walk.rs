@@ -14,7 +14,7 @@ use super::programs::{Layout, Programs};
 use super::rows::Stopped;
 use super::speeds::Carried;
 use super::thresholds::Thresholds;
-use crate::code::{Way, Work, lengthen, over_lanes};
+use crate::code::{Way, lengthen};
 
 /// The largest number of iterations of a nonlinear block.
 const MOST_ITERATIONS: usize = 100;
@@ -27,8 +27,8 @@ pub(super) struct Walk<'m, const L: usize> {
     pub spare: Vec<[f64; L]>,
     pub setting: Setting,
     pub thresholds: Thresholds,
-    /// For each state, its largest magnitude so far.
-    pub largest: Vec<[f64; L]>,
+    /// The inputs of a row.
+    inputs: Vec<f64>,
     /// The states at the start and at the end of the step.
     pub before: Vec<[f64; L]>,
     pub step_end: Vec<[f64; L]>,
@@ -40,6 +40,8 @@ pub(super) struct Walk<'m, const L: usize> {
     /// For each lane: its linear parts, the part whose matrices are in its slots, and a point inside of its last step.
     pub kept: Vec<Kept>,
     pub loaded: [Option<Loaded>; L],
+    /// The length of the steps of the matrices that are loaded, if it is the same in all lanes and a whole row; else NaN.
+    pub loaded_length: f64,
     /// For each comparison: its held value in the linear part whose matrices are in the slots.
     pub patterns: Vec<[f64; L]>,
     pub anchors: Vec<Anchor>,
@@ -89,30 +91,6 @@ pub(super) fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The states at the end of a step become the states, and update the largest magnitudes.
-struct Finish<'a, const L: usize> {
-    slots: &'a mut [[f64; L]],
-    largest: &'a mut [[f64; L]],
-    from: usize,
-    to: usize,
-}
-
-impl<const L: usize> Work for Finish<'_, L> {
-    type Found = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Finish { slots, largest, from, to } = self;
-        for (k, largest) in largest.iter_mut().enumerate() {
-            let state = slots[from + k];
-            slots[to + k] = state;
-            for lane in 0..L {
-                largest[lane] = larger(state[lane].abs(), largest[lane]);
-            }
-        }
-    }
-}
-
 impl<'m, const L: usize> Walk<'m, L> {
     pub(super) fn new(machine: &'m Machine, way: Way) -> Self {
         let programs = Programs::new(machine, L, way);
@@ -124,7 +102,7 @@ impl<'m, const L: usize> Walk<'m, L> {
             spare: Vec::new(),
             setting: Setting::default(),
             thresholds: Thresholds::new(Setting::default().tolerance, programs.counts.guesses > 0),
-            largest: vec![[0.0; L]; states],
+            inputs: vec![0.0; programs.counts.inputs],
             before: vec![[0.0; L]; states],
             step_end: vec![[0.0; L]; states],
             events: Events::new(machine, programs.has_sampled_conditions()),
@@ -133,6 +111,7 @@ impl<'m, const L: usize> Walk<'m, L> {
             linear: None,
             kept: vec![Kept::default(); L],
             loaded: [None; L],
+            loaded_length: f64::NAN,
             patterns: vec![[0.0; L]; programs.counts.held],
             anchors: vec![Anchor::START; L],
             segment: None,
@@ -167,13 +146,14 @@ impl<'m, const L: usize> Walk<'m, L> {
             put(layout.memories, &start.memories);
             put(layout.guesses, &start.guesses);
             put(layout.parameters, &from.numbers.parameters);
-            for (state, largest) in self.largest.iter_mut().enumerate() {
+            let largest = &mut self.slots[layout.largest as usize..][..self.programs.counts.states];
+            for (state, largest) in largest.iter_mut().enumerate() {
                 largest[lane] = self.machine.nominal(state).unwrap_or(0.0);
             }
         }
         self.events.samples.clone_from(&lanes[0].numbers.samples);
         self.kept.iter_mut().for_each(Kept::clear);
-        (self.loaded, self.segment) = ([None; L], None);
+        (self.loaded, self.loaded_length, self.segment) = ([None; L], f64::NAN, None);
         (self.suggestion, self.taken) = ([period; L], [0; L]);
         self.is_stiff = [setting.method == Method::Stiff; L];
         for (code, _) in &self.programs.once {
@@ -188,19 +168,19 @@ impl<'m, const L: usize> Walk<'m, L> {
         for (code, _) in &self.programs.row {
             code.run(&mut self.slots, &mut self.spare);
         }
-        self.carry_refresh();
+        if self.carried.is_some() {
+            self.carry_refresh();
+        }
     }
 
     pub(super) fn time(&self, lane: usize) -> f64 {
         self.slots[self.programs.layout.time as usize][lane]
     }
 
-    /// Takes the states that a step has written to other slots, and the instant at the end of the step, in all lanes.
-    pub(super) fn finish_step(&mut self, from: usize, end: f64) {
-        let layout = self.layout();
-        over_lanes::<L, _>(Finish { slots: &mut self.slots, largest: &mut self.largest, from, to: layout.states as usize });
-        self.slots[layout.time as usize] = [end; L];
-        self.taken.iter_mut().for_each(|it| *it += 1);
+    /// The largest magnitude of a state so far, in each lane.
+    #[inline]
+    pub(super) fn largest(&self, state: usize) -> &[f64; L] {
+        &self.slots[self.programs.layout.largest as usize + state]
     }
 
     /// The current point of a lane.
@@ -217,12 +197,13 @@ impl<'m, const L: usize> Walk<'m, L> {
         }
     }
 
+    #[inline]
     pub(super) fn set_inputs(&mut self, values: &[Vec<f64>], row: usize) {
-        let begin = self.layout().inputs as usize;
-        for (slot, values) in self.slots[begin..].iter_mut().zip(values) {
-            *slot = [values[row]; L];
+        self.inputs.iter_mut().zip(values).for_each(|(to, from)| *to = from[row]);
+        self.programs.inputs.run_with(&self.inputs, &mut self.slots, &mut self.spare);
+        if self.carried.is_some() {
+            self.carry_refresh();
         }
-        self.refresh();
     }
 
     /// Sets an input to a new value in all lanes.
@@ -233,6 +214,7 @@ impl<'m, const L: usize> Walk<'m, L> {
     }
 
     /// Computes the outputs at the current point, and returns their slots.
+    #[inline]
     pub(super) fn evaluate_outputs(&mut self) -> &[[f64; L]] {
         let Some(output_program) = &self.programs.output_program else { return &[] };
         output_program.code.run(&mut self.slots, &mut self.spare);
@@ -286,8 +268,7 @@ impl<'m, const L: usize> Walk<'m, L> {
     /// An unused place of a group repeats another lane.
     pub(super) fn follow(&mut self, place: usize, lane: usize) {
         let common = self.programs.common;
-        let lists = [&mut self.slots[..common], &mut self.largest[..]];
-        lists.into_iter().flatten().for_each(|it| it[place] = it[lane]);
+        self.slots[..common].iter_mut().for_each(|it| it[place] = it[lane]);
         self.events.follow(place, lane);
         self.suggestion[place] = self.suggestion[lane];
         self.taken[place] = self.taken[lane];
@@ -295,7 +276,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         if self.loaded[place] != self.loaded[lane] {
             let loaded = self.programs.block.loaded();
             self.slots[loaded].iter_mut().chain(&mut self.patterns).for_each(|it| it[place] = it[lane]);
-            self.loaded[place] = self.loaded[lane];
+            (self.loaded[place], self.loaded_length) = (self.loaded[lane], f64::NAN);
         }
     }
 
@@ -304,16 +285,13 @@ impl<'m, const L: usize> Walk<'m, L> {
         for (to, from) in self.slots.iter_mut().zip(&other.slots[..other.programs.common]) {
             *to = [from[lane]; L];
         }
-        for (to, from) in self.largest.iter_mut().zip(&other.largest) {
-            *to = [from[lane]; L];
-        }
         self.events.copy_from(&other.events, lane);
         self.suggestion = [other.suggestion[lane]; L];
         self.taken = [other.taken[lane]; L];
         self.is_stiff = [other.is_stiff[lane]; L];
         (self.linear, self.segment) = (None, None);
         std::mem::swap(&mut self.kept[0], &mut other.kept[lane]);
-        self.loaded = [None; L];
+        (self.loaded, self.loaded_length) = ([None; L], f64::NAN);
         self.row = other.row;
     }
 
@@ -321,9 +299,6 @@ impl<'m, const L: usize> Walk<'m, L> {
     pub(super) fn copy_to<const M: usize>(&mut self, other: &mut Walk<'m, M>, lane: usize) {
         let common = other.programs.common;
         for (from, to) in self.slots.iter().zip(&mut other.slots[..common]) {
-            to[lane] = from[0];
-        }
-        for (from, to) in self.largest.iter().zip(&mut other.largest) {
             to[lane] = from[0];
         }
         self.events.copy_to(&mut other.events, lane);
