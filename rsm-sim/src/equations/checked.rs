@@ -13,8 +13,8 @@ use std::collections::HashMap;
 use rsm_core::number::integer;
 use rsm_core::tape::{Reg, TapeBuilder};
 
+use super::layout::Layout;
 use super::placed::Placed;
-use super::programs::Layout;
 use crate::code::{Code, Piece, Slot, Way};
 
 /// What is checked.

@@ -26,6 +26,7 @@ mod frechet;
 mod kept;
 pub mod lanes;
 mod late;
+mod layout;
 pub mod linear;
 pub mod machine;
 mod methods;

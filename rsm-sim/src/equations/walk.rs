@@ -7,10 +7,11 @@
 use super::branches::Events;
 use super::engine::{Method, Setting};
 use super::kept::{Anchor, Kept, Loaded, Segment};
+use super::layout::Layout;
 use super::machine::{Machine, Point};
 use super::methods::Linear;
 use super::numbers::Numbers;
-use super::programs::{Layout, Programs};
+use super::programs::Programs;
 use super::rows::Stopped;
 use super::speeds::Carried;
 use super::thresholds::Thresholds;
