@@ -298,8 +298,7 @@ impl Walk<'_, 1> {
             return Ok(Attempt::None);
         }
         let mut size = self.excess(0, rest / taken, 1.0);
-        // With a fresh linear part both estimates are the same number, up to rounding.
-        if size > 1.0 && !self.kept[0].is_fresh {
+        if size > 1.0 {
             self.refine();
             size = self.excess(0, rest / taken, SMALL);
         }
