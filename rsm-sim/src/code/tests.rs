@@ -45,7 +45,7 @@ fn tape(numbers: &mut Numbers, length: usize) -> Tape {
             values[first + numbers.below(values.len() - first)]
         };
         let (a, b, c, d) = (pick(true), pick(false), pick(false), pick(true));
-        let value = match numbers.below(11) {
+        let value = match numbers.below(13) {
             0 => builder.negate(a),
             1 => builder.absolute(a),
             2 => builder.add(b, c),
@@ -55,6 +55,9 @@ fn tape(numbers: &mut Numbers, length: usize) -> Tape {
             6 => builder.push(Op::Exponent(a)),
             7 => builder.push(Op::PowerOfTwo(a)),
             8 | 9 => builder.select_less(a, b, c, d),
+            // The smaller and the larger of two numbers.
+            10 => builder.select_less(a, c, a, c),
+            11 => builder.select_less(c, a, a, c),
             _ => builder.multiply(a, a),
         };
         values.push(value);

@@ -171,11 +171,18 @@ impl<const L: usize> Walk<'_, L> {
             if rises == [0; L] {
                 continue;
             }
-            for lane in (0..L).filter(|lane| rises[*lane] != 0) {
-                let is_free = branch.unless.iter().all(|other| self.slots[acts + *other][lane] == 0.0);
-                self.slots[acts + place][lane] = f64::from(u8::from(is_free));
-                any |= is_free;
+            // A branch acts unless one before it in its clause does.
+            let mut act = rises;
+            for other in &branch.unless {
+                let before = self.slots[acts + *other];
+                (0..L).for_each(|lane| act[lane] &= u64::from(before[lane] == 0.0));
             }
+            let slot = &mut self.slots[acts + place];
+            for lane in 0..L {
+                let value = if act[lane] != 0 { 1.0 } else { 0.0 };
+                slot[lane] = if rises[lane] != 0 { value } else { slot[lane] };
+            }
+            any |= act != [0; L];
         }
         if !any && self.events.only_acts_change {
             return false;
@@ -193,12 +200,13 @@ impl<const L: usize> Walk<'_, L> {
                 }
             }
         }
-        let mut remembered = false;
+        let mut differ = [0_u64; L];
         for k in 0..self.events.memories {
-            let next = self.slots[results + k];
-            remembered |= next != self.slots[memories + k];
+            let (next, now) = (self.slots[results + k], self.slots[memories + k]);
+            (0..L).for_each(|lane| differ[lane] |= u64::from(next[lane] != now[lane]));
             self.slots[memories + k] = next;
         }
+        let remembered = differ != [0; L];
         if remembered {
             self.refresh();
         }
