@@ -9,6 +9,9 @@ mod spellings;
 
 pub use dimension::{Dimension, dimension};
 
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
+
 use fend_core::{Context, CustomUnitAttribute};
 use num_traits::Zero;
 use rsm_core::number::{Precision, Rational, exact};
@@ -156,8 +159,16 @@ fn with_power_apart(name: String) -> Vec<String> {
     }
 }
 
-/// The name in the library's spelling. The library accepts `Nm` as the nautical mile `NM`; here upper and lower case differ.
+/// The answers of [`find_name`]: a plant file asks for the same few units again and again, and the library takes 20 us for an answer.
+static NAMES: Mutex<Option<HashMap<String, Result<String, String>>>> = Mutex::new(None);
+
 fn known_name(name: &str) -> Result<String, String> {
+    let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
+    names.get_or_insert_default().entry(name.to_string()).or_insert_with(|| find_name(name)).clone()
+}
+
+/// The name in the library's spelling. The library accepts `Nm` as the nautical mile `NM`; here upper and lower case differ.
+fn find_name(name: &str) -> Result<String, String> {
     // The library's `ohm` accepts `milli` but not `m`; the symbol defined in [`evaluate`] does.
     let ohms =
         name.strip_suffix("ohm").or_else(|| name.strip_suffix(['\u{3a9}', '\u{2126}'])).map(|prefix| format!("{prefix}Ω"));

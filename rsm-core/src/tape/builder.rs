@@ -50,22 +50,24 @@ enum Key {
     Constant(u64, Rational),
     /// The address of the table, the index and the offset.
     Load(usize, u32, u32),
-    /// The kind of the operation, and its operands, port or state.
-    Other(std::mem::Discriminant<Op>, Vec<u32>),
+    /// The kind of the operation, and its operands, port or state; 0 for those that it has not.
+    Other(std::mem::Discriminant<Op>, [u32; 3]),
 }
 
 impl Key {
     fn of(op: &Op) -> Key {
-        let numbers = match op {
+        let numbers = match *op {
             // -0 and +0 with the same rational are one constant.
-            Op::Constant(constant) => return Key::Constant((constant.value + 0.0).to_bits(), constant.exact.clone()),
-            Op::Input(port) => vec![port.0],
-            Op::State(state) => vec![state.0],
+            Op::Constant(ref constant) => return Key::Constant((constant.value + 0.0).to_bits(), constant.exact.clone()),
+            Op::Input(port) => [port.0, 0, 0],
+            Op::State(state) => [state.0, 0, 0],
             // One table is one allocation: two equal tables only lose the sharing of their loads.
-            Op::Load { table, index, offset } => {
-                return Key::Load(std::sync::Arc::as_ptr(table) as usize, index.0, *offset);
+            Op::Load { ref table, index, offset } => {
+                return Key::Load(std::sync::Arc::as_ptr(table) as usize, index.0, offset);
             }
-            _ => op.operands().iter().map(|operand| operand.0).collect(),
+            Op::Negate(a) | Op::Absolute(a) | Op::Exponent(a) | Op::PowerOfTwo(a) | Op::Nearest(a) => [a.0, 0, 0],
+            Op::Add(a, b) | Op::Subtract(a, b) | Op::Multiply(a, b) | Op::Divide(a, b) | Op::Less(a, b) => [a.0, b.0, 0],
+            Op::Select { condition, then, otherwise } => [condition.0, then.0, otherwise.0],
         };
         Key::Other(std::mem::discriminant(op), numbers)
     }

@@ -46,7 +46,7 @@ pub(super) struct Programs {
     pub counts: Counts,
     /// Run once, after the parameters are set.
     pub once: Vec<(Code, Placed)>,
-    /// Writes the inputs of a row, and runs what follows.
+    /// Writes the inputs of a row, without those that follow other signals, and runs what depends on them.
     pub inputs: Code,
     /// Run when inputs, held comparisons or memories change.
     pub row: Vec<(Code, Placed)>,
@@ -179,7 +179,7 @@ impl Programs {
         let series = Series::new(rates, &kinds, layout.step, free);
         let is_held: Vec<bool> = kinds.iter().map(|it| matches!(it, Argument::Held(_))).collect();
         let of_row = building.row.iter().map(|it| it.1.piece());
-        let given = (0..tapes.counts.inputs).map(|k| (k, layout.inputs as usize + k)).collect();
+        let given = (0..machine.inputs().len()).map(|k| (k, layout.inputs as usize + k)).collect();
         let inputs = Code::of(std::iter::once(Piece::Spread(given)).chain(of_row).collect(), lanes, way);
         Programs {
             layout,

@@ -28,7 +28,7 @@ pub(super) struct Walk<'m, const L: usize> {
     pub spare: Vec<[f64; L]>,
     pub setting: Setting,
     pub thresholds: Thresholds,
-    /// The inputs of a row.
+    /// The inputs of a row, without those that follow other signals.
     inputs: Vec<f64>,
     /// The states at the start and at the end of the step.
     pub before: Vec<[f64; L]>,
@@ -103,7 +103,7 @@ impl<'m, const L: usize> Walk<'m, L> {
             spare: Vec::new(),
             setting: Setting::default(),
             thresholds: Thresholds::new(Setting::default().tolerance, programs.counts.guesses > 0),
-            inputs: vec![0.0; programs.counts.inputs],
+            inputs: vec![0.0; machine.inputs().len()],
             before: vec![[0.0; L]; states],
             step_end: vec![[0.0; L]; states],
             events: Events::new(machine, programs.has_sampled_conditions()),
@@ -200,6 +200,7 @@ impl<'m, const L: usize> Walk<'m, L> {
 
     #[inline]
     pub(super) fn set_inputs(&mut self, values: &[Vec<f64>], row: usize) {
+        debug_assert!(values.len() == self.inputs.len(), "one list an input that follows no other signal");
         self.inputs.iter_mut().zip(values).for_each(|(to, from)| *to = from[row]);
         self.programs.inputs.run_with(&self.inputs, &mut self.slots, &mut self.spare);
         if self.carried.is_some() {

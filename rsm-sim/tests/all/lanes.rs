@@ -200,6 +200,30 @@ fn numbers_of_effects_are_set_without_compiling_again() {
 }
 
 #[test]
+fn an_input_that_comes_two_rows_late_has_the_value_of_two_rows_before() {
+    let text = "model Cart\n  parameter Real mass(unit = \"kg\") = 2;\n  input Real force(unit = \"N\");\n  Real speed(unit = \"m/s\");\n  output Real position(unit = \"m\");\nequation\n  \
+                mass*der(speed) = force;\n  der(position) = speed;\nend Cart;\n";
+    let open = |name: &str| Ok::<_, Faults>(Source::new(name, text));
+    let late =
+        "format = 2\nmodel = \"m.mo\"\n[[effects]]\nkind = \"input-delay\"\nat = \"force\"\nparameters = { delay = 0.0625 }\n";
+    let time: Vec<f64> = (0..40).map(|k| f64::from(k) * 0.03125).collect();
+    let force: Vec<f64> = (0..40).map(|k| f64::from(k % 5) - 1.5).collect();
+    let shifted: Vec<f64> = (0..40_usize).map(|k| force[k.saturating_sub(2)]).collect();
+    let [found, expected] = [(late, force), ("format = 2\nmodel = \"m.mo\"\n", shifted)].map(|(plant, values)| {
+        let file = EquationFile::read(&Source::new("m.toml", plant), &open).unwrap_or_else(|faults| panic!("{faults}"));
+        let mut machine = Machine::new(&file).unwrap_or_else(|faults| panic!("{faults}"));
+        let values = [values];
+        let start = machine.start(&file, 0.0, &[values[0][0]], &[]).unwrap_or_else(|faults| panic!("{faults}"));
+        run(&machine, start, Inputs { time: &time, values: &values }, Setting::default())
+            .unwrap_or_else(|stopped| panic!("{stopped}"))
+    });
+    for (found, expected) in found[0].iter().zip(&expected[0]) {
+        // Steps of the series are exact for a cart; rounding is left.
+        assert!((found - expected).abs() < 1e-13, "{found}, expected {expected}");
+    }
+}
+
+#[test]
 fn what_cannot_be_set_is_refused_and_nothing_changes() {
     let text = "model Parts\n  parameter Integer n = 2;\n  parameter Boolean on = true;\n  parameter Real k = 1;\n  parameter Real twice = 2*k;\n  parameter Real gains[3] = {1, 2, 3};\n  \
                 output Real x(start = 1.0);\nequation\n  der(x) = -gains[n]*x*(if on then twice else k);\nend Parts;\n";
