@@ -56,9 +56,11 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// After [`Walk::refresh`].
+    #[inline]
     pub(super) fn carry_refresh(&mut self) {
-        let Some(it) = self.carried.as_deref_mut() else { return };
-        it.row.iter().flatten().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
+        if let Some(it) = &mut self.carried {
+            it.refresh(&self.slots);
+        }
     }
 
     /// Carries the sensitivities over a step of the series that began at an instant, up to a share of its length. `before` contains the states at the

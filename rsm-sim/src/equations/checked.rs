@@ -114,6 +114,7 @@ fn tape(step: &Placed, check: &Check<'_>) -> Placed {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::equations::machine::Counts;
     use rsm_core::number::Precision;
     use rsm_core::run::Interpreter;
 
@@ -128,7 +129,7 @@ mod tests {
 
     /// The excess and the next largest magnitude, for a state x, its end, its error and its first term, the largest magnitude so far, the limit.
     fn found(x: f64, end: f64, error: f64, first: f64, largest: f64, limit: f64) -> [f64; 2] {
-        let layout = Layout::of_test();
+        let layout = Layout::new(Counts { states: 1, ..Counts::default() });
         let check = Check { layout, states: 1, ends: 30, errors: &[(31, layout.limits)], first: Some(32), kept: &[] };
         let placed = tape(&given(), &check);
         let value = |slot: &Slot| match *slot {

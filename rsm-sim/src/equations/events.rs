@@ -103,8 +103,7 @@ impl<const L: usize> Walk<'_, L> {
 
     /// Executes the events of this instant in all lanes. All lanes must be at the same instant.
     pub(super) fn execute_events(&mut self, now: f64) -> Result<(), Stopped> {
-        let has_blocks = self.programs.counts.guesses > 0;
-        if has_blocks && !self.settle() {
+        if !self.settle() {
             return Err(Stopped::NoSolution { row: self.row });
         }
         if !self.has_events() {
@@ -136,7 +135,7 @@ impl<const L: usize> Walk<'_, L> {
                     self.slots[due_slots + k] = [0.0; L];
                 }
             }
-            if has_blocks && !self.settle() {
+            if !self.settle() {
                 return Err(Stopped::NoSolution { row: self.row });
             }
             // After an instant of a sample, the conditions are evaluated once more without it, so that they can become true again at the next

@@ -2,7 +2,7 @@
 //!
 //! In: the numbers of states, inputs, parameters and further values of a machine. Out: [`Layout`]. The results of programs come after it.
 
-use super::machine::{Counts, Tapes};
+use super::machine::Counts;
 use crate::code::Slot;
 
 /// The layout of the slots: the first slot of each group.
@@ -28,14 +28,13 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    pub(super) fn new(tapes: &Tapes) -> Layout {
+    pub(super) fn new(count: Counts) -> Layout {
         let mut next = 0;
         let mut take = |count: usize| {
             let begin = next;
             next += count as Slot;
             begin
         };
-        let count = tapes.counts;
         let (step, time) = (take(1), take(1));
         let (states, inputs, held, memories) = (take(count.states), take(count.inputs), take(count.held), take(count.memories));
         let (guesses, acts, due) = (take(count.guesses), take(count.acts), take(count.due));
@@ -60,37 +59,8 @@ impl Layout {
         }
     }
 
-    /// The layout of one state and nothing else.
-    #[cfg(test)]
-    pub(super) fn of_test() -> Layout {
-        let [step, time, states, inputs] = [0, 1, 2, 3];
-        let [held, memories, guesses, acts, due, parameters] = [inputs; 6];
-        let [largest, next, limits, excess, end] = [3, 4, 5, 7, 8];
-        Layout {
-            step,
-            time,
-            states,
-            inputs,
-            held,
-            memories,
-            guesses,
-            acts,
-            due,
-            parameters,
-            largest,
-            next,
-            limits,
-            excess,
-            end,
-        }
-    }
-
     /// The slots of the arguments of a program. Programs of events have some additional arguments.
-    pub(super) fn arguments(&self, tapes: &Tapes, at_events: bool) -> Vec<Slot> {
-        self.arguments_of(tapes.counts, at_events)
-    }
-
-    pub(super) fn arguments_of(&self, count: Counts, at_events: bool) -> Vec<Slot> {
+    pub(super) fn arguments(&self, count: Counts, at_events: bool) -> Vec<Slot> {
         let mut list = Vec::new();
         let mut group = |begin: Slot, count: usize| list.extend(begin..begin + count as Slot);
         group(self.time, count.time);

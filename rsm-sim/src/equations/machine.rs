@@ -38,7 +38,7 @@ pub(super) struct OutputsAndSolutions {
 }
 
 /// The number of arguments or results in each group.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Counts {
     /// 1 if the system uses the time, else 0.
     pub time: usize,

@@ -4,7 +4,6 @@
 //! rates must be polynomials. Out: the walk at the next row, if the first part of the series, or the existing matrices, reach it in every lane. This
 //! is the same computation as for a general row, without the parts that are not needed here, so the bits are the same.
 
-use super::stiff::SMALL;
 use super::walk::{Walk, larger};
 
 impl<const L: usize> Walk<'_, L> {
@@ -48,11 +47,8 @@ impl<const L: usize> Walk<'_, L> {
         let Some(checked) = self.programs.checked_linear() else { return false };
         checked.step.run_with(&[rest, self.setting.tolerance, 0.0], &mut self.slots, &mut self.spare);
         if self.slots[layout.excess as usize] != [0.0; L] {
-            // The first estimate is valid in these lanes; the better one may be in the others.
             let first = self.slots[layout.excess as usize].map(|it| it == 0.0);
-            self.refine();
-            let second = self.is_below(SMALL);
-            let fits: [bool; L] = std::array::from_fn(|lane| first[lane] || second[lane]);
+            let fits = self.allowed_by_better(first);
             if fits != [true; L] {
                 (0..L).filter(|lane| !fits[*lane]).for_each(|lane| self.kept[lane].has_failed = true);
                 return false;

@@ -116,7 +116,7 @@ impl Building {
 
     fn program(&mut self, tape: Option<&Tape>, at_events: bool, tapes: &Tapes) -> Option<Program> {
         let tape = tape?;
-        let arguments = self.layout.arguments(tapes, at_events);
+        let arguments = self.layout.arguments(tapes.counts, at_events);
         let (tape, arguments) = self.reduced(tape, &arguments, tapes);
         let begin = self.next;
         self.next += tape.outputs.len() as Slot;
@@ -144,13 +144,13 @@ fn operations(tape: &Tape) -> usize {
 impl Programs {
     pub(super) fn new(machine: &Machine, lanes: usize, way: Way) -> Programs {
         let tapes = machine.tapes();
-        let layout = Layout::new(&tapes);
+        let layout = Layout::new(tapes.counts);
         let mut building = Building { layout, next: layout.end, once: Vec::new(), row: Vec::new(), lanes, way };
         let sides = building.program(tapes.sides.as_ref(), false, &tapes);
         let output_program = building.program(tapes.output_program.as_ref(), false, &tapes);
         let events = building.program(tapes.events.as_ref(), true, &tapes);
         let conditions = building.program(conditions(machine, &tapes).as_ref(), true, &tapes);
-        let arguments = if tapes.rates.inputs.is_empty() { Vec::new() } else { layout.arguments(&tapes, false) };
+        let arguments = if tapes.rates.inputs.is_empty() { Vec::new() } else { layout.arguments(tapes.counts, false) };
         let (rates, arguments) = match tapes.counts.states {
             0 => (tapes.rates.clone(), arguments),
             _ => building.reduced(&tapes.rates, &arguments, &tapes),
@@ -192,7 +192,7 @@ impl Programs {
             events,
             conditions,
             slopes: (tapes.slopes, slopes, None),
-            slope_arguments: layout.arguments_of(tapes.counts, false),
+            slope_arguments: layout.arguments(tapes.counts, false),
             kinds,
             block,
             exponential: None,

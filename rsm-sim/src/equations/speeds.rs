@@ -360,6 +360,11 @@ impl Carried {
         Some(DerivativeProgram { code: Code::of(pieces, WIDE, self.way), fixed, run: Cell::new(0), loaded })
     }
 
+    /// The derivatives of what is computed when inputs, held comparisons or memories change.
+    pub(super) fn refresh<const L: usize>(&mut self, values: &[[f64; L]]) {
+        self.row.iter().flatten().for_each(|speeds| speeds.run(&mut self.store, values));
+    }
+
     /// Compiles the derivatives of steps by a linear part.
     pub(super) fn write_linear(&mut self, programs: &Programs) {
         let Some((slopes, (step, shape))) = programs.placed_slopes().zip(programs.without_estimate()) else { return };

@@ -14,7 +14,7 @@ use crate::code::{Work, over_lanes};
 /// If the error of a step is below this share of the permitted error, the next step may be twice as long: an error of order 4 becomes 16 times as
 /// large. The better estimate ([`super::exponential`]) must also be below this share. With a linear part from an earlier point it has the size of the
 /// error, and the errors of a hundred steps have one sign; the first estimate is far larger than the error.
-pub(super) const SMALL: f64 = 1.0 / 32.0;
+const SMALL: f64 = 1.0 / 32.0;
 
 /// The largest number of halvings.
 const MOST_LEVELS: usize = 40;
@@ -109,7 +109,7 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// Replaces the estimate of the error of the last step, in all lanes, by the better one. The states must still be those of its start.
-    pub(super) fn refine(&mut self) {
+    fn refine(&mut self) {
         if let Some(code) = self.programs.refined() {
             code.run(&mut self.slots, &mut self.spare);
         }
@@ -140,9 +140,11 @@ impl<const L: usize> Walk<'_, L> {
     #[inline]
     pub(super) fn allowed(&mut self) -> [bool; L] {
         let first = self.is_below(1.0);
-        if first == [true; L] {
-            return first;
-        }
+        if first == [true; L] { first } else { self.allowed_by_better(first) }
+    }
+
+    /// The same by the better estimate, in lanes in which the first one is too large.
+    pub(super) fn allowed_by_better(&mut self, first: [bool; L]) -> [bool; L] {
         self.refine();
         let second = self.is_below(SMALL);
         std::array::from_fn(|lane| first[lane] || second[lane])
@@ -150,7 +152,7 @@ impl<const L: usize> Walk<'_, L> {
 
     /// Whether the estimate is at most a share of the permitted error, in each lane.
     #[inline]
-    pub(super) fn is_below(&self, share: f64) -> [bool; L] {
+    fn is_below(&self, share: f64) -> [bool; L] {
         let block = self.programs.block;
         over_lanes::<L, _>(Allowed {
             slots: &self.slots,

@@ -169,9 +169,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         for (code, _) in &self.programs.row {
             code.run(&mut self.slots, &mut self.spare);
         }
-        if self.carried.is_some() {
-            self.carry_refresh();
-        }
+        self.carry_refresh();
     }
 
     pub(super) fn time(&self, lane: usize) -> f64 {
@@ -203,9 +201,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         debug_assert!(values.len() == self.inputs.len(), "one list an input that follows no other signal");
         self.inputs.iter_mut().zip(values).for_each(|(to, from)| *to = from[row]);
         self.programs.inputs.run_with(&self.inputs, &mut self.slots, &mut self.spare);
-        if self.carried.is_some() {
-            self.carry_refresh();
-        }
+        self.carry_refresh();
     }
 
     /// Sets an input to a new value in all lanes.
@@ -224,11 +220,13 @@ impl<'m, const L: usize> Walk<'m, L> {
     }
 
     /// Uses the solutions of nonlinear blocks as the next guesses until they converge. Returns `false` if one does not converge.
+    #[inline]
     pub(super) fn settle(&mut self) -> bool {
+        self.programs.counts.guesses == 0 || self.iterate_blocks()
+    }
+
+    fn iterate_blocks(&mut self) -> bool {
         let count = self.programs.counts.guesses;
-        if count == 0 {
-            return true;
-        }
         let guesses = self.layout().guesses as usize;
         let Some(solutions) =
             self.programs.output_program.as_ref().map(|it| it.results as usize + self.programs.counts.outputs)
