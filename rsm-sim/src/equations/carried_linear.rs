@@ -9,10 +9,12 @@
 //! held constant are the length of the step, and the instant at which its linear part was computed. For a linear plant this is the derivative of
 //! the exact solution, however long the step is.
 
-use super::frechet::{Along, Shared};
+use super::entries::{Entries, Rest};
+use super::frechet::Along;
+use super::frechet_values::{Shared, place as place_of};
 use super::part::Part;
 use super::rows::Stopped;
-use super::speeds::{Carried, Entry, LinearSpeeds, PartSpeeds};
+use super::speeds::{Carried, LinearSpeeds, PartSpeeds};
 use super::walk::Walk;
 use crate::code::{Slot, WIDE, has_eight};
 
@@ -62,7 +64,7 @@ impl Walk<'_, 1> {
         if linear.loaded != Some((loaded.version, loaded.level)) {
             compute(&mut linear, part, place, loaded.level);
             let entries = &linear.parts[place].entries;
-            for (places, entries) in linear.places.iter().zip(entries.chunks(linear.entries.len().max(1))) {
+            for (places, entries) in linear.places.iter().zip(entries.chunks(linear.entries.count.max(1))) {
                 places.iter().zip(entries).for_each(|(to, value)| it.store.slots[*to] = *value);
             }
             it.store.run(&linear.matrices, self.slots.as_flattened());
@@ -97,7 +99,7 @@ impl Walk<'_, 1> {
         let part = &self.kept[0].parts[place];
         let whole = part.length_of(level);
         let length = share * whole;
-        let LinearSpeeds { chain, shared, along, columns, parts, .. } = linear;
+        let LinearSpeeds { chain, shared, along, columns, parts, entries_of_jacobian, .. } = linear;
         if !chain.set_matrix(n, part.jacobian(), length) || !chain.make(0) {
             return None;
         }
@@ -105,28 +107,29 @@ impl Walk<'_, 1> {
         let inside = self.programs.block.inside();
         for group in 0..it.groups {
             let slopes = &parts[place].slopes[group * n * (n + 1)..(group + 1) * n * (n + 1)];
-            along.compute(shared, slopes[..n * n].iter().copied());
+            along.compute(shared, entries_of_jacobian, |i, j| slopes[i * n + j]);
+            let [_, one, two, three] = along.lists();
             // Rates at the start, a, D(1): values and derivatives.
             let value = |list: usize, k: usize| self.slots[inside[list] + k][0];
             let moved = |list: usize, k: usize| it.speeds_of(group, (inside[list] + k) as Slot);
             let mut change = vec![[0.0; WIDE]; n];
             for (i, change) in change.iter_mut().enumerate() {
                 for j in 0..n {
-                    let (by_matrix, rate, moved) = (along.one(shared, i, j), value(0, j), moved(0, j));
+                    let (by_matrix, rate, moved) = (one[place_of(n, i, j)], value(0, j), moved(0, j));
                     let entry = chain.entry(0, 0, i, j);
                     (0..WIDE).for_each(|lane| change[lane] += length * (by_matrix[lane] * rate + entry * moved[lane]));
                 }
                 for (column, j) in columns.iter().copied().enumerate() {
-                    let [two, three] = along.in_column(shared, i, column);
+                    let [two, three] = [two, three].map(|list| list[place_of(n, i, column)]);
                     let (phi_2, phi_3) = (chain.entry(0, 1, i, j), chain.entry(0, 2, i, j));
                     let (a, end, by_time) = (value(1, j), value(2, j), part.by_time[j]);
                     let (moved_a, moved_end, moved_by_time) = (moved(1, j), moved(2, j), slopes[n * n + j]);
-                    let (one, both) = (length * share, 2.0 * length * share * share);
+                    let (factor, of_bend) = (length * share, 2.0 * length * share * share);
                     for lane in 0..WIDE {
                         let slope = a + whole * by_time;
                         let moved_slope = moved_a[lane] + whole * moved_by_time[lane];
-                        change[lane] += one * (two[lane] * slope + phi_2 * moved_slope)
-                            + both * (three[lane] * (end - a) + phi_3 * (moved_end[lane] - moved_a[lane]));
+                        change[lane] += factor * (two[lane] * slope + phi_2 * moved_slope)
+                            + of_bend * (three[lane] * (end - a) + phi_3 * (moved_end[lane] - moved_a[lane]));
                     }
                 }
             }
@@ -142,15 +145,15 @@ impl Walk<'_, 1> {
 
 /// Computes the derivatives of a linear part for steps of a level, if the part has none for this level.
 fn compute(linear: &mut LinearSpeeds, part: &Part, place: usize, level: usize) {
-    let LinearSpeeds { shared, along, both, columns, timed, parts, entries, places, .. } = linear;
+    let LinearSpeeds { shared, along, both, columns, timed, parts, entries, places, entries_of_jacobian, .. } = linear;
     let of_part = &mut parts[place];
-    if of_part.level == Some(level) || entries.is_empty() {
+    if of_part.level == Some(level) || entries.count == 0 {
         return;
     }
     let n = part.chain.rows();
     shared.prepare((n, part.jacobian(), part.length), &part.chain, (level + 1, level), columns);
-    of_part.entries.resize(places.len() * entries.len(), [0.0; WIDE]);
-    let (size, count) = (n * (n + 1), entries.len());
+    of_part.entries.resize(places.len() * entries.count, [0.0; WIDE]);
+    let (size, count) = (n * (n + 1), entries.count);
     let step = Step { part, level, entries, timed, shared };
     for group in (0..places.len()).step_by(2) {
         let slopes = &of_part.slopes[group * size..];
@@ -159,7 +162,7 @@ fn compute(linear: &mut LinearSpeeds, part: &Part, place: usize, level: usize) {
             let eight = |k: usize| -> [f64; 2 * WIDE] {
                 std::array::from_fn(|lane| slopes[if lane < WIDE { k } else { size + k }][lane % WIDE])
             };
-            both.compute(shared, (0..n * n).map(eight));
+            both.compute(shared, entries_of_jacobian, |i, j| eight(i * n + j));
             step.entries(both, eight, &mut |k, value| {
                 let (values, others) = value.split_at(WIDE);
                 to[k].copy_from_slice(values);
@@ -169,7 +172,7 @@ fn compute(linear: &mut LinearSpeeds, part: &Part, place: usize, level: usize) {
         }
         for other in 0..2.min(places.len() - group) {
             let four = |k: usize| slopes[other * size + k];
-            along.compute(shared, (0..n * n).map(four));
+            along.compute(shared, entries_of_jacobian, |i, j| four(i * n + j));
             step.entries(along, four, &mut |k, value| to[other * count + k] = value);
         }
     }
@@ -180,7 +183,7 @@ fn compute(linear: &mut LinearSpeeds, part: &Part, place: usize, level: usize) {
 struct Step<'a> {
     part: &'a Part,
     level: usize,
-    entries: &'a [Entry],
+    entries: &'a Entries,
     timed: &'a [(usize, usize)],
     shared: &'a Shared,
 }
@@ -195,28 +198,29 @@ impl Step<'_> {
     ) {
         let Step { part, level, entries, shared, .. } = *self;
         let (n, h) = (part.chain.rows(), part.length_of(level));
-        for (k, entry) in entries.iter().enumerate() {
-            let value = match *entry {
-                Entry::Half(i, j) => along.half(shared, i, j).map(|it| 0.5 * h * it),
-                Entry::Whole(i, j) => along.one(shared, i, j).map(|it| h * it),
-                Entry::Bent(i, column) => along.in_column(shared, i, column)[1].map(|it| 2.0 * h * it),
-                Entry::Off(i, column) => {
-                    let [two, three] = along.in_column(shared, i, column);
-                    std::array::from_fn(|lane| h * (two[lane] - 2.0 * three[lane]))
-                }
-                Entry::Slope(i, j) => slopes(i * n + j),
-                Entry::HalfTime(i) => {
+        let [half, one, two, three] = along.lists();
+        entries.half.iter().for_each(|(from, k)| to(*k, half[*from].map(|it| 0.5 * h * it)));
+        entries.whole.iter().for_each(|(from, k)| to(*k, one[*from].map(|it| h * it)));
+        entries.bent.iter().for_each(|(from, k)| to(*k, three[*from].map(|it| 2.0 * h * it)));
+        for (from, k) in &entries.off {
+            let (two, three) = (two[*from], three[*from]);
+            to(*k, std::array::from_fn(|lane| h * (two[lane] - 2.0 * three[lane])));
+        }
+        for (rest, k) in &entries.rest {
+            let value = match *rest {
+                Rest::HalfTime(i) => {
                     let moved = |column: usize| along.half_two(shared, i, column);
                     self.by_time(i, level + 1, &moved, &slopes).map(|it| 0.25 * h * h * it)
                 }
-                Entry::WholeTime(i) => {
-                    let moved = |column: usize| along.in_column(shared, i, column)[0];
+                Rest::WholeTime(i) => {
+                    let moved = |column: usize| two[place_of(n, i, column)];
                     self.by_time(i, level, &moved, &slopes).map(|it| h * h * it)
                 }
-                Entry::HalfSlope(i) => slopes(n * n + i).map(|it| 0.5 * h * it),
-                Entry::WholeSlope(i) => slopes(n * n + i).map(|it| h * it),
+                Rest::HalfSlope(i) => slopes(n * n + i).map(|it| 0.5 * h * it),
+                Rest::WholeSlope(i) => slopes(n * n + i).map(|it| h * it),
+                Rest::Slope(i, j) => slopes(i * n + j),
             };
-            to(k, value);
+            to(*k, value);
         }
     }
 

@@ -20,9 +20,9 @@ const SMALL: f64 = 0.5;
 const BLOCKS: [(usize, f64); 3] = [(1, 1.0 / 16384.0), (2, 1.0 / 32.0), (3, 0.25)];
 const MOST_BLOCKS: usize = 4;
 
-/// 1/(k + 3)!, the terms of phi_3.
-pub(super) const WEIGHTS: [f64; 4 * MOST_BLOCKS] = {
-    let mut weights = [0.0; 4 * MOST_BLOCKS];
+/// 1/(k + 3)!, the terms of phi_3: those of the blocks here, and what derivatives need for larger norms.
+pub(super) const WEIGHTS: [f64; 24] = {
+    let mut weights = [0.0; 24];
     let (mut factorial, mut k) = (2.0, 0);
     while k < weights.len() {
         factorial *= (k + 3) as f64;
@@ -91,7 +91,12 @@ impl Chain {
         self.values[((3 * level + function) * self.n + j) * stride(self.n) + i]
     }
 
-    /// The norm of the matrix of a level, from the base on.
+    /// A column of phi_1, phi_2 or phi_3 at a level that is computed; `function` begins with 0.
+    pub(super) fn column(&self, level: usize, function: usize, j: usize) -> &[f64] {
+        &self.values[((3 * level + function) * self.n + j) * stride(self.n)..][..self.n]
+    }
+
+    /// The norm of the matrix of a level.
     pub(super) fn norm(&self, level: usize) -> f64 {
         self.norm * 0.5_f64.powi(level as i32 - self.base as i32)
     }

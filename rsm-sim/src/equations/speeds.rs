@@ -12,7 +12,9 @@ use rsm_core::held::{Divided, divided};
 use rsm_core::tangent;
 use rsm_core::tape::{Op, Tape};
 
-use super::frechet::{Along, Shared};
+use super::entries::{Entries, Entry, Rest};
+use super::frechet::Along;
+use super::frechet_values::Shared;
 use super::phi::Chain;
 use super::placed::Placed;
 use super::programs::Programs;
@@ -157,29 +159,6 @@ pub(super) struct Carried {
     pub linear: Option<Box<LinearSpeeds>>,
 }
 
-/// A number of a step by a linear part that changes with the directions, by its row and column ([`super::exponential::Block`]).
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Entry {
-    /// h/2 phi_1 of the half.
-    Half(usize, usize),
-    /// h phi_1.
-    Whole(usize, usize),
-    /// 2 h phi_3, in the column with this index in the list of columns.
-    Bent(usize, usize),
-    /// h (phi_2 - 2 phi_3), in such a column.
-    Off(usize, usize),
-    /// The Jacobian.
-    Slope(usize, usize),
-    /// (h/2)^2 phi_2 of the half times the derivative of the rates with respect to time.
-    HalfTime(usize),
-    /// h^2 phi_2 times it.
-    WholeTime(usize),
-    /// This derivative times h/2.
-    HalfSlope(usize),
-    /// This derivative times h.
-    WholeSlope(usize),
-}
-
 /// The derivatives of steps by a linear part.
 #[derive(Debug)]
 pub(super) struct LinearSpeeds {
@@ -187,12 +166,14 @@ pub(super) struct LinearSpeeds {
     pub slopes: Option<DerivativeProgram>,
     pub first: Slot,
     pub changing: Vec<usize>,
+    /// The entries of the Jacobian among them, by row and column, column by column.
+    pub entries_of_jacobian: Vec<(usize, usize)>,
     /// Of the step.
     pub step: Option<DerivativeProgram>,
     /// Copies the values of the step that only a new linear part changes.
     pub matrices: Code,
     /// The derivatives that only a new linear part changes; for each group, their places in the mirror.
-    pub entries: Vec<Entry>,
+    pub entries: Entries,
     pub places: Vec<Vec<usize>>,
     /// The columns in which phi_2 and phi_3 are needed; among them those of the rates that depend on time, each with its index in this list.
     pub columns: Vec<usize>,
@@ -371,6 +352,9 @@ impl Carried {
         let (n, block, first) = (programs.counts.states, programs.block, slopes.results[0]);
         let of_slopes = self.speeds(&slopes, false, &NONE);
         let changing: Vec<usize> = (0..slopes.results.len()).filter(|k| self.moving.contains(&(first + *k as Slot))).collect();
+        let mut entries_of_jacobian: Vec<(usize, usize)> =
+            changing.iter().filter(|k| **k < n * n).map(|k| (k / n, k % n)).collect();
+        entries_of_jacobian.sort_by_key(|it| it.1);
         let mut columns: Vec<usize> = shape.bent.iter().chain(&shape.timed).copied().collect();
         columns.sort_unstable();
         columns.dedup();
@@ -387,12 +371,12 @@ impl Carried {
             }
         }
         if !shape.timed.is_empty() && !changing.is_empty() {
-            entries.extend((0..n).flat_map(|i| [Entry::HalfTime(i), Entry::WholeTime(i)]));
+            entries.extend((0..n).flat_map(|i| [Rest::HalfTime(i), Rest::WholeTime(i)].map(Entry::Rest)));
         }
         for k in &changing {
             match k.checked_sub(n * n) {
-                Some(i) => entries.extend([Entry::HalfSlope(i), Entry::WholeSlope(i)]),
-                None => entries.push(Entry::Slope(k / n, k % n)),
+                Some(i) => entries.extend([Rest::HalfSlope(i), Rest::WholeSlope(i)].map(Entry::Rest)),
+                None => entries.push(Entry::Rest(Rest::Slope(k / n, k % n))),
             }
         }
         let slots: Vec<Slot> = entries
@@ -402,11 +386,11 @@ impl Carried {
                 Entry::Whole(i, j) => block.matrix(1, i, j),
                 Entry::Bent(i, column) => block.matrix(2, i, columns[column]),
                 Entry::Off(i, column) => block.matrix(3, i, columns[column]),
-                Entry::Slope(i, j) => block.matrix(4, i, j),
-                Entry::HalfTime(i) => block.time(0, i),
-                Entry::WholeTime(i) => block.time(1, i),
-                Entry::HalfSlope(i) => block.time(2, i),
-                Entry::WholeSlope(i) => block.time(3, i),
+                Entry::Rest(Rest::Slope(i, j)) => block.matrix(4, i, j),
+                Entry::Rest(Rest::HalfTime(i)) => block.time(0, i),
+                Entry::Rest(Rest::WholeTime(i)) => block.time(1, i),
+                Entry::Rest(Rest::HalfSlope(i)) => block.time(2, i),
+                Entry::Rest(Rest::WholeSlope(i)) => block.time(3, i),
             })
             .map(|slot| slot as Slot)
             .collect();
@@ -423,9 +407,10 @@ impl Carried {
             slopes: of_slopes,
             first,
             changing,
+            entries_of_jacobian,
             step: of_step,
             matrices,
-            entries,
+            entries: Entries::new(n, &entries),
             places,
             columns,
             timed,
