@@ -3,7 +3,8 @@
 //! In: a walk at the end of a step, and a function that moves it to a share of that step. Out: for each lane, the two shares between which the first
 //! comparison changes. In most steps all comparisons stay far from their borders; four points of the step are sufficient to show this.
 
-use super::walk::Walk;
+use super::walk::{Walk, larger};
+use crate::code::{Work, over_lanes};
 
 /// The number of points, besides the start, at which the comparisons in a step are evaluated.
 const POINTS: usize = 8;
@@ -68,7 +69,8 @@ impl<const L: usize> Walk<'_, L> {
         if far == [false; L] {
             return far;
         }
-        let mut distances: Vec<[f64; L]> = Vec::with_capacity(4 * count);
+        let mut distances = std::mem::take(&mut self.distances);
+        distances.clear();
         distances.extend((0..count).map(|k| self.distance(k)));
         for share in [0.0, 1.0 / POINTS as f64, 0.5] {
             place(self, share);
@@ -76,13 +78,9 @@ impl<const L: usize> Walk<'_, L> {
             (0..L).for_each(|lane| far[lane] &= share == 0.0 || !differ[lane]);
             distances.extend((0..count).map(|k| self.distance(k)));
         }
-        for k in 0..count {
-            for (lane, far) in far.iter_mut().enumerate() {
-                let [end, start, eighth, middle] = std::array::from_fn(|place| distances[place * count + k][lane]);
-                *far &= stays_away([start, eighth, middle, end]);
-            }
-        }
-        far
+        let away = over_lanes::<L, _>(StayAway { distances: &distances, count });
+        self.distances = distances;
+        std::array::from_fn(|lane| far[lane] && away[lane])
     }
 
     /// The signed distance of a comparison from its border in each lane, at the last evaluation of the sides.
@@ -93,27 +91,56 @@ impl<const L: usize> Walk<'_, L> {
     }
 }
 
-/// Whether a distance stays far from 0 over a step, judged by its values at the start, an eighth, the middle and the end. The cubic through these
-/// points (Newton's divided differences) must keep its sign at all eighths of the step. Its smallest magnitude there must exceed the possible bend
-/// between two eighths plus [`FAR`] times the cubic term. Distances that are not finite do not stay far from 0.
+/// Whether all distances stay far from 0 over a step, judged by their values at the end, the start, an eighth and the middle: one list after the
+/// other. The cubic through these points (Newton's divided differences) must keep its sign at all eighths of the step. Its smallest magnitude there
+/// must exceed the possible bend between two eighths plus [`FAR`] times the cubic term. Distances that are not finite do not stay far from 0.
+struct StayAway<'a, const L: usize> {
+    distances: &'a [[f64; L]],
+    /// The number of distances at each point.
+    count: usize,
+}
+
+impl<const L: usize> Work for StayAway<'_, L> {
+    type Found = [bool; L];
+
+    #[inline(always)]
+    fn run(self) -> [bool; L] {
+        let list = |place: usize| &self.distances[place * self.count..(place + 1) * self.count];
+        let [ends, starts, eighths, middles] = std::array::from_fn(list);
+        // As whole words, comparisons of lanes are vector instructions.
+        let mut near = [0_u64; L];
+        for ((end, start), (eighth, middle)) in ends.iter().zip(starts).zip(eighths.iter().zip(middles)) {
+            for lane in 0..L {
+                near[lane] |= u64::from(!stays_away([start[lane], eighth[lane], middle[lane], end[lane]]));
+            }
+        }
+        near.map(|it| it == 0)
+    }
+}
+
+/// The same for one distance at the start, an eighth, the middle and the end.
+#[inline(always)]
 fn stays_away(distances: [f64; 4]) -> bool {
     let [start, eighth, middle, end] = distances;
     let first = [8.0 * (eighth - start), (middle - eighth) / 0.375, 2.0 * (end - middle)];
     let second = [2.0 * (first[1] - first[0]), (first[2] - first[1]) / 0.875];
     let third = second[1] - second[0];
-    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
-    for look in 0..=POINTS {
+    let (mut least, mut most) = (start, start);
+    for look in 1..=POINTS {
         let s = look as f64 / POINTS as f64;
         let value = start + s * (first[0] + (s - 0.125) * (second[0] + (s - 0.5) * third));
-        (least, most) = (least.min(value), most.max(value));
+        least = if value < least { value } else { least };
+        most = larger(value, most);
     }
     // The second derivative is 2 second + (6 s - 1.25) third. Between two points at a distance h, a curve differs from its chord by at most h^2/8
     // times the second derivative.
     let bend = (2.0 * second[0].abs() + 4.75 * third.abs()) / (8.0 * (POINTS * POINTS) as f64);
     // s (s - 1/8) (s - 1/2) is at most 7/16.
-    let beyond = FAR * 0.4375 * third.abs() + bend + ROUNDED * most.abs().max(least.abs());
-    let nearest = if least > 0.0 { least } else { -most };
-    distances.into_iter().all(f64::is_finite) && nearest > beyond
+    let beyond = FAR * 0.4375 * third.abs() + bend + ROUNDED * larger(most.abs(), least.abs());
+    let nearest = larger(least, -most);
+    // The product of zero and a number that is not finite is NaN.
+    let zero = 0.0 * start + 0.0 * eighth + 0.0 * middle + 0.0 * end;
+    (zero == 0.0) & (nearest > beyond)
 }
 
 #[cfg(test)]

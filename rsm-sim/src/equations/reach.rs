@@ -74,12 +74,19 @@ impl<const L: usize> Walk<'_, L> {
         let differ = self.sides_differ();
         let mut right: [bool; L] = std::array::from_fn(|lane| whole[lane] && agree[lane] && !differ[lane]);
         if self.programs.counts.held > 0 && right.contains(&true) {
+            let order = tried[0].map(|it| it.order).filter(|_| right == [true; L] && !linear.contains(&true));
+            let order = order.filter(|order| tried.iter().all(|it| it.is_some_and(|it| it.order == *order)));
             let found = self.changes_inside(right, &mut |walk, share| {
+                if let Some(order) = order {
+                    walk.put_on_series(order, share);
+                    walk.slots[walk.programs.layout.time as usize] = [now + share * rest; L];
+                    return;
+                }
                 for lane in (0..L).filter(|lane| right[*lane]) {
                     if linear[lane] {
                         walk.put_inside(lane, 0, share, now + share * rest);
                     } else {
-                        walk.put_on_series(lane, tried[lane], share, now + share * rest);
+                        walk.put_lane_on_series(lane, tried[lane], share, now + share * rest);
                     }
                 }
             });
@@ -98,7 +105,7 @@ impl<const L: usize> Walk<'_, L> {
         right
     }
 
-    fn put_on_series(&mut self, lane: usize, tried: Option<Tried>, share: f64, time: f64) {
+    fn put_lane_on_series(&mut self, lane: usize, tried: Option<Tried>, share: f64, time: f64) {
         let Some(tried) = tried else { return };
         let layout = self.programs.layout;
         for k in 0..self.programs.counts.states {
@@ -407,7 +414,10 @@ impl Walk<'_, 1> {
     fn inside(&mut self, way: &Way, (now, h): (f64, f64), taken: f64, share: f64) -> Option<bool> {
         let time = now + share * taken;
         match way {
-            Way::Series(tried) => self.put_on_series(0, Some(*tried), tried.share * share, time),
+            Way::Series(tried) => {
+                self.put_on_series(tried.order, tried.share * share);
+                self.slots[self.programs.layout.time as usize] = [time];
+            }
             Way::Exponential(level) => self.put_inside(0, *level, share, time),
             // A step of length 0 has no matrix.
             Way::Stiff | Way::Pair if share == 0.0 => self.move_to_step_start(0, now),

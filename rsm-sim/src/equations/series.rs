@@ -7,8 +7,8 @@
 //! inside the step.
 
 use super::thresholds::root;
-use super::walk::Walk;
-use crate::code::lengthen;
+use super::walk::{Walk, larger};
+use crate::code::{Slot, Work, lengthen, over_lanes};
 
 /// The permitted difference between the slope of the series and the rates at its end, in units of the order times the tolerance. One more term of the
 /// series would change the slope by the order times the tolerance.
@@ -52,17 +52,13 @@ impl<const L: usize> Walk<'_, L> {
             let (first_term, last_term, term_before) =
                 (terms[0] as usize, terms[order - 1] as usize, terms[order - 2] as usize);
             let end = self.programs.end() as usize;
-            let mut fits = open;
-            for k in 0..count {
-                let (x, largest, first) = (self.slots[states + k], *self.largest(k), self.slots[first_term + k]);
-                let (end, one, other) = (self.slots[end + k], self.slots[last_term + k], self.slots[term_before + k]);
-                for lane in 0..L {
-                    let moved = (end[lane] - x[lane]).abs().max(first[lane].abs());
-                    let scale = largest[lane].max(x[lane].abs()).max(moved);
-                    fits[lane] &=
-                        one[lane].abs() <= last * scale && other[lane].abs() <= before * scale && end[lane].is_finite();
-                }
-            }
+            let list = |begin: usize| &self.slots[begin..begin + count];
+            let check = Check {
+                lists: [states, layout.largest as usize, first_term, end, last_term, term_before].map(list),
+                limits: [last, before],
+            };
+            let fit = over_lanes::<L, _>(check);
+            let fits: [bool; L] = std::array::from_fn(|lane| open[lane] && fit[lane]);
             for lane in (0..L).filter(|lane| fits[*lane]) {
                 tried[lane] = Some(Tried { order, share: 1.0 });
                 open[lane] = false;
@@ -125,6 +121,20 @@ impl<const L: usize> Walk<'_, L> {
         Some(tried)
     }
 
+    /// Moves all lanes to a share of a step whose series have the same order.
+    pub(super) fn put_on_series(&mut self, order: usize, share: f64) {
+        let (states, count) = (self.programs.layout.states as usize, self.programs.counts.states);
+        let (terms, step_start) = (&self.programs.terms[..order], &self.before);
+        let mut moved = std::mem::take(&mut self.moved);
+        moved.clear();
+        moved.resize(count, [0.0; L]);
+        over_lanes::<L, _>(Sum { slots: &self.slots, terms, share, moved: &mut moved });
+        for ((to, begun), moved) in self.slots[states..states + count].iter_mut().zip(step_start).zip(&moved) {
+            *to = std::array::from_fn(|lane| begun[lane] + moved[lane]);
+        }
+        self.moved = moved;
+    }
+
     /// A state at a share of the step.
     pub(super) fn on_series(&self, state: usize, lane: usize, order: usize, share: f64) -> f64 {
         let term = |k: usize| self.slots[self.programs.terms[k - 1] as usize + state][lane];
@@ -168,5 +178,58 @@ impl<const L: usize> Walk<'_, L> {
             }
         }
         agree
+    }
+}
+
+/// Whether the last two terms permit a step. `lists`: the states at its start, their largest magnitudes, the first terms, the states at its end, the
+/// last terms, and those before. `limits`: for the last two.
+struct Check<'a, const L: usize> {
+    lists: [&'a [[f64; L]]; 6],
+    limits: [f64; 2],
+}
+
+impl<const L: usize> Work for Check<'_, L> {
+    type Found = [bool; L];
+
+    #[inline(always)]
+    fn run(self) -> [bool; L] {
+        let Check { lists: [begin, largest, first, end, one, other], limits: [last, before] } = self;
+        let errors = end.iter().zip(one.iter().zip(other));
+        // As whole words, comparisons of lanes are vector instructions.
+        let mut over = [0_u64; L];
+        for ((begin, (largest, first)), (end, (one, other))) in begin.iter().zip(largest.iter().zip(first)).zip(errors) {
+            for lane in 0..L {
+                let moved = larger((end[lane] - begin[lane]).abs(), first[lane].abs());
+                let scale = larger(larger(begin[lane].abs(), largest[lane]), moved);
+                let fits = [one[lane].abs() <= last * scale, other[lane].abs() <= before * scale, end[lane] * 0.0 == 0.0];
+                over[lane] |= fits.into_iter().fold(0, |all, it| all | u64::from(!it));
+            }
+        }
+        over.map(|it| it == 0)
+    }
+}
+
+/// The change of all states up to a share of a step.
+struct Sum<'a, const L: usize> {
+    slots: &'a [[f64; L]],
+    /// The first slot of the terms of each order.
+    terms: &'a [Slot],
+    share: f64,
+    moved: &'a mut [[f64; L]],
+}
+
+impl<const L: usize> Work for Sum<'_, L> {
+    type Found = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Sum { slots, terms, share, moved } = self;
+        for begin in terms.iter().rev() {
+            for (moved, term) in moved.iter_mut().zip(&slots[*begin as usize..]) {
+                for lane in 0..L {
+                    moved[lane] = (moved[lane] + term[lane]) * share;
+                }
+            }
+        }
     }
 }

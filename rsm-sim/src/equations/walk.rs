@@ -32,6 +32,9 @@ pub(super) struct Walk<'m, const L: usize> {
     inputs: Vec<f64>,
     /// The states at the start and at the end of the step.
     pub before: Vec<[f64; L]>,
+    /// Memory for the change of the states up to a share of a step, and for distances of comparisons from their borders.
+    pub moved: Vec<[f64; L]>,
+    pub distances: Vec<[f64; L]>,
     pub step_end: Vec<[f64; L]>,
     pub events: Events<L>,
     /// The step length that the last step suggests.
@@ -105,6 +108,8 @@ impl<'m, const L: usize> Walk<'m, L> {
             thresholds: Thresholds::new(Setting::default().tolerance, programs.counts.guesses > 0),
             inputs: vec![0.0; machine.inputs().len()],
             before: vec![[0.0; L]; states],
+            moved: Vec::new(),
+            distances: Vec::new(),
             step_end: vec![[0.0; L]; states],
             events: Events::new(machine, programs.has_sampled_conditions()),
             suggestion: [0.0; L],
