@@ -18,8 +18,8 @@ const OMITTED: f64 = f64::EPSILON / 16.0;
 pub(super) const POWERS: usize = 4;
 
 /// The lengths of columns that code is written for: of derivatives, and of values, which fill complete registers. Each number of a column of
-/// derivatives is a register of its own, so its length must be no multiple of four. The compiler takes half a second for a short length and 2 s for a
-/// long one.
+/// derivatives is a register of its own, so its length need not be a multiple of four. The compiler takes half a second for a short length and 2 s
+/// for a long one.
 const WIDTHS: [usize; 7] = [4, 5, 6, 7, 8, 12, MOST_STATES];
 
 /// The constant length for columns of derivatives of `n` numbers.

@@ -233,3 +233,33 @@ impl<const L: usize> Work for Sum<'_, L> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether a step fits whose last term may have a quarter of the scale, and the one before half of it.
+    fn fits([begin, largest, first, end, one, other]: [f64; 6]) -> bool {
+        let lists = [begin, largest, first, end, one, other].map(|it| [[it]]);
+        Check { lists: lists.each_ref().map(|it| &it[..]), limits: [0.25, 0.5] }.run() == [true]
+    }
+
+    #[test]
+    fn both_last_terms_are_compared_with_the_largest_of_four() {
+        // In each case another number is the scale, 8.
+        for [begin, largest, first, end] in
+            [[-8.0, 0.0, 1.0, -7.0], [1.0, 8.0, 1.0, 2.0], [1.0, 0.0, -8.0, 2.0], [1.0, 0.0, 1.0, -7.0]]
+        {
+            for (one, other, wanted) in [(2.0, -4.0, true), (-2.1, 4.0, false), (2.0, 4.1, false), (0.0, 4.1, false)] {
+                assert_eq!(
+                    fits([begin, largest, first, end, one, other]),
+                    wanted,
+                    "{begin} {largest} {first} {end}: {one} {other}"
+                );
+            }
+        }
+        for end in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert!(!fits([1.0, 1.0, 1.0, end, 0.0, 0.0]));
+        }
+    }
+}
