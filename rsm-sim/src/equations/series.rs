@@ -86,19 +86,28 @@ impl<const L: usize> Walk<'_, L> {
     fn shortened(&mut self, lane: usize) -> Option<Tried> {
         let order = self.thresholds.most();
         let (last, before) = self.thresholds.of(order);
-        let states = self.programs.layout.states as usize;
+        let (states, count) = (self.programs.layout.states as usize, self.programs.counts.states);
         let mut share = 1.0_f64;
         // The change of a state is estimated from the terms at the current share, so terms that are too large lose influence in each iteration.
         for _ in 0..ROUNDS {
-            let powers: Vec<f64> = std::iter::successors(Some(share), |power| Some(power * share)).take(order).collect();
             let at = share;
-            for k in 0..self.programs.counts.states {
-                let term =
-                    |order: usize| self.slots[self.programs.terms[order - 1] as usize + k][lane].abs() * powers[order - 1];
+            let mut moved = std::mem::take(&mut self.moved);
+            moved.clear();
+            moved.resize(count, [0.0; L]);
+            let (mut power, mut power_before) = (1.0, 1.0);
+            for begin in &self.programs.terms[..order] {
+                (power, power_before) = (power * share, power);
+                for (moved, term) in moved.iter_mut().zip(&self.slots[*begin as usize..]) {
+                    moved[lane] = larger(term[lane].abs() * power, moved[lane]);
+                }
+            }
+            for (k, moved) in moved.iter().enumerate() {
+                let term = |order: usize| self.slots[self.programs.terms[order - 1] as usize + k][lane].abs();
                 let x = self.slots[states + k][lane];
-                let moved = (1..=order).map(term).fold(0.0, f64::max);
-                let scale = self.largest(k)[lane].max(x.abs()).max(moved);
-                for (found, limit, degree) in [(term(order), last, order), (term(order - 1), before, order - 1)] {
+                let scale = self.largest(k)[lane].max(x.abs()).max(moved[lane]);
+                for (found, limit, degree) in
+                    [(term(order) * power, last, order), (term(order - 1) * power_before, before, order - 1)]
+                {
                     if !found.is_finite() {
                         return None;
                     }
@@ -107,6 +116,7 @@ impl<const L: usize> Walk<'_, L> {
                     }
                 }
             }
+            self.moved = moved;
             if share == at {
                 break;
             }
