@@ -11,7 +11,7 @@
 
 use super::entries::{Entries, Rest};
 use super::frechet::Along;
-use super::frechet_values::{Shared, place as place_of};
+use super::frechet_values::place as place_of;
 use super::part::Part;
 use super::rows::Stopped;
 use super::speeds::{Carried, LinearSpeeds, PartSpeeds};
@@ -108,7 +108,7 @@ impl Walk<'_, 1> {
         for group in 0..it.groups {
             let slopes = &parts[place].slopes[group * n * (n + 1)..(group + 1) * n * (n + 1)];
             along.compute(shared, entries_of_jacobian, |i, j| slopes[i * n + j]);
-            let [_, one, two, three] = along.lists();
+            let [one, two, three, ..] = along.lists();
             // Rates at the start, a, D(1): values and derivatives.
             let value = |list: usize, k: usize| self.slots[inside[list] + k][0];
             let moved = |list: usize, k: usize| it.speeds_of(group, (inside[list] + k) as Slot);
@@ -154,7 +154,7 @@ fn compute(linear: &mut LinearSpeeds, part: &Part, place: usize, level: usize) {
     shared.prepare((n, part.jacobian(), part.length), &part.chain, (level + 1, level), columns);
     of_part.entries.resize(places.len() * entries.count, [0.0; WIDE]);
     let (size, count) = (n * (n + 1), entries.count);
-    let step = Step { part, level, entries, timed, shared };
+    let step = Step { part, level, entries, timed };
     for group in (0..places.len()).step_by(2) {
         let slopes = &of_part.slopes[group * size..];
         let to = &mut of_part.entries[group * count..];
@@ -185,7 +185,6 @@ struct Step<'a> {
     level: usize,
     entries: &'a Entries,
     timed: &'a [(usize, usize)],
-    shared: &'a Shared,
 }
 
 impl Step<'_> {
@@ -196,9 +195,9 @@ impl Step<'_> {
         slopes: impl Fn(usize) -> [f64; W],
         to: &mut impl FnMut(usize, [f64; W]),
     ) {
-        let Step { part, level, entries, shared, .. } = *self;
+        let Step { part, level, entries, .. } = *self;
         let (n, h) = (part.chain.rows(), part.length_of(level));
-        let [half, one, two, three] = along.lists();
+        let [one, two, three, half, half_two] = along.lists();
         entries.half.iter().for_each(|(from, k)| to(*k, half[*from].map(|it| 0.5 * h * it)));
         entries.whole.iter().for_each(|(from, k)| to(*k, one[*from].map(|it| h * it)));
         entries.bent.iter().for_each(|(from, k)| to(*k, three[*from].map(|it| 2.0 * h * it)));
@@ -209,7 +208,7 @@ impl Step<'_> {
         for (rest, k) in &entries.rest {
             let value = match *rest {
                 Rest::HalfTime(i) => {
-                    let moved = |column: usize| along.half_two(shared, i, column);
+                    let moved = |column: usize| half_two[place_of(n, i, column)];
                     self.by_time(i, level + 1, &moved, &slopes).map(|it| 0.25 * h * h * it)
                 }
                 Rest::WholeTime(i) => {

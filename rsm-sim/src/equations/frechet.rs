@@ -17,7 +17,7 @@
 //! Matrices are stored column by column. Every product is computed by columns: columns of the first factor times the numbers in a column of the
 //! second one.
 
-use super::frechet_values::{POWERS, Shared, Sparse, by_width, place};
+use super::frechet_values::{POWERS, Shared, Sparse, by_width};
 use super::phi::WEIGHTS;
 use crate::code::{Work, by_registers};
 
@@ -93,14 +93,10 @@ impl<const W: usize> Along<W> {
         by_width!(n, S, T => by_registers::<W, _>(Compute::<S, T, W> { along: self, shared }));
     }
 
-    /// The derivatives of phi_1 at the level of half the length, of phi_1, and of the columns of phi_2 and phi_3. See [`place`].
-    pub(super) fn lists(&self) -> [&[[f64; W]]; 4] {
-        [&self.half, &self.one, &self.two, &self.three]
-    }
-
-    /// The derivative of an entry of phi_2 at the level of half the length, in a column given by its index in the list of columns.
-    pub(super) fn half_two(&self, shared: &Shared, i: usize, column: usize) -> [f64; W] {
-        self.half_two[place(shared.n, i, column)]
+    /// The derivatives of phi_1 and of the columns of phi_2 and phi_3, then of phi_1 and the columns of phi_2 at the level of half the length. See
+    /// [`super::frechet_values::place`].
+    pub(super) fn lists(&self) -> [&[[f64; W]]; 5] {
+        [&self.one, &self.two, &self.three, &self.half, &self.half_two]
     }
 }
 
@@ -266,6 +262,7 @@ fn times_z<const S: usize, const T: usize, const W: usize>(
 
 #[cfg(test)]
 mod tests {
+    use super::super::frechet_values::place;
     use super::super::phi::{Chain, stride};
     use super::*;
 
@@ -317,7 +314,7 @@ mod tests {
                     let (mut shared, mut along) = (Shared::default(), Along::<W>::default());
                     shared.prepare((n, &jacobian, 1.0), &chain, (half_level, level), &wanted);
                     along.compute(&shared, &all, moved);
-                    let [half, one, two, three] = along.lists();
+                    let [one, two, three, half, half_two] = along.lists();
                     for lane in 0..W {
                         let both = columns(2 * n, |i, j| match (i < n, j < n) {
                             (true, true) => a(i, j),
@@ -343,11 +340,7 @@ mod tests {
                                 for (k, found) in found.iter().enumerate() {
                                     near(found[lane], corner(level, k + 1, i, *j), "a column");
                                 }
-                                near(
-                                    along.half_two(&shared, i, column)[lane],
-                                    corner(half_level, 1, i, *j),
-                                    "phi_2 of the half",
-                                );
+                                near(half_two[place(n, i, column)][lane], corner(half_level, 1, i, *j), "phi_2 of the half");
                             }
                         }
                     }

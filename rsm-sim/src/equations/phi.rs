@@ -88,7 +88,7 @@ impl Chain {
 
     /// An entry of phi_1, phi_2 or phi_3 at a level that is computed; `function` begins with 0.
     pub(super) fn entry(&self, level: usize, function: usize, i: usize, j: usize) -> f64 {
-        self.values[((3 * level + function) * self.n + j) * stride(self.n) + i]
+        self.column(level, function, j)[i]
     }
 
     /// A column of phi_1, phi_2 or phi_3 at a level that is computed; `function` begins with 0.

@@ -78,8 +78,7 @@ impl<const L: usize> Walk<'_, L> {
             let order = order.filter(|order| tried.iter().all(|it| it.is_some_and(|it| it.order == *order)));
             let found = self.changes_inside(right, &mut |walk, share| {
                 if let Some(order) = order {
-                    walk.put_on_series(order, share);
-                    walk.slots[walk.programs.layout.time as usize] = [now + share * rest; L];
+                    walk.put_on_series(order, share, now + share * rest);
                     return;
                 }
                 for lane in (0..L).filter(|lane| right[*lane]) {
@@ -414,10 +413,7 @@ impl Walk<'_, 1> {
     fn inside(&mut self, way: &Way, (now, h): (f64, f64), taken: f64, share: f64) -> Option<bool> {
         let time = now + share * taken;
         match way {
-            Way::Series(tried) => {
-                self.put_on_series(tried.order, tried.share * share);
-                self.slots[self.programs.layout.time as usize] = [time];
-            }
+            Way::Series(tried) => self.put_on_series(tried.order, tried.share * share, time),
             Way::Exponential(level) => self.put_inside(0, *level, share, time),
             // A step of length 0 has no matrix.
             Way::Stiff | Way::Pair if share == 0.0 => self.move_to_step_start(0, now),

@@ -7,7 +7,7 @@
 //! inside the step.
 
 use super::thresholds::root;
-use super::walk::{Walk, larger};
+use super::walk::{Walk, larger, scale};
 use crate::code::{Slot, Work, lengthen, over_lanes};
 
 /// The permitted difference between the slope of the series and the rates at its end, in units of the order times the tolerance. One more term of the
@@ -104,7 +104,7 @@ impl<const L: usize> Walk<'_, L> {
             for (k, moved) in moved.iter().enumerate() {
                 let term = |order: usize| self.slots[self.programs.terms[order - 1] as usize + k][lane].abs();
                 let x = self.slots[states + k][lane];
-                let scale = self.largest(k)[lane].max(x.abs()).max(moved[lane]);
+                let scale = scale(x, self.largest(k)[lane], moved[lane]);
                 for (found, limit, degree) in
                     [(term(order) * power, last, order), (term(order - 1) * power_before, before, order - 1)]
                 {
@@ -132,8 +132,9 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// Moves all lanes to a share of a step whose series have the same order.
-    pub(super) fn put_on_series(&mut self, order: usize, share: f64) {
-        let (states, count) = (self.programs.layout.states as usize, self.programs.counts.states);
+    pub(super) fn put_on_series(&mut self, order: usize, share: f64, time: f64) {
+        let (layout, count) = (self.programs.layout, self.programs.counts.states);
+        let states = layout.states as usize;
         let (terms, step_start) = (&self.programs.terms[..order], &self.before);
         let mut moved = std::mem::take(&mut self.moved);
         moved.clear();
@@ -142,6 +143,7 @@ impl<const L: usize> Walk<'_, L> {
         for ((to, begun), moved) in self.slots[states..states + count].iter_mut().zip(step_start).zip(&moved) {
             *to = std::array::from_fn(|lane| begun[lane] + moved[lane]);
         }
+        self.slots[layout.time as usize] = [time; L];
         self.moved = moved;
     }
 
@@ -210,7 +212,7 @@ impl<const L: usize> Work for Check<'_, L> {
         for ((begin, (largest, first)), (end, (one, other))) in begin.iter().zip(largest.iter().zip(first)).zip(errors) {
             for lane in 0..L {
                 let moved = larger((end[lane] - begin[lane]).abs(), first[lane].abs());
-                let scale = larger(larger(begin[lane].abs(), largest[lane]), moved);
+                let scale = scale(begin[lane], largest[lane], moved);
                 let fits = [one[lane].abs() <= last * scale, other[lane].abs() <= before * scale, end[lane] * 0.0 == 0.0];
                 over[lane] |= fits.into_iter().fold(0, |all, it| all | u64::from(!it));
             }

@@ -8,7 +8,7 @@
 use super::kept::{Anchor, Loaded, SAME, Segment};
 use super::part::MOST_STATES;
 use super::rows::Stopped;
-use super::walk::{Walk, larger};
+use super::walk::{Walk, larger, scale};
 use crate::code::{Work, over_lanes};
 
 /// If the error of a step is below this share of the permitted error, the next step may be twice as long: an error of order 4 becomes 16 times as
@@ -215,7 +215,7 @@ impl<const L: usize> Work for Allowed<'_, L> {
             let (begin, end, error, largest) = (&states[k], &ends[k], &errors[k], &largest[k]);
             for lane in 0..L {
                 let moved = (end[lane] - begin[lane]).abs();
-                let scale = larger(larger(begin[lane].abs(), largest[lane]), moved);
+                let scale = scale(begin[lane], largest[lane], moved);
                 excess[lane] = larger(error[lane].abs() - tolerance * scale, excess[lane]);
                 zero[lane] += end[lane] * 0.0 + error[lane] * 0.0;
             }

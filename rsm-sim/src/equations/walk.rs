@@ -95,6 +95,12 @@ pub(super) fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
+/// What the error of a state in a step is compared with: its magnitude at the start, the largest one so far, or its change.
+#[inline(always)]
+pub(super) fn scale(begin: f64, largest: f64, moved: f64) -> f64 {
+    larger(larger(begin.abs(), largest), moved)
+}
+
 impl<'m, const L: usize> Walk<'m, L> {
     pub(super) fn new(machine: &'m Machine, way: Way) -> Self {
         let programs = Programs::new(machine, L, way);
