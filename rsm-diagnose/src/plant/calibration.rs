@@ -9,6 +9,7 @@ use super::model::{self, InitialMotion, Model};
 use super::noise::NoiseFloor;
 use super::rounding::Rounding;
 use super::whitened_residuals::{self, WhitenedResiduals};
+use rsm_core::threads::in_threads;
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
@@ -171,8 +172,9 @@ impl NoiseEstimate {
 
 /// The noise of each output after a simulation is subtracted from the records.
 pub fn noise_estimates(whitened: &WhitenedResiduals, simulated: &[whitened_residuals::Simulated]) -> [NoiseEstimate; OUTPUTS] {
-    let mut all = [NoiseEstimate::default(); OUTPUTS];
-    for (output, noise) in all.iter_mut().enumerate() {
+    let outputs: Vec<usize> = (0..OUTPUTS).collect();
+    let found = in_threads(&outputs, whitened.threads, |&output| {
+        let mut noise = NoiseEstimate::default();
         let mut residuals: Vec<(&[f64], Vec<f64>, &[bool])> = Vec::new();
         for (prepared, simulated) in whitened.records.iter().zip(simulated) {
             let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
@@ -186,6 +188,9 @@ pub fn noise_estimates(whitened: &WhitenedResiduals, simulated: &[whitened_resid
         let least = noise.least();
         let above = |floor: NoiseFloor| if floor.sd >= least { floor } else { NoiseFloor::white(least) };
         noise.floor = NoiseFloor::of_growing(&with_readings).or_else(|| NoiseFloor::estimate(&lists)).map(above);
-    }
+        noise
+    });
+    let mut all = [NoiseEstimate::default(); OUTPUTS];
+    all.iter_mut().zip(found).for_each(|(to, from)| *to = from);
     all
 }

@@ -10,6 +10,7 @@ use super::noise::NoiseFloor;
 use super::posterior::Posterior;
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use super::{own_noise, validation, whiteness};
+use rsm_core::threads::in_threads;
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::record::Record;
 
@@ -56,71 +57,101 @@ pub fn separate_record(
     whitened: &WhitenedResiduals,
     unseen: &WhitenedResiduals,
     nominal: &Model,
-    floors: &dyn Fn(&WhitenedResiduals, &Fit) -> [NoiseFloor; OUTPUTS],
+    floors: &(dyn Fn(&WhitenedResiduals, &Fit) -> [NoiseFloor; OUTPUTS] + Sync),
 ) -> Option<SeparateRecord> {
     let (trained, judged) = (whitened.records.len(), unseen.records.len());
     if trained + judged <= LEAST_OTHERS {
         return None;
     }
-    let mut found = None;
-    for which in 0..trained + judged {
-        let it = match which.checked_sub(trained) {
-            None if trained > 1 => without(&whitened.records, which)
-                .map_or((whitened.clone(), unseen.clone()), |it| (whitened.with_records(it), unseen.clone())),
-            None => continue,
-            Some(place) => (whitened.clone(), unseen.with_records(without(&unseen.records, place)?)),
+    // A record that is the only one of its configuration in the plant file is told by causes of this configuration.
+    let all = || whitened.records.iter().chain(&unseen.records).map(|it| it.record.configuration);
+    let is_asked = |it: &Prepared| {
+        let its = it.record.configuration;
+        its.is_none() || all().filter(|other| *other == its).count() > 1
+    };
+    // Each plant is fitted by one thread: without a training record, or to all of them.
+    let by_one_thread = |it: &WhitenedResiduals| WhitenedResiduals { threads: 1, ..it.clone() };
+    let (trains, judges) = (by_one_thread(whitened), by_one_thread(unseen));
+    let plants: Vec<Option<usize>> = (0..trained).filter(|_| trained > 1).map(Some).chain([None]).collect();
+    let found = in_threads(&plants, whitened.threads, |left_out| -> Vec<SeparateRecord> {
+        let asked: Vec<&Prepared> = match left_out {
+            Some(record) => vec![&trains.records[*record]],
+            None => judges.records.iter().collect(),
         };
-        let record = if which < trained { &whitened.records[which] } else { &unseen.records[which - trained] };
-        // A record that is the only one of its configuration in the plant file is told by causes of this configuration.
-        let all = || whitened.records.iter().chain(&unseen.records).map(|it| &it.record);
-        let is_like = |it: &&Record| it.configuration == record.record.configuration;
-        if record.record.configuration.is_some() && all().filter(is_like).count() == 1 {
-            continue;
+        if !asked.iter().any(|it| is_asked(it)) {
+            return Vec::new();
         }
-        let Some(it) = is_separate(it, record, nominal, floors) else { continue };
-        if found.is_some() {
-            return None;
-        }
-        found = Some(it);
+        let others = left_out.map_or(trains.clone(), |record| trains.with_records(without(&trains.records, record)));
+        let Some(fitted) = Fitted::to(others, nominal, floors) else { return Vec::new() };
+        let one = |(place, record): (usize, &Prepared)| {
+            let others = match left_out {
+                Some(_) => judges.clone(),
+                None => judges.with_records(without(&judges.records, place)),
+            };
+            is_asked(record).then(|| fitted.separated(others, record)).flatten()
+        };
+        asked.into_iter().enumerate().filter_map(one).collect()
+    });
+    let mut found = found.into_iter().flatten();
+    let mut one = found.next().filter(|_| found.next().is_none())?;
+    for it in [&mut one.whitened, &mut one.unseen, &mut one.alone] {
+        it.threads = whitened.threads;
     }
-    found
+    Some(one)
 }
 
 /// All records but one.
-fn without(records: &[Prepared], which: usize) -> Option<Vec<Prepared>> {
-    (which < records.len()).then(|| records.iter().enumerate().filter(|(k, _)| *k != which).map(|(_, it)| it.clone()).collect())
+fn without(records: &[Prepared], which: usize) -> Vec<Prepared> {
+    records.iter().enumerate().filter(|(k, _)| *k != which).map(|(_, it)| it.clone()).collect()
 }
 
-/// Whether a calibration to the others leaves only noise there, and structure in this record.
-fn is_separate(
-    (mut whitened, mut unseen): (WhitenedResiduals, WhitenedResiduals),
-    record: &Prepared,
-    nominal: &Model,
-    floors: &dyn Fn(&WhitenedResiduals, &Fit) -> [NoiseFloor; OUTPUTS],
-) -> Option<SeparateRecord> {
-    let mut fit = levenberg::fit(&whitened, on_records(nominal, &whitened), STEPS)?;
-    whitened.floors = floors(&whitened, &fit);
-    fit = levenberg::fit(&whitened, fit.model, STEPS)?;
-    unseen.floors = whitened.floors;
-    let sds = Posterior::of(&fit).deviations().to_vec();
-    if whiteness::test(&whitened, &fit).excess > NEGLIGIBLE_STRUCTURE || structure(&unseen, &fit, &sds)? > NEGLIGIBLE_STRUCTURE
-    {
-        return None;
-    }
-    let alone = whitened.with_records(vec![record.clone()]);
-    if structure(&alone, &fit, &sds)? < LEAST_STRUCTURE {
-        return None;
-    }
-    let mut its = on_records(&fit.model, &alone);
-    for (unknown, (of_others, sd)) in its.unknowns.iter_mut().zip(fit.model.unknowns.iter().zip(&sds)) {
-        if let (Place::Nominal(name), Some(sd)) = (unknown.place, sd.filter(|sd| *sd > 0.0)) {
-            debug_assert_eq!(unknown.place, of_others.place);
-            let value = fit.model.file.parameters.number(name);
-            (unknown.prior, unknown.low, unknown.high, unknown.scale) =
-                (Some((value, sd)), value - 2.0 * sd, value + 2.0 * sd, sd);
+/// A plant that is calibrated to records and leaves only noise there.
+struct Fitted {
+    whitened: WhitenedResiduals,
+    fit: Fit,
+    /// The standard deviations of its unknowns.
+    sds: Vec<Option<f64>>,
+}
+
+impl Fitted {
+    /// `None` if the calibration leaves structure.
+    fn to(
+        mut whitened: WhitenedResiduals,
+        nominal: &Model,
+        floors: &(dyn Fn(&WhitenedResiduals, &Fit) -> [NoiseFloor; OUTPUTS] + Sync),
+    ) -> Option<Fitted> {
+        let fit = levenberg::fit(&whitened, on_records(nominal, &whitened), STEPS)?;
+        whitened.floors = floors(&whitened, &fit);
+        let fit = levenberg::fit(&whitened, fit.model, STEPS)?;
+        if whiteness::test(&whitened, &fit).excess > NEGLIGIBLE_STRUCTURE {
+            return None;
         }
+        let sds = Posterior::of(&fit).deviations().to_vec();
+        Some(Fitted { whitened, fit, sds })
     }
-    Some(SeparateRecord { whitened, unseen, fit, alone, nominal: its })
+
+    /// A record, separated, if the plant leaves only noise in the other unseen records, and structure in this one.
+    fn separated(&self, mut unseen: WhitenedResiduals, record: &Prepared) -> Option<SeparateRecord> {
+        let Fitted { whitened, fit, sds } = self;
+        unseen.floors = whitened.floors;
+        if structure(&unseen, fit, sds)? > NEGLIGIBLE_STRUCTURE {
+            return None;
+        }
+        let alone = whitened.with_records(vec![record.clone()]);
+        if structure(&alone, fit, sds)? < LEAST_STRUCTURE {
+            return None;
+        }
+        let mut its = on_records(&fit.model, &alone);
+        for (unknown, (of_others, sd)) in its.unknowns.iter_mut().zip(fit.model.unknowns.iter().zip(sds)) {
+            if let (Place::Nominal(name), Some(sd)) = (unknown.place, sd.filter(|sd| *sd > 0.0)) {
+                debug_assert_eq!(unknown.place, of_others.place);
+                let value = fit.model.file.parameters.number(name);
+                (unknown.prior, unknown.low, unknown.high, unknown.scale) =
+                    (Some((value, sd)), value - 2.0 * sd, value + 2.0 * sd, sd);
+            }
+        }
+        Some(SeparateRecord { whitened: whitened.clone(), unseen, fit: fit.clone(), alone, nominal: its })
+    }
 }
 
 /// A model with the initial states of these records.

@@ -9,6 +9,7 @@
 //! known spectrum raises these levels too, and is not taken for structure.
 
 use rsm_core::order;
+use rsm_core::threads::in_threads;
 use std::f64::consts::TAU;
 
 use super::levenberg::Fit;
@@ -77,17 +78,16 @@ pub fn best_predictor(whitened: &WhitenedResiduals, fit: &Fit) -> Option<Predict
 
 /// The same with waves over these coordinates.
 fn best_among(whitened: &WhitenedResiduals, fit: &Fit, ways: &[Coordinate]) -> Option<Predictor> {
-    let mut tried = Vec::new();
-    for output in 0..whitened.floors.len() {
-        let parts = parts(whitened, fit, output);
-        if parts.is_empty() {
-            continue;
-        }
-        for way in ways {
-            tried.extend(waves(whitened, way, output, &parts));
-        }
-        tried.extend(powers(whitened, fit, output, &parts));
-    }
+    let parts: Vec<_> = (0..whitened.floors.len()).map(|output| parts(whitened, fit, output)).collect();
+    let outputs = (0..parts.len()).filter(|output| !parts[*output].is_empty());
+    // `None`: powers of signals instead of waves.
+    let tests: Vec<(usize, Option<&Coordinate>)> =
+        outputs.flat_map(|output| ways.iter().map(Some).chain([None]).map(move |way| (output, way))).collect();
+    let tried = in_threads(&tests, whitened.threads, |(output, way)| match way {
+        Some(way) => waves(whitened, way, *output, &parts[*output]),
+        None => powers(whitened, fit, *output, &parts[*output]),
+    });
+    let tried: Vec<PredictorRegression> = tried.into_iter().flatten().collect();
     let (ln_p, best) = most_significant(tried.iter().map(|it| (it.ln_p(), it)), TESTS as f64)?;
     let rows: usize = whitened.records.iter().flat_map(|it| &it.used).map(|used| used.iter().filter(|it| **it).count()).sum();
     let excess = (best.gain - best.level * best.freedom as f64) / rows.max(1) as f64;

@@ -11,11 +11,12 @@ use super::nuisance::{Nuisance, Released};
 use super::null;
 use super::position_traces::PositionTraces;
 use super::waves;
-use super::whitened_residuals::WhitenedResiduals;
+use super::whitened_residuals::{Simulated, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::normal::{Normal, symmetric};
 use crate::engine::significance::point_of_largest;
 use rsm_core::order;
+use rsm_core::threads::in_threads;
 use rsm_fit::random::Random;
 use rsm_sim::effect::{Guess, Subject};
 use rsm_sim::kind::PlantKind;
@@ -155,16 +156,22 @@ fn traces(
         replaces || configurations[model].is_none_or(|its| record.configuration_name(kind) == Some(its))
     };
     let mut runs = whitened.run_changed(&models, &fit.simulated, &changes).into_iter();
-    let of = |(k, guess): &(usize, Guess)| {
+    let mut of = |(k, guess): &(usize, Guess)| -> Vec<Vec<Simulated>> {
+        if is_wave(*k) {
+            return Vec::new();
+        }
+        let runs: Option<Vec<_>> = runs.by_ref().take(if guess.phase.is_some() { 2 } else { 1 }).collect();
+        runs.unwrap_or_default()
+    };
+    let all: Vec<(&(usize, Guess), _)> = guesses.iter().map(|guess| (guess, of(guess))).collect();
+    in_threads(&all, whitened.threads, |((k, guess), runs)| {
         if let Some(traces) = traces.as_ref().filter(|_| is_wave(*k)) {
             // With a wave, the simulated position differs from the true one. The record has the true position.
             let wave = waves::of(&hypotheses[*k].entry(kind, &guess.values).arguments);
             return wave.map_or_else(Vec::new, |it| traces.traces(&it).into());
         }
-        let runs: Option<Vec<_>> = runs.by_ref().take(if guess.phase.is_some() { 2 } else { 1 }).collect();
-        runs.unwrap_or_default().iter().map(|run| whitened.changes(&fit.simulated, run, 1.0)).collect()
-    };
-    guesses.iter().map(of).collect()
+        runs.iter().map(|run| whitened.changes(&fit.simulated, run, 1.0)).collect()
+    })
 }
 
 /// A guess relative to the current fit. A parameter error starts at the calibrated value, not at the value of the file, because calibration may have
@@ -338,14 +345,19 @@ pub fn null(whitened: &WhitenedResiduals, fit: &Fit, screened: &[Screened], roun
     };
     let normals: Vec<Normal> = screened.iter().map(normal).collect();
     let mut largest: Vec<f64> = Vec::new();
-    for _ in 0..draws {
-        let noise = drawn(whitened, fit, rounded, &mut random);
-        let solved = nuisance.solved(&nuisance.products(&noise));
-        let gains = screened.iter().zip(&normals).map(|(it, normal)| {
-            let each = it.traces.iter().zip(&it.products);
-            normal.gain(&each.map(|(trace, products)| dot(trace, &noise) - dot(products, &solved)).collect::<Vec<_>>()).1
-        });
-        largest.push(gains.fold(0.0, f64::max));
+    // Numbers are drawn one after the other; what follows does not change them.
+    let threads = whitened.threads.max(1);
+    for first in (0..draws).step_by(threads) {
+        let noises: Vec<Vec<f64>> =
+            (first..draws.min(first + threads)).map(|_| drawn(whitened, fit, rounded, &mut random)).collect();
+        largest.extend(in_threads(&noises, threads, |noise| {
+            let solved = nuisance.solved(&nuisance.products(noise));
+            let gains = screened.iter().zip(&normals).map(|(it, normal)| {
+                let each = it.traces.iter().zip(&it.products);
+                normal.gain(&each.map(|(trace, products)| dot(trace, noise) - dot(products, &solved)).collect::<Vec<_>>()).1
+            });
+            gains.fold(0.0, f64::max)
+        }));
     }
     point_of_largest(&largest)
 }

@@ -373,26 +373,35 @@ impl WhitenedResiduals {
             }
         }
         let mut done = self.simulate(&jobs).into_iter();
-        let mut columns = Vec::new();
-        for (k, step, _) in &moved {
-            columns.push(match model.unknowns[*k].place {
-                Place::Start { record, .. } => done.next().flatten().map(|to| Column {
-                    first: self.first(record),
-                    values: self.change(record, &simulated[record], &to, *step),
-                }),
-                _ => {
-                    let mut to: Option<Vec<Simulated>> = Some(simulated.to_vec());
-                    for record in self.changed(model, *k) {
-                        match (done.next().flatten(), &mut to) {
-                            (Some(run), Some(to)) => to[record] = run,
-                            _ => to = None,
-                        }
-                    }
-                    to.map(|to| Column { first: 0, values: self.changes(simulated, &to, *step) })
-                }
-            });
+        // For each unknown: the records on which it acts, with their simulations.
+        let mut runs: Vec<Vec<(usize, Option<Simulated>)>> = Vec::with_capacity(moved.len());
+        for (k, _, _) in &moved {
+            let records = match model.unknowns[*k].place {
+                Place::Start { record, .. } => vec![record],
+                _ => self.changed(model, *k),
+            };
+            runs.push(records.into_iter().map(|record| (record, done.next().flatten())).collect());
         }
-        columns
+        let places: Vec<usize> = (0..moved.len()).collect();
+        in_threads(&places, self.threads, |&place| {
+            let (k, step, _) = &moved[place];
+            self.column(model.unknowns[*k].place, simulated, &runs[place], *step)
+        })
+    }
+
+    /// The derivative of an unknown from the simulations of the records on which it acts; `None` if one of them failed.
+    fn column(&self, place: Place, simulated: &[Simulated], runs: &[(usize, Option<Simulated>)], step: f64) -> Option<Column> {
+        let run_of = |record: usize| runs.iter().find(|it| it.0 == record).map(|it| it.1.as_ref());
+        if let Place::Start { record, .. } = place {
+            let to = run_of(record)??;
+            return Some(Column { first: self.first(record), values: self.change(record, &simulated[record], to, step) });
+        }
+        let mut values = Vec::with_capacity(self.rows());
+        for (record, from) in simulated.iter().enumerate() {
+            let to = run_of(record).unwrap_or(Some(from))?;
+            values.extend(self.change(record, from, to, step));
+        }
+        Some(Column { first: 0, values })
     }
 }
 

@@ -100,7 +100,7 @@ impl Walk<'_, 1> {
         let whole = part.length_of(level);
         let length = share * whole;
         let LinearSpeeds { chain, shared, along, columns, parts, entries_of_jacobian, .. } = linear;
-        if !chain.set_matrix(n, part.jacobian(), length) || !chain.make(0) {
+        if !chain.set_matrix(n, part.jacobian(), length, columns) || !chain.make(0) {
             return None;
         }
         shared.prepare((n, part.jacobian(), length), chain, (0, 0), columns);

@@ -113,13 +113,14 @@ impl<const S: usize, const L: usize> Work for Load<'_, S, L> {
         let n = block.states;
         let h = part.length_of(level);
         let ([one, two, three], [half, half_two, _]) = (part.chain.at::<S>(level), part.chain.at(level + 1));
-        let shares = [(half, 0.5 * h), (one, h), (three, 2.0 * h), (part.columns(), 1.0)];
-        for ((matrix, factor), place) in shares.into_iter().zip([0, 1, 2, 4]) {
+        for ((matrix, factor), place) in [(half, 0.5 * h), (one, h), (part.columns(), 1.0)].into_iter().zip([0, 1, 4]) {
             for (j, column) in matrix.iter().enumerate() {
                 put(slots, lane, block.matrix(place, 0, j), &column.map(|it| factor * it)[..n]);
             }
         }
-        for (j, (two, three)) in two.iter().zip(three).enumerate() {
+        for j in part.chain.columns().iter().copied() {
+            let (two, three) = (&two[j], &three[j]);
+            put(slots, lane, block.matrix(2, 0, j), &three.map(|it| 2.0 * h * it)[..n]);
             let off: [f64; S] = std::array::from_fn(|i| h * (two[i] - 2.0 * three[i]));
             put(slots, lane, block.matrix(3, 0, j), &off[..n]);
         }
@@ -227,6 +228,14 @@ impl Shape {
             bent: (0..n).filter(changes).collect(),
             timed: (0..n).filter(|i| by_time(*i).is_some()).collect(),
         }
+    }
+
+    /// The columns in which a step reads phi_2 and phi_3: those of the rates that are not linear or depend on time.
+    pub(super) fn columns(&self) -> Vec<usize> {
+        let mut columns: Vec<usize> = self.bent.iter().chain(&self.timed).copied().collect();
+        columns.sort_unstable();
+        columns.dedup();
+        columns
     }
 }
 

@@ -304,7 +304,7 @@ mod tests {
             };
             let mut chain = Chain::default();
             let jacobian = columns(n, a);
-            assert!(chain.set_matrix(n, &jacobian, 1.0));
+            assert!(chain.set_matrix(n, &jacobian, 1.0, &(0..n).collect::<Vec<usize>>()));
             let wanted: Vec<usize> = vec![1, 4];
             let all: Vec<(usize, usize)> = (0..n * n).map(|k| (k % n, k / n)).collect();
             let moved = |i: usize, j: usize| -> [f64; W] { std::array::from_fn(|lane| e(lane, i, j)) };
@@ -323,7 +323,11 @@ mod tests {
                             (false, true) => 0.0,
                         });
                         let mut whole = Chain::default();
-                        assert!(whole.set_matrix(2 * n, &both, 1.0) && whole.make(level) && whole.make(half_level));
+                        assert!(
+                            whole.set_matrix(2 * n, &both, 1.0, &(0..2 * n).collect::<Vec<usize>>())
+                                && whole.make(level)
+                                && whole.make(half_level)
+                        );
                         let corner = |level: usize, k: usize, i: usize, j: usize| whole.at::<12>(level)[k][j + n][i];
                         let near = |found: f64, expected: f64, what: &str| {
                             // Each doubling doubles the relative rounding at most: 2^10 times 2 n roundings.

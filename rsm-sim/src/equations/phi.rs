@@ -71,6 +71,8 @@ pub(super) struct Chain {
     values: Vec<f64>,
     /// For each level, whether it is computed.
     made: Vec<bool>,
+    /// The columns of phi_2 and phi_3 that are computed. The others are 0 where a level is computed by doubling.
+    columns: Vec<usize>,
     /// z to z^4 at the base; then e^z at the longest span that doubling has reached; then working memory.
     work: Vec<f64>,
 }
@@ -84,6 +86,11 @@ impl Chain {
     /// The number of rows.
     pub(super) fn rows(&self) -> usize {
         self.n
+    }
+
+    /// The columns of phi_2 and phi_3 that are computed.
+    pub(super) fn columns(&self) -> &[usize] {
+        &self.columns
     }
 
     /// An entry of phi_1, phi_2 or phi_3 at a level that is computed; `function` begins with 0.
@@ -114,13 +121,16 @@ impl Chain {
         [one, two, three]
     }
 
-    /// Replaces the matrix; then no level is computed. Returns `false` if the matrix is too large or not finite.
-    pub(super) fn set_matrix(&mut self, n: usize, a: &[f64], span: f64) -> bool {
+    /// Replaces the matrix; then no level is computed. `columns`: the columns of phi_2 and phi_3 that are asked for. Returns `false` if the matrix is
+    /// too large or not finite.
+    pub(super) fn set_matrix(&mut self, n: usize, a: &[f64], span: f64, columns: &[usize]) -> bool {
         if self.n != n {
             self.n = n;
             self.work = vec![0.0; 6 * n * stride(n)];
         }
         self.made.clear();
+        self.columns.clear();
+        self.columns.extend_from_slice(columns);
         by_stride!(n, S => vectorised(SetMatrix::<S> { chain: self, a, span }))
     }
 
@@ -176,20 +186,27 @@ impl Chain {
     /// Computes a level from the next one; `work` contains e^z of the next level.
     #[inline(always)]
     fn double<const S: usize>(&mut self, level: usize) -> bool {
-        let n = self.n;
+        let (n, columns) = (self.n, self.columns.as_slice());
         let (zero, spare) = self.work.as_chunks_mut().0[4 * n..].split_at_mut(n);
         let (before, behind) = self.values.as_chunks_mut().0.split_at_mut(3 * (level + 1) * n);
         let [next_one, next_two, next_three] = three_of::<S>(&mut before[3 * level * n..]);
         let [one, two, three] = three_of(&mut behind[..3 * n]);
         // phi_1(2z) = (e^z + 1) phi_1/2, phi_2(2z) = (phi_1^2 + 2 phi_2)/4, phi_3(2z) = (phi_1 phi_2 + phi_2 + 2 phi_3)/8
         product(next_one, zero, one);
-        product(next_two, one, one);
-        product(next_three, one, two);
-        for j in 0..n {
+        for (next, one) in next_one.iter_mut().zip(&*one) {
             for i in 0..S {
-                next_one[j][i] = 0.5 * (next_one[j][i] + one[j][i]);
-                next_two[j][i] = 0.25 * (next_two[j][i] + 2.0 * two[j][i]);
-                next_three[j][i] = 0.125 * (next_three[j][i] + two[j][i] + 2.0 * three[j][i]);
+                next[i] = 0.5 * (next[i] + one[i]);
+            }
+        }
+        if columns.len() < n {
+            next_two.fill([0.0; S]);
+            next_three.fill([0.0; S]);
+        }
+        for j in columns.iter().copied() {
+            let (square, both) = (times(one, &one[j]), times(one, &two[j]));
+            for i in 0..S {
+                next_two[j][i] = 0.25 * (square[i] + 2.0 * two[j][i]);
+                next_three[j][i] = 0.125 * (both[i] + two[j][i] + 2.0 * three[j][i]);
             }
         }
         // e^2z, for the previous level, if there is one.
@@ -369,6 +386,9 @@ pub(super) fn times<const S: usize>(columns: &[[f64; S]], by: &[f64; S]) -> [f64
 mod tests {
     use super::*;
 
+    /// Both columns of two.
+    const ALL: [usize; 2] = [0, 1];
+
     /// phi_1 to phi_3 of a number, from their definition. For numbers of magnitude 1 and more it loses no digits.
     fn plain(z: f64) -> [f64; 3] {
         let one = (z.exp() - 1.0) / z;
@@ -389,7 +409,7 @@ mod tests {
     fn a_triangular_matrix_by_its_eigenvectors() {
         // A = [-2 3; 0 -800] has the eigenvectors (1, 0) and (3, -798): f(A)(3, -798) = f(-800)(3, -798), so the corner is 3 (f(-2) - f(-800))/798.
         let mut chain = Chain::default();
-        assert!(chain.set_matrix(2, &columns([-2.0, 3.0, 0.0, -800.0]), 1.0));
+        assert!(chain.set_matrix(2, &columns([-2.0, 3.0, 0.0, -800.0]), 1.0, &ALL));
         assert!(chain.base() > 9, "{}", chain.base());
         for level in 0..4 {
             assert!(chain.make(level));
@@ -410,7 +430,7 @@ mod tests {
         let a = columns([-3.0, 40.0, -5.0, -60.0]);
         let of = |order: &[usize]| -> Vec<Vec<f64>> {
             let mut chain = Chain::default();
-            assert!(chain.set_matrix(2, &a, 0.7) && order.iter().all(|level| chain.make(*level)));
+            assert!(chain.set_matrix(2, &a, 0.7, &ALL) && order.iter().all(|level| chain.make(*level)));
             (0..chain.base() + 4)
                 .map(|level| if chain.make(level) { flat(&chain, level).concat() } else { Vec::new() })
                 .collect()
@@ -427,7 +447,7 @@ mod tests {
         // Norms from 0.4 to 0.4/2^18 need 4 blocks of terms, then fewer.
         let a = columns([-0.1, 0.3, -0.2, -0.15]);
         let mut chain = Chain::default();
-        assert!(chain.set_matrix(2, &a, 1.0) && chain.base() == 0);
+        assert!(chain.set_matrix(2, &a, 1.0, &ALL) && chain.base() == 0);
         for level in 0..18 {
             assert!(chain.make(level) && chain.make(level + 1));
             let (longer, [one, two, three]) = (flat(&chain, level), flat(&chain, level + 1));
@@ -453,8 +473,8 @@ mod tests {
     fn states_of_other_units_have_the_same_functions() {
         // The same matrix with its second state in thousandths: the off-diagonal entries change by factors of 1000 and 1/1000.
         let (mut plain, mut scaled) = (Chain::default(), Chain::default());
-        assert!(plain.set_matrix(2, &columns([-3.0, 4.0, -5.0, -60.0]), 0.7));
-        assert!(scaled.set_matrix(2, &columns([-3.0, 4e-3, -5e3, -60.0]), 0.7));
+        assert!(plain.set_matrix(2, &columns([-3.0, 4.0, -5.0, -60.0]), 0.7, &ALL));
+        assert!(scaled.set_matrix(2, &columns([-3.0, 4e-3, -5e3, -60.0]), 0.7, &ALL));
         assert!(plain.make(0) && scaled.make(0));
         for (one, other) in flat(&plain, 0).into_iter().zip(flat(&scaled, 0)) {
             for (place, factor) in [(0, 1.0), (4, 1e-3), (1, 1e3), (5, 1.0)] {
@@ -465,11 +485,34 @@ mod tests {
     }
 
     #[test]
+    fn columns_that_are_asked_for_have_the_same_bits_as_with_all_others() {
+        let a = columns([-3.0, 40.0, -5.0, -60.0]);
+        let of = |asked: &[usize]| {
+            let mut chain = Chain::default();
+            assert!(chain.set_matrix(2, &a, 0.7, asked) && chain.make(0) && chain.base() > 0);
+            chain
+        };
+        let (all, second) = (of(&ALL), of(&[1]));
+        for level in 0..=all.base() {
+            for function in 0..3 {
+                assert_eq!(
+                    all.column(level, function, 1),
+                    second.column(level, function, 1),
+                    "level {level}, phi_{}",
+                    function + 1
+                );
+            }
+            assert_eq!(all.column(level, 0, 0), second.column(level, 0, 0), "phi_1 is whole");
+        }
+        assert_eq!(second.column(0, 2, 0), [0.0; 2], "not asked for");
+    }
+
+    #[test]
     fn of_nothing_they_are_the_first_terms_and_of_no_number_nothing() {
         let mut chain = Chain::default();
-        assert!(chain.set_matrix(3, &[0.0; 12], 0.1) && chain.make(1));
+        assert!(chain.set_matrix(3, &[0.0; 12], 0.1, &[0, 1, 2]) && chain.make(1));
         assert_eq!(flat(&chain, 1).map(|it| it[5]), [1.0, 0.5, 1.0 / 6.0]);
         let one = |a: f64| [a, 0.0, 0.0, 0.0];
-        assert!(!chain.set_matrix(1, &one(f64::NAN), 0.1) && !chain.set_matrix(1, &one(1e300), 1e10));
+        assert!(!chain.set_matrix(1, &one(f64::NAN), 0.1, &[0]) && !chain.set_matrix(1, &one(1e300), 1e10, &[0]));
     }
 }

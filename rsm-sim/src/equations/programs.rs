@@ -61,6 +61,8 @@ pub(super) struct Programs {
     /// The Jacobian: its tape, its first slot, its code, which is compiled at its first use.
     slopes: (Option<Tape>, Slot, Option<Code>),
     slope_arguments: Vec<Slot>,
+    /// The columns in which a step by a linear part reads phi_2 and phi_3.
+    pub curved: Vec<usize>,
     /// The kind of each argument of the rates.
     kinds: Vec<Argument>,
     /// Steps that solve the linear part exactly: their slots, and their code, which is compiled at its first use.
@@ -181,7 +183,7 @@ impl Programs {
         let of_row = building.row.iter().map(|it| it.1.piece());
         let given = (0..machine.inputs().len()).map(|k| (k, layout.inputs as usize + k)).collect();
         let inputs = Code::of(std::iter::once(Piece::Spread(given)).chain(of_row).collect(), lanes, way);
-        Programs {
+        let mut programs = Programs {
             layout,
             counts: tapes.counts,
             inputs,
@@ -193,6 +195,7 @@ impl Programs {
             conditions,
             slopes: (tapes.slopes, slopes, None),
             slope_arguments: layout.arguments(tapes.counts, false),
+            curved: Vec::new(),
             kinds,
             block,
             exponential: None,
@@ -208,7 +211,9 @@ impl Programs {
             row: building.row,
             lanes,
             way,
-        }
+        };
+        programs.curved = programs.with_step_inputs(|given| Shape::new(given).columns()).unwrap_or_default();
+        programs
     }
 
     /// The number of slots of an array.

@@ -104,15 +104,6 @@ impl<const L: usize> Walk<'_, L> {
         right
     }
 
-    fn put_lane_on_series(&mut self, lane: usize, tried: Option<Tried>, share: f64, time: f64) {
-        let Some(tried) = tried else { return };
-        let layout = self.programs.layout;
-        for k in 0..self.programs.counts.states {
-            self.slots[layout.states as usize + k][lane] = self.on_series(k, lane, tried.order, share);
-        }
-        self.slots[layout.time as usize][lane] = time;
-    }
-
     fn move_to_step_end(&mut self, time: [f64; L], lanes: [bool; L]) {
         let layout = self.programs.layout;
         let states = layout.states as usize;

@@ -91,32 +91,34 @@ impl<const L: usize> Walk<'_, L> {
         // The change of a state is estimated from the terms at the current share, so terms that are too large lose influence in each iteration.
         for _ in 0..ROUNDS {
             let at = share;
-            let mut moved = std::mem::take(&mut self.moved);
-            moved.clear();
-            moved.resize(count, [0.0; L]);
+            self.with_moved(|slots, terms, moved| {
+                over_lanes::<L, _>(Largest { slots, terms: &terms[..order], share, moved });
+            });
             let (mut power, mut power_before) = (1.0, 1.0);
-            for begin in &self.programs.terms[..order] {
+            for _ in 0..order {
                 (power, power_before) = (power * share, power);
-                for (moved, term) in moved.iter_mut().zip(&self.slots[*begin as usize..]) {
-                    moved[lane] = larger(term[lane].abs() * power, moved[lane]);
-                }
             }
-            for (k, moved) in moved.iter().enumerate() {
+            // For each of the two terms: the smallest permitted change of its size.
+            let mut least = [f64::INFINITY; 2];
+            for k in 0..count {
                 let term = |order: usize| self.slots[self.programs.terms[order - 1] as usize + k][lane].abs();
                 let x = self.slots[states + k][lane];
-                let scale = scale(x, self.largest(k)[lane], moved[lane]);
-                for (found, limit, degree) in
-                    [(term(order) * power, last, order), (term(order - 1) * power_before, before, order - 1)]
-                {
+                let scale = scale(x, self.largest(k)[lane], self.moved[k][lane]);
+                let found = [term(order) * power, term(order - 1) * power_before];
+                for (least, (found, limit)) in least.iter_mut().zip(found.into_iter().zip([last, before])) {
                     if !found.is_finite() {
                         return None;
                     }
                     if found > limit * scale {
-                        share = share.min(at * root(limit * scale / found, degree));
+                        *least = least.min(limit * scale / found);
                     }
                 }
             }
-            self.moved = moved;
+            for (least, degree) in least.into_iter().zip([order, order - 1]) {
+                if least < f64::INFINITY {
+                    share = share.min(at * root(least, degree));
+                }
+            }
             if share == at {
                 break;
             }
@@ -125,38 +127,46 @@ impl<const L: usize> Walk<'_, L> {
             return None;
         }
         let tried = Tried { order, share: 0.9 * share };
-        for k in 0..self.programs.counts.states {
-            self.step_end[k][lane] = self.on_series(k, lane, tried.order, tried.share);
+        self.sum_up_to(tried.order, tried.share);
+        for k in 0..count {
+            self.step_end[k][lane] = self.before[k][lane] + self.moved[k][lane];
         }
         Some(tried)
     }
 
+    /// Computes numbers of all states from the terms of the series, in `moved`.
+    fn with_moved(&mut self, work: impl FnOnce(&[[f64; L]], &[Slot], &mut [[f64; L]])) {
+        self.moved.clear();
+        self.moved.resize(self.programs.counts.states, [0.0; L]);
+        work(&self.slots, &self.programs.terms, &mut self.moved);
+    }
+
+    /// Computes the changes of all states up to a share of a step, in `moved`.
+    fn sum_up_to(&mut self, order: usize, share: f64) {
+        self.with_moved(|slots, terms, moved| {
+            over_lanes::<L, _>(Sum { slots, terms: &terms[..order], share, moved });
+        });
+    }
+
     /// Moves all lanes to a share of a step whose series have the same order.
     pub(super) fn put_on_series(&mut self, order: usize, share: f64, time: f64) {
-        let (layout, count) = (self.programs.layout, self.programs.counts.states);
-        let states = layout.states as usize;
-        let (terms, step_start) = (&self.programs.terms[..order], &self.before);
-        let mut moved = std::mem::take(&mut self.moved);
-        moved.clear();
-        moved.resize(count, [0.0; L]);
-        over_lanes::<L, _>(Sum { slots: &self.slots, terms, share, moved: &mut moved });
-        for ((to, begun), moved) in self.slots[states..states + count].iter_mut().zip(step_start).zip(&moved) {
+        self.sum_up_to(order, share);
+        let states = self.programs.layout.states as usize;
+        for ((to, begun), moved) in self.slots[states..].iter_mut().zip(&self.before).zip(&self.moved) {
             *to = std::array::from_fn(|lane| begun[lane] + moved[lane]);
         }
-        self.slots[layout.time as usize] = [time; L];
-        self.moved = moved;
+        self.slots[self.programs.layout.time as usize] = [time; L];
     }
 
-    /// A state at a share of the step.
-    pub(super) fn on_series(&self, state: usize, lane: usize, order: usize, share: f64) -> f64 {
-        let term = |k: usize| self.slots[self.programs.terms[k - 1] as usize + state][lane];
-        let moved = (1..=order).rev().fold(0.0, |sum, k| (sum + term(k)) * share);
-        self.begun(state, lane) + moved
-    }
-
-    /// A state at the start of the step, also after the states have been advanced.
-    fn begun(&self, state: usize, lane: usize) -> f64 {
-        self.before[state][lane]
+    /// Moves a lane to a share of its step.
+    pub(super) fn put_lane_on_series(&mut self, lane: usize, tried: Option<Tried>, share: f64, time: f64) {
+        let Some(tried) = tried else { return };
+        self.sum_up_to(tried.order, share);
+        let states = self.programs.layout.states as usize;
+        for ((to, begun), moved) in self.slots[states..].iter_mut().zip(&self.before).zip(&self.moved) {
+            to[lane] = begun[lane] + moved[lane];
+        }
+        self.slots[self.programs.layout.time as usize][lane] = time;
     }
 
     /// Stores the states at the start of the step.
@@ -218,6 +228,33 @@ impl<const L: usize> Work for Check<'_, L> {
             }
         }
         over.map(|it| it == 0)
+    }
+}
+
+/// The largest change of all states up to a share of a step by one of the terms.
+struct Largest<'a, const L: usize> {
+    slots: &'a [[f64; L]],
+    /// The first slot of the terms of each order.
+    terms: &'a [Slot],
+    share: f64,
+    moved: &'a mut [[f64; L]],
+}
+
+impl<const L: usize> Work for Largest<'_, L> {
+    type Found = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Largest { slots, terms, share, moved } = self;
+        let mut power = 1.0;
+        for begin in terms {
+            power *= share;
+            for (moved, term) in moved.iter_mut().zip(&slots[*begin as usize..]) {
+                for lane in 0..L {
+                    moved[lane] = larger(term[lane].abs() * power, moved[lane]);
+                }
+            }
+        }
     }
 }
 

@@ -355,9 +355,7 @@ impl Carried {
         let mut entries_of_jacobian: Vec<(usize, usize)> =
             changing.iter().filter(|k| **k < n * n).map(|k| (k / n, k % n)).collect();
         entries_of_jacobian.sort_by_key(|it| it.1);
-        let mut columns: Vec<usize> = shape.bent.iter().chain(&shape.timed).copied().collect();
-        columns.sort_unstable();
-        columns.dedup();
+        let columns = shape.columns();
         let timed = columns.iter().copied().enumerate().filter(|it| shape.timed.contains(&it.1)).collect();
         let mut entries: Vec<Entry> = Vec::new();
         let square =

@@ -245,7 +245,7 @@ impl Walk<'_, 1> {
         part.held.clear();
         part.held.extend(self.slots[held..held + count].iter().map(|it| it[0]));
         part.length = length;
-        let is_part = part.take(n, self.slots[range].iter().map(|it| it[0]));
+        let is_part = part.take(n, &self.programs.curved, self.slots[range].iter().map(|it| it[0]));
         if !is_part {
             // NaN marks the part as unusable.
             part.length = f64::NAN;

@@ -62,18 +62,24 @@ fn power(number: f64, a: usize, b: usize) -> f64 {
     high
 }
 
-/// A root, to three digits, which is sufficient for a step length.
+/// The steps of a root.
+const STEPS: f64 = 4096.0;
+
+/// A root between 0 and 1, to three digits, which is sufficient for a step length: the largest multiple of 1/4096 whose power is below the number.
+/// The library's power is only a first guess: products decide, so the bits are the same on every machine.
 pub(super) fn root(number: f64, degree: usize) -> f64 {
     if !(number > 0.0 && number.is_finite()) {
         return 0.0;
     }
-    let (mut low, mut high) = (0.0_f64, 1.0_f64);
-    for _ in 0..12 {
-        let middle = 0.5 * (low + high);
-        let raised = (0..degree).fold(1.0, |product, _| product * middle);
-        if raised < number { low = middle } else { high = middle }
+    let is_below = |step: f64| (0..degree).fold(1.0, |product, _| product * (step / STEPS)) < number;
+    let mut step = (number.powf(1.0 / degree as f64) * STEPS).floor().clamp(0.0, STEPS - 1.0);
+    while step > 0.0 && !is_below(step) {
+        step -= 1.0;
     }
-    low
+    while step < STEPS - 1.0 && is_below(step + 1.0) {
+        step += 1.0;
+    }
+    step / STEPS
 }
 
 #[cfg(test)]
@@ -87,5 +93,30 @@ mod tests {
             assert!((power(1e-8, a, b) / expected - 1.0).abs() < 1e-12, "{a}/{b}");
         }
         assert!((root(0.5, 7) - 0.5_f64.powf(1.0 / 7.0)).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_root_is_the_one_that_bisection_finds() {
+        let bisected = |number: f64, degree: usize| {
+            let (mut low, mut high) = (0.0_f64, 1.0_f64);
+            for _ in 0..12 {
+                let middle = 0.5 * (low + high);
+                if (0..degree).fold(1.0, |product, _| product * middle) < number { low = middle } else { high = middle }
+            }
+            low
+        };
+        for degree in 1..=MOST {
+            // Numbers from a Weyl sequence over forty decades, powers of steps, and numbers at the ends of the range.
+            let numbers = (1..400).map(|k| 10.0_f64.powf(-40.0 * (f64::from(k) * 2.0_f64.sqrt()).fract()));
+            let powers = (0..=64).map(|k| (f64::from(k) / 64.0).powi(degree as i32));
+            for number in numbers.chain(powers).chain([f64::MIN_POSITIVE, 5e-324, 1.0, 1.0 - f64::EPSILON, 2.0, 1e300]) {
+                assert_eq!(
+                    root(number, degree),
+                    if number > 0.0 { bisected(number, degree) } else { 0.0 },
+                    "{number} {degree}"
+                );
+            }
+        }
+        assert_eq!([f64::NAN, f64::INFINITY, -1.0, 0.0].map(|it| root(it, 3)), [0.0; 4]);
     }
 }
