@@ -26,6 +26,9 @@ const LEAST_STRUCTURE: f64 = 0.05;
 /// The smallest number of other records: with two records the usual configuration is unknown.
 const LEAST_OTHERS: usize = 2;
 
+/// Estimates the noise from the residual of a fit.
+type Floors<'a> = dyn Fn(&WhitenedResiduals, &Fit) -> [NoiseFloor; OUTPUTS] + Sync + 'a;
+
 /// One record separated from all others.
 pub struct SeparateRecord {
     /// Training records without it.
@@ -51,13 +54,13 @@ impl SeparateRecord {
     }
 }
 
-/// The record that differs from all others, if there is exactly one. `floors` estimates the noise from the residual of a fit.
+/// The record that differs from all others, if there is exactly one.
 #[must_use]
 pub fn separate_record(
     whitened: &WhitenedResiduals,
     unseen: &WhitenedResiduals,
     nominal: &Model,
-    floors: &(dyn Fn(&WhitenedResiduals, &Fit) -> [NoiseFloor; OUTPUTS] + Sync),
+    floors: &Floors<'_>,
 ) -> Option<SeparateRecord> {
     let (trained, judged) = (whitened.records.len(), unseen.records.len());
     if trained + judged <= LEAST_OTHERS {
@@ -81,7 +84,10 @@ pub fn separate_record(
         if !asked.iter().any(|it| is_asked(it)) {
             return Vec::new();
         }
-        let others = left_out.map_or(trains.clone(), |record| trains.with_records(without(&trains.records, record)));
+        let others = match left_out {
+            Some(record) => trains.with_records(without(&trains.records, *record)),
+            None => trains.clone(),
+        };
         let Some(fitted) = Fitted::to(others, nominal, floors) else { return Vec::new() };
         let one = |(place, record): (usize, &Prepared)| {
             let others = match left_out {
@@ -115,11 +121,7 @@ struct Fitted {
 
 impl Fitted {
     /// `None` if the calibration leaves structure.
-    fn to(
-        mut whitened: WhitenedResiduals,
-        nominal: &Model,
-        floors: &(dyn Fn(&WhitenedResiduals, &Fit) -> [NoiseFloor; OUTPUTS] + Sync),
-    ) -> Option<Fitted> {
+    fn to(mut whitened: WhitenedResiduals, nominal: &Model, floors: &Floors<'_>) -> Option<Fitted> {
         let fit = levenberg::fit(&whitened, on_records(nominal, &whitened), STEPS)?;
         whitened.floors = floors(&whitened, &fit);
         let fit = levenberg::fit(&whitened, fit.model, STEPS)?;

@@ -156,21 +156,19 @@ fn traces(
         replaces || configurations[model].is_none_or(|its| record.configuration_name(kind) == Some(its))
     };
     let mut runs = whitened.run_changed(&models, &fit.simulated, &changes).into_iter();
-    let mut of = |(k, guess): &(usize, Guess)| -> Vec<Vec<Simulated>> {
-        if is_wave(*k) {
-            return Vec::new();
-        }
-        let runs: Option<Vec<_>> = runs.by_ref().take(if guess.phase.is_some() { 2 } else { 1 }).collect();
-        runs.unwrap_or_default()
+    // Waves need no simulation.
+    let mut of = |(k, guess): &(usize, Guess)| -> Option<Vec<Vec<Simulated>>> {
+        let taken = (!is_wave(*k)).then(|| runs.by_ref().take(if guess.phase.is_some() { 2 } else { 1 }));
+        taken.map(|it| it.collect::<Option<Vec<_>>>().unwrap_or_default())
     };
     let all: Vec<(&(usize, Guess), _)> = guesses.iter().map(|guess| (guess, of(guess))).collect();
-    in_threads(&all, whitened.threads, |((k, guess), runs)| {
-        if let Some(traces) = traces.as_ref().filter(|_| is_wave(*k)) {
+    in_threads(&all, whitened.threads, |((k, guess), runs)| match runs {
+        Some(runs) => runs.iter().map(|run| whitened.changes(&fit.simulated, run, 1.0)).collect(),
+        None => {
             // With a wave, the simulated position differs from the true one. The record has the true position.
             let wave = waves::of(&hypotheses[*k].entry(kind, &guess.values).arguments);
-            return wave.map_or_else(Vec::new, |it| traces.traces(&it).into());
+            traces.as_ref().zip(wave).map_or_else(Vec::new, |(traces, wave)| traces.traces(&wave).into())
         }
-        runs.iter().map(|run| whitened.changes(&fit.simulated, run, 1.0)).collect()
     })
 }
 

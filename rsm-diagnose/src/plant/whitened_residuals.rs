@@ -348,10 +348,12 @@ impl WhitenedResiduals {
         columns.into_iter().collect()
     }
 
-    /// The records on which an unknown acts: those of its configurations.
+    /// The records on which an unknown acts: that of an initial state, those of its configurations otherwise.
     fn changed(&self, model: &Model, unknown: usize) -> Vec<usize> {
-        let acts = |record: &usize| model.acts_on(model.unknowns[unknown].place, &self.records[*record].record);
-        (0..self.records.len()).filter(acts).collect()
+        match model.unknowns[unknown].place {
+            Place::Start { record, .. } => vec![record],
+            place => (0..self.records.len()).filter(|record| model.acts_on(place, &self.records[*record].record)).collect(),
+        }
     }
 
     /// Forward differences for unknowns with their steps; `None` where one cannot be simulated.
@@ -365,23 +367,15 @@ impl WhitenedResiduals {
             other.set(k, unknown.plant_value(at + step));
             moved.push((k, step, other));
         }
-        let mut jobs: Vec<(usize, &Model)> = Vec::new();
-        for (k, _, other) in &moved {
-            match model.unknowns[*k].place {
-                Place::Start { record, .. } => jobs.push((record, other)),
-                _ => jobs.extend(self.changed(model, *k).into_iter().map(|record| (record, other))),
-            }
-        }
+        let changed: Vec<Vec<usize>> = moved.iter().map(|(k, ..)| self.changed(model, *k)).collect();
+        let jobs: Vec<(usize, &Model)> =
+            moved.iter().zip(&changed).flat_map(|(it, records)| records.iter().map(|record| (*record, &it.2))).collect();
         let mut done = self.simulate(&jobs).into_iter();
         // For each unknown: the records on which it acts, with their simulations.
-        let mut runs: Vec<Vec<(usize, Option<Simulated>)>> = Vec::with_capacity(moved.len());
-        for (k, _, _) in &moved {
-            let records = match model.unknowns[*k].place {
-                Place::Start { record, .. } => vec![record],
-                _ => self.changed(model, *k),
-            };
-            runs.push(records.into_iter().map(|record| (record, done.next().flatten())).collect());
-        }
+        let runs: Vec<Vec<(usize, Option<Simulated>)>> = changed
+            .into_iter()
+            .map(|records| records.into_iter().map(|record| (record, done.next().flatten())).collect())
+            .collect();
         let places: Vec<usize> = (0..moved.len()).collect();
         in_threads(&places, self.threads, |&place| {
             let (k, step, _) = &moved[place];

@@ -93,7 +93,7 @@ pub(super) struct Shared {
 
 impl Shared {
     /// Prepares the derivatives of the functions of a chain. `jacobian`: A, column by column. `half_level`: the level after `level`, or `level`
-    /// again. `columns`: the columns of phi_2 and phi_3. The chain must have computed all levels from `level` on.
+    /// again. `columns`: the columns of phi_2 and phi_3. The chain must have computed these columns and all levels from `level` on.
     pub(super) fn prepare(
         &mut self,
         (n, jacobian, span): (usize, &[f64], f64),

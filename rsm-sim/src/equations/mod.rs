@@ -32,6 +32,7 @@ mod layout;
 pub mod linear;
 pub mod machine;
 mod methods;
+mod norm;
 mod numbers;
 pub mod observed;
 mod part;

@@ -39,8 +39,8 @@ struct Forcing<const S: usize> {
 
 impl Part {
     /// Takes the Jacobian, row by row, followed by the derivatives with respect to time, if there are any. Returns `false` if it has no functions
-    /// over the span. `bent`: the states whose rates are not linear, or depend on time.
-    pub(super) fn take(&mut self, n: usize, bent: &[usize], slopes: impl Iterator<Item = f64>) -> bool {
+    /// over the span. `curved`: the columns in which steps read phi_2 and phi_3.
+    pub(super) fn take(&mut self, n: usize, curved: &[usize], slopes: impl Iterator<Item = f64>) -> bool {
         let row = stride(n);
         self.columns.clear();
         self.columns.resize(n * row, 0.0);
@@ -53,7 +53,7 @@ impl Part {
                 self.by_time[k - n * n] = slope;
             }
         }
-        self.chain.set_matrix(n, &self.columns, self.length, bent)
+        self.chain.set_matrix(n, &self.columns, self.length, curved)
     }
 
     /// Computes the functions for a step of a level. Returns `false` if they are not finite.

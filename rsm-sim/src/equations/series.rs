@@ -91,13 +91,8 @@ impl<const L: usize> Walk<'_, L> {
         // The change of a state is estimated from the terms at the current share, so terms that are too large lose influence in each iteration.
         for _ in 0..ROUNDS {
             let at = share;
-            self.with_moved(|slots, terms, moved| {
-                over_lanes::<L, _>(Largest { slots, terms: &terms[..order], share, moved });
-            });
-            let (mut power, mut power_before) = (1.0, 1.0);
-            for _ in 0..order {
-                (power, power_before) = (power * share, power);
-            }
+            let [power_before, power] = self
+                .with_moved(|slots, terms, moved| over_lanes::<L, _>(Largest { slots, terms: &terms[..order], share, moved }));
             // For each of the two terms: the smallest permitted change of its size.
             let mut least = [f64::INFINITY; 2];
             for k in 0..count {
@@ -135,10 +130,10 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// Computes numbers of all states from the terms of the series, in `moved`.
-    fn with_moved(&mut self, work: impl FnOnce(&[[f64; L]], &[Slot], &mut [[f64; L]])) {
+    fn with_moved<T>(&mut self, work: impl FnOnce(&[[f64; L]], &[Slot], &mut [[f64; L]]) -> T) -> T {
         self.moved.clear();
         self.moved.resize(self.programs.counts.states, [0.0; L]);
-        work(&self.slots, &self.programs.terms, &mut self.moved);
+        work(&self.slots, &self.programs.terms, &mut self.moved)
     }
 
     /// Computes the changes of all states up to a share of a step, in `moved`.
@@ -231,7 +226,7 @@ impl<const L: usize> Work for Check<'_, L> {
     }
 }
 
-/// The largest change of all states up to a share of a step by one of the terms.
+/// The largest change of all states up to a share of a step by one of the terms. Also the powers of the share in the last two terms.
 struct Largest<'a, const L: usize> {
     slots: &'a [[f64; L]],
     /// The first slot of the terms of each order.
@@ -241,20 +236,21 @@ struct Largest<'a, const L: usize> {
 }
 
 impl<const L: usize> Work for Largest<'_, L> {
-    type Found = ();
+    type Found = [f64; 2];
 
     #[inline(always)]
-    fn run(self) {
+    fn run(self) -> [f64; 2] {
         let Largest { slots, terms, share, moved } = self;
-        let mut power = 1.0;
+        let (mut power_before, mut power) = (1.0, 1.0);
         for begin in terms {
-            power *= share;
+            (power_before, power) = (power, power * share);
             for (moved, term) in moved.iter_mut().zip(&slots[*begin as usize..]) {
                 for lane in 0..L {
                     moved[lane] = larger(term[lane].abs() * power, moved[lane]);
                 }
             }
         }
+        [power_before, power]
     }
 }
 
