@@ -18,6 +18,7 @@ macro_rules! stderr_text {
 
 mod commands;
 mod evaluators;
+mod memory;
 mod outcome;
 mod output;
 mod page;

@@ -48,6 +48,7 @@ pub mod places;
 pub mod source;
 pub mod threads;
 pub mod toml_reader;
+pub mod vector;
 
 pub mod model;
 pub mod model_file;

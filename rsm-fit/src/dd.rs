@@ -15,7 +15,6 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 use rsm_core::basis::Arithmetic;
 
 pub(crate) mod lanes;
-pub(crate) mod widest;
 
 /// high + low, where high is the sum rounded to f64.
 ///

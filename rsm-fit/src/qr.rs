@@ -10,7 +10,7 @@
 
 use crate::dd::Dd;
 use crate::dd::lanes::{self, Lanes};
-use crate::dd::widest::{Kernel, widest};
+use rsm_core::vector::{Work, widest};
 
 pub(crate) mod table;
 
@@ -453,8 +453,8 @@ impl Growing {
 /// R^-T x in each lane, in place: the steps of `forward_substitute`.
 struct Projected<'a>(&'a Growing, &'a mut [Lanes]);
 
-impl Kernel for Projected<'_> {
-    type Output = ();
+impl Work for Projected<'_> {
+    type Found = ();
 
     #[inline(always)]
     fn run(self) {

@@ -3,26 +3,39 @@
 //! In: columns of one length, in a space where the noise is white. Out: bases, coefficients, projections of a residual. Independent of the meaning of
 //! a column.
 
+use rsm_core::vector::{Work, widest};
+
 /// A column is dependent when less than this share of its length is independent of the columns before it. Such a rest is rounding error: columns of
 /// powers up to seven on [-1, 1] keep about ten of 16 digits.
 const DEPENDENT: f64 = 1e-6;
 
-/// Inner product, as eight partial sums. Their order is fixed, and the compiler may vectorise them. If the lengths differ, the longer list is cut to
-/// the shorter length.
+/// Inner product, as eight partial sums. Their order is fixed, so they may be computed in vector registers. If the lengths differ, the
+/// longer list is cut to the shorter length.
 #[must_use]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     // Cut first: otherwise the chunks and remainders of the two lists would not have the same positions.
     let common = a.len().min(b.len());
-    let (a, b) = (&a[..common], &b[..common]);
-    let mut sums = [0.0; 8];
-    let ((a8, a_rest), (b8, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    for (a, b) in a8.iter().zip(b8) {
-        for k in 0..8 {
-            sums[k] += a[k] * b[k];
+    widest(Dot(&a[..common], &b[..common]))
+}
+
+/// Two lists of the same length.
+struct Dot<'a>(&'a [f64], &'a [f64]);
+
+impl Work for Dot<'_> {
+    type Found = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let mut sums = [0.0; 8];
+        let ((a8, a_rest), (b8, b_rest)) = (self.0.as_chunks::<8>(), self.1.as_chunks::<8>());
+        let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+        for (a, b) in a8.iter().zip(b8) {
+            for k in 0..8 {
+                sums[k] += a[k] * b[k];
+            }
         }
+        sums.iter().sum::<f64>() + rest
     }
-    sums.iter().sum::<f64>() + rest
 }
 
 /// a - factor b, in place.

@@ -10,6 +10,7 @@ use super::levenberg::Fit;
 use super::one_body::{Controller, Linear, OneBody};
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
 use crate::engine::angle::{Multiples, sin_cos};
+use rsm_core::vector::{Work, widest};
 use rsm_sim::effect::Wave;
 use rsm_sim::record::Drive;
 
@@ -88,32 +89,8 @@ impl RecordTrace<'_> {
     /// node.
     fn run<const N: usize>(&self, force: impl Fn(usize, usize) -> [f64; N]) -> [[Vec<f64>; 2]; N] {
         let rows = self.position.len();
-        let it = self.answer;
-        let mut outputs: [[Vec<f64>; 2]; N] = std::array::from_fn(|_| [Vec::with_capacity(rows), Vec::with_capacity(rows)]);
-        let (mut q, mut v) = ([0.0; N], [0.0; N]);
-        let mut past = [[0.0; N]; 2];
-        for row in 0..rows {
-            let (a, b) = (force(row, 0), force(row, 1));
-            // A command at its limit does not respond.
-            let controller = it.controller.filter(|it| self.command[row].abs() < it.limit);
-            let here = q;
-            for k in 0..N {
-                let command = controller.map_or(0.0, |it| {
-                    let speed = if it.is_difference { (q[k] - past[1][k]) / (2.0 * self.period) } else { v[k] };
-                    it.speed_gain * (-it.position_gain * q[k] - speed)
-                });
-                outputs[k][0].push(q[k]);
-                outputs[k][1].push(command);
-                let held = it.force_gain * command;
-                let displacement = it.displacement[0] * v[k]
-                    + it.displacement[1] * held
-                    + it.displacement[2] * a[k]
-                    + it.displacement[3] * b[k];
-                (q[k], v[k]) =
-                    (q[k] + displacement, it.speed[0] * v[k] + it.speed[1] * held + it.speed[2] * a[k] + it.speed[3] * b[k]);
-            }
-            past = [here, past[0]];
-        }
+        let mut outputs = std::array::from_fn(|_| [vec![0.0; rows], vec![0.0; rows]]);
+        widest(Motions { trace: self, force, outputs: &mut outputs });
         outputs
     }
 
@@ -154,6 +131,52 @@ impl RecordTrace<'_> {
         }
     }
 }
+
+/// Motions by some forces along a record. Each force has its own position and command.
+struct Motions<'a, F, const N: usize> {
+    trace: &'a RecordTrace<'a>,
+    force: F,
+    outputs: &'a mut [[Vec<f64>; 2]; N],
+}
+
+impl<F: Fn(usize, usize) -> [f64; N], const N: usize> Work for Motions<'_, F, N> {
+    type Found = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Motions { trace, force, outputs } = self;
+        let it = trace.answer;
+        let (mut q, mut v) = ([0.0; N], [0.0; N]);
+        let mut past = [[0.0; N]; 2];
+        for row in 0..trace.position.len() {
+            let (a, b) = (force(row, 0), force(row, 1));
+            let mut command = [0.0; N];
+            // A command at its limit does not respond.
+            if let Some(it) = it.controller.filter(|it| trace.command[row].abs() < it.limit) {
+                for k in 0..N {
+                    let speed = if it.is_difference { (q[k] - past[1][k]) / (2.0 * trace.period) } else { v[k] };
+                    command[k] = it.speed_gain * (-it.position_gain * q[k] - speed);
+                }
+            }
+            for (outputs, values) in outputs.iter_mut().zip(q.iter().zip(&command)) {
+                (outputs[0][row], outputs[1][row]) = (*values.0, *values.1);
+            }
+            past = [q, past[0]];
+            for k in 0..N {
+                let held = it.force_gain * command[k];
+                let displacement = it.displacement[0] * v[k]
+                    + it.displacement[1] * held
+                    + it.displacement[2] * a[k]
+                    + it.displacement[3] * b[k];
+                q[k] += displacement;
+                v[k] = it.speed[0] * v[k] + it.speed[1] * held + it.speed[2] * a[k] + it.speed[3] * b[k];
+            }
+        }
+    }
+}
+
+/// The number of waves that are computed side by side.
+const TOGETHER: usize = 8;
 
 /// All records with a position.
 pub struct PositionTraces<'k> {
@@ -258,16 +281,26 @@ impl<'k> PositionTraces<'k> {
     /// position.
     #[must_use]
     pub fn multiples(&self, number: f64, multiples: Range<usize>) -> Vec<[Vec<f64>; 2]> {
-        let stacks = || std::array::from_fn(|_| vec![0.0; self.rows]);
-        let mut list: Vec<[Vec<f64>; 2]> = multiples.clone().map(|_| stacks()).collect();
+        let groups = multiples.len().div_ceil(TOGETHER);
+        let mut list: Vec<[Vec<f64>; 2 * TOGETHER]> =
+            (0..groups).map(|_| std::array::from_fn(|_| vec![0.0; self.rows])).collect();
         for it in &self.list {
             let mut sines = Multiples::new(it.positions().map(|q| number * q).collect(), multiples.start);
+            let mut forces = vec![[0.0; 2 * TOGETHER]; 2 * it.position.len()];
             for stacks in &mut list {
-                let force = |row: usize, node: usize| <[f64; 2]>::from(sines.now()[2 * row + node]);
-                it.answer(self.whitened, force, stacks);
-                sines.advance();
+                for lane in 0..TOGETHER {
+                    for (to, (sin, cos)) in forces.iter_mut().zip(sines.now()) {
+                        (to[2 * lane], to[2 * lane + 1]) = (*sin, *cos);
+                    }
+                    sines.advance();
+                }
+                it.answer(self.whitened, |row, node| forces[2 * row + node], stacks);
             }
         }
-        list
+        let pairs = |stacks: [Vec<f64>; 2 * TOGETHER]| {
+            let mut stacks = stacks.into_iter();
+            std::iter::from_fn(move || Some([stacks.next()?, stacks.next()?]))
+        };
+        list.into_iter().flat_map(pairs).take(multiples.len()).collect()
     }
 }

@@ -3,8 +3,8 @@
 //! In: numbers of consecutive rows, one in each lane. Out: in each lane the bits that `Dd` gives there, by the same operations in the same order;
 //! branches become choices between two results. A compiler makes vector instructions of the loops over lanes.
 
-use super::widest::{Kernel, widest};
 use super::{Dd, fast_two_sum, product, sum};
+use rsm_core::vector::{Work, widest};
 
 /// The number of lanes: one register of AVX-512, two of AVX, four of SSE2.
 pub(crate) const LANES: usize = 8;
@@ -146,8 +146,8 @@ fn minus(a: (f64, f64), b: (f64, f64), digit: f64) -> (f64, f64) {
 /// The quotient in every lane.
 struct Quotient(Lanes, Lanes);
 
-impl Kernel for Quotient {
-    type Output = Lanes;
+impl Work for Quotient {
+    type Found = Lanes;
 
     #[inline(always)]
     fn run(self) -> Lanes {
@@ -176,8 +176,8 @@ pub(crate) fn value(terms: &[Lanes], coefficients: &[Lanes]) -> Lanes {
 
 struct Value<'a>(&'a [Lanes], &'a [Lanes]);
 
-impl Kernel for Value<'_> {
-    type Output = Lanes;
+impl Work for Value<'_> {
+    type Found = Lanes;
 
     #[inline(always)]
     fn run(self) -> Lanes {

@@ -9,7 +9,7 @@ use rsm_core::model::Outside;
 use super::{Design, Physical};
 use crate::dd::Dd;
 use crate::dd::lanes::{LANES, Lanes};
-use crate::dd::widest::{Kernel, widest};
+use rsm_core::vector::{Work, widest};
 
 /// How a point is seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,8 +96,8 @@ struct Products<'a> {
     powers: &'a [Vec<Lanes>],
 }
 
-impl Kernel for Products<'_> {
-    type Output = ();
+impl Work for Products<'_> {
+    type Found = ();
 
     #[inline(always)]
     fn run(self) {

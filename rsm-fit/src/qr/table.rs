@@ -8,8 +8,8 @@
 use super::{BLOCK, Compressed, Triangle};
 use crate::dd::Dd;
 use crate::dd::lanes::{self, LANES, Lanes};
-use crate::dd::widest::{Kernel, widest};
 use crate::threads;
+use rsm_core::vector::{Work, widest};
 
 /// The number of rows of a group: 4,096 in each lane, so that the triangles of the lanes are less than a hundredth of the rows of ten terms.
 pub(crate) const GROUP: usize = 4096 * LANES;
@@ -128,8 +128,8 @@ fn reduce(columns: &mut [Vec<Lanes>], v: &mut Vec<Lanes>) {
 /// The sum of squares of a column.
 struct Square<'a>(&'a [Lanes]);
 
-impl Kernel for Square<'_> {
-    type Output = Lanes;
+impl Work for Square<'_> {
+    type Found = Lanes;
 
     #[inline(always)]
     fn run(self) -> Lanes {
@@ -145,8 +145,8 @@ struct Reflected<'a> {
     column: &'a mut [Lanes],
 }
 
-impl Kernel for Reflected<'_> {
-    type Output = ();
+impl Work for Reflected<'_> {
+    type Found = ();
 
     #[inline(always)]
     fn run(self) {

@@ -17,30 +17,13 @@ mod registers;
 mod tests;
 
 use rsm_core::tape::{Op, Tape};
+use rsm_core::vector::widest;
+pub(crate) use rsm_core::vector::{Work, has_eight, vectorised};
 
 use interpreted::Interpreted;
 
 /// The number of lanes in one slot of a wide array: the numbers in one AVX register.
 pub const WIDE: usize = 4;
-
-/// Loops over numbers in adjacent memory. `run` and everything that it calls must have the attribute `inline(always)`: only inlined code becomes
-/// vector instructions.
-pub(crate) trait Work {
-    /// The result.
-    type Found;
-    fn run(self) -> Self::Found;
-}
-
-/// Runs loops with the registers of AVX2, if this machine has them. The bits are the same: each number has its own operations, in the same order, and
-/// no operations are fused.
-#[inline]
-pub(crate) fn vectorised<W: Work>(work: W) -> W::Found {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        return native::with_avx2(work);
-    }
-    work.run()
-}
 
 /// Runs loops over lanes: with more than one lane as [`vectorised`].
 #[inline(always)]
@@ -48,28 +31,11 @@ pub(crate) fn over_lanes<const L: usize, W: Work>(work: W) -> W::Found {
     if L > 1 { vectorised(work) } else { work.run() }
 }
 
-/// Runs loops over four or eight lanes: over eight with the registers of AVX-512, which the machine must have (see [`has_eight`]), else as
+/// Runs loops over four or eight lanes: over eight with the registers of AVX-512, if the machine has them (see [`has_eight`]), else as
 /// [`vectorised`]. So a loop is compiled for three sets of instructions, not for each set with each number of lanes. The bits are the same.
 #[inline]
 pub(crate) fn by_registers<const L: usize, W: Work>(work: W) -> W::Found {
-    #[cfg(target_arch = "x86_64")]
-    if L > WIDE {
-        return native::with_avx512(work);
-    }
-    vectorised(work)
-}
-
-/// Whether a register of this machine has eight numbers.
-#[inline]
-pub(crate) fn has_eight() -> bool {
-    #[cfg(target_arch = "x86_64")]
-    {
-        std::arch::is_x86_feature_detected!("avx512f")
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    {
-        false
-    }
+    if L > WIDE { widest(work) } else { vectorised(work) }
 }
 
 /// The index of a number in an array of slots.

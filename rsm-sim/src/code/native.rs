@@ -13,7 +13,7 @@ use rsm_core::tape::{Op, Reg};
 
 use super::interpreted::Interpreted;
 use super::registers::{Memory, Move, Registers};
-use super::{Piece, Slot, WIDE, Work, lengthen};
+use super::{Piece, Slot, WIDE, lengthen};
 
 /// 2^52: from here to 2^53 the last bit of a number has the value 1.
 const WHOLE: f64 = 4_503_599_627_370_496.0;
@@ -240,30 +240,6 @@ impl Native {
 #[inline(never)]
 fn more_spills<const L: usize>(spare: &mut Vec<[f64; L]>, count: usize) {
     lengthen(spare, count);
-}
-
-/// Runs work as code with AVX2. The machine must have AVX2.
-#[inline]
-pub(super) fn with_avx2<W: Work>(work: W) -> W::Found {
-    #[target_feature(enable = "avx2")]
-    fn wide<W: Work>(work: W) -> W::Found {
-        work.run()
-    }
-    assert!(std::arch::is_x86_feature_detected!("avx2"), "a machine with AVX2");
-    // SAFETY: the machine has AVX2.
-    unsafe { wide(work) }
-}
-
-/// Runs work as code with AVX-512. The machine must have AVX-512.
-#[inline]
-pub(super) fn with_avx512<W: Work>(work: W) -> W::Found {
-    #[target_feature(enable = "avx512f")]
-    fn widest<W: Work>(work: W) -> W::Found {
-        work.run()
-    }
-    assert!(std::arch::is_x86_feature_detected!("avx512f"), "a machine with AVX-512");
-    // SAFETY: the machine has AVX-512.
-    unsafe { widest(work) }
 }
 
 impl<'a> Compiler<'a> {

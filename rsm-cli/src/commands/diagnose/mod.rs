@@ -77,6 +77,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Outcome {
+    crate::memory::keep_freed_vectors();
     let source = Source::read(&arguments.plant)?;
     if arguments.plant.extension().is_some_and(|it| it.eq_ignore_ascii_case("mo")) {
         return Err(Refusal::new(format!(

@@ -5,6 +5,7 @@
 //! wave moves the states of the next row, and the linear model of the rows gives all that follows. Fits nothing.
 
 use rsm_core::order;
+use rsm_core::vector::{Work, widest};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -81,8 +82,9 @@ impl<'f> Turning<'f> {
     /// number of periods in a period of the slow wave.
     #[must_use]
     pub fn wave(&self, number: f64) -> [Vec<Vec<f64>>; 2] {
-        let sines: Vec<(f64, f64)> = self.phase.iter().map(|phase| sin_cos(number * phase)).collect();
-        self.wave_of(number, &sines)
+        let sines: Vec<Sines<1>> = self.phase.iter().map(|phase| sin_cos(number * phase)).map(|it| ([it.0], [it.1])).collect();
+        let [wave] = self.waves_of([number], &sines);
+        wave
     }
 
     /// The same for each of some multiples of a number.
@@ -90,53 +92,102 @@ impl<'f> Turning<'f> {
     pub fn waves(&self, number: f64, multiples: Range<usize>) -> Vec<[Vec<Vec<f64>>; 2]> {
         let mut sines = Multiples::new(self.phase.iter().map(|phase| number * phase).collect(), multiples.start);
         let mut list = Vec::with_capacity(multiples.len());
-        for multiple in multiples {
-            list.push(self.wave_of(multiple as f64 * number, sines.now()));
-            sines.advance();
+        let mut together: Vec<Sines<TOGETHER>> = vec![([0.0; TOGETHER], [0.0; TOGETHER]); self.phase.len()];
+        for first in multiples.clone().step_by(TOGETHER) {
+            for lane in 0..TOGETHER {
+                for (to, (sin, cos)) in together.iter_mut().zip(sines.now()) {
+                    (to.0[lane], to.1[lane]) = (*sin, *cos);
+                }
+                sines.advance();
+            }
+            let numbers: [f64; TOGETHER] = std::array::from_fn(|lane| (first + lane) as f64 * number);
+            list.extend(self.waves_of(numbers, &together));
         }
+        list.truncate(multiples.len());
         list
     }
 
-    /// The same with the sine and the cosine of `number` times the phase at every row.
-    fn wave_of(&self, number: f64, sines: &[(f64, f64)]) -> [Vec<Vec<f64>>; 2] {
-        let count = self.filter.observer.is_kinematic.len();
-        let outputs = self.filter.sd.len();
-        let rows = self.phase.len();
-        let mut columns = [0, 1].map(|_| vec![Vec::with_capacity(rows); outputs]);
-        let mut moved = [0, 1].map(|_| vec![0.0; count]);
-        let mut next = vec![0.0; count];
+    /// The same for some numbers, with the sines and the cosines of the numbers times the phase at every row.
+    fn waves_of<const W: usize>(&self, numbers: [f64; W], sines: &[Sines<W>]) -> [[Vec<Vec<f64>>; 2]; W] {
+        let (rows, outputs) = (self.phase.len(), self.filter.sd.len());
+        let mut columns = std::array::from_fn(|_| [0, 1].map(|_| vec![vec![0.0; rows]; outputs]));
+        widest(Along { turning: self, numbers, sines, columns: &mut columns });
+        columns
+    }
+}
+
+/// The sines and the cosines of some phases.
+type Sines<const W: usize> = ([f64; W], [f64; W]);
+
+/// The number of waves that are computed side by side.
+const TOGETHER: usize = 8;
+
+/// Waves along a motion.
+struct Along<'a, const W: usize> {
+    turning: &'a Turning<'a>,
+    numbers: [f64; W],
+    sines: &'a [Sines<W>],
+    columns: &'a mut [[Vec<Vec<f64>>; 2]; W],
+}
+
+impl<const W: usize> Work for Along<'_, W> {
+    type Found = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Along { turning: Turning { filter, phase, response, passed }, numbers, sines, columns } = self;
+        let count = filter.observer.is_kinematic.len();
+        let rows = phase.len();
+        let mut moved = [0, 1].map(|_| vec![[0.0; W]; count]);
+        let mut next = vec![[0.0; W]; count];
         for row in 0..rows {
-            let slopes = &self.filter.linear[row].slopes;
-            let mean = if row + 1 < rows {
-                mean(number * (self.phase[row + 1] - self.phase[row]), sines[row], sines[row + 1])
+            // The derivatives of the outputs, state by state.
+            let slopes = filter.linear[row].slopes.as_slice();
+            let means = if row + 1 < rows {
+                means(numbers.map(|it| it * (phase[row + 1] - phase[row])), &sines[row], &sines[row + 1])
             } else {
-                [0.0; 2]
+                [[0.0; W]; 2]
             };
             for quarter in 0..2 {
-                let moved = &mut moved[quarter];
-                for (output, column) in columns[quarter].iter_mut().enumerate() {
-                    let used = self.filter.prepared.used[output][row];
-                    let seen: f64 = moved.iter().enumerate().map(|(k, value)| slopes[(output, k)] * value).sum();
-                    column.push(if used { seen / self.filter.sd[output] } else { 0.0 });
+                let (moved, mean) = (&mut moved[quarter], &means[quarter]);
+                for (output, sd) in filter.sd.iter().enumerate() {
+                    if !filter.prepared.used[output][row] {
+                        continue;
+                    }
+                    let mut seen = [0.0; W];
+                    for (value, slope) in moved.iter().zip(slopes[output..].iter().step_by(filter.sd.len())) {
+                        (0..W).for_each(|lane| seen[lane] += slope * value[lane]);
+                    }
+                    for (columns, seen) in columns.iter_mut().zip(seen) {
+                        columns[quarter][output][row] = seen / sd;
+                    }
                 }
-                for (k, next) in next.iter_mut().enumerate() {
-                    let along = self.passed[row][k * count..(k + 1) * count].iter().zip(&*moved);
-                    *next = along.map(|(a, b)| a * b).sum::<f64>() + mean[quarter] * self.response[row][k];
+                for ((next, along), response) in next.iter_mut().zip(passed[row].chunks(count)).zip(&response[row]) {
+                    let mut sum = [0.0; W];
+                    for (by, value) in along.iter().zip(&*moved) {
+                        (0..W).for_each(|lane| sum[lane] += by * value[lane]);
+                    }
+                    *next = std::array::from_fn(|lane| sum[lane] + mean[lane] * response);
                 }
                 moved.copy_from_slice(&next);
             }
         }
-        columns
     }
 }
 
 /// The means of the sine and the cosine between two phases that are `moved` apart, if the phase is linear in time: a wave of high order turns by
 /// radians within a row. Each phase is given by its sine and cosine.
-fn mean(moved: f64, (sin, cos): (f64, f64), (next_sin, next_cos): (f64, f64)) -> [f64; 2] {
-    // For changes below 1e-4, the mean of both ends is accurate to 1e-9.
-    if moved.abs() < 1e-4 {
-        [0.5 * (sin + next_sin), 0.5 * (cos + next_cos)]
-    } else {
-        [(cos - next_cos) / moved, (next_sin - sin) / moved]
+#[inline(always)]
+fn means<const W: usize>(moved: [f64; W], (sin, cos): &Sines<W>, (next_sin, next_cos): &Sines<W>) -> [[f64; W]; 2] {
+    let mut means = [[0.0; W]; 2];
+    for lane in 0..W {
+        // For changes below 1e-4, the mean of both ends is accurate to 1e-9.
+        let is_short = moved[lane].abs() < 1e-4;
+        let ends = [0.5 * (sin[lane] + next_sin[lane]), 0.5 * (cos[lane] + next_cos[lane])];
+        let between = [(cos[lane] - next_cos[lane]) / moved[lane], (next_sin[lane] - sin[lane]) / moved[lane]];
+        for (mean, (ends, between)) in means.iter_mut().zip(ends.into_iter().zip(between)) {
+            mean[lane] = if is_short { ends } else { between };
+        }
     }
+    means
 }

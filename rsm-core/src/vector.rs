@@ -1,0 +1,82 @@
+//! Loops over numbers in adjacent memory with the vector instructions of this machine.
+//!
+//! In: a loop. Out: its result, from code for AVX2 or AVX-512 if the machine has them, otherwise for the oldest machine of its kind. The bits are the
+//! same: every operation is one of IEEE 754 for each number, in the same order, and a compiler for Rust joins no product and sum to a fused
+//! operation.
+#![allow(unsafe_code)] // A function for instructions that the machine may not have is called, which is not possible in safe code.
+
+/// A loop over numbers. `run` and everything that it calls on them must have the attribute `inline(always)`: only inlined code becomes vector
+/// instructions, and code that stays a call keeps its own instructions.
+///
+/// ```
+/// use rsm_core::vector::{Work, vectorised, widest};
+///
+/// struct Square<'a>(&'a [f64]);
+///
+/// impl Work for Square<'_> {
+///     type Found = f64;
+///
+///     #[inline(always)]
+///     fn run(self) -> f64 {
+///         self.0.iter().map(|it| it * it).sum()
+///     }
+/// }
+///
+/// assert_eq!(vectorised(Square(&[3.0, 4.0])), 25.0);
+/// assert_eq!(widest(Square(&[3.0, 4.0])), 25.0);
+/// ```
+pub trait Work {
+    /// The result.
+    type Found;
+
+    /// The loop.
+    fn run(self) -> Self::Found;
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f")]
+fn with_avx512<W: Work>(work: W) -> W::Found {
+    work.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn with_avx2<W: Work>(work: W) -> W::Found {
+    work.run()
+}
+
+/// Runs a loop with the registers of AVX2, if this machine has them: four numbers in a register. For loops over few numbers.
+#[inline]
+pub fn vectorised<W: Work>(work: W) -> W::Found {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") {
+        // SAFETY: the machine has the instructions.
+        return unsafe { with_avx2(work) };
+    }
+    work.run()
+}
+
+/// Runs a loop with the widest registers of this machine, up to eight numbers in a register.
+#[inline]
+pub fn widest<W: Work>(work: W) -> W::Found {
+    #[cfg(target_arch = "x86_64")]
+    if has_eight() {
+        // SAFETY: the machine has the instructions.
+        return unsafe { with_avx512(work) };
+    }
+    vectorised(work)
+}
+
+/// Whether a register of this machine has eight numbers.
+#[inline]
+#[must_use]
+pub fn has_eight() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    {
+        std::arch::is_x86_feature_detected!("avx512f")
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    {
+        false
+    }
+}
