@@ -15,6 +15,12 @@ pub(crate) fn sin_cos(angle: f64) -> (f64, f64) {
 /// The number of multiples after which sines are computed anew. The error of a multiple grows by at most two roundings a step, to 4e-15.
 pub(crate) const BLOCK: usize = 16;
 
+/// The number of multiples that are computed side by side.
+pub(crate) const TOGETHER: usize = 8;
+
+/// The sines and the cosines of some multiples of an angle.
+pub(crate) type Sines<const W: usize> = ([f64; W], [f64; W]);
+
 /// Sines and cosines of a multiple of each of some angles, one multiple after another: each step is one complex product for each angle.
 pub(crate) struct Multiples {
     angles: Vec<f64>,
@@ -23,6 +29,11 @@ pub(crate) struct Multiples {
     /// Those of the present multiple.
     now: Vec<(f64, f64)>,
     multiple: usize,
+}
+
+/// No sines yet, for each of some angles: memory for [`Multiples::take`].
+pub(crate) fn no_sines(angles: usize) -> Vec<Sines<TOGETHER>> {
+    vec![([0.0; TOGETHER], [0.0; TOGETHER]); angles]
 }
 
 impl Multiples {
@@ -43,6 +54,16 @@ impl Multiples {
     /// The sine and the cosine of the present multiple of each angle.
     pub(crate) fn now(&self) -> &[(f64, f64)] {
         &self.now
+    }
+
+    /// Writes the sines and the cosines of this multiple of each angle and of the next ones, and goes to the multiple after them.
+    pub(crate) fn take(&mut self, to: &mut [Sines<TOGETHER>]) {
+        for lane in 0..TOGETHER {
+            for ((sines, cosines), (sin, cos)) in to.iter_mut().zip(&self.now) {
+                (sines[lane], cosines[lane]) = (*sin, *cos);
+            }
+            self.advance();
+        }
     }
 
     /// Goes to the next multiple.

@@ -9,7 +9,7 @@ use std::ops::Range;
 use super::levenberg::Fit;
 use super::one_body::{Controller, Linear, OneBody};
 use super::whitened_residuals::{Prepared, WhitenedResiduals};
-use crate::engine::angle::{Multiples, sin_cos};
+use crate::engine::angle::{Multiples, TOGETHER, no_sines, sin_cos};
 use rsm_core::vector::{Work, widest};
 use rsm_sim::effect::Wave;
 use rsm_sim::record::Drive;
@@ -158,8 +158,8 @@ impl<F: Fn(usize, usize) -> [f64; N], const N: usize> Work for Motions<'_, F, N>
                     command[k] = it.speed_gain * (-it.position_gain * q[k] - speed);
                 }
             }
-            for (outputs, values) in outputs.iter_mut().zip(q.iter().zip(&command)) {
-                (outputs[0][row], outputs[1][row]) = (*values.0, *values.1);
+            for ([positions, commands], (q, command)) in outputs.iter_mut().zip(q.iter().zip(&command)) {
+                (positions[row], commands[row]) = (*q, *command);
             }
             past = [q, past[0]];
             for k in 0..N {
@@ -174,9 +174,6 @@ impl<F: Fn(usize, usize) -> [f64; N], const N: usize> Work for Motions<'_, F, N>
         }
     }
 }
-
-/// The number of waves that are computed side by side.
-const TOGETHER: usize = 8;
 
 /// All records with a position.
 pub struct PositionTraces<'k> {
@@ -286,20 +283,20 @@ impl<'k> PositionTraces<'k> {
             (0..groups).map(|_| std::array::from_fn(|_| vec![0.0; self.rows])).collect();
         for it in &self.list {
             let mut sines = Multiples::new(it.positions().map(|q| number * q).collect(), multiples.start);
-            let mut forces = vec![[0.0; 2 * TOGETHER]; 2 * it.position.len()];
+            let mut together = no_sines(2 * it.position.len());
             for stacks in &mut list {
-                for lane in 0..TOGETHER {
-                    for (to, (sin, cos)) in forces.iter_mut().zip(sines.now()) {
-                        (to[2 * lane], to[2 * lane + 1]) = (*sin, *cos);
-                    }
-                    sines.advance();
-                }
-                it.answer(self.whitened, |row, node| forces[2 * row + node], stacks);
+                sines.take(&mut together);
+                let force = |row: usize, node: usize| -> [f64; 2 * TOGETHER] {
+                    let (sines, cosines) = &together[2 * row + node];
+                    std::array::from_fn(|k| if k < TOGETHER { sines[k] } else { cosines[k - TOGETHER] })
+                };
+                it.answer(self.whitened, force, stacks);
             }
         }
         let pairs = |stacks: [Vec<f64>; 2 * TOGETHER]| {
-            let mut stacks = stacks.into_iter();
-            std::iter::from_fn(move || Some([stacks.next()?, stacks.next()?]))
+            let mut sines = Vec::from(stacks);
+            let cosines = sines.split_off(TOGETHER);
+            sines.into_iter().zip(cosines).map(<[Vec<f64>; 2]>::from)
         };
         list.into_iter().flat_map(pairs).take(multiples.len()).collect()
     }

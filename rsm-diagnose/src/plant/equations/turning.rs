@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use super::filter::Filter;
-use crate::engine::angle::{Multiples, sin_cos};
+use crate::engine::angle::{Multiples, Sines, TOGETHER, no_sines, sin_cos};
 use rsm_sim::plant_file::PlantFile;
 
 /// Motion along a position, and what an effort along it does.
@@ -92,14 +92,9 @@ impl<'f> Turning<'f> {
     pub fn waves(&self, number: f64, multiples: Range<usize>) -> Vec<[Vec<Vec<f64>>; 2]> {
         let mut sines = Multiples::new(self.phase.iter().map(|phase| number * phase).collect(), multiples.start);
         let mut list = Vec::with_capacity(multiples.len());
-        let mut together: Vec<Sines<TOGETHER>> = vec![([0.0; TOGETHER], [0.0; TOGETHER]); self.phase.len()];
+        let mut together = no_sines(self.phase.len());
         for first in multiples.clone().step_by(TOGETHER) {
-            for lane in 0..TOGETHER {
-                for (to, (sin, cos)) in together.iter_mut().zip(sines.now()) {
-                    (to.0[lane], to.1[lane]) = (*sin, *cos);
-                }
-                sines.advance();
-            }
+            sines.take(&mut together);
             let numbers: [f64; TOGETHER] = std::array::from_fn(|lane| (first + lane) as f64 * number);
             list.extend(self.waves_of(numbers, &together));
         }
@@ -115,12 +110,6 @@ impl<'f> Turning<'f> {
         columns
     }
 }
-
-/// The sines and the cosines of some phases.
-type Sines<const W: usize> = ([f64; W], [f64; W]);
-
-/// The number of waves that are computed side by side.
-const TOGETHER: usize = 8;
 
 /// Waves along a motion.
 struct Along<'a, const W: usize> {
