@@ -17,6 +17,11 @@ use crate::simulation::Subject;
 /// The number of runs; the shortest time is used.
 const RUNS: usize = 31;
 
+/// The step of a difference that is compared with a derivative, as a share of the quantity; and the tolerance of both. A difference has the errors of
+/// two runs, divided by the step: a moved parameter may change the method of a row, so the steps of the runs differ.
+const DIFFERENCE: f64 = 1e-4;
+const CLOSE: f64 = 1e-12;
+
 /// Lanes that run side by side.
 pub const LANES: usize = 8;
 
@@ -174,7 +179,8 @@ impl Text {
     }
 
     /// The time of the derivatives with respect to some quantities along the record, in seconds: exact; by differences with one run for each
-    /// quantity and one more, separately and in lanes; and the largest difference of both, as a share of a derivative's magnitude.
+    /// quantity and one more, separately and in lanes; and, at a smaller tolerance, the largest difference of both, as a share of a derivative's
+    /// magnitude.
     ///
     /// # Panics
     /// If a run ends early.
@@ -195,15 +201,15 @@ impl Text {
             match quantity {
                 By::Parameter(name) => {
                     let value = machine.parameters().iter().find(|it| it.0 == *name).map_or(f64::NAN, |it| it.2);
-                    steps.push(1e-5 * value);
-                    machine.set(name, value + 1e-5 * value).unwrap_or_else(|faults| panic!("{faults}"));
+                    steps.push(DIFFERENCE * value);
+                    machine.set(name, value + DIFFERENCE * value).unwrap_or_else(|faults| panic!("{faults}"));
                     lanes.push(self.lane_of(&mut machine));
                     machine.set(name, value).unwrap_or_else(|faults| panic!("{faults}"));
                 }
                 By::Start(place) => {
                     let mut moved = values.clone();
                     // A value of the start may be 0.
-                    let step = 1e-5 * moved[*place].abs().max(1.0);
+                    let step = DIFFERENCE * moved[*place].abs().max(1.0);
                     moved[*place] += step;
                     steps.push(step);
                     let start = starts.at(&machine, self.signals.time[0], &first, &moved);
@@ -211,14 +217,17 @@ impl Text {
                 }
             }
         }
-        let (mut exact, mut found) = (None, Vec::new());
         let [mut of_derivatives, mut alone, mut group] = [(); 3].map(|()| Lanes::new(&self.machine));
         let [own, side_by_side, one_by_one] = in_turn([
             &mut || {
                 let derivatives = of_derivatives.sensitivities(&of, self.inputs(), setting);
-                exact = Some(derivatives.unwrap_or_else(|it| panic!("{it}")));
+                derivatives.unwrap_or_else(|it| panic!("{it}"));
             },
-            &mut || found = group.run(&lanes, self.inputs(), setting),
+            &mut || {
+                for found in group.run(&lanes, self.inputs(), setting) {
+                    found.unwrap_or_else(|it| panic!("{it}"));
+                }
+            },
             &mut || {
                 for lane in &lanes {
                     let found = alone.run(std::slice::from_ref(lane), self.inputs(), setting).remove(0);
@@ -226,8 +235,10 @@ impl Text {
                 }
             },
         ]);
+        let close = Setting::new(Method::Automatic, CLOSE);
+        let found = group.run(&lanes, self.inputs(), close);
         let found: Vec<Vec<Vec<f64>>> = found.into_iter().map(|it| it.unwrap_or_else(|it| panic!("{it}"))).collect();
-        let exact = exact.map_or_else(Vec::new, |it| it.derivatives);
+        let exact = of_derivatives.sensitivities(&of, self.inputs(), close).unwrap_or_else(|it| panic!("{it}")).derivatives;
         let mut worst = 0.0_f64;
         for (k, step) in steps.iter().enumerate() {
             for (output, derivative) in exact[k].iter().enumerate() {

@@ -23,7 +23,7 @@ pub enum Stopped {
         /// The row.
         row: usize,
     },
-    /// The run needed more steps up to this row than permitted: see [`Simulator::at_most`].
+    /// The run needed more work up to this row than permitted: see [`Simulator::at_most`].
     TooLong {
         /// The row.
         row: usize,
@@ -121,17 +121,17 @@ impl Simulator {
         self
     }
 
-    /// Stops a run that needs more than this number of steps per row, on average over its record.
+    /// Stops a run that needs more than this work per row, on average over its record. The unit is that of [`crate::equations::Setting::work`].
     #[must_use]
-    pub fn at_most(mut self, steps_a_row: usize) -> Self {
-        self.0.steps_a_row = steps_a_row;
+    pub fn at_most(mut self, work_a_row: usize) -> Self {
+        self.0.work_a_row = work_a_row;
         self
     }
 
-    /// The number of steps of the last run, also if it was stopped early.
+    /// The work of the last run, also if it was stopped early.
     #[must_use]
-    pub fn taken(&self) -> u64 {
-        self.0.taken()
+    pub fn work(&self) -> u64 {
+        self.0.work()
     }
 
     /// Runs along the record.

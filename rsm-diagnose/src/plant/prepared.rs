@@ -2,6 +2,7 @@
 //!
 //! In: records. Out: parts of them, the outputs to compare, the rows that count. Other modules decide which rows count.
 
+use rsm_sim::equations::Setting;
 use rsm_sim::kind::OUTPUTS;
 use std::ops::Range;
 
@@ -52,6 +53,17 @@ pub struct Prepared {
     pub(super) used_before_settling: Vec<Vec<bool>>,
 }
 
+/// The permitted error of a step of a simulation as a share of the noise. If a thousand steps have the largest permitted error with one sign, the
+/// error of a simulation is as large as the noise. A step of the series or of a linear part has an error far below the permitted one.
+const SHARE_OF_NOISE: f64 = 1e-3;
+
+/// The largest permitted error of a step. A larger one saves little: nearly every row is then one step.
+const LARGEST_TOLERANCE: f64 = 1e-7;
+
+/// The smallest noise of a sensor beside its largest reading: a resolution of 23 bits. Records with less come from a simulation. Its error is of that
+/// size, so a candidate must have the usual permitted error to follow them.
+const LEAST_NOISE: f64 = 1e-7;
+
 impl Prepared {
     /// A record of which all rows count.
     #[must_use]
@@ -70,6 +82,17 @@ impl Prepared {
     #[must_use]
     pub fn measured(&self, k: usize) -> &[f64] {
         self.record.measured[self.outputs[k]].as_deref().unwrap_or(&[])
+    }
+
+    /// The permitted error of a step of a simulation, relative to the largest magnitude of a state: [`SHARE_OF_NOISE`] of the noise of that output
+    /// whose noise is smallest beside its largest reading. `noise` is the standard deviation of each of its outputs. If one is smaller than
+    /// [`LEAST_NOISE`], the value is the usual one of [`Setting`].
+    #[must_use]
+    pub fn tolerance(&self, noise: &[f64]) -> f64 {
+        let largest = |k: usize| self.measured(k).iter().map(|it| it.abs()).filter(|it| it.is_finite()).fold(0.0, f64::max);
+        let share = |(k, noise): (usize, &f64)| if *noise > 0.0 { noise / largest(k).max(*noise) } else { 0.0 };
+        let smallest = noise.iter().enumerate().map(share).fold(1.0, f64::min);
+        if smallest < LEAST_NOISE { Setting::default().tolerance } else { (SHARE_OF_NOISE * smallest).min(LARGEST_TOLERANCE) }
     }
 
     /// The row of the file for a row of the record; for an added row, the row before it.

@@ -26,9 +26,9 @@ const MOST_ROWS: usize = 60_000;
 /// All rows are used to check the result.
 const SEARCHED: usize = 24_000;
 
-/// The limit of sub-steps of one run along these rows. The work before and after a search takes a thousand runs: a minute of one core at 150 ns per
-/// sub-step.
-const MOST_STEPS_A_RUN: u64 = 400_000;
+/// The limit of the work of one run along these rows. Before and after a search there are a thousand runs: a minute of one core. A step of the series
+/// takes 150 ns, and counts 8.
+const MOST_WORK_A_RUN: u64 = 3_200_000;
 
 /// The smallest number of rows kept of a record. Fewer are not enough to estimate noise.
 const LEAST_ROWS: usize = 400;
@@ -108,9 +108,9 @@ impl RowShare {
         std::iter::once(beginning).chain(starts.map(|start| part(start..start + each, settling))).collect()
     }
 
-    /// Cuts records further if the plant is so fast that one run along them takes too many steps.
+    /// Cuts records further if the plant is so fast that one run along them takes too much work.
     pub fn cut(&mut self, whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals, file: &PlantFile) {
-        self.cut_to(MOST_STEPS_A_RUN, whitened, unseen, file);
+        self.cut_to(MOST_WORK_A_RUN, whitened, unseen, file);
     }
 
     fn cut_to(&mut self, most: u64, whitened: &mut WhitenedResiduals, unseen: &mut WhitenedResiduals, file: &PlantFile) {
@@ -198,13 +198,14 @@ mod tests {
     #[test]
     fn long_records_are_cut_and_those_of_a_fast_plant_further() {
         let slow = axis_under_steps::file("mass = 0.1", "");
-        assert_eq!(seen(&slow, 20_000, MOST_STEPS_A_RUN), (20_000, None));
-        assert_eq!(seen(&slow, 60_000, MOST_STEPS_A_RUN), (60_000, None));
-        assert_eq!(seen(&slow, 90_000, MOST_STEPS_A_RUN), (24_000, Some(UnusedRows { used: 24_000, total: 90_000 })));
-        // A step a row, and a friction that takes several where the axis turns: a limit between them cuts the one and not the other.
+        assert_eq!(seen(&slow, 20_000, MOST_WORK_A_RUN), (20_000, None));
+        assert_eq!(seen(&slow, 60_000, MOST_WORK_A_RUN), (60_000, None));
+        assert_eq!(seen(&slow, 90_000, MOST_WORK_A_RUN), (24_000, Some(UnusedRows { used: 24_000, total: 90_000 })));
+        // A step of the series a row, with a work of 4, and a friction that takes several where the axis turns: a limit between them cuts the one and
+        // not the other.
         let fast = axis_under_steps::file("mass = 0.1", &axis_under_steps::friction(5.0));
-        assert_eq!(seen(&slow, 20_000, 20_000), (20_000, None));
-        let (rows, not_seen) = seen(&fast, 20_000, 20_000);
+        assert_eq!(seen(&slow, 20_000, 80_000), (20_000, None));
+        let (rows, not_seen) = seen(&fast, 20_000, 80_000);
         assert!((LEAST_ROWS..20_000).contains(&rows) && not_seen.is_some_and(|it| it.used == rows), "{rows}");
     }
 

@@ -22,10 +22,10 @@ pub struct WorkLimits {
     pub fit_steps: usize,
     /// The largest number of causes.
     pub causes: usize,
-    /// The number of simulation sub-steps after which no further cause is added.
-    pub steps: u64,
-    /// The number of further sub-steps reserved for tests of rivals.
-    pub steps_for_rivals: u64,
+    /// The work of simulations after which no further cause is added.
+    pub work: u64,
+    /// The further work reserved for tests of rivals.
+    pub work_for_rivals: u64,
 }
 
 /// The reserve for rivals, as a share of the work of a search. A competition takes 300 to 1000 runs of the plant, a search at most 4000. So rivals of
@@ -33,11 +33,11 @@ pub struct WorkLimits {
 const SHARE_FOR_RIVALS: f64 = 0.25;
 
 impl WorkLimits {
-    /// The usual counts, with this limit of simulation sub-steps.
+    /// The usual counts, with this limit of the work of simulations.
     #[must_use]
-    pub fn within(steps: u64) -> Self {
-        let steps_for_rivals = (SHARE_FOR_RIVALS * steps as f64) as u64;
-        WorkLimits { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, steps, steps_for_rivals }
+    pub fn within(work: u64) -> Self {
+        let work_for_rivals = (SHARE_FOR_RIVALS * work as f64) as u64;
+        WorkLimits { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, work, work_for_rivals }
     }
 }
 

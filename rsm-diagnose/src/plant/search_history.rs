@@ -21,8 +21,8 @@ pub enum Limit {
     Competitions,
     /// The largest number of exchanges was reached.
     Exchanges,
-    /// The largest number of integration sub-steps was reached.
-    Steps,
+    /// The largest work of simulations was reached.
+    Work,
     /// The search returned to an earlier set of causes.
     Cycle,
 }
@@ -33,7 +33,7 @@ impl std::fmt::Display for Limit {
             Limit::Additions => write!(f, "after {MOST_ADDITIONS} additions of a cause"),
             Limit::Competitions => write!(f, "after {MOST_COMPETITIONS} competitions between causes"),
             Limit::Exchanges => write!(f, "after {MOST_EXCHANGES} exchanges of a cause"),
-            Limit::Steps => write!(f, "at the limit for the steps of all simulations"),
+            Limit::Work => write!(f, "at the limit for the work of all simulations"),
             Limit::Cycle => write!(f, "because it returned to an earlier set of causes"),
         }
     }
@@ -46,28 +46,28 @@ pub struct SearchHistory {
     additions: usize,
     competitions: usize,
     exchanges: usize,
-    /// The number of sub-steps up to which a competition may begin.
+    /// The work up to which a competition may begin.
     until: Option<u64>,
-    /// The number of sub-steps up to which rivals may be tested.
+    /// The work up to which rivals may be tested.
     until_rivals: Option<u64>,
     stopped: Option<Limit>,
 }
 
 impl SearchHistory {
-    /// A path whose competitions may begin within `steps` sub-steps, and tests of rivals within `for_rivals` more.
+    /// A path whose competitions may begin within this work, and tests of rivals within `for_rivals` more.
     #[must_use]
-    pub fn until(steps: u64, for_rivals: u64) -> Self {
-        SearchHistory { until: Some(steps), until_rivals: Some(steps + for_rivals), ..SearchHistory::default() }
+    pub fn until(work: u64, for_rivals: u64) -> Self {
+        SearchHistory { until: Some(work), until_rivals: Some(work + for_rivals), ..SearchHistory::default() }
     }
 
-    /// Whether the search may continue after this many sub-steps.
-    pub fn has_steps(&mut self, taken: u64) -> bool {
-        self.until.is_none_or(|until| taken <= until) || self.stop(Limit::Steps)
+    /// Whether the search may continue after this work.
+    pub fn has_work_left(&mut self, work: u64) -> bool {
+        self.until.is_none_or(|until| work <= until) || self.stop(Limit::Work)
     }
 
     /// Whether work is left to test rivals.
-    pub fn has_steps_for_rivals(&mut self, taken: u64) -> bool {
-        self.until_rivals.is_none_or(|until| taken <= until) || self.stop(Limit::Steps)
+    pub fn has_work_left_for_rivals(&mut self, work: u64) -> bool {
+        self.until_rivals.is_none_or(|until| work <= until) || self.stop(Limit::Work)
     }
 
     /// Records a set of causes; false if the search has visited it before. The order of causes does not matter.

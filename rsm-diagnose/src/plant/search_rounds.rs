@@ -27,12 +27,12 @@ use rsm_sim::record::Record;
 /// takes 500 to 1000. If a search needs more, the cause is probably not in the catalogue and the search only combines helpers.
 const MOST_RUNS: u64 = 4000;
 
-/// The smallest number of integration steps per row that a run counts as. A plant with one step per row gets a limit of 16,000 runs: searches for two
-/// and three causes need more than 4,000.
-const LEAST_STEPS_A_ROW: u64 = 4;
+/// The smallest work per row that a run counts as: four steps of the series. A plant with fewer gets a limit of more than 4,000 runs, which searches
+/// for two and three causes need.
+const LEAST_WORK_A_ROW: u64 = 32;
 
-/// The work limit of a search in sub-steps, for long records and slow plants alike: a minute of one core, at 150 ns each.
-const MOST_STEPS: u64 = 400_000_000;
+/// The work limit of a search, for long records and slow plants alike: a minute of one core. A step of the series takes 150 ns, and counts 8.
+const MOST_WORK: u64 = 3_200_000_000;
 
 /// The number of rounds. In the first one the estimated noise may contain structure, in the second one it does not.
 const ROUNDS: usize = 2;
@@ -72,10 +72,10 @@ impl<'a> SearchInput<'a> {
         whitened.run(&prepared.calibrated.model).ok_or(Refused::CannotSimulate)?;
         let run = whitened.work.done() - before;
         let rows = whitened.records.iter().map(|it| it.record.rows()).sum();
-        whitened.work = whitened.work.for_candidates(run, rows);
+        whitened.work = whitened.work.for_candidates(run, rows, whitened.tolerance());
         prepared.unseen.work = whitened.work.clone();
         // For long records, the final check on all rows takes work too.
-        let most = if prepared.share.unused_rows().is_some() { MOST_STEPS / 2 } else { MOST_STEPS };
+        let most = if prepared.share.unused_rows().is_some() { MOST_WORK / 2 } else { MOST_WORK };
         // Wave lengths are the best of many, and so are the terms and orders of the equations.
         let waves = if waves::has_waves(file.kind) { 2 * waves::MOST } else { 0 };
         let terms =
@@ -84,7 +84,7 @@ impl<'a> SearchInput<'a> {
             hypotheses,
             survey: prepared.survey.clone(),
             rounded: prepared.rounded.clone(),
-            limits: WorkLimits::within((MOST_RUNS * run.max(LEAST_STEPS_A_ROW * rows as u64)).min(most)),
+            limits: WorkLimits::within((MOST_RUNS * run.max(LEAST_WORK_A_ROW * rows as u64)).min(most)),
             equation_errors,
             further_guesses: waves + terms,
             progress: options.progress,

@@ -86,8 +86,8 @@ impl Search<'_> {
         screened.iter_mut().for_each(Screened::without_traces);
         let ranking = self.ranking(&screened);
         let mut remaining = ranking.clone();
-        let until = self.whitened.work.done() + self.limits.steps;
-        let mut path = SearchHistory::until(until, self.limits.steps_for_rivals);
+        let until = self.whitened.work.done() + self.limits.work;
+        let mut path = SearchHistory::until(until, self.limits.work_for_rivals);
         self.whitened.work.set_limit(until);
         let mut competed: Vec<(String, Vec<Candidate>)> = Vec::new();
         let first = seed.as_ref().map_or(Some(screened), |_| None);
@@ -131,7 +131,7 @@ impl Search<'_> {
         }
         let fit = self.split(self.narrowed(self.levelled(fit), threshold));
         let fit = self.by_configuration(fit, threshold, true);
-        self.whitened.work.set_limit(until + self.limits.steps_for_rivals);
+        self.whitened.work.set_limit(until + self.limits.work_for_rivals);
         let fit = self.merged(fit, threshold, &mut path);
         let (fit, causes) = self.exchanged(&calibrated, fit, &competed, threshold, &mut path);
         let (fit, causes, refused) = self.without_rejected(&calibrated, fit, causes, threshold);
@@ -212,7 +212,7 @@ impl Search<'_> {
 
     /// Whether the work limit allows one more competition or pair.
     fn has_work_left(&self, path: &mut SearchHistory) -> bool {
-        path.has_steps(self.whitened.work.done())
+        path.has_work_left(self.whitened.work.done())
     }
 
     /// Whether the residual of a fit is noise, so that no further cause can gain enough.
@@ -376,7 +376,7 @@ impl Search<'_> {
                 return fit;
             }
             for (a, b) in (1..count).flat_map(|b| (0..b).map(move |a| (a, b))) {
-                if !path.has_steps_for_rivals(self.whitened.work.done()) {
+                if !path.has_work_left_for_rivals(self.whitened.work.done()) {
                     return fit;
                 }
                 let without = fit.model.without_cause(self.nominal, b).without_cause(self.nominal, a);
@@ -422,7 +422,7 @@ impl Search<'_> {
 
     /// The candidates for a place; `None` after the work limit is reached.
     fn new_candidates(&self, base: &Fit, threshold: f64, path: &mut SearchHistory) -> Option<Vec<Candidate>> {
-        if !path.has_steps_for_rivals(self.whitened.work.done()) || !path.may_compete() {
+        if !path.has_work_left_for_rivals(self.whitened.work.done()) || !path.may_compete() {
             return None;
         }
         let mut screened = screen(self.whitened, base, self.nominal, self.hypotheses);
@@ -463,7 +463,7 @@ mod tests {
         // All work is spent.
         let mut path = SearchHistory::until(0, 0);
         let (_, causes) = search.exchanged(&calibrated, fit, &[], 30.0, &mut path);
-        assert!(!causes[0].rivals_tested && path.stopped() == Some(Limit::Steps));
+        assert!(!causes[0].rivals_tested && path.stopped() == Some(Limit::Work));
         for name in ["parameter-error:force_gain", "sensor-gain:position"] {
             assert!(causes[0].aliases_not_fitted.iter().any(|it| it == name), "{name}: {:?}", causes[0].aliases_not_fitted);
         }

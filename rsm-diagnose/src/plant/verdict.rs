@@ -270,7 +270,7 @@ fn remaining_structure(left: f64, allowed: f64, wrong: f64, nothing: bool) -> (b
 
 /// Whether the causes leave only noise and only the work limit ended the search.
 fn is_explained(structure: bool, stopped: Option<Limit>) -> bool {
-    !structure && stopped.is_none_or(|limit| limit == Limit::Steps)
+    !structure && stopped.is_none_or(|limit| limit == Limit::Work)
 }
 
 /// A cause that a known control law shows has at least the probability of a cause without rivals.

@@ -11,6 +11,7 @@ use crate::engine::columns::dot;
 use crate::engine::work::WorkCount;
 use rsm_core::threads::in_threads;
 use rsm_sim::equation_plant;
+use rsm_sim::equations::Setting;
 use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
@@ -32,16 +33,19 @@ const LEAST_SHORTENING: f64 = 0.01;
 /// The largest number of reductions: two, down to 3e-6 of a scale.
 const SHORTER_STEPS: usize = 2;
 
-/// The mean number of sub-steps per row of a record above which a model is not tried. With four sub-steps per radian, it makes ten turns between two
-/// rows. An example is a clutch that becomes stiffer and slips at the same time.
-const MOST_STEPS_A_ROW: usize = 250;
+/// The work of a step of the series, in the unit of all work here: that of [`rsm_sim::equations::Setting::work`].
+const STEP: usize = 8;
 
-/// A candidate may always take this many sub-steps per row. Three strokes per turn at 500 rad/s are 15 radians in a row of 10 ms, and take 60
-/// sub-steps. Sampling aliases such waves into the band, where they are visible.
-const LEAST_ALLOWED: usize = 64;
+/// The mean work per row of a record above which a model is not tried. With four steps per radian, it makes ten turns between two rows. An example is
+/// a clutch that becomes stiffer and slips at the same time.
+const MOST_WORK_A_ROW: usize = 250 * STEP;
 
-/// A candidate may take this many times the sub-steps of the calibrated plant. A cause adds one faster mode; if more steps are needed, a time
-/// constant goes to zero.
+/// A candidate may always take this work per row. Three strokes per turn at 500 rad/s are 15 radians in a row of 10 ms, and take 60 steps. Sampling
+/// aliases such waves into the band, where they are visible.
+const LEAST_ALLOWED: usize = 64 * STEP;
+
+/// A candidate may take this many times the work of the calibrated plant. A cause adds one faster mode; if more steps are needed, a time constant
+/// goes to zero.
 const TIMES_THE_PLANT: usize = 8;
 
 /// Simulated outputs of one record, in the order of [`Prepared::outputs`].
@@ -90,18 +94,20 @@ pub struct WhitenedResiduals {
     pub work: SimulationWork,
 }
 
-/// The work of simulations in sub-steps. A count, not seconds, so that results are the same on every machine.
+/// The work of simulations. A count, not seconds, so that results are the same on every machine.
 #[derive(Debug, Clone)]
 pub struct SimulationWork {
-    /// The mean number of sub-steps per row of a record at which a run is stopped.
+    /// The mean work per row of a record at which a run is stopped.
     pub most: usize,
-    /// The sub-steps of all runs with this value and its clones, and the number at which multistart ends with its best result.
+    /// The permitted error of a step, as in [`Setting`].
+    pub tolerance: f64,
+    /// The work of all runs with this value and its clones, and the work at which multistart ends with its best result.
     count: WorkCount,
 }
 
 impl Default for SimulationWork {
     fn default() -> Self {
-        SimulationWork { most: MOST_STEPS_A_ROW, count: WorkCount::within(u64::MAX) }
+        SimulationWork { most: MOST_WORK_A_ROW, tolerance: Setting::default().tolerance, count: WorkCount::within(u64::MAX) }
     }
 }
 
@@ -109,18 +115,18 @@ impl SimulationWork {
     /// The same limit for each run, with a separate count.
     #[must_use]
     pub fn with_new_count(&self) -> Self {
-        SimulationWork { most: self.most, ..SimulationWork::default() }
+        SimulationWork { most: self.most, tolerance: self.tolerance, ..SimulationWork::default() }
     }
 
-    /// Sub-steps so far.
+    /// The work so far.
     #[must_use]
     pub fn done(&self) -> u64 {
         self.count.done()
     }
 
-    /// Sets the limit of sub-steps, counted from the beginning. It holds for all clones.
-    pub fn set_limit(&self, steps: u64) {
-        self.count.set_limit(steps);
+    /// Sets the limit of the work, counted from the beginning. It holds for all clones.
+    pub fn set_limit(&self, work: u64) {
+        self.count.set_limit(work);
     }
 
     /// Whether the limit is used up. Call this between runs, never in parallel with them: then the answer does not depend on the number of threads.
@@ -129,12 +135,13 @@ impl SimulationWork {
         self.count.is_limit_reached()
     }
 
-    /// The limits for candidates, relative to a plant whose run over this many rows took this many sub-steps.
+    /// The limits for candidates, relative to a plant whose run over this many rows took this work; and the permitted error of their steps.
     #[must_use]
-    pub fn for_candidates(&self, steps: u64, rows: usize) -> Self {
-        let own = usize::try_from(steps / rows.max(1) as u64).unwrap_or(usize::MAX);
+    pub fn for_candidates(&self, work: u64, rows: usize, tolerance: f64) -> Self {
+        let own = usize::try_from(work / rows.max(1) as u64).unwrap_or(usize::MAX);
         SimulationWork {
-            most: LEAST_ALLOWED.max(own.saturating_mul(TIMES_THE_PLANT)).min(MOST_STEPS_A_ROW.max(own)),
+            most: LEAST_ALLOWED.max(own.saturating_mul(TIMES_THE_PLANT)).min(MOST_WORK_A_ROW.max(own)),
+            tolerance,
             ..self.clone()
         }
     }
@@ -202,13 +209,20 @@ impl WhitenedResiduals {
         side_by_side(jobs, self.threads, |group| self.group(jobs, group))
     }
 
+    /// The permitted error of a step for simulations that are compared with these records, by their noise ([`Prepared::tolerance`]).
+    #[must_use]
+    pub fn tolerance(&self) -> f64 {
+        let noise = |it: &Prepared| it.outputs.iter().map(|output| self.floors[*output].sd).collect::<Vec<f64>>();
+        self.records.iter().map(|it| it.tolerance(&noise(it))).fold(1.0, f64::min)
+    }
+
     /// Runs jobs on one record whose plants run side by side.
     fn group(&self, jobs: &[(usize, &Model)], group: &[usize]) -> Vec<Option<Simulated>> {
         let record = jobs[group[0]].0;
         let prepared = &self.records[record];
         let files: Vec<PlantFile> = group.iter().map(|place| jobs[*place].1.for_record(record, &prepared.record)).collect();
-        let (found, taken) = equation_plant::together(&files, &prepared.record, self.work.most);
-        self.work.count.add(taken);
+        let (found, work) = equation_plant::together(&files, &prepared.record, self.work.tolerance, self.work.most);
+        self.work.count.add(work);
         let shown = |values: Vec<Vec<f64>>| -> Option<Simulated> {
             let shown: Simulated = prepared.outputs.iter().map(|output| values[*output].clone()).collect();
             shown.iter().flatten().all(|value| value.is_finite()).then_some(shown)
@@ -223,7 +237,7 @@ impl WhitenedResiduals {
         let file = model.for_record(record, &prepared.record);
         let mut simulator = Simulator::new(&file, &prepared.record).ok()?.at_most(self.work.most);
         let done = simulator.run(&prepared.record);
-        self.work.count.add(simulator.taken());
+        self.work.count.add(simulator.work());
         done.ok()
     }
 

@@ -188,8 +188,8 @@ fn a_search_that_goes_round_in_a_circle_is_stopped_and_says_so() {
         assert_eq!(path.stopped(), Some(limit));
     }
     let mut path = SearchHistory::until(100, 20);
-    assert!(path.has_steps(100) && !path.has_steps(101));
-    assert_eq!(path.stopped(), Some(Limit::Steps));
+    assert!(path.has_work_left(100) && !path.has_work_left(101));
+    assert_eq!(path.stopped(), Some(Limit::Work));
 }
 
 #[test]
@@ -332,12 +332,21 @@ fn axis_without_command(true_plant: &PlantFile, seed: u64) -> Record {
     record
 }
 
+/// Whether the true plant, started at the first reading, stays within a hundred times the noise of the record. The first reading is wrong by its
+/// noise. A command at its limits can make a thousand times more of this error within a second; such a record has no unique simulation.
+fn forgets_its_start(true_plant: &PlantFile, record: &Record) -> bool {
+    let outputs = run(true_plant, record);
+    let readings = record.measured[0].as_ref().unwrap();
+    outputs.of("position").unwrap().iter().zip(readings).all(|(value, reading)| (value - reading).abs() < 100.0 * 2e-7)
+}
+
 /// The position alone determines a dry friction to half a per cent: the magnitudes of forces follow from the loop of the plant file.
 #[test]
 fn friction_is_found_in_an_axis_that_records_its_position_alone() {
     let friction = "\n[[effects]]\nkind = \"coulomb-friction\"\nparameters = { force = 12 }\n";
     let rubbing = plant("servo-axis", friction);
-    let records: Vec<Record> = (1..=3).map(|seed| axis_without_command(&rubbing, seed)).collect();
+    let records: Vec<Record> =
+        (1..).map(|seed| axis_without_command(&rubbing, seed)).filter(|it| forgets_its_start(&rubbing, it)).take(3).collect();
     let options = Options { threads: 2, progress: &|_| {} };
     let found = diagnose(&plant("servo-axis", ""), &records[..2], &records[2..], &options).unwrap();
     let kinds: Vec<&str> = found.causes.iter().map(|cause| cause.kind).collect();

@@ -18,19 +18,22 @@ pub struct Observer {
     steps: Vec<f64>,
     /// The mean magnitude of the change of each state in a row of the simulation.
     pub changes: Vec<f64>,
+    /// The permitted error of a step, as in [`Setting`].
+    tolerance: f64,
 }
 
-/// The step of a finite difference, as a share of the largest magnitude of a state. The permitted error of a step of the simulation is 1e-8 of that
-/// magnitude, so a derivative is accurate to 1e-5.
+/// The step of a finite difference, as a share of the largest magnitude of a state. With a permitted error of a step of 1e-7 of that magnitude, a
+/// derivative is accurate to 1e-4.
 const DIFFERENCE: f64 = 1e-3;
 
-/// The number of steps per row at which a run that readings correct is stopped: ten turns of the fastest motion between two rows.
-const OBSERVED_STEPS_A_ROW: usize = 250;
+/// The work per row at which a run that readings correct is stopped: 250 steps of the series, which are ten turns of the fastest motion between two
+/// rows.
+const OBSERVED_WORK_A_ROW: usize = 2000;
 
 impl Observer {
-    /// The plant of a file along a record. `None` if its start has no solution.
+    /// The plant of a file along a record, with the permitted error of a step as in [`Setting`]. `None` if its start has no solution.
     #[must_use]
-    pub fn new(file: &PlantFile, record: &Record) -> Option<Observer> {
+    pub fn new(file: &PlantFile, record: &Record, tolerance: f64) -> Option<Observer> {
         let Group { model, slot, lanes, .. } = Group::of(std::slice::from_ref(file), record)?;
         let (lane, machine) = (lanes.into_iter().next()?, &slot.machine);
         let time = instants(record);
@@ -39,7 +42,7 @@ impl Observer {
             machine,
             lane.start().clone(),
             Inputs { time: &time, values: &record.inputs },
-            Setting::default(),
+            Setting { tolerance, ..Setting::default() },
             every,
         );
         let count = machine.states().len();
@@ -60,7 +63,7 @@ impl Observer {
         let is_kinematic = machine.kinematic_states();
         let steps = (0..count).map(step).collect();
         open(&model.slots).push(slot);
-        Some(Observer { model, is_kinematic, lane, steps, changes })
+        Some(Observer { model, is_kinematic, lane, steps, changes, tolerance })
     }
 
     /// Runs the plant along its record with the linear model of each row. `correct` gets each row and returns the change of each state. Returns
@@ -70,8 +73,7 @@ impl Observer {
         let mut slot = self.model.slot();
         let time = instants(record);
         let inputs = Inputs { time: &time, values: &record.inputs };
-        let default = Setting::default();
-        let setting = setting(record, default.method, default.tolerance, OBSERVED_STEPS_A_ROW);
+        let setting = setting(record, Setting::default().method, self.tolerance, OBSERVED_WORK_A_ROW);
         let done = slot.lanes.linearised_rows(&self.lane, inputs, setting, &self.steps, correct);
         open(&self.model.slots).push(slot);
         done.is_ok()
@@ -87,8 +89,7 @@ impl Observer {
         if let Some(states) = places_of_states(&self.model.machine, &model.machine) {
             let time = instants(record);
             let inputs = Inputs { time: &time, values: &record.inputs };
-            let default = Setting::default();
-            let setting = setting(record, default.method, default.tolerance, OBSERVED_STEPS_A_ROW);
+            let setting = setting(record, Setting::default().method, self.tolerance, OBSERVED_WORK_A_ROW);
             let mut own = vec![0.0; states.len()];
             let mut of_all = |at: &AtRow<'_>, all: &mut [f64]| {
                 own.iter_mut().zip(&states).for_each(|(to, place)| *to = all[*place]);

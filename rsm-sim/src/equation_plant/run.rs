@@ -364,32 +364,31 @@ impl Model {
 /// Every output at every row.
 pub type Values = Vec<Vec<f64>>;
 
-/// The settings of a run with a limit on its steps per row, on average over its record.
-pub(super) fn setting(record: &Record, method: Method, tolerance: f64, steps_a_row: usize) -> Setting {
-    let steps = u64::try_from(steps_a_row.saturating_mul(record.rows())).unwrap_or(u64::MAX);
-    Setting { method, tolerance, steps }
+/// The settings of a run with a limit on its work per row, on average over its record.
+pub(super) fn setting(record: &Record, method: Method, tolerance: f64, work_a_row: usize) -> Setting {
+    let work = u64::try_from(work_a_row.saturating_mul(record.rows())).unwrap_or(u64::MAX);
+    Setting { method, tolerance, work }
 }
 
 /// Runs plants of one kind side by side along one record. They must have the same effects at the same places; their numbers may differ. Each result
 /// has the same bits as in a run alone. Returns, for each plant, every output of the kind at every row, or `None` if the plant cannot follow the
-/// record or needs more than `steps_a_row`; and the total number of steps.
+/// record or needs more than `work_a_row`; and the total work. `tolerance` is that of [`Setting`].
 ///
 /// # Panics
 /// Never: plants that run side by side have one model.
 #[must_use]
-pub fn together(files: &[PlantFile], record: &Record, steps_a_row: usize) -> (Vec<Option<Values>>, u64) {
+pub fn together(files: &[PlantFile], record: &Record, tolerance: f64, work_a_row: usize) -> (Vec<Option<Values>>, u64) {
     let mut done: Vec<Option<Values>> = vec![None; files.len()];
     let Some(Group { model, mut slot, places, lanes }) = Group::of(files, record) else { return (done, 0) };
-    let default = Setting::default();
-    let setting = setting(record, default.method, default.tolerance, steps_a_row);
+    let setting = setting(record, Setting::default().method, tolerance, work_a_row);
     let time = instants(record);
     let inputs = Inputs { time: &time, values: &record.inputs };
     for (place, found) in places.into_iter().zip(slot.lanes.run(&lanes, inputs, setting)) {
         done[place] = found.ok();
     }
-    let taken = slot.lanes.taken().iter().sum();
+    let work = slot.lanes.work().iter().sum();
     open(&model.slots).push(slot);
-    (done, taken)
+    (done, work)
 }
 
 /// Plants with the same effects at the same places, at their start along one record.
@@ -447,8 +446,8 @@ pub struct Run {
     pub(crate) method: Method,
     /// The permitted error of a step, as in [`Setting`].
     pub(crate) tolerance: f64,
-    /// The largest number of steps per row, on average over the record.
-    pub(crate) steps_a_row: usize,
+    /// The largest work per row, on average over the record.
+    pub(crate) work_a_row: usize,
 }
 
 impl Run {
@@ -461,7 +460,7 @@ impl Run {
         let mut slot = model.slot();
         let start = model.begin(&mut slot.machine, file, record);
         let Setting { method, tolerance, .. } = Setting::default();
-        let mut run = Run { kind: file.kind, model, slot: Some(slot), start: None, method, tolerance, steps_a_row: usize::MAX };
+        let mut run = Run { kind: file.kind, model, slot: Some(slot), start: None, method, tolerance, work_a_row: usize::MAX };
         run.start = Some(start?);
         Ok(run)
     }
@@ -472,10 +471,10 @@ impl Run {
         shown(self.kind, record)
     }
 
-    /// The number of steps of the last run, also if it was stopped early.
+    /// The work of the last run, in the unit of [`Setting::work`], also if it was stopped early.
     #[must_use]
-    pub fn taken(&self) -> u64 {
-        self.slot.iter().flat_map(|it| it.lanes.taken()).sum()
+    pub fn work(&self) -> u64 {
+        self.slot.iter().flat_map(|it| it.lanes.work()).sum()
     }
 
     /// Computes the outputs of [`Run::outputs`] at every row. A controller, if there is one, sets the first input row by row.
@@ -491,7 +490,7 @@ impl Run {
         let lane = Lane::new(&slot.machine, start);
         let time = instants(record);
         let inputs = Inputs { time: &time, values: &record.inputs };
-        let setting = setting(record, self.method, self.tolerance, self.steps_a_row);
+        let setting = setting(record, self.method, self.tolerance, self.work_a_row);
         let mut found = match controller {
             Some(_) if matches!(self.method, Method::Fixed { .. }) => {
                 return Err(Stopped::Step(

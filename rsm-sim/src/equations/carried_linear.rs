@@ -18,7 +18,7 @@ use super::speeds::{Carried, LinearSpeeds, PartSpeeds};
 use super::walk::Walk;
 use crate::code::{Slot, WIDE, has_eight};
 
-impl Walk<'_, 1> {
+impl<const L: usize> Walk<'_, L> {
     /// At a point where a linear part has just been computed: how it changes with the directions.
     pub(super) fn carry_part(&mut self, place: usize) {
         let Some(mut it) = self.carried.take() else { return };
@@ -70,7 +70,7 @@ impl Walk<'_, 1> {
             it.store.run(&linear.matrices, self.slots.as_flattened());
             linear.loaded = Some((loaded.version, loaded.level));
         }
-        let mut time = [begin];
+        let mut time = [begin; L];
         self.swap_with_step_start(&mut time);
         if let Some(step) = &linear.step {
             step.run(&mut it.store, &self.slots);

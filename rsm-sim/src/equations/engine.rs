@@ -3,7 +3,7 @@
 /// The integration method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Method {
-    /// The series of the solution, until it needs many steps in a row; from then on the stiff method, if it costs less.
+    /// The series of the solution, or the stiff method where that needs less work.
     Automatic,
     /// The series of the solution, with as many orders as the tolerance needs.
     Explicit,
@@ -24,15 +24,16 @@ pub struct Setting {
     pub method: Method,
     /// The permitted error of a step, relative to the largest magnitude that a state has had, or to its change in one row.
     pub tolerance: f64,
-    /// The largest number of steps of a whole run. A run that needs more is stopped.
-    pub steps: u64,
+    /// The largest work of a whole run; a run that needs more is stopped. The unit is a step with a linear part that exists: of the order of 0.1 us.
+    /// A new linear part or a step of the series counts 8, and a row by one step of the series counts 4.
+    pub work: u64,
 }
 
 impl Setting {
-    /// A method and the permitted error of a step, with no limit on the number of steps.
+    /// A method and the permitted error of a step, with no limit on the work.
     #[must_use]
     pub const fn new(method: Method, tolerance: f64) -> Setting {
-        Setting { method, tolerance, steps: u64::MAX }
+        Setting { method, tolerance, work: u64::MAX }
     }
 }
 

@@ -3,6 +3,7 @@
 //! In: the linear parts of a lane so far, the held values of comparisons, a length. Out: the part that fits, or a free place for a new one. The
 //! decisions depend on the lane alone.
 
+use super::choice::{Choice, PART};
 use super::part::{MOST_STATES, Part};
 
 /// The number of linear parts that a lane keeps: a plant with a few comparisons alternates between few combinations of their values.
@@ -15,9 +16,9 @@ pub(super) const SAME: f64 = 0.01;
 const FAILURES: u32 = 2;
 const SKIPPED: u32 = 16;
 
-/// After this number of steps with a part, it is recomputed before the next step that is shorter than a row. A new part costs as much as 8 steps
-/// ([`super::stiff::TAKEN`]), so this adds at most a quarter to the cost.
-const MOST_AGE: u64 = 32;
+/// After this number of steps with a part, it is recomputed before the next step that is shorter than a row. This adds at most a quarter to the
+/// work.
+const MOST_AGE: u64 = 4 * PART;
 
 /// The linear parts of a lane, and data about their use.
 #[derive(Debug, Clone, Default)]
@@ -30,17 +31,14 @@ pub(super) struct Kept {
     pub is_fresh: bool,
     /// Whether a step over a whole row with the current part was tried at the current point, and its error was too large.
     pub has_failed: bool,
-    /// The number of failed steps in sequence with parts from earlier points.
+    /// The number of failed steps in sequence, shorter than a row, with parts from earlier points.
     failures: u32,
     /// The number of times that a part was recomputed instead of trying such a step.
     skipped: u32,
     /// The number of steps with the current part since it was computed.
     age: u64,
-    /// The cost of a row above which the lane returns to the series.
-    pub budget: u64,
-    pub cost: u64,
-    /// Whether the lane has already returned to the series.
-    pub has_returned: bool,
+    /// The choice between the series and linear parts.
+    pub choice: Choice,
     clock: u64,
 }
 
@@ -74,16 +72,17 @@ impl Kept {
         Some(place)
     }
 
-    /// Whether the current part must be recomputed before a step of a level. This is the case if a step over a whole row with it failed here, if
-    /// steps with parts from earlier points failed several times in sequence, or if the part was used for many steps shorter than a row, because its
-    /// error may be the reason for the short steps. Also counts the steps that are not tried.
+    /// Whether the current part must be recomputed before a step of a level. For a whole row this is the case if such a step failed here: a failed
+    /// step costs an eighth of a new part, so an old part is always tried. For shorter steps, it is the case if steps with parts from earlier points
+    /// failed several times in sequence, or if the part was used for many such steps, because its error may be the reason for the short steps. Also
+    /// counts the steps that are not tried.
     pub(super) fn must_recompute(&mut self, level: usize) -> bool {
-        if self.is_fresh {
-            return false;
+        if self.is_fresh || level == 0 {
+            return !self.is_fresh && self.has_failed;
         }
         let is_hopeless = self.failures >= FAILURES && self.skipped < SKIPPED;
         self.skipped = if is_hopeless { self.skipped + 1 } else { 0 };
-        is_hopeless || self.has_failed && level == 0 || self.age >= MOST_AGE && level > 0
+        is_hopeless || self.age >= MOST_AGE
     }
 
     /// The current part has just been computed at the current point of the lane.
@@ -96,13 +95,22 @@ impl Kept {
         if !self.is_fresh {
             self.failures = 0;
         }
-        (self.is_fresh, self.has_failed) = (false, false);
+        self.moved();
         self.age += 1;
     }
 
-    /// The error of a step with the current part, from an earlier point, was too large.
-    pub(super) fn failed(&mut self) {
-        self.failures += 1;
+    /// The lane is at another point: by a step over a whole row, or by another method.
+    pub(super) fn moved(&mut self) {
+        (self.is_fresh, self.has_failed) = (false, false);
+    }
+
+    /// The error of a step of a level with the current part, from an earlier point, was too large.
+    pub(super) fn failed(&mut self, level: usize) {
+        if level == 0 {
+            self.has_failed = true;
+        } else {
+            self.failures += 1;
+        }
     }
 
     /// The place of a new part: the current one, a free one, or the one that has not been used for the longest time.
@@ -164,7 +172,7 @@ mod tests {
         let mut kept = Kept::default();
         for _ in 0..FAILURES {
             assert!(!kept.must_recompute(1));
-            kept.failed();
+            kept.failed(1);
             kept.renewed();
             kept.step_accepted();
         }
@@ -177,6 +185,22 @@ mod tests {
         assert!(!kept.must_recompute(1), "an old part is tried once");
         kept.step_accepted();
         assert!(!kept.must_recompute(1), "an old part has served");
+    }
+
+    #[test]
+    fn an_old_part_is_tried_for_every_row_once() {
+        let mut kept = Kept::default();
+        for _ in 0..2 * FAILURES {
+            assert!(!kept.must_recompute(0));
+            kept.failed(0);
+            assert!(kept.must_recompute(0), "it has failed at this point");
+            kept.renewed();
+            assert!(!kept.must_recompute(0));
+            kept.moved();
+        }
+        kept.failed(0);
+        kept.moved();
+        assert!(!kept.must_recompute(0), "another method moved the lane");
     }
 
     #[test]

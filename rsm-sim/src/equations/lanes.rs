@@ -19,8 +19,8 @@ pub struct Lanes<'m> {
     pub(super) alone: Option<Walk<'m, 1>>,
     pub(super) group: Option<Walk<'m, WIDE>>,
     pub(super) sensitive: Option<Along<'m>>,
-    /// The number of steps of each lane in the last run.
-    taken: Vec<u64>,
+    /// The work of each lane in the last run.
+    work: Vec<u64>,
 }
 
 /// For each output, in the order of the text: its value at every row.
@@ -33,7 +33,7 @@ impl<'m> Lanes<'m> {
     /// The code of a machine.
     #[must_use]
     pub fn new(machine: &'m Machine) -> Self {
-        Lanes { machine, way: Way::Fastest, alone: None, group: None, sensitive: None, taken: Vec::new() }
+        Lanes { machine, way: Way::Fastest, alone: None, group: None, sensitive: None, work: Vec::new() }
     }
 
     /// The same with the interpreter of tapes, which gives the same bits. Machine code is compared with it.
@@ -59,21 +59,21 @@ impl<'m> Lanes<'m> {
             return lanes.iter().map(one).collect();
         }
         let mut all = Vec::with_capacity(lanes.len());
-        self.taken.clear();
+        self.work.clear();
         let width = self.width(lanes);
         // Lanes in one group share the instants of samples.
         for group in lanes.chunk_by(|a, b| a.has_samples_of(b)).flat_map(|it| it.chunks(width)) {
             let together = (group.len() > 1).then(|| self.together(group, inputs, setting)).flatten();
             match together {
                 Some(outputs) => {
-                    let taken = self.group.iter().flat_map(|it| &it.taken).take(group.len());
-                    self.taken.extend(taken);
+                    let work = self.group.iter().flat_map(|it| &it.work).take(group.len());
+                    self.work.extend(work);
                     all.extend(outputs.into_iter().map(Ok));
                 }
                 None => {
                     for lane in group {
                         all.push(self.alone(lane, inputs, setting, None));
-                        self.taken.extend(self.alone.iter().map(|it| it.taken[0]));
+                        self.work.extend(self.alone.iter().map(|it| it.work[0]));
                     }
                 }
             }
@@ -84,13 +84,14 @@ impl<'m> Lanes<'m> {
     /// The number of lanes that run side by side. A nonlinear block is iterated for each lane separately, and a delayed signal arrives in each lane
     /// separately.
     pub(super) fn width(&self, lanes: &[Lane]) -> usize {
-        if self.machine.has_blocks() || lanes.iter().any(has_late) { 1 } else { WIDE }
+        if self.machine.has_blocks() || lanes.iter().any(|lane| lane.numbers.has_delayed_signals()) { 1 } else { WIDE }
     }
 
-    /// The number of steps of each lane in the last run, also for a run that was stopped early. It is the same alone and in a group.
+    /// The work of each lane in the last run, in the unit of [`Setting::work`], also for a run that was stopped early. It is the same alone and in a
+    /// group.
     #[must_use]
-    pub fn taken(&self) -> &[u64] {
-        &self.taken
+    pub fn work(&self) -> &[u64] {
+        &self.work
     }
 
     /// Runs a lane with a controller in the loop. At every row the controller gets the row number and the outputs, computed with the inputs before
@@ -122,8 +123,8 @@ impl<'m> Lanes<'m> {
         controller: &mut Controller<'_>,
     ) -> Result<Outputs, Stopped> {
         let found = self.alone(lane, inputs, setting, Some(controller));
-        self.taken.clear();
-        self.taken.extend(self.alone.iter().map(|it| it.taken[0]));
+        self.work.clear();
+        self.work.extend(self.alone.iter().map(|it| it.work[0]));
         found
     }
 
@@ -134,20 +135,18 @@ impl<'m> Lanes<'m> {
         setting: Setting,
         mut controller: Option<&mut Controller<'_>>,
     ) -> Result<Outputs, Stopped> {
-        let has_late = has_late(lane);
+        let has_late = lane.numbers.has_delayed_signals();
         let walk = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));
-        walk.begin([lane], setting, period(inputs));
+        walk.begin(std::slice::from_ref(lane), setting, period(inputs));
         let mut outputs = [allocate_outputs(self.machine, inputs)];
-        let can_be_plain = walk.can_be_plain() && !has_late;
         let mut late = DelayedSignals::new(&lane.numbers, inputs.time, period(inputs));
         let mut said = 0.0;
         let is_quiet = walk.is_quiet();
         let mut block = Block::new(self.machine.outputs().len());
         for (row, end) in inputs.time.iter().enumerate() {
             walk.row = row;
-            let before = inputs.time[row.max(1) - 1];
-            if row > 0 && !(can_be_plain && walk.is_free(before, *end) && walk.plain(before, *end)) {
-                walk.reach(*end, &mut late)?;
+            if row > 0 {
+                walk.reach_row(inputs.time[row - 1], *end, &mut late)?;
             }
             walk.set_inputs(inputs.values, row);
             if let Some(controller) = &mut controller {
@@ -181,8 +180,7 @@ impl<'m> Lanes<'m> {
     fn together(&mut self, lanes: &[Lane], inputs: Inputs<'_>, setting: Setting) -> Option<Vec<Outputs>> {
         let machine = self.machine;
         let mut walk = self.group.take().unwrap_or_else(|| Walk::new(machine, self.way));
-        // Unused places repeat the last lane.
-        walk.begin(std::array::from_fn(|place| &lanes[place.min(lanes.len() - 1)]), setting, period(inputs));
+        walk.begin(lanes, setting, period(inputs));
         let mut outputs: [Outputs; WIDE] = std::array::from_fn(|_| allocate_outputs(machine, inputs));
         let done = self.along(&mut walk, lanes, inputs, setting, &mut outputs);
         self.group = Some(walk);
@@ -225,10 +223,10 @@ impl<'m> Lanes<'m> {
         let (now, end) = (inputs.time[row.max(1) - 1], inputs.time[row]);
         walk.row = row;
         let is_free = walk.is_free(now, end);
-        if row == 0 || walk.can_be_plain() && is_free && walk.plain(now, end) {
-            return Ok(());
+        if row > 0 && !(walk.can_be_plain() && is_free && walk.plain(now, end)) {
+            self.reach_with_events(walk, lanes, (now, end, is_free), inputs, setting)?;
         }
-        self.reach_with_events(walk, lanes, (now, end, is_free), inputs, setting)
+        walk.within_limit()
     }
 
     /// Advances each lane by its own steps. Apart from the usual way, which then needs little of the stack.
@@ -242,7 +240,7 @@ impl<'m> Lanes<'m> {
         setting: Setting,
     ) -> Result<(), Stopped> {
         let count = lanes.len();
-        let right = if is_free { walk.together(now, end) } else { [false; WIDE] };
+        let right = if is_free { walk.together(now, end)? } else { [false; WIDE] };
         for lane in (0..count).filter(|lane| !right[*lane]) {
             let alone = self.alone.get_or_insert_with(|| Walk::new(self.machine, self.way));
             alone.apply_setting(setting);
@@ -273,11 +271,6 @@ pub fn run(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting
     Lanes::new(machine).run(&[lane], inputs, setting).remove(0)
 }
 
-/// Whether a lane has delayed signals.
-fn has_late(lane: &Lane) -> bool {
-    !lane.numbers.delayed_inputs.is_empty() || !lane.numbers.late_readings.is_empty()
-}
-
 /// The points of a machine along inputs, at every `every`-th row, from its start to the row where the run ends.
 ///
 /// # Panics
@@ -286,12 +279,12 @@ fn has_late(lane: &Lane) -> bool {
 pub fn points(machine: &Machine, start: Point, inputs: Inputs<'_>, setting: Setting, every: usize) -> Vec<Point> {
     let mut walk: Walk<'_, 1> = Walk::new(machine, Way::Fastest);
     let lane = Lane::new(machine, start);
-    walk.begin([&lane], setting, period(inputs));
+    walk.begin(std::slice::from_ref(&lane), setting, period(inputs));
     let mut late = DelayedSignals::new(&lane.numbers, inputs.time, period(inputs));
     let mut points = Vec::new();
     for (row, end) in inputs.time.iter().enumerate() {
         walk.row = row;
-        if row > 0 && walk.reach(*end, &mut late).is_err() {
+        if row > 0 && walk.reach_row(inputs.time[row - 1], *end, &mut late).is_err() {
             break;
         }
         walk.set_inputs(inputs.values, row);

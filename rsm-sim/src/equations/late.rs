@@ -36,6 +36,11 @@ impl<'m> DelayedSignals<'m> {
         DelayedSignals { numbers, in_transit, readings, time, near: SAME * period }
     }
 
+    /// Whether any signal is delayed.
+    pub(super) fn has_signals(&self) -> bool {
+        self.numbers.has_delayed_signals()
+    }
+
     /// Sends the current values of signals, and stores the values that have arrived. Returns whether an input changed.
     pub(super) fn exchange(&mut self, time: f64, inputs: &mut [[f64; 1]], memories: &[[f64; 1]]) -> bool {
         let mut changed = false;

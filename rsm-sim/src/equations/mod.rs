@@ -12,6 +12,7 @@ mod carried;
 mod carried_linear;
 mod changes;
 mod checked;
+mod choice;
 pub mod code;
 mod computed;
 pub(crate) mod effect_files;
@@ -55,6 +56,7 @@ mod stiff;
 mod tables;
 mod thresholds;
 mod walk;
+mod whole_row;
 
 pub use engine::{Method, Setting};
 pub use extended::Entry;

@@ -43,6 +43,13 @@ pub(super) struct Numbers {
     pub late_readings: Vec<(usize, f64)>,
 }
 
+impl Numbers {
+    /// Whether any input or reading is delayed.
+    pub(super) fn has_delayed_signals(&self) -> bool {
+        !self.delayed_inputs.is_empty() || !self.late_readings.is_empty()
+    }
+}
+
 /// The values that depend on parameters, as a program.
 #[derive(Debug, Clone)]
 pub(super) struct DerivedNumbers {

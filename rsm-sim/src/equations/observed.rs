@@ -129,7 +129,7 @@ impl Lanes<'_> {
     ) -> Result<(), Stopped> {
         let machine = self.machine;
         let mut walk = self.group.take().unwrap_or_else(|| Walk::new(machine, self.way));
-        walk.begin(std::array::from_fn(|place| &lanes[place.min(lanes.len() - 1)]), setting, period(inputs));
+        walk.begin(lanes, setting, period(inputs));
         let mut saved = None;
         let (mut outputs, mut states) = (vec![0.0; machine.outputs().len()], vec![0.0; walk.states().len()]);
         let mut predicted: Vec<[f64; WIDE]> = Vec::new();
@@ -170,7 +170,7 @@ impl Lanes<'_> {
     ) -> Result<(), Stopped> {
         let machine = self.machine;
         let mut walk: Walk<'_, 1> = self.alone.take().unwrap_or_else(|| Walk::new(machine, self.way));
-        walk.begin([lane], setting, period(inputs));
+        walk.begin(std::slice::from_ref(lane), setting, period(inputs));
         let mut late = DelayedSignals::new(lane.numbers(), inputs.time, period(inputs));
         let mut saved = None;
         let (mut predicted, mut states): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
@@ -178,7 +178,7 @@ impl Lanes<'_> {
             for (row, end) in inputs.time.iter().enumerate() {
                 walk.row = row;
                 if row > 0 {
-                    walk.reach(*end, &mut late)?;
+                    walk.reach_row(inputs.time[row - 1], *end, &mut late)?;
                 }
                 walk.saved(&mut saved);
                 walk.set_inputs(inputs.values, row);
@@ -230,7 +230,7 @@ impl Lanes<'_> {
         let each = WIDE - 1;
         let lanes = vec![lane.clone(); WIDE];
         let mut groups: Vec<Walk<'_, WIDE>> = (0..states.div_ceil(each).max(1)).map(|_| Walk::new(machine, way)).collect();
-        groups.iter_mut().for_each(|walk| walk.begin(std::array::from_fn(|_| lane), setting, period(inputs)));
+        groups.iter_mut().for_each(|walk| walk.begin(&lanes, setting, period(inputs)));
         let mut saved: Vec<Option<Saved<WIDE>>> = groups.iter().map(|_| None).collect();
         let mut transition = DMatrix::identity(states, states);
         let mut slopes = DMatrix::zeros(machine.outputs().len(), states);

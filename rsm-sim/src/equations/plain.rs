@@ -4,6 +4,7 @@
 //! rates must be polynomials. Out: the walk at the next row, if the first part of the series, or the existing matrices, reach it in every lane. This
 //! is the same computation as for a general row, without the parts that are not needed here, so the bits are the same.
 
+use super::choice::{ROW_BY_SERIES, STEP};
 use super::walk::{Walk, larger};
 
 impl<const L: usize> Walk<'_, L> {
@@ -34,7 +35,7 @@ impl<const L: usize> Walk<'_, L> {
             return false;
         }
         checked.accept.run_with(&[end], &mut self.slots, &mut self.spare);
-        self.finish_plain(2.0 * rest);
+        self.finish_plain(2.0 * rest, ROW_BY_SERIES);
         true
     }
 
@@ -50,20 +51,20 @@ impl<const L: usize> Walk<'_, L> {
             let first = self.slots[layout.excess as usize].map(|it| it == 0.0);
             let fits = self.allowed_by_better(first);
             if fits != [true; L] {
-                (0..L).filter(|lane| !fits[*lane]).for_each(|lane| self.kept[lane].has_failed = true);
+                (0..L).filter(|lane| !fits[*lane]).for_each(|lane| self.kept[lane].failed(0));
                 return false;
             }
         }
         if let Some(checked) = self.programs.checked_linear() {
             checked.accept.run_with(&[end], &mut self.slots, &mut self.spare);
         }
-        self.finish_plain(rest);
+        self.finish_plain(rest, STEP);
         true
     }
 
     /// After the states at the end of a row are taken in all lanes.
-    fn finish_plain(&mut self, suggestion: f64) {
-        self.taken.iter_mut().for_each(|it| *it += 1);
+    fn finish_plain(&mut self, suggestion: f64, work: u64) {
+        self.work.iter_mut().for_each(|it| *it += work);
         self.suggestion.iter_mut().for_each(|it| *it = larger(*it, suggestion));
     }
 }

@@ -1,24 +1,20 @@
-//! The way from one row to the next.
+//! The way of a single lane from one row to the next.
 //!
-//! In: a walk at an instant, and the next instant. Out: the walk at the next instant. A single lane handles everything that happens before it: the
-//! step length follows from the error, a step ends where a comparison changes, and then the event is executed. A group tries the whole row in one
-//! step; [`Walk::together`] returns the lanes for which that step is valid.
+//! In: a walk at an instant, and the next instant. Out: the walk at the next instant. The lane handles everything that happens before it: the step
+//! length follows from the error, a step ends where a comparison changes, and then the event is executed. Before that, one step over the whole row is
+//! tried ([`super::whole_row`]), as in a group of lanes.
 
+use super::choice::SERIES;
 use super::engine::Method;
-use super::kept::Anchor;
 use super::late::DelayedSignals;
 use super::methods::{self, Linear, Stepped};
 use super::rows::{MOST_EVENTS, MOST_STEPS, Stopped};
 use super::series::Tried;
-use super::stiff::{Attempt, TAKEN};
+use super::stiff::Attempt;
 use super::walk::Walk;
 
 /// A plant is stiff if one row needs more steps of the series than this.
 const STIFF: usize = 24;
-
-/// If one row needs more steps of the series than this, steps by a linear part are tried. They are kept as long as no row costs more than that row
-/// did.
-const MANY: f64 = 4.0;
 
 /// Bisections that locate an event. They stop earlier when the bracket cannot be divided any more.
 const HALVINGS: usize = 60;
@@ -44,67 +40,7 @@ enum Way {
 }
 
 impl<const L: usize> Walk<'_, L> {
-    /// Tries one step to the end of a row for all lanes. Lanes for which the step is not valid keep their state.
-    pub(super) fn together(&mut self, now: f64, end: f64) -> [bool; L] {
-        let rest = end - now;
-        let asked: [bool; L] = std::array::from_fn(|lane| !self.is_stiff[lane] && self.suggestion[lane] >= 0.999 * rest);
-        let linear: [bool; L] =
-            std::array::from_fn(|lane| self.is_stiff[lane] && self.suggestion[lane] >= 0.999 * rest && self.select(lane, rest));
-        if !asked.contains(&true) && !linear.contains(&true) {
-            return asked;
-        }
-        self.store_step_start();
-        let tried = if asked.contains(&true) { self.series([rest; L], asked) } else { [None; L] };
-        let mut whole: [bool; L] = std::array::from_fn(|lane| tried[lane].is_some_and(|it| it.share == 1.0));
-        if linear.contains(&true) {
-            self.slots[self.programs.layout.step as usize] = [rest; L];
-            self.exponential_step();
-            let (end, fits) = (self.programs.block.end(), self.allowed());
-            for lane in (0..L).filter(|lane| linear[*lane]) {
-                self.anchors[lane] = Anchor::START;
-                whole[lane] = fits[lane];
-                self.kept[lane].has_failed = !fits[lane];
-                for k in 0..self.programs.counts.states {
-                    self.step_end[k][lane] = self.slots[end + k][lane];
-                }
-            }
-        }
-        self.move_to_step_end([end; L], whole);
-        let agree = self.slopes_agree([rest; L], &tried);
-        let differ = self.sides_differ();
-        let mut right: [bool; L] = std::array::from_fn(|lane| whole[lane] && agree[lane] && !differ[lane]);
-        if self.programs.counts.held > 0 && right.contains(&true) {
-            let order = tried[0].map(|it| it.order).filter(|_| right == [true; L] && !linear.contains(&true));
-            let order = order.filter(|order| tried.iter().all(|it| it.is_some_and(|it| it.order == *order)));
-            let found = self.changes_inside(right, &mut |walk, share| {
-                if let Some(order) = order {
-                    walk.put_on_series(order, share, now + share * rest);
-                    return;
-                }
-                for lane in (0..L).filter(|lane| right[*lane]) {
-                    if linear[lane] {
-                        walk.put_inside(lane, 0, share, now + share * rest);
-                    } else {
-                        walk.put_lane_on_series(lane, tried[lane], share, now + share * rest);
-                    }
-                }
-            });
-            (0..L).for_each(|lane| right[lane] &= found[lane].is_none());
-            self.move_to_step_end([end; L], right);
-        }
-        for lane in (0..L).filter(|lane| whole[*lane] && !right[*lane]) {
-            self.move_to_step_start(lane, now);
-        }
-        for lane in (0..L).filter(|lane| right[*lane]) {
-            let next = if linear[lane] { rest } else { 2.0 * rest };
-            self.taken[lane] += 1;
-            self.suggestion[lane] = self.suggestion[lane].max(next);
-        }
-        self.update_largest(right);
-        right
-    }
-
-    fn move_to_step_end(&mut self, time: [f64; L], lanes: [bool; L]) {
+    pub(super) fn move_to_step_end(&mut self, time: [f64; L], lanes: [bool; L]) {
         let layout = self.programs.layout;
         let states = layout.states as usize;
         if lanes == [true; L] {
@@ -129,7 +65,7 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// Updates the largest magnitudes with the current states.
-    fn update_largest(&mut self, lanes: [bool; L]) {
+    pub(super) fn update_largest(&mut self, lanes: [bool; L]) {
         let states = self.programs.layout.states as usize;
         let largest = self.programs.layout.largest as usize;
         for k in 0..self.programs.counts.states {
@@ -145,6 +81,27 @@ impl<const L: usize> Walk<'_, L> {
 }
 
 impl Walk<'_, 1> {
+    /// Advances from one row to the next, in one step if that is possible.
+    pub(super) fn reach_row(&mut self, now: f64, end: f64, late: &mut DelayedSignals<'_>) -> Result<(), Stopped> {
+        if self.programs.counts.guesses == 0 && !late.has_signals() && self.is_free(now, end) {
+            if self.can_be_plain() {
+                if self.carried.is_some() {
+                    self.store_step_start();
+                }
+                if self.plain(now, end) {
+                    let series =
+                        (!self.is_stiff[0]).then(|| Tried { order: self.programs.first_order().unwrap_or(0), share: 1.0 });
+                    self.carry_row(series, now)?;
+                    return self.within_limit();
+                }
+            }
+            if self.together(now, end)? == [true] {
+                return self.within_limit();
+            }
+        }
+        self.reach(end, late)
+    }
+
     /// Advances to an instant, and handles everything that happens before it.
     pub(super) fn reach(&mut self, end: f64, late: &mut DelayedSignals<'_>) -> Result<(), Stopped> {
         let (mut steps, mut events) = (0, 0);
@@ -196,16 +153,15 @@ impl Walk<'_, 1> {
 
     /// Advances to an instant, or to the first event before it. Returns whether an event occurred.
     fn advance(&mut self, next: f64, steps: &mut usize) -> Result<bool, Stopped> {
-        let begin = *steps;
+        let (begin, work) = (*steps, self.work[0]);
         (self.linear, self.segment) = (None, None);
-        self.kept[0].cost = 0;
         while self.time(0) < next {
             *steps += 1;
-            self.taken[0] += 1;
-            if *steps > MOST_STEPS || self.taken[0] > self.setting.steps {
+            if *steps > MOST_STEPS {
                 return Err(Stopped::TooManySteps { row: self.row });
             }
-            self.choose(*steps - begin);
+            self.within_limit()?;
+            self.choose(*steps - begin, work);
             let now = self.time(0);
             let rest = next - now;
             // If the suggested step nearly reaches the end, it is extended to the end. This avoids a very short last step.
@@ -220,6 +176,9 @@ impl Walk<'_, 1> {
                     continue;
                 }
             };
+            if !matches!(way, Way::Exponential(_)) {
+                self.kept[0].moved();
+            }
             let reached = if taken == rest { next } else { now + taken };
             self.move_to_step_end([reached], [true]);
             if !self.settle() {
@@ -262,34 +221,21 @@ impl Walk<'_, 1> {
             self.suggestion = [if taken == rest { self.suggestion[0].max(suggestion) } else { suggestion }];
             self.linear = None;
         }
-        self.tries_linear((*steps - begin) as f64);
+        self.enters_linear(0, (*steps - begin) as f64);
         Ok(false)
     }
 
-    /// Whether steps by a linear part are used from now on: a row needed, or would need, many steps of the series, and an earlier attempt with a
-    /// linear part was not too expensive.
-    fn tries_linear(&mut self, steps: f64) -> bool {
-        let is_open = self.setting.method == Method::Automatic && !self.is_stiff[0] && self.has_exponential();
-        if !is_open || self.kept[0].has_returned || steps.is_nan() || steps <= MANY {
-            return false;
-        }
-        self.is_stiff = [true];
-        self.kept[0].budget = TAKEN * steps.min(MOST_STEPS as f64) as u64;
-        true
-    }
-
-    /// Chooses between the series and the stiff method before the next step in a row.
-    fn choose(&mut self, steps: usize) {
+    /// Chooses between the series and the stiff method before the next step in a row, which began with this work.
+    fn choose(&mut self, steps: usize, work: u64) {
         if self.setting.method != Method::Automatic {
             return;
         }
-        let kept = &mut self.kept[0];
         if !self.is_stiff[0] {
             if steps > STIFF {
-                (self.is_stiff, kept.budget) = ([true], u64::MAX);
+                self.is_stiff = [true];
+                self.kept[0].choice.enter_linear(f64::INFINITY, self.row, self.work[0]);
             }
-        } else if kept.cost > kept.budget {
-            kept.has_returned = true;
+        } else if self.kept[0].choice.exceeds_budget(self.row, self.work[0] - work) {
             (self.is_stiff, self.segment) = ([false], None);
         }
     }
@@ -304,6 +250,7 @@ impl Walk<'_, 1> {
                 Attempt::None => self.segment = None,
             }
         } else if self.is_stiff[0] && self.has_linear() {
+            self.work[0] += SERIES;
             let stepped = self.stiff(h);
             let Some(stepped) = stepped else {
                 self.suggestion = [SHORTEST * h];
@@ -311,13 +258,14 @@ impl Walk<'_, 1> {
             };
             return Ok(self.judged(&stepped, h, rest, Way::Stiff, cube_root_of_inverse));
         }
+        self.work[0] += SERIES;
         let [tried] = self.series([h], [true]);
         let Some(tried) = tried else {
             // The square root of 0 has no series. The explicit pair can step over it.
             let stepped = self.pair(h);
             return Ok(self.judged(&stepped, h, rest, Way::Pair, fifth_root_of_inverse));
         };
-        if self.tries_linear(rest / (tried.share * h)) {
+        if self.enters_linear(0, rest / (tried.share * h)) {
             return Ok(None);
         }
         if tried.share < 1.0 {

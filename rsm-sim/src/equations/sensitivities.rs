@@ -17,7 +17,6 @@ use super::machine::{MOST_ITERATIONS, Machine};
 use super::numbers;
 use super::part::MOST_STATES;
 use super::rows::{Inputs, Stopped};
-use super::series::Tried;
 use super::speeds::Direction;
 use super::starts::Starts;
 use super::walk::{Lane, Walk};
@@ -194,7 +193,7 @@ impl<'m> Lanes<'m> {
             }
         };
         let setting = Setting { method, ..setting };
-        walk.begin([&of.lane], setting, period(inputs));
+        walk.begin(std::slice::from_ref(&of.lane), setting, period(inputs));
         walk.carry(&of.directions, kept.carried.take(), way);
         let done = along(walk, of, inputs);
         kept.carried = kept.walk.carried.take();
@@ -209,23 +208,10 @@ fn along(walk: &mut Walk<'_, 1>, of: &Sensitive, inputs: Inputs<'_>) -> Result<S
     let mut block = Block::new(walk.machine.outputs().len());
     let is_quiet = walk.is_quiet();
     let mut derivatives: Vec<Outputs> = of.directions.iter().map(|_| allocate_outputs(walk.machine, inputs)).collect();
-    let can_be_plain = walk.can_be_plain();
     for (row, end) in inputs.time.iter().enumerate() {
         walk.row = row;
-        let before = inputs.time[row.max(1) - 1];
         if row > 0 {
-            let is_plain = can_be_plain && walk.is_free(before, *end);
-            walk.store_step_start();
-            if is_plain && walk.plain(before, *end) {
-                if walk.is_stiff[0] {
-                    walk.carry_linear_step(1.0, before)?;
-                } else {
-                    let order = walk.programs.first_order().unwrap_or(0);
-                    walk.carry_step(Tried { order, share: 1.0 }, 1.0, before);
-                }
-            } else {
-                walk.reach(*end, &mut late)?;
-            }
+            walk.reach_row(inputs.time[row - 1], *end, &mut late)?;
         }
         walk.set_inputs(inputs.values, row);
         if !is_quiet {

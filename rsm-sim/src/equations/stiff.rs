@@ -5,6 +5,7 @@
 //! beginning of a row. It is computed again if the error of a step is too large, or is expected to be ([`super::kept::Kept::must_recompute`]), and
 //! the current linear part belongs to an earlier point. All these decisions depend on the lane alone.
 
+use super::choice::{PART, STEP};
 use super::kept::{Anchor, Loaded, SAME, Segment};
 use super::part::MOST_STATES;
 use super::rows::Stopped;
@@ -14,14 +15,10 @@ use crate::code::{Work, over_lanes};
 /// If the error of a step is below this share of the permitted error, the next step may be twice as long: an error of order 4 becomes 16 times as
 /// large. The better estimate ([`super::exponential`]) must also be below this share. With a linear part from an earlier point it has the size of the
 /// error, and the errors of a hundred steps have one sign; the first estimate is far larger than the error.
-const SMALL: f64 = 1.0 / 32.0;
+pub(super) const SMALL: f64 = 1.0 / 32.0;
 
 /// The largest number of halvings.
 const MOST_LEVELS: usize = 40;
-
-/// The cost of a new linear part, or of a step of the series, in units of a step with existing matrices. Measured on the driveline: 1.6 us for a
-/// linear part and 1 to 2 us for a step of the series, compared with 0.1 us.
-pub(super) const TAKEN: u64 = 8;
 
 /// A ratio just above 1, for an error above the limit whose ratio rounds to 1.
 const ABOVE: f64 = 1.0 + f64::EPSILON;
@@ -37,6 +34,12 @@ pub(super) enum Attempt {
     Again,
     /// No linear part exists here.
     None,
+}
+
+/// The length of the next step after one with an error that is a multiple of the permitted one. An error of order 4 becomes 256 times smaller in a
+/// quarter of the step.
+pub(super) fn shorter(length: f64, excess: f64) -> f64 {
+    if excess > 256.0 { 0.25 * length } else { 0.5 * length }
 }
 
 /// Whether a step of a length can take matrices for steps of another length.
@@ -64,7 +67,7 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// Copies the matrices of a part into the slots of a lane. Returns `false` if there are none for a step of this level.
-    fn load(&mut self, lane: usize, place: usize, level: usize) -> bool {
+    pub(super) fn load(&mut self, lane: usize, place: usize, level: usize) -> bool {
         let part = &mut self.kept[lane].parts[place];
         let wanted = Loaded { version: part.version, level, whole: part.length };
         if self.loaded[lane] != Some(wanted) {
@@ -92,9 +95,10 @@ impl<const L: usize> Walk<'_, L> {
         if is_same(self.loaded_length, length, self.setting.tolerance) {
             return true;
         }
-        if !(0..L).all(|lane| self.select(lane, length)) {
+        if !(0..self.used).all(|lane| self.select(lane, length)) {
             return false;
         }
+        (self.used..L).for_each(|lane| self.follow_linear(lane, self.used - 1));
         let whole = self.loaded[0].map_or(f64::NAN, |it| it.whole);
         let all = self.loaded.iter().all(|it| it.is_some_and(|it| it.level == 0 && it.whole == whole));
         self.loaded_length = if all { whole } else { f64::NAN };
@@ -117,7 +121,7 @@ impl<const L: usize> Walk<'_, L> {
 
     /// The error of the last step of a lane as a multiple of a share of the permitted one, for the worst state. `longer`: the time to the row divided
     /// by the step length.
-    fn excess(&self, lane: usize, longer: f64, share: f64) -> f64 {
+    pub(super) fn excess(&self, lane: usize, longer: f64, share: f64) -> f64 {
         let tolerance = share * self.setting.tolerance;
         let block = self.programs.block;
         let (states, ends, errors) = (self.layout().states as usize, block.end(), block.error());
@@ -224,41 +228,50 @@ impl<const L: usize> Work for Allowed<'_, L> {
     }
 }
 
-impl Walk<'_, 1> {
+impl<const L: usize> Walk<'_, L> {
     /// Whether the method can be used for this plant.
     pub(super) fn has_exponential(&self) -> bool {
         (1..=MOST_STATES).contains(&self.programs.counts.states)
     }
 
-    /// Computes the linear part at the current point, over a length. Returns `false` if there is none.
-    fn take(&mut self, length: f64, replaces: bool) -> bool {
-        let n = self.programs.counts.states;
-        let Some((code, range)) = self.programs.slopes() else { return false };
+    /// Computes linear parts over a length in some lanes, at their current points. Returns the lanes that have one. It replaces the current part, if
+    /// that is a part for this length and these values of comparisons.
+    pub(super) fn take(&mut self, lanes: [bool; L], length: f64) -> [bool; L] {
+        let Some((code, range)) = self.programs.slopes() else { return [false; L] };
         code.run(&mut self.slots, &mut self.spare);
-        if !self.slots[range.clone()].iter().all(|it| it[0].is_finite()) {
+        std::array::from_fn(|lane| lanes[lane] && self.take_in_lane(lane, length, range.clone()))
+    }
+
+    fn take_in_lane(&mut self, lane: usize, length: f64, slopes: std::ops::Range<usize>) -> bool {
+        if !self.slots[slopes.clone()].iter().all(|it| it[lane].is_finite()) {
             return false;
         }
         let (held, count) = (self.layout().held as usize, self.programs.counts.held);
-        let kept = &mut self.kept[0];
+        let slots = &self.slots;
+        let is_held = |list: &[f64]| list.iter().enumerate().all(|(k, it)| slots[held + k][lane] == *it);
+        let kept = &mut self.kept[lane];
+        let replaces = kept.find(is_held, length, self.setting.tolerance).is_some();
         let place = kept.place_for_part(replaces);
         let part = &mut kept.parts[place];
         part.held.clear();
-        part.held.extend(self.slots[held..held + count].iter().map(|it| it[0]));
+        part.held.extend(slots[held..held + count].iter().map(|it| it[lane]));
         part.length = length;
-        let is_part = part.take(n, &self.programs.curved, self.slots[range].iter().map(|it| it[0]));
+        let is_part = part.take(self.programs.counts.states, &self.programs.curved, slots[slopes].iter().map(|it| it[lane]));
         if !is_part {
             // NaN marks the part as unusable.
             part.length = f64::NAN;
-            kept.current = None;
+            (kept.current, self.loaded[lane]) = (None, None);
         }
         kept.renewed();
-        kept.cost += TAKEN;
+        self.work[lane] += PART;
         if is_part {
             self.carry_part(place);
         }
         is_part
     }
+}
 
+impl Walk<'_, 1> {
     /// One step towards a row that is `rest` away.
     pub(super) fn exponential(&mut self, rest: f64) -> Result<Attempt, Stopped> {
         let mut segment = self.segment.unwrap_or(Segment { length: rest, level: 0, index: 0 });
@@ -280,14 +293,18 @@ impl Walk<'_, 1> {
         let slots = &self.slots;
         let is_held = |list: &[f64]| list.iter().enumerate().all(|(k, it)| slots[held + k][0] == *it);
         let found = self.kept[0].find(is_held, segment.length, self.setting.tolerance);
-        let replaces = found.is_some();
-        if (!replaces || self.kept[0].must_recompute(level)) && !self.take(segment.length, replaces) {
-            return Ok(Attempt::None);
+        if found.is_none() || self.kept[0].must_recompute(level) {
+            if self.leaves_linear(0) {
+                self.segment = None;
+                return Ok(Attempt::Again);
+            }
+            if self.take([true], segment.length) == [false] {
+                return Ok(Attempt::None);
+            }
         }
         let n = self.programs.counts.states;
-        let kept = &mut self.kept[0];
-        kept.cost += 1;
-        let place = kept.current.unwrap_or(0);
+        self.work[0] += STEP;
+        let place = self.kept[0].current.unwrap_or(0);
         if !self.load(0, place, level) {
             return Ok(Attempt::None);
         }
@@ -314,10 +331,10 @@ impl Walk<'_, 1> {
             return Ok(Attempt::Taken(taken, level, if level == 0 { taken } else { suggestion }));
         }
         if self.kept[0].is_fresh {
-            self.suggestion = [if size > 256.0 { 0.25 * h } else { 0.5 * h }];
+            self.suggestion = [shorter(h, size)];
         } else {
-            self.kept[0].failed();
-            if !self.take(segment.length, true) {
+            self.kept[0].failed(level);
+            if self.take([true], segment.length) == [false] {
                 return Ok(Attempt::None);
             }
         }

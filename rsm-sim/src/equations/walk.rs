@@ -53,8 +53,10 @@ pub(super) struct Walk<'m, const L: usize> {
     /// Whether an event is being located.
     pub is_locating: bool,
     pub row: usize,
-    /// The number of steps of the run so far. A lane has the same number alone and in a group.
-    pub taken: [u64; L],
+    /// The work of the run so far ([`super::choice`]). A lane has the same work alone and in a group.
+    pub work: [u64; L],
+    /// The number of lanes in use. The others repeat the last one.
+    pub used: usize,
     /// Sensitivities, in a walk of one lane that computes them.
     pub carried: Option<Box<Carried>>,
 }
@@ -129,7 +131,8 @@ impl<'m, const L: usize> Walk<'m, L> {
             segment: None,
             is_locating: false,
             row: 0,
-            taken: [0; L],
+            work: [0; L],
+            used: L,
             carried: None,
             machine,
             programs,
@@ -140,9 +143,11 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.programs.layout
     }
 
-    /// Before a run: sets the lanes to their starts.
-    pub(super) fn begin(&mut self, lanes: [&Lane; L], setting: Setting, period: f64) {
+    /// Before a run: sets the lanes to their starts. If there are fewer lanes than places, unused places repeat the last lane.
+    pub(super) fn begin(&mut self, lanes: &[Lane], setting: Setting, period: f64) {
         self.apply_setting(setting);
+        self.used = lanes.len();
+        let lanes: [&Lane; L] = std::array::from_fn(|place| &lanes[place.min(lanes.len() - 1)]);
         let layout = self.layout();
         for (lane, from) in lanes.iter().enumerate() {
             let start = &from.start;
@@ -166,7 +171,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.events.samples.clone_from(&lanes[0].numbers.samples);
         self.kept.iter_mut().for_each(Kept::clear);
         (self.loaded, self.loaded_length, self.segment) = ([None; L], f64::NAN, None);
-        (self.suggestion, self.taken) = ([period; L], [0; L]);
+        (self.suggestion, self.work) = ([period; L], [0; L]);
         self.is_stiff = [setting.method == Method::Stiff; L];
         for (code, _) in &self.programs.once {
             code.run(&mut self.slots, &mut self.spare);
@@ -282,8 +287,13 @@ impl<'m, const L: usize> Walk<'m, L> {
         self.slots[..common].iter_mut().for_each(|it| it[place] = it[lane]);
         self.events.follow(place, lane);
         self.suggestion[place] = self.suggestion[lane];
-        self.taken[place] = self.taken[lane];
+        self.work[place] = self.work[lane];
         self.is_stiff[place] = self.is_stiff[lane];
+        self.follow_linear(place, lane);
+    }
+
+    /// The same for the matrices in the slots.
+    pub(super) fn follow_linear(&mut self, place: usize, lane: usize) {
         if self.loaded[place] != self.loaded[lane] {
             let loaded = self.programs.block.loaded();
             self.slots[loaded].iter_mut().chain(&mut self.patterns).for_each(|it| it[place] = it[lane]);
@@ -298,7 +308,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         }
         self.events.copy_from(&other.events, lane);
         self.suggestion = [other.suggestion[lane]; L];
-        self.taken = [other.taken[lane]; L];
+        self.work = [other.work[lane]; L];
         self.is_stiff = [other.is_stiff[lane]; L];
         (self.linear, self.segment) = (None, None);
         std::mem::swap(&mut self.kept[0], &mut other.kept[lane]);
@@ -314,7 +324,7 @@ impl<'m, const L: usize> Walk<'m, L> {
         }
         self.events.copy_to(&mut other.events, lane);
         other.suggestion[lane] = self.suggestion[0];
-        other.taken[lane] = self.taken[0];
+        other.work[lane] = self.work[0];
         other.is_stiff[lane] = self.is_stiff[0];
         std::mem::swap(&mut self.kept[0], &mut other.kept[lane]);
         other.keep_loaded(lane);

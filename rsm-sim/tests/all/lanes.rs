@@ -19,6 +19,10 @@ const STIFF: &str = "model Stiff\n  parameter Real rate = 3e4;\n  input Real u;\
 const CONTACT: &str = "model Contact\n  parameter Real stiffness = 4e5;\n  parameter Real w = 3;\n  input Real u;\n  output Real x(start = 0.1);\n  output Real v;\n  Real f;\nequation\n  f = if x < 0 then -stiffness*x - 2000*v else 0;\n  \
     der(x) = v;\n  der(v) = f - 9.81 + 0.5*u + sin(w*time) - 0.1*v*v*v;\nend Contact;\n";
 
+/// A spring that is stiffer beyond a stop, a drag, and a wave in time: lanes change between the series, old linear parts and new ones.
+const SPRING: &str = "model Spring\n  parameter Real stiffness = 1e4;\n  input Real u;\n  output Real x(start = 0.05);\n  output Real v;\n  Real f;\nequation\n  \
+    f = if x > 0.02 then 20*stiffness*(x - 0.02) + 200*v else 0;\n  der(x) = v;\n  der(v) = u + sin(20*time) - f - stiffness*x - 3*v*abs(v) - 5e5*x^3;\nend Spring;\n";
+
 fn machine(text: &str, numbers: &str) -> (EquationFile, Machine) {
     let open = |name: &str| Ok::<_, Faults>(Source::new(name, text));
     let plant = format!("format = 2\nmodel = \"m.mo\"\n[parameters]\n{numbers}");
@@ -50,15 +54,18 @@ fn check_at(text: &str, parameter: &str, values: [f64; 9], period: f64, toleranc
         let (file, mut own) = machine(text, &format!("{parameter} = {value:?}\n"));
         let start = own.start(&file, 0.0, &[inputs.values[0][0]], &[]).unwrap_or_else(|faults| panic!("{faults}"));
         lanes.push(Lane::new(&own, start.clone()));
-        let found = run(&own, start, inputs, setting).unwrap_or_else(|stopped| panic!("{stopped}"));
-        alone.push(bits(&found));
+        let mut code = Lanes::new(&own);
+        let found =
+            code.run(&[Lane::new(&own, start)], inputs, setting).remove(0).unwrap_or_else(|stopped| panic!("{stopped}"));
+        alone.push((bits(&found), code.work()[0]));
     }
-    assert!(alone.windows(2).all(|pair| pair[0] != pair[1]), "lanes differ");
+    assert!(alone.windows(2).all(|pair| pair[0].0 != pair[1].0), "lanes differ");
     let compare = |order: &[usize], code: &mut Lanes<'_>| {
         let list: Vec<Lane> = order.iter().map(|k| lanes[*k].clone()).collect();
         for (found, k) in code.run(&list, inputs, setting).into_iter().zip(order) {
-            assert!(bits(&found.unwrap_or_else(|stopped| panic!("{stopped}"))) == alone[*k], "lane {k} of {order:?}");
+            assert!(bits(&found.unwrap_or_else(|stopped| panic!("{stopped}"))) == alone[*k].0, "lane {k} of {order:?}");
         }
+        assert!(order.iter().zip(code.work()).all(|(k, work)| alone[*k].1 == *work), "the work of {order:?}");
     };
     let mut code = Lanes::new(&shared);
     for order in [&[0][..], &[0, 1], &[2, 1, 0], &[0, 1, 2, 3, 4, 5, 6, 7], &[8, 7, 6, 5, 4, 3, 2, 1, 0]] {
@@ -96,6 +103,19 @@ fn lanes_of_which_some_are_stiff_have_the_bits_that_they_have_alone() {
 #[test]
 fn lanes_with_a_stiff_contact_have_the_bits_that_they_have_alone() {
     check(CONTACT, "stiffness", [4e5, 1e5, 3e6, 2e5, 8e5, 1e6, 1.5e5, 6e5, 7e4], 0.05);
+}
+
+#[test]
+fn lanes_that_change_their_method_have_the_bits_that_they_have_alone() {
+    // Rows shorter and longer than a period of the springs. A pseudo-random sequence (Knuth's, TAOCP 2, 3.3.4) draws their stiffness from 1e2 to 1e6.
+    let mut seed = 7_u64;
+    for period in [2e-3, 5e-3, 1e-2, 3e-2] {
+        let values = std::array::from_fn(|_| {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            100.0 * 1e4_f64.powf((seed >> 11) as f64 / (1_u64 << 53) as f64)
+        });
+        check(SPRING, "stiffness", values, period);
+    }
 }
 
 #[test]

@@ -58,17 +58,17 @@ fn of_the_axis() {
 }
 
 #[test]
-fn a_run_that_takes_more_steps_than_it_may_is_given_up() {
+fn a_run_that_takes_more_work_than_it_may_is_given_up() {
     // A clutch that stiffens while it slips winds up: its springs oscillate faster and faster.
     let stiffening = effect("clutch-stiffening", "cubic_stiffness = 20000.0");
     let car = plant("driveline", &(stiffening + &effect("clutch-slip", "capacity = 60.0")));
     let record = record(&car_record(), &car);
-    let given = |steps: usize| Simulator::new(&car, &record).unwrap().at_most(steps).run(&record).map(|_| ());
+    let given = |work: usize| Simulator::new(&car, &record).unwrap().at_most(work).run(&record).map(|_| ());
     let mut whole = Simulator::new(&car, &record).unwrap();
     whole.run(&record).unwrap();
-    // A row before the tip-in needs one step. The limit is an integer number of steps per row, on average over the run.
-    let mean = whole.taken() as usize / record.rows();
-    assert!(whole.taken() as usize > mean * record.rows());
+    // A row before the tip-in needs little work. The limit is an integer per row, on average over the run.
+    let mean = whole.work() as usize / record.rows();
+    assert!(whole.work() as usize > mean * record.rows());
     let short = given(mean);
     // The clutch slips from the tip-in at row 250.
     assert!(matches!(short, Err(Stopped::TooLong { row }) if row > 250), "{short:?}");

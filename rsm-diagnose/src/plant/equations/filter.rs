@@ -101,7 +101,7 @@ impl Filter {
     #[must_use]
     pub fn new(prepared: &Prepared, file: &PlantFile, noise: &[f64]) -> Option<Filter> {
         let record = &prepared.record;
-        let observer = Observer::new(file, record)?;
+        let observer = Observer::new(file, record, prepared.tolerance(noise))?;
         let count = observer.is_kinematic.len();
         let start: Vec<f64> = observer.changes.iter().map(|it| START * it).collect();
         let covariance = || DMatrix::from_diagonal(&start.iter().map(|it| it * it).collect::<Vec<f64>>().into());

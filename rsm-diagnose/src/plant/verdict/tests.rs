@@ -36,8 +36,8 @@ fn twice_the_noise_is_never_explained_however_wrong_the_plant_was() {
 fn causes_that_leave_noise_stand_when_only_the_work_ran_out() {
     assert_eq!(verdict_of(false, None, false), Verdict::Explained);
     assert_eq!(verdict_of(false, None, true), Verdict::NoDiscrepancy);
-    assert_eq!(verdict_of(false, Some(Limit::Steps), false), Verdict::Explained);
-    assert_eq!(verdict_of(true, Some(Limit::Steps), false), Verdict::Unexplained);
+    assert_eq!(verdict_of(false, Some(Limit::Work), false), Verdict::Explained);
+    assert_eq!(verdict_of(true, Some(Limit::Work), false), Verdict::Unexplained);
     assert_eq!(verdict_of(false, Some(Limit::Cycle), false), Verdict::Unexplained);
 }
 
