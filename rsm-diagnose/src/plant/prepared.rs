@@ -84,9 +84,9 @@ impl Prepared {
         self.record.measured[self.outputs[k]].as_deref().unwrap_or(&[])
     }
 
-    /// The permitted error of a step of a simulation, relative to the largest magnitude of a state: [`SHARE_OF_NOISE`] of the noise of that output
+    /// The permitted error of a step of a simulation, relative to the largest magnitude of a state: a thousandth of the noise of that output
     /// whose noise is smallest beside its largest reading. `noise` is the standard deviation of each of its outputs. If one is smaller than
-    /// [`LEAST_NOISE`], the value is the usual one of [`Setting`].
+    /// 1e-7 of that reading, the value is the usual one of [`Setting`].
     #[must_use]
     pub fn tolerance(&self, noise: &[f64]) -> f64 {
         let largest = |k: usize| self.measured(k).iter().map(|it| it.abs()).filter(|it| it.is_finite()).fold(0.0, f64::max);
