@@ -5,6 +5,7 @@
 //! state. For a plant that does not forget, only the beginnings are used. Reports how many rows are left out; `all_rows` checks the result on them
 //! afterwards. Never drops a record.
 
+use rsm_sim::equations::Setting;
 use rsm_sim::kind::OUTPUTS;
 use std::fmt;
 use std::ops::Range;
@@ -26,9 +27,9 @@ const MOST_ROWS: usize = 60_000;
 /// All rows are used to check the result.
 const SEARCHED: usize = 24_000;
 
-/// The limit of the work of one run along these rows. Before and after a search there are a thousand runs: a minute of one core. A step of the series
-/// takes 150 ns, and counts 8.
-const MOST_WORK_A_RUN: u64 = 3_200_000;
+/// The limit of the work of one run along these rows. Before and after a search there are a thousand runs: a minute of one core,
+/// at 150 ns for a step of the series.
+const MOST_WORK_A_RUN: u64 = 400_000 * Setting::SERIES;
 
 /// The smallest number of rows kept of a record. Fewer are not enough to estimate noise.
 const LEAST_ROWS: usize = 400;

@@ -20,6 +20,7 @@ use super::{
 };
 use rsm_sim::effect::{Role, Survey};
 use rsm_sim::equation_plant::added;
+use rsm_sim::equations::Setting;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
 
@@ -29,10 +30,11 @@ const MOST_RUNS: u64 = 4000;
 
 /// The smallest work per row that a run counts as: four steps of the series. A plant with fewer gets a limit of more than 4,000 runs, which searches
 /// for two and three causes need.
-const LEAST_WORK_A_ROW: u64 = 32;
+const LEAST_WORK_A_ROW: u64 = 4 * Setting::SERIES;
 
-/// The work limit of a search, for long records and slow plants alike: a minute of one core. A step of the series takes 150 ns, and counts 8.
-const MOST_WORK: u64 = 3_200_000_000;
+/// The work limit of a search, for long records and slow plants alike: a minute of one core, at 150 ns for a step of the
+/// series.
+const MOST_WORK: u64 = 400_000_000 * Setting::SERIES;
 
 /// The number of rounds. In the first one the estimated noise may contain structure, in the second one it does not.
 const ROUNDS: usize = 2;

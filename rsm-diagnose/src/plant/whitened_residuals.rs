@@ -33,8 +33,8 @@ const LEAST_SHORTENING: f64 = 0.01;
 /// The largest number of reductions: two, down to 3e-6 of a scale.
 const SHORTER_STEPS: usize = 2;
 
-/// The work of a step of the series, in the unit of all work here: that of [`rsm_sim::equations::Setting::work`].
-const STEP: usize = 8;
+/// The work of a step of the series, in the unit of all work here: that of [`Setting::work`].
+const STEP: usize = Setting::SERIES as usize;
 
 /// The mean work per row of a record above which a model is not tried. With four steps per radian, it makes ten turns between two rows. An example is
 /// a clutch that becomes stiffer and slips at the same time.

@@ -28,7 +28,7 @@ const DIFFERENCE: f64 = 1e-3;
 
 /// The work per row at which a run that readings correct is stopped: 250 steps of the series, which are ten turns of the fastest motion between two
 /// rows.
-const OBSERVED_WORK_A_ROW: usize = 2000;
+const OBSERVED_WORK_A_ROW: usize = 250 * Setting::SERIES as usize;
 
 impl Observer {
     /// The plant of a file along a record, with the permitted error of a step as in [`Setting`]. `None` if its start has no solution.

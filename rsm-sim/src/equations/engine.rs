@@ -30,6 +30,9 @@ pub struct Setting {
 }
 
 impl Setting {
+    /// The work of a step of the series.
+    pub const SERIES: u64 = super::choice::SERIES;
+
     /// A method and the permitted error of a step, with no limit on the work.
     #[must_use]
     pub const fn new(method: Method, tolerance: f64) -> Setting {

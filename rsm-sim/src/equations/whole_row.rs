@@ -56,7 +56,7 @@ impl<const L: usize> Walk<'_, L> {
             self.take_new(&mut tries, rest);
             let steps = self.steps(&tries, rest);
             let there = self.without_events(&steps, now, end);
-            if self.carried.is_some() && there[0] {
+            if there[0] {
                 self.carry_row(steps.series[0], now)?;
             }
             self.update_largest(there);
@@ -166,7 +166,7 @@ impl<const L: usize> Walk<'_, L> {
     /// A lane is at the end of the row.
     fn accept_row(&mut self, lane: usize, is_linear: bool, rest: f64) {
         self.kept[lane].moved();
-        // A step that failed is not counted: it shares its time with the other lanes.
+        // A step by a linear part that failed is not counted: it shares its time with the other lanes. One of the series is.
         self.work[lane] += if is_linear { STEP } else { 0 };
         let next = if is_linear { rest } else { 2.0 * rest };
         self.suggestion[lane] = self.suggestion[lane].max(next);

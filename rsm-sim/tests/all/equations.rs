@@ -307,11 +307,7 @@ fn a_joint_with_free_play_starts_on_the_side_that_its_torque_presses() {
         lag*der(twist) = -twist;\nend Joint;\n";
     let (file, mut machine) = machine_of(text);
     let mut state = 20_261_125_u64;
-    let mut uniform = || {
-        // The generator of Knuth, MMIX.
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1_u64 << 53) as f64
-    };
+    let mut uniform = || crate::uniform(&mut state);
     for _ in 0..400 {
         let (torque, gap) = (2000.0 * uniform() - 1000.0, 0.1 * uniform());
         let point = machine.start(&file, 0.0, &[torque, gap], &[]).unwrap_or_else(|faults| panic!("{torque} {gap}: {faults}"));
