@@ -8,6 +8,7 @@ use super::levenberg::{self, Fit};
 use super::model::{self, InitialMotion, Model};
 use super::noise::NoiseFloor;
 use super::rounding::Rounding;
+use super::simulation_error;
 use super::whitened_residuals::{self, WhitenedResiduals};
 use rsm_core::threads::in_threads;
 use rsm_sim::kind::OUTPUTS;
@@ -91,9 +92,11 @@ fn mirrored(nominal: &Model, found: &Model) -> Model {
     model
 }
 
-/// The noise of each output from the residual of a fit.
+/// The noise of each output from the residual of a fit, at least the one that the error of the simulation permits.
 pub fn floors(whitened: &WhitenedResiduals, fit: &Fit, file: &PlantFile) -> [NoiseFloor; OUTPUTS] {
-    estimate(whitened, &fit.simulated, file)
+    let floors = estimate(whitened, &fit.simulated, file);
+    let least = simulation_error::least_noise(whitened, fit, &floors);
+    std::array::from_fn(|output| floors[output].at_least(least[output]))
 }
 
 /// Noise floors if some outputs (place, step) are rounded. The floor is the scatter that rounding leaves about the mean reading, if that can be
@@ -164,7 +167,7 @@ pub struct NoiseEstimate {
 }
 
 impl NoiseEstimate {
-    /// The smallest noise that can be separated from the error of a simulation.
+    /// The smallest noise that is ever assumed, also where the error of the simulation is not measured.
     fn least(&self) -> f64 {
         1e-9 * self.largest.max(1e-291)
     }
@@ -186,8 +189,8 @@ pub fn noise_estimates(whitened: &WhitenedResiduals, simulated: &[whitened_resid
         let with_readings: Vec<(&[f64], &[f64], &[bool])> =
             residuals.iter().map(|(measured, values, used)| (*measured, values.as_slice(), *used)).collect();
         let least = noise.least();
-        let above = |floor: NoiseFloor| if floor.sd >= least { floor } else { NoiseFloor::white(least) };
-        noise.floor = NoiseFloor::of_growing(&with_readings).or_else(|| NoiseFloor::estimate(&lists)).map(above);
+        let found = NoiseFloor::of_growing(&with_readings).or_else(|| NoiseFloor::estimate(&lists));
+        noise.floor = found.map(|floor| floor.at_least(least));
         noise
     });
     let mut all = [NoiseEstimate::default(); OUTPUTS];

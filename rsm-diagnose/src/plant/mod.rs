@@ -78,6 +78,7 @@ pub mod search;
 pub mod search_history;
 mod search_rounds;
 pub mod selection;
+mod simulation_error;
 pub mod spectrum;
 pub mod standstill;
 pub mod survey;

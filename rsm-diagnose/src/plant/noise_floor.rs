@@ -21,13 +21,22 @@ pub struct NoiseFloor {
     pub rounding: Option<Rounding>,
     /// How the noise grows with the reading, if it does. `sd` is then the root mean square over all rows.
     pub growth: Option<Growth>,
+    /// The smallest standard deviation that it may have, because of the error of the simulation; 0 where this error is far below the noise.
+    pub least: f64,
 }
 
 impl NoiseFloor {
     /// White noise.
     #[must_use]
     pub fn white(sd: f64) -> Self {
-        NoiseFloor { sd, correlation: 0.0, error: 0.0, rounding: None, growth: None }
+        NoiseFloor { sd, correlation: 0.0, error: 0.0, rounding: None, growth: None, least: 0.0 }
+    }
+
+    /// This noise, or white noise of the smallest standard deviation that it may have.
+    #[must_use]
+    pub fn at_least(self, least: f64) -> Self {
+        let floor = if self.sd >= least { self } else { NoiseFloor::white(least) };
+        NoiseFloor { least: least.max(self.least), ..floor }
     }
 
     /// The mean reading for a true value.

@@ -49,7 +49,8 @@ pub(super) fn by_own_noise(unseen: &WhitenedResiduals, moved: Fit) -> (WhitenedR
 
 /// The noise of a record in place of that of the others, if it can be estimated and is not much larger.
 fn with_own_floor(others: &NoiseFloor, shown: Option<NoiseFloor>) -> NoiseFloor {
-    shown.filter(|own| others.rounding.is_none() && own.sd < MOST_NOISE * others.sd).unwrap_or(*others)
+    let own = shown.map(|own| own.at_least(others.least));
+    own.filter(|own| others.rounding.is_none() && own.sd < MOST_NOISE * others.sd).unwrap_or(*others)
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use rsm_diagnose::plant::search_history::{Limit, SearchHistory};
 use rsm_diagnose::plant::{Diagnosis, Options, Verdict, diagnose, diagnose_and_test};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
+use rsm_sim::simulate::Simulator;
 
 use super::{effect, plant, record, run};
 
@@ -352,6 +353,20 @@ fn friction_is_found_in_an_axis_that_records_its_position_alone() {
     let kinds: Vec<&str> = found.causes.iter().map(|cause| cause.kind).collect();
     assert_eq!((found.verdict, kinds), (Verdict::Explained, vec!["coulomb-friction"]));
     assert!((found.causes[0].parameters[0].value / 12.0 - 1.0).abs() < 0.005, "{:?}", found.causes[0].parameters);
+}
+
+/// A record without noise, from a simulation that is more accurate than those of a diagnosis: their errors are no cause.
+#[test]
+fn the_error_of_a_simulation_is_no_cause_in_a_record_without_noise() {
+    let rubbing = plant("servo-axis", &effect("coulomb-friction", "force = 12"));
+    let mut exact = record(&std::fs::read_to_string(super::path("plants/servo-axis.csv")).unwrap(), &rubbing);
+    let outputs = Simulator::new(&rubbing, &exact).unwrap().tolerance(1e-12).run(&exact).unwrap();
+    exact.measured =
+        ["position", "command"].map(|name| outputs.of(name).map(<[f64]>::to_vec)).into_iter().chain([None]).collect();
+    let options = Options { threads: 2, progress: &|_| {} };
+    let found = diagnose(&plant("servo-axis", ""), &[exact], &[], &options).unwrap();
+    let kinds: Vec<&str> = found.causes.iter().map(|cause| cause.kind).collect();
+    assert_eq!((found.verdict, kinds), (Verdict::Explained, vec!["coulomb-friction"]));
 }
 
 /// An axis in open loop with steps of its command. The logger starts after 395 rows, five rows after a step.

@@ -21,10 +21,10 @@ use report::{Line, Report};
 
 const USAGE: &str = "\
 usage: hidden-effects judge  --rsm PROGRAM --out DIR [--seed N] [--seeds COUNT] [--family singles|nulls|pairs|outside|faults|records|symmetries|far|beyond|missing|noise|data|configurations] [--case NAME] [--quick]
-                              [--rows N] [--colour CORRELATION] [--stated FACTOR]
+                              [--rows N] [--colour CORRELATION] [--stated FACTOR] [--noise FACTOR]
                               [--lost N] [--growing SHARE] [--tails FREEDOM] [--outliers SHARE] [--without OUTPUT,...] [--late ROWS] [--plants new]
            makes cases, runs `rsm diagnose` on each, compares with the truth
-           --case: a case, or all whose names begin so (`servo-axis-*`); --rows: shorter records; --colour: the noise of all outputs, from row to row; --stated: the plant file states the noise times this, 0: not at all
+           --case: a case, or all whose names begin so (`servo-axis-*`); --rows: shorter records; --colour: the noise of all outputs, from row to row; --stated: the plant file states the noise times this, 0: not at all; --noise: the records have the noise of the case times this, 0: none
            --lost: one row in N is lost, in gaps of 1 to 3; --growing: noise grows by so many times itself up to the largest reading; --tails: it is Student's t;
            --outliers: such a share of the readings has 20 times the noise;
            families noise, data (records as benches make them) and configurations are made only where --family or --case asks for them, but for --plants new
@@ -79,6 +79,7 @@ fn words(mut words: impl Iterator<Item = String>, needs_rsm: bool) -> Result<Wor
             "--growing" => choice.untidy.growing = Some(value()?.parse().map_err(|error| format!("--growing: {error}"))?),
             "--tails" => choice.untidy.tails = Some(value()?.parse().map_err(|error| format!("--tails: {error}"))?),
             "--outliers" => choice.untidy.outliers = Some(value()?.parse().map_err(|error| format!("--outliers: {error}"))?),
+            "--noise" => choice.untidy.noise = Some(value()?.parse().map_err(|error| format!("--noise: {error}"))?),
             "--late" => choice.untidy.late = value()?.parse().map_err(|error| format!("--late: {error}"))?,
             "--without" => choice.untidy.without = value()?.split(',').map(str::to_string).collect(),
             "--stated" => choice.stated = Some(value()?.parse().map_err(|error| format!("--stated: {error}"))?),

@@ -24,6 +24,8 @@ pub struct Untidy {
     pub tails: Option<f64>,
     /// This share of the readings has noise of `OUTLIER` times the usual deviation.
     pub outliers: Option<f64>,
+    /// The factor of all noise; 0: readings are those of the simulation.
+    pub noise: Option<f64>,
     /// The logger starts this number of rows late, so records begin in motion.
     pub late: usize,
     /// Outputs that are in no record.
@@ -53,7 +55,7 @@ impl Untidy {
     pub fn factors(&self, exact: &[f64], largest: f64, random: &mut Random) -> Vec<f64> {
         let largest = largest.max(f64::MIN_POSITIVE);
         let factor = |value: &f64| {
-            let grown = 1.0 + self.growing.unwrap_or(0.0) * value.abs() / largest;
+            let grown = self.noise.unwrap_or(1.0) * (1.0 + self.growing.unwrap_or(0.0) * value.abs() / largest);
             let far = self.outliers.is_some_and(|share| random.uniform(0.0, 1.0) < share);
             let grown = if far { OUTLIER * grown } else { grown };
             let Some(freedom) = self.tails else { return grown };
