@@ -25,10 +25,11 @@ pub(crate) fn read(name: &str, bytes: &[u8], wanted: &dyn Fn(&str) -> bool) -> R
 
 /// Formats of other tools that are not tables, by their first bytes.
 fn foreign(bytes: &[u8]) -> Option<&'static str> {
-    const KNOWN: [(&[u8], &str); 4] = [
+    const KNOWN: [(&[u8], &str); 5] = [
         (b"PK\x03\x04", "a zip archive (a spreadsheet?)"),
         (b"\xd0\xcf\x11\xe0", "an old spreadsheet"),
         (b"PAR1", "a Parquet file"),
+        (b"ARROW1", "an Arrow file"),
         (b"TDSm", "a TDMS file"),
     ];
     KNOWN.iter().find(|(magic, _)| bytes.starts_with(magic)).map(|(_, format)| *format)

@@ -56,7 +56,9 @@ pub(crate) fn run() -> bool {
         .command("test", tests(&[]))
         // Whole diagnoses, pages in a browser, loops between processes and hosts.
         .command("slow tests", tests(&SLOW))
-        .command("parquet", cargo_for_tests(&["test", "-p", "rsm-fit", "--features", "parquet", "--lib", "--", "parquet"]))
+        .command("parquet and arrow", {
+            cargo_for_tests(&["test", "-p", "rsm-fit", "--features", "parquet,arrow", "--lib", "--", "partial"])
+        })
         .command("programs", programs())
         // The diagnosis on records of the independent simulation: a quick subset; all of it is `cargo xtask hidden-effects`.
         .command("hidden effects", hidden_effects::quick())

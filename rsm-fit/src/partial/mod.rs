@@ -25,10 +25,16 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#[cfg(feature = "arrow")]
+mod arrow;
 mod blocks;
 mod bound;
+mod columnar;
+#[cfg(any(feature = "parquet", feature = "arrow"))]
+mod columns;
 mod file;
 mod merge;
+#[cfg(feature = "parquet")]
 mod parquet;
 mod rules;
 
@@ -39,7 +45,7 @@ use std::sync::mpsc::sync_channel;
 use rsm_core::model::Input;
 use rsm_core::source::{Fault, Faults, Source};
 
-use crate::compressed;
+use crate::compressed::{self, Columnar};
 use crate::dd::Dd;
 use crate::dd::lanes::{LANES, Lanes};
 use crate::design::eight::Eight;
@@ -131,8 +137,8 @@ pub fn of_files(
         let all = files.iter().all(|file| {
             progress(Progress::Reading { file });
             let path = path_of(file);
-            if parquet::is_parquet(&path) {
-                return builder.read_parquet(file, &path).inspect_err(|faults| refused = Some(faults.clone())).is_ok();
+            if let Some(format) = Columnar::of_file(&path) {
+                return builder.read_columnar(format, file, &path).inspect_err(|faults| refused = Some(faults.clone())).is_ok();
             }
             builder.read(file, &path).is_some()
         });
@@ -295,11 +301,11 @@ impl<'a> Builder<'a> {
         (rows > 0).then_some(())
     }
 
-    /// Adds a Parquet file in batches of rows.
-    fn read_parquet(&mut self, file: &str, path: &Path) -> Result<(), Faults> {
+    /// Adds a file of numbered columns in batches of rows.
+    fn read_columnar(&mut self, format: Columnar, file: &str, path: &Path) -> Result<(), Faults> {
         let wanted = Records::wanted(self.specification, Rows::ToFit);
         let name = short(file);
-        let rows = parquet::read(&name, path, &wanted, &mut |table| {
+        let rows = columnar::read(format, &name, path, &wanted, &mut |table| {
             let mut records = Records::without_rows(self.specification, &wanted);
             let rows = records.add(self.specification, table, Rows::ToFit, &mut self.units)?;
             records.files = vec![DataFile { name: name.clone(), sha256: String::new(), rows }];
