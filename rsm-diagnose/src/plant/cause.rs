@@ -71,6 +71,8 @@ pub struct Cause {
     pub only_in: Option<String>,
     /// The configurations of the plant file in which it acts; empty if it acts in all.
     pub acts_in: Vec<String>,
+    /// Its numbers that the validation records give, because no training row depends on them.
+    pub by_holdout: Vec<&'static str>,
 }
 
 impl Cause {

@@ -144,6 +144,7 @@ impl KnownLoop {
                 contribution: None,
                 only_in: None,
                 acts_in: Vec::new(),
+                by_holdout: Vec::new(),
             };
             (cause, entry)
         });

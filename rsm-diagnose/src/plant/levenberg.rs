@@ -206,7 +206,21 @@ pub fn refit(whitened: &WhitenedResiduals, model: Model, steps: usize, earlier: 
     };
     let (at, equations) = descend(&AllUnknowns(whitened), start, Some((columns, exact)), &rules)?;
     let Equations { free, columns, held, .. } = equations;
-    Some(Fit { model: at.model, simulated: at.simulated, residual: at.residual, cost: at.cost, free, columns, held })
+    let model = with_open_numbers(at.model, &free, &columns);
+    Some(Fit { model, simulated: at.simulated, residual: at.residual, cost: at.cost, free, columns, held })
+}
+
+/// Marks the numbers of effects on which no row depends.
+fn with_open_numbers(mut model: Model, free: &[usize], columns: &[Column]) -> Model {
+    for unknown in &mut model.unknowns {
+        unknown.open = false;
+    }
+    for (k, column) in free.iter().zip(columns) {
+        let unknown = &mut model.unknowns[*k];
+        let is_free_number = matches!(unknown.place, Place::Effect { .. }) && unknown.prior.is_none();
+        unknown.open = is_free_number && column.values.iter().all(|value| *value == 0.0);
+    }
+    model
 }
 
 /// Normal equations of the unknowns that are not held at a bound.
@@ -247,6 +261,7 @@ impl Equations {
     /// A fit at the point of these equations.
     pub(super) fn fit(self, model: Model, simulated: Vec<Simulated>, residual: Vec<f64>) -> Fit {
         let cost = cost(&model, &residual);
+        let model = with_open_numbers(model, &self.free, &self.columns);
         Fit { model, simulated, residual, cost, free: self.free, columns: self.columns, held: self.held }
     }
 

@@ -57,6 +57,7 @@ pub mod nuisance;
 mod null;
 pub mod octave_spectrum;
 pub mod one_body;
+mod open_numbers;
 pub mod orders;
 pub mod other_units;
 mod outlier_correction;

@@ -95,6 +95,9 @@ pub struct Unknown {
     pub scale: f64,
     /// A Gaussian prior: mean and standard deviation.
     pub prior: Prior,
+    /// Whether it is a number of an effect on which no row of the fitted records depends, such as a limit that none of them reaches. Then holdout
+    /// records are simulated with the value that they show themselves (`validation.rs`).
+    pub open: bool,
 }
 
 impl Unknown {
@@ -119,7 +122,7 @@ impl Unknown {
         } else {
             0.1 * start.abs()
         };
-        Unknown { place, logarithmic, low, high, scale, prior: None }
+        Unknown { place, logarithmic, low, high, scale, prior: None, open: false }
     }
 
     /// Converts a value to the scale of the search.
@@ -210,6 +213,7 @@ impl Model {
                     high: value + 2.0 * sd,
                     scale: sd,
                     prior: Some((value, sd)),
+                    open: false,
                 });
             }
         }
@@ -235,6 +239,7 @@ impl Model {
                     high: f64::INFINITY,
                     scale,
                     prior,
+                    open: false,
                 });
             }
             self.starts.push(start);

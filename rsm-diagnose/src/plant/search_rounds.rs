@@ -16,7 +16,7 @@ use super::verdict;
 use super::whitened_residuals::WhitenedResiduals;
 use super::{
     Options, Refused, all_rows, by_configuration, calibration, configurations, effect_size, equations, experiment, final_fit,
-    growth, hypotheses, initial_motion, known_loop, tested, waves,
+    growth, hypotheses, initial_motion, known_loop, open_numbers, tested, waves,
 };
 use rsm_sim::effect::{Role, Survey};
 use rsm_sim::equation_plant::added;
@@ -172,6 +172,7 @@ pub(super) fn diagnose_records(
     }
     let CalibratedRecords { whitened, mut unseen, nominal, findings, share, rounded, .. } = prepared;
     unseen.floors = whitened.floors;
+    open_numbers::settle(&unseen, &mut selection.fit);
     selection.known_loop = known_loop;
     if share.unused_rows().is_some() {
         (options.progress)("testing all rows");

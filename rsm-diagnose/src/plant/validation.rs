@@ -1,10 +1,10 @@
 //! Computes the errors of a model on holdout records.
 //!
-//! In: a model and validation records. Out: errors of each output, with the initial states of the records as the only unknowns. The parameters of the
-//! plant are fixed.
+//! In: a model and validation records. Out: errors of each output, with the initial states of the records as unknowns. The parameters of the plant
+//! are fixed, but for numbers on which no training row depends, such as a limit that only a holdout record reaches: these records show them.
 
 use super::levenberg;
-use super::model::{Model, Place};
+use super::model::{Model, Place, Unknown};
 use super::whitened_residuals::{Prepared, Simulated, WhitenedResiduals};
 use crate::engine::holdout::{excess, removed_share};
 use rsm_sim::kind::OUTPUTS;
@@ -20,12 +20,17 @@ const FIRST_SHARE: usize = 16;
 /// A beginning with fewer rows is not fitted separately.
 const LEAST_ROWS: usize = 30;
 
-/// The model with the initial states of other records, from their first readings, as its only unknowns.
+/// Whether holdout records determine an unknown: their initial states, and numbers on which no training row depends.
+fn is_free_there(unknown: &Unknown) -> bool {
+    unknown.open || matches!(unknown.place, Place::Start { .. })
+}
+
+/// The model with the initial states of other records, from their first readings, and its open numbers as its only unknowns.
 fn with_free_starts(whitened: &WhitenedResiduals, model: &Model) -> Model {
     let mut other = model.clone();
     let records: Vec<&Record> = whitened.records.iter().map(|it| &it.record).collect();
     other.take_starts(&records, whitened.floors.map(|floor| floor.sd));
-    other.unknowns.retain(|unknown| matches!(unknown.place, Place::Start { .. }));
+    other.unknowns.retain(is_free_there);
     other
 }
 
@@ -55,8 +60,9 @@ pub fn fit_initial_states(whitened: &WhitenedResiduals, model: &Model) -> Option
 /// first readings may be too inaccurate.
 #[must_use]
 pub fn fit_from_starts_of(whitened: &WhitenedResiduals, model: &Model, earlier: &levenberg::Fit) -> Option<levenberg::Fit> {
-    let unknowns = earlier.model.unknowns.iter().filter(|unknown| matches!(unknown.place, Place::Start { .. }));
-    let other = Model { starts: earlier.model.starts.clone(), unknowns: unknowns.cloned().collect(), ..model.clone() };
+    let starts = earlier.model.unknowns.iter().filter(|unknown| matches!(unknown.place, Place::Start { .. }));
+    let unknowns = model.unknowns.iter().filter(|it| it.open).chain(starts).cloned().collect();
+    let other = Model { starts: earlier.model.starts.clone(), unknowns, ..model.clone() };
     levenberg::fit(whitened, other, STEPS)
 }
 
@@ -71,6 +77,10 @@ pub fn fit_within_uncertainty(
 ) -> Option<levenberg::Fit> {
     let mut other = Model { starts: earlier.model.starts.clone(), unknowns: Vec::new(), ..model.clone() };
     for (k, (unknown, sd)) in model.unknowns.iter().zip(sds).enumerate() {
+        if unknown.open {
+            other.unknowns.push(unknown.clone());
+            continue;
+        }
         let value = model.value(k);
         let (false, Some(sd)) = (matches!(unknown.place, Place::Start { .. }), sd.filter(|sd| *sd > 0.0 && sd.is_finite()))
         else {
@@ -78,7 +88,7 @@ pub fn fit_within_uncertainty(
         };
         // To first order, a step of a logarithm is that share of the value.
         let sd = if unknown.logarithmic { value.abs() * sd } else { sd };
-        other.unknowns.push(super::model::Unknown { prior: Some((value, sd)), ..unknown.clone() });
+        other.unknowns.push(Unknown { prior: Some((value, sd)), ..unknown.clone() });
     }
     other.unknowns.extend(earlier.model.unknowns.iter().filter(|it| matches!(it.place, Place::Start { .. })).cloned());
     levenberg::fit(whitened, other, STEPS)

@@ -6,6 +6,7 @@ mod equation_plants;
 #[path = "../../../rsm-fit/tests/all/folders.rs"]
 mod folders;
 mod names;
+mod open_numbers;
 mod random;
 mod rest;
 #[path = "../../../rsm-sim/tests/all/shipped.rs"]

@@ -38,8 +38,10 @@ pub(super) struct Block {
 const MATRICES: usize = 5;
 /// The number of vectors for the dependence on time; after them comes half the step length.
 const TIMES: usize = 4;
-/// Groups of results: the states after the step, the error, the rates at the start, a, D(1).
-const RESULTS: usize = 5;
+/// Groups of results of a step: the states after it, the error, the rates at the start, a, D(1), the hidden change.
+const OF_STEP: usize = 6;
+/// Further groups: the two changes of the end in [`confirmed`].
+const RESULTS: usize = OF_STEP + 2;
 
 impl Block {
     pub(super) fn new(states: usize, begin: Slot) -> Block {
@@ -82,6 +84,16 @@ impl Block {
     /// Rates at the start, a, D(1): from these the solution inside of the step is computed.
     pub(super) fn inside(&self) -> [usize; 3] {
         [self.result(2), self.result(3), self.result(4)]
+    }
+
+    /// The hidden change: h (4 D(1/2) + D(1))/6, the integral of the remainder by Simpson's rule, minus the change of the end by the remainder.
+    pub(super) fn hidden(&self) -> usize {
+        self.result(5)
+    }
+
+    /// The next and the last change of the end, by [`confirmed`].
+    pub(super) fn changes(&self) -> [usize; 2] {
+        [self.result(OF_STEP), self.result(OF_STEP + 1)]
     }
 
     /// All slots of the linear part.
@@ -294,6 +306,77 @@ pub(super) fn refined(given: &StepInputs<'_>) -> Placed {
     Placed { tape, arguments: w.slots, results: (0..n).map(|i| (block.error() + i) as Slot).collect() }
 }
 
+/// How much the end of the last step would change if D(1) were evaluated there, and how much it changed since D(1) was evaluated.
+///
+/// A step evaluates the remainder at points that it computed with a smaller part of the remainder. If the remainder changes the end little, these
+/// points are right. A linear part that is stiff where the plant is stiff no more holds the states near its own rest, and both functions phi make the
+/// estimate of the error small. Then the second change is as large as the first: the iteration that the step begins does not converge.
+pub(super) fn confirmed(given: &StepInputs<'_>) -> Placed {
+    let Shape { nonzero, bent, timed } = &Shape::new(given);
+    let (n, block) = (given.block.states, given.block);
+    let mut w = Writer { given, builder: TapeBuilder::sharing(given.rates.precision), slots: Vec::new() };
+    let [rates, a, last] = block.inside();
+    let rates: Vec<Reg> = (0..n).map(|i| w.slot(rates + i)).collect();
+    let ends: Vec<Reg> = (0..n).map(|i| w.slot(block.end() + i)).collect();
+    let mut moved = ends.clone();
+    let mut arguments = Vec::with_capacity(given.arguments.len());
+    for argument in given.arguments {
+        let start = w.slot(slot_of(argument) as usize);
+        arguments.push(match argument {
+            Argument::Held(_) => start,
+            Argument::Time(_) => {
+                let step = w.slot(given.step as usize);
+                w.builder.add(start, step)
+            }
+            Argument::State(_, k) => {
+                moved[*k] = w.builder.subtract(ends[*k], start);
+                ends[*k]
+            }
+        });
+    }
+    let found = w.builder.inline(given.rates, &arguments);
+    let (mut straight, mut changes) = (rates.iter().copied().enumerate().collect::<Vec<_>>(), Vec::new());
+    let half = w.builder.constant(exact(0.5));
+    for i in bent {
+        let by: Vec<(usize, Reg)> = nonzero[*i].iter().map(|j| (*j, moved[*j])).collect();
+        let mut left = w.builder.subtract(found[*i], rates[*i]);
+        if let Some(linear) = w.line(4, *i, &by) {
+            left = w.builder.subtract(left, linear);
+        }
+        if timed.contains(i) {
+            let time = w.slot(block.time(3, *i));
+            left = w.builder.subtract(left, time);
+        }
+        let [a, last] = [a, last].map(|group| w.slot(group + i));
+        changes.push((*i, w.builder.subtract(left, last)));
+        // D(1) was evaluated where the rates at the start and twice D(1/2), which is (a + D(1))/4, lead.
+        let sum = w.builder.add(a, last);
+        let twice = w.builder.multiply(half, sum);
+        straight[*i].1 = w.builder.add(rates[*i], twice);
+    }
+    let rows: Vec<usize> = (0..n).collect();
+    let [by_last, by_slope, there] =
+        [(2, &changes), (3, &changes), (1, &straight)].map(|(matrix, by)| w.lines(matrix, &rows, by));
+    let zero = w.builder.constant(integer(0));
+    let mut results = vec![zero; 2 * n];
+    for i in 0..n {
+        if let Some((last, slope)) = by_last[i].zip(by_slope[i]) {
+            results[i] = w.builder.subtract(last, slope);
+        }
+        let mut there = there[i].unwrap_or(zero);
+        if !timed.is_empty() {
+            let time = w.slot(block.time(1, i));
+            there = w.builder.add(there, time);
+        }
+        results[n + i] = w.builder.subtract(moved[i], there);
+    }
+    let named = results.iter().enumerate().map(|(k, reg)| (format!("r{k}"), *reg)).collect::<Vec<_>>();
+    let inputs = (0..w.slots.len()).map(|k| format!("a{k}")).collect();
+    let tape = w.builder.finish_with_results("confirmed", inputs, named, [] as [(String, Reg); 0]);
+    let places = block.changes().into_iter().flat_map(|begin| (0..n).map(move |i| (begin + i) as Slot)).collect();
+    Placed { tape, arguments: w.slots, results: places }
+}
+
 /// The slot of an argument of the rates.
 fn slot_of(argument: &Argument) -> Slot {
     match argument {
@@ -367,7 +450,7 @@ fn write(given: &StepInputs<'_>, shape: &Shape, has_estimate: bool) -> Placed {
     };
     let straight = moved(&mut w, false, &|_| true);
     let mut end: Vec<Reg> = straight.clone();
-    let (mut error, mut a, mut last) = (vec![zero; n], vec![zero; n], vec![zero; n]);
+    let (mut error, mut a, mut last, mut hidden) = (vec![zero; n], vec![zero; n], vec![zero; n], vec![zero; n]);
     if !bent.is_empty() {
         let middle = moved(&mut w, true, &|k| bent.iter().any(|i| nonzero[*i].contains(&k)));
         let at_middle = remainder(&mut w, &middle, true);
@@ -395,14 +478,31 @@ fn write(given: &StepInputs<'_>, shape: &Shape, has_estimate: bool) -> Placed {
                 error[i] = off;
                 let sum = w.builder.add(bent, off);
                 end[i] = w.builder.add(end[i], sum);
+                hidden[i] = sum;
+            }
+        }
+        if has_estimate {
+            let step = w.slot(given.step as usize);
+            let sixth = w.builder.constant(exact(1.0 / 6.0));
+            let sixth = w.builder.multiply(sixth, step);
+            let integrals: Vec<(usize, Reg)> = (at_middle.iter().zip(&at_end))
+                .map(|((i, middle), (_, end))| {
+                    let middle = w.builder.multiply(four, *middle);
+                    let sum = w.builder.add(middle, *end);
+                    (*i, w.builder.multiply(sixth, sum))
+                })
+                .collect();
+            let changed = std::mem::replace(&mut hidden, vec![zero; n]);
+            for (i, integral) in integrals {
+                hidden[i] = w.builder.subtract(integral, changed[i]);
             }
         }
         slopes.iter().for_each(|(i, it)| a[*i] = *it);
         at_end.iter().for_each(|(i, it)| last[*i] = *it);
     }
     let end: Vec<Reg> = end.iter().zip(&states).map(|(moved, state)| w.builder.add(*state, *moved)).collect();
-    let results = [end, error, rates.clone(), a, last];
-    let groups: Vec<usize> = (0..RESULTS).filter(|place| *place != 1 || has_estimate).collect();
+    let results = [end, error, rates.clone(), a, last, hidden];
+    let groups: Vec<usize> = (0..OF_STEP).filter(|place| ![1, 5].contains(place) || has_estimate).collect();
     let places: Vec<Slot> = groups
         .iter()
         .flat_map(|place| (0..n).map(move |i| (*place, i)))

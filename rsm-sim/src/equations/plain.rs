@@ -5,6 +5,7 @@
 //! is the same computation as for a general row, without the parts that are not needed here, so the bits are the same.
 
 use super::choice::{ROW_BY_SERIES, STEP};
+use super::stiff::SMALL;
 use super::walk::{Walk, larger};
 
 impl<const L: usize> Walk<'_, L> {
@@ -46,10 +47,10 @@ impl<const L: usize> Walk<'_, L> {
         }
         let layout = self.programs.layout;
         let Some(checked) = self.programs.checked_linear() else { return false };
-        checked.step.run_with(&[rest, self.setting.tolerance, 0.0], &mut self.slots, &mut self.spare);
+        let tolerance = self.setting.tolerance;
+        checked.step.run_with(&[rest, tolerance, SMALL * tolerance], &mut self.slots, &mut self.spare);
         if self.slots[layout.excess as usize] != [0.0; L] {
-            let first = self.slots[layout.excess as usize].map(|it| it == 0.0);
-            let fits = self.allowed_by_better(first);
+            let fits = self.allowed();
             if fits != [true; L] {
                 (0..L).filter(|lane| !fits[*lane]).for_each(|lane| self.kept[lane].failed(0));
                 return false;

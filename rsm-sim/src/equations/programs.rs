@@ -72,6 +72,7 @@ pub(super) struct Programs {
     checked_series: Option<Checked>,
     checked_linear: Option<Checked>,
     refined: Option<Code>,
+    confirmed: Option<Code>,
     series: Series,
     parts: Vec<Orders>,
     /// For each order from 1, the slot of the first state's term.
@@ -202,6 +203,7 @@ impl Programs {
             checked_series: None,
             checked_linear: None,
             refined: None,
+            confirmed: None,
             series,
             parts: Vec::new(),
             terms: Vec::new(),
@@ -253,6 +255,15 @@ impl Programs {
             self.refined = Some(code);
         }
         self.refined.as_ref()
+    }
+
+    /// The changes of the end of such a step ([`exponential::confirmed`]).
+    pub(super) fn confirmed(&mut self) -> Option<&Code> {
+        if self.confirmed.is_none() {
+            let code = self.with_step_inputs(|given| exponential::confirmed(given).code(self.lanes, self.way))?;
+            self.confirmed = Some(code);
+        }
+        self.confirmed.as_ref()
     }
 
     /// That step for its derivatives, and which derivatives of the rates exist.
@@ -347,16 +358,16 @@ impl Programs {
     fn write_checked_linear(&mut self) {
         if let Some(placed) = self.with_step_inputs(exponential::step) {
             let (block, states) = (self.block, self.counts.states);
-            let [rates, a, _] = block.inside();
+            let [rates, a, last] = block.inside().map(|it| it as Slot);
             let check = Check {
                 layout: self.layout,
                 states,
                 ends: block.end() as Slot,
-                errors: &[(block.error() as Slot, self.layout.limits)],
+                errors: &[(block.error() as Slot, self.layout.limits), (block.hidden() as Slot, self.layout.limits + 1)],
                 first: None,
-                // The better estimate reads these.
-                kept: &[rates, a]
-                    .map(|begin| begin as Slot..(begin + states) as Slot)
+                // The better estimate and the confirmation read these.
+                kept: &[block.error() as Slot, block.hidden() as Slot, rates, a, last]
+                    .map(|begin| begin..begin + states as Slot)
                     .into_iter()
                     .flatten()
                     .collect::<Vec<Slot>>(),

@@ -23,6 +23,9 @@ const MOST_LEVELS: usize = 40;
 /// A ratio just above 1, for an error above the limit whose ratio rounds to 1.
 const ABOVE: f64 = 1.0 + f64::EPSILON;
 
+/// A change of a state, as a share of its magnitude, that may be the rounding error of a dozen operations.
+const ROUNDED: f64 = 16.0 * f64::EPSILON;
+
 /// The number of equal shares of a step at which the comparisons of every lane are evaluated.
 const GRID: f64 = 8.0;
 
@@ -140,31 +143,92 @@ impl<const L: usize> Walk<'_, L> {
         if is_finite { worst } else { f64::INFINITY }
     }
 
-    /// Whether the error of the last step, a whole row, is permitted in each lane. The answer is that of [`Walk::excess`] for the lane alone.
+    /// Whether the error of the last step, a whole row, is permitted in each lane. The answer is that of [`Walk::excess`] and
+    /// [`Walk::unresolved`] for the lane alone.
     #[inline]
     pub(super) fn allowed(&mut self) -> [bool; L] {
         let first = self.is_below(1.0);
-        if first == [true; L] { first } else { self.allowed_by_better(first) }
+        let fits = if first == [true; L] { first } else { self.allowed_by_better(first) };
+        let sure = self.are_below(self.programs.block.hidden(), SMALL * self.setting.tolerance);
+        let doubtful = std::array::from_fn(|lane| fits[lane] && !sure[lane]);
+        if doubtful == [false; L] { fits } else { self.confirmed(fits, doubtful) }
     }
 
     /// The same by the better estimate, in lanes in which the first one is too large.
-    pub(super) fn allowed_by_better(&mut self, first: [bool; L]) -> [bool; L] {
+    fn allowed_by_better(&mut self, first: [bool; L]) -> [bool; L] {
         self.refine();
         let second = self.is_below(SMALL);
         std::array::from_fn(|lane| first[lane] || second[lane])
     }
 
+    /// Whether the functions phi hide so much of the remainder that the end of the last step must be confirmed. If the linear part is wrong where they
+    /// hide it, the end is wrong by that much, and the estimate of the error does not show it.
+    fn is_doubtful(&self, lane: usize, longer: f64) -> bool {
+        let (hidden, limit) = (self.programs.block.hidden(), SMALL * self.setting.tolerance);
+        (0..self.programs.counts.states)
+            .any(|k| self.slots[hidden + k][lane].abs() - limit * self.scale_of(lane, k, longer) > 0.0)
+    }
+
+    /// Confirms the ends of doubtful lanes.
+    fn confirmed(&mut self, fits: [bool; L], doubtful: [bool; L]) -> [bool; L] {
+        self.confirm();
+        let unresolved = self.unresolved([1.0; L]);
+        std::array::from_fn(|lane| fits[lane] && !(doubtful[lane] && unresolved[lane] > 1.0))
+    }
+
+    /// Computes the next and the last change of the ends of the last step, in all lanes. The states must still be those of its start.
+    fn confirm(&mut self) {
+        if let Some(code) = self.programs.confirmed() {
+            code.run(&mut self.slots, &mut self.spare);
+        }
+    }
+
+    /// The further changes of the end of the last step as a multiple of the permitted error: a geometric series, if each change is the same multiple
+    /// of the change before (E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", IV.8). Infinite if the changes do not become smaller.
+    fn unresolved(&self, longer: [f64; L]) -> [f64; L] {
+        let count = self.programs.counts.states;
+        let list = |begin: usize| &self.slots[begin..begin + count];
+        let block = self.programs.block;
+        let lists = [self.layout().states as usize, self.layout().largest as usize, block.end()].map(list);
+        let changes = block.changes().map(list);
+        let [next, last] = over_lanes::<L, _>(LargestChanges { lists, changes, longer });
+        let permitted = SMALL * self.setting.tolerance;
+        std::array::from_fn(|lane| {
+            if next[lane] <= ROUNDED {
+                0.0
+            } else if next[lane] < last[lane] {
+                next[lane] / (1.0 - next[lane] / last[lane]) / permitted
+            } else {
+                // Also if a change is not finite.
+                f64::INFINITY
+            }
+        })
+    }
+
+    /// The magnitude of a state to which the permitted error of the last step refers. `longer`: the time to the row divided by the step length.
+    fn scale_of(&self, lane: usize, state: usize, longer: f64) -> f64 {
+        let (begin, end) =
+            (self.slots[self.layout().states as usize + state][lane], self.slots[self.programs.block.end() + state][lane]);
+        scale(begin, self.largest(state)[lane], ((end - begin) * longer).abs())
+    }
+
     /// Whether the estimate is at most a share of the permitted error, in each lane.
     #[inline]
     fn is_below(&self, share: f64) -> [bool; L] {
+        self.are_below(self.programs.block.error(), share * self.setting.tolerance)
+    }
+
+    /// Whether the results of a group are at most this share of the magnitudes of their states, in each lane.
+    #[inline]
+    fn are_below(&self, group: usize, limit: f64) -> [bool; L] {
         let block = self.programs.block;
         over_lanes::<L, _>(Allowed {
             slots: &self.slots,
             largest: &self.slots[self.layout().largest as usize..][..self.programs.counts.states],
             states: self.layout().states as usize,
             ends: block.end(),
-            errors: block.error(),
-            tolerance: share * self.setting.tolerance,
+            errors: group,
+            tolerance: limit,
         })
     }
 
@@ -191,6 +255,38 @@ impl<const L: usize> Walk<'_, L> {
             self.slots[layout.states as usize + k][lane] = self.before[k][lane] + anchor.moved[k];
         }
         self.slots[layout.time as usize][lane] = time;
+    }
+}
+
+/// The largest changes of the end of a step, next and last, each relative to the magnitude of its state. `lists`: the states at the start, their
+/// largest magnitudes, the states at the end. NaN if a change is not finite.
+struct LargestChanges<'a, const L: usize> {
+    lists: [&'a [[f64; L]]; 3],
+    changes: [&'a [[f64; L]]; 2],
+    longer: [f64; L],
+}
+
+impl<const L: usize> Work for LargestChanges<'_, L> {
+    type Found = [[f64; L]; 2];
+
+    #[inline(always)]
+    fn run(self) -> [[f64; L]; 2] {
+        let LargestChanges { lists: [begins, largest, ends], changes, longer } = self;
+        let mut found = [[0.0; L]; 2];
+        let mut zero = [0.0; L];
+        for k in 0..begins.len() {
+            for lane in 0..L {
+                let moved = (ends[k][lane] - begins[k][lane]).abs() * longer[lane];
+                // A state that is 0 and stays 0 has no change.
+                let scale = larger(scale(begins[k][lane], largest[k][lane], moved), f64::MIN_POSITIVE);
+                for (found, change) in found.iter_mut().zip(changes) {
+                    found[lane] = larger(change[k][lane].abs() / scale, found[lane]);
+                    // A number that is not finite has a product with zero that is NaN.
+                    zero[lane] += change[k][lane] * 0.0;
+                }
+            }
+        }
+        found.map(|it| std::array::from_fn(|lane| it[lane] + zero[lane]))
     }
 }
 
@@ -320,6 +416,10 @@ impl Walk<'_, 1> {
         if size > 1.0 {
             self.refine();
             size = self.excess(0, rest / taken, SMALL);
+        }
+        if size <= 1.0 && self.is_doubtful(0, rest / taken) {
+            self.confirm();
+            size = size.max(self.unresolved([rest / taken])[0]);
         }
         if size <= 1.0 {
             let end = self.programs.block.end();

@@ -120,6 +120,10 @@ fn rivals(cause: &Cause, evidence: &mut Evidence) {
 }
 
 fn numbers(cause: &Cause, evidence: &mut Evidence) {
+    for name in &cause.by_holdout {
+        let text = format!("No training row depends on {name}: its value is fitted to the validation records.");
+        evidence.speaks_against.push(text);
+    }
     for number in &cause.parameters {
         if !number.is_determined() {
             evidence

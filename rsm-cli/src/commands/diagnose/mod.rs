@@ -283,6 +283,7 @@ pub fn value(kind: PlantKind, found: &Diagnosis) -> Value {
         };
         let mut evidence: cause_json::Keys = cause.only_in.iter().map(|record| ("only_in", json!([record]))).collect();
         evidence.extend((!cause.acts_in.is_empty()).then(|| ("configurations", json!(cause.acts_in))));
+        evidence.extend((!cause.by_holdout.is_empty()).then(|| ("by_validation", json!(cause.by_holdout))));
         evidence.push(("evidence", error_breakdown::evidence(kind, found, cause)));
         let numbers = cause.parameters.iter();
         let cause_json = CauseJson {

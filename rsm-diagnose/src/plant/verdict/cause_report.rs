@@ -5,6 +5,7 @@
 use super::super::cause::{Cause, Contribution, Interval};
 use super::super::levenberg::Fit;
 use super::super::model::Place;
+use super::super::open_numbers;
 use super::super::posterior::Posterior;
 use super::super::search::AcceptedCause;
 use super::super::whitened_residuals::WhitenedResiduals;
@@ -77,6 +78,7 @@ pub(crate) fn cause(
         contribution,
         only_in: None,
         acts_in,
+        by_holdout: open_numbers::by_holdout(fit, place),
     }
 }
 
@@ -149,6 +151,7 @@ pub(super) fn rounding(kind: PlantKind, output: usize, step: f64, off: f64, rows
         contribution: None,
         only_in: None,
         acts_in: Vec::new(),
+        by_holdout: Vec::new(),
     })
 }
 
