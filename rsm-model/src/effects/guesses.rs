@@ -12,14 +12,16 @@ use super::site::SiteKind;
 use crate::flat::{Basic, Flat, Options, Value};
 use crate::syntax::tree::Expression;
 
-/// Scales that guesses may use in addition to the roles of the site, in this order: the effort that the inputs can cause at the site; typical speed;
-/// largest position, level or twist; largest value and spread of the reading, its lowest and highest value, its step and its noise; largest
-/// magnitude, lowest and highest value of the input; heat flow; sample period and length of the longest record in s; a resonance frequency as a
-/// share of the sample rate.
-pub const SCALES: [&str; 16] = [
+/// Scales that guesses may use in addition to the roles of the site: the effort that the inputs can cause at the site; typical speed; largest
+/// position, level, twist or temperature, its lowest value and its span; largest value and spread of the reading, its lowest and highest value, its
+/// step and its noise; largest magnitude, lowest and highest value of the input; heat flow; sample period and length of the longest record in s; a
+/// resonance frequency as a share of the sample rate.
+pub const SCALES: [&str; 18] = [
     "effort_scale",
     "speed_scale",
     "position_scale",
+    "position_lowest",
+    "position_span",
     "reading_scale",
     "reading_spread",
     "reading_lowest",

@@ -13,6 +13,12 @@ use crate::effect::Scales;
 use crate::plant_file::PlantFile;
 use crate::record::Record;
 
+/// The role of a position at a site, by its names.
+const POSITIONS: [&str; 4] = ["position", "twist", "level", "temperature"];
+
+/// The least span of a position, as a share of its largest magnitude. A number divided by the span then stays finite where nothing moves.
+const LEAST_SPAN: f64 = 1e-3;
+
 /// Magnitudes at each place of a plant of equations along records: the roles of sites, and the scales that files of effects name. Records that the
 /// plant cannot follow are omitted.
 ///
@@ -21,7 +27,7 @@ use crate::record::Record;
 pub fn scales(file: &PlantFile, records: &[&Record]) -> Result<Vec<Scales>, Faults> {
     let kind = records.first().map_or(file.kind, |record| file.kind.driven_by(record.drive)).0;
     let plant = plant_of(kind);
-    let mut sums: Vec<Vec<Vec<f64>>> = Vec::new();
+    let mut sums: Vec<Vec<Vec<[f64; 2]>>> = Vec::new();
     for record in records {
         // Records with and without the controller have different places; those like the first record count.
         let Some(of_record) =
@@ -31,7 +37,11 @@ pub fn scales(file: &PlantFile, records: &[&Record]) -> Result<Vec<Scales>, Faul
         };
         sums.push(of_record);
     }
-    let most = |place: usize, part: usize| sums.iter().map(|it| it[place][part]).fold(0.0, f64::max);
+    let ends = |place: usize, part: usize| order::ends(sums.iter().flat_map(|it| &it[place][part]));
+    let most = |place: usize, part: usize| match ends(place, part) {
+        (lowest, highest) if lowest <= highest => lowest.abs().max(highest.abs()),
+        _ => 0.0,
+    };
     let mut list = Vec::new();
     for (k, place) in plant.places.iter().enumerate() {
         let mut sizes = Vec::new();
@@ -57,6 +67,14 @@ pub fn scales(file: &PlantFile, records: &[&Record]) -> Result<Vec<Scales>, Faul
                     sizes.push((role.role.clone(), most(k, part)));
                 }
                 of_site(most(k, place.roles.len()), &mut sizes);
+                let part = POSITIONS.iter().find_map(|name| place.roles.iter().position(|it| it.role == *name));
+                if let Some(part) = part {
+                    let (lowest, highest) = ends(k, part);
+                    let span = (highest - lowest).max(LEAST_SPAN * most(k, part));
+                    sizes.extend(
+                        [("position_lowest", lowest), ("position_span", span)].map(|(name, it)| (name.to_string(), it)),
+                    );
+                }
             }
         }
         list.push(Scales { at: place.at.clone(), sizes });
@@ -72,7 +90,7 @@ fn of_site(term: f64, sizes: &mut Vec<(String, f64)>) {
     let effort = if term > 0.0 { Some(term) } else { of("effort") };
     more.extend(effort.map(|it| ("effort_scale", it)));
     more.extend(first(&["speed", "rate", "road_speed"]).map(|it| ("speed_scale", it)));
-    more.extend(first(&["position", "twist", "level", "temperature"]).map(|it| ("position_scale", it)));
+    more.extend(first(&POSITIONS).map(|it| ("position_scale", it)));
     if let Some(current) = of("currents") {
         more.extend([("reading_scale", current), ("position_scale", current)]);
         more.extend(of("resistance").map(|it| ("loss_scale", it * current * current)));
@@ -86,8 +104,8 @@ fn of_site(term: f64, sizes: &mut Vec<(String, f64)>) {
     sizes.extend(more.into_iter().map(|(name, value)| (name.to_string(), value)));
 }
 
-/// Along a record: for each place, the largest magnitude of each role, then of the terms of the balance.
-fn along(file: &PlantFile, record: &Record) -> Result<Vec<Vec<f64>>, Faults> {
+/// Along a record: for each place, the lowest and the highest value of each role, then of the terms of the balance.
+fn along(file: &PlantFile, record: &Record) -> Result<Vec<Vec<[f64; 2]>>, Faults> {
     // Sites belong to the equations without effects, so these equations are run.
     let (whole, machine, points) = run::without_effects(file, record)?;
     let places = whole.places_of_effects()?;
@@ -100,15 +118,17 @@ fn along(file: &PlantFile, record: &Record) -> Result<Vec<Vec<f64>>, Faults> {
         .map(|list| expressed(&list))
         .collect();
     let all: Vec<Id> = groups.iter().flatten().copied().collect();
-    let mut largest = vec![0.0_f64; groups.len()];
+    let mut ends = vec![[f64::INFINITY, f64::NEG_INFINITY]; groups.len()];
     for values in machine.evaluated_at(&whole, &system, &all, &points)? {
         let mut rest = &values[..];
-        for (group, most) in groups.iter().zip(&mut largest) {
+        for (group, [lowest, highest]) in groups.iter().zip(&mut ends) {
             let (own, further) = rest.split_at(group.len());
             rest = further;
-            *most = own.iter().filter(|it| it.is_finite()).fold(*most, |most, value| most.max(value.abs()));
+            for value in own.iter().filter(|it| it.is_finite()) {
+                (*lowest, *highest) = (lowest.min(*value), highest.max(*value));
+            }
         }
     }
-    let mut rest = largest.into_iter();
+    let mut rest = ends.into_iter();
     Ok(places.list.iter().map(|place| rest.by_ref().take(place.roles.len() + 1).collect()).collect())
 }
