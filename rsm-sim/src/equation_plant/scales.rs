@@ -37,7 +37,11 @@ pub fn scales(file: &PlantFile, records: &[&Record]) -> Result<Vec<Scales>, Faul
         };
         sums.push(of_record);
     }
-    let ends = |place: usize, part: usize| order::ends(sums.iter().flat_map(|it| &it[place][part]));
+    let ends = |place: usize, part: usize| {
+        // What a record does not show has no ends there: its first one is above the second.
+        let shown = sums.iter().map(|it| it[place][part]).filter(|[lowest, highest]| lowest <= highest);
+        order::ends(shown.flatten())
+    };
     let most = |place: usize, part: usize| match ends(place, part) {
         (lowest, highest) if lowest <= highest => lowest.abs().max(highest.abs()),
         _ => 0.0,
@@ -68,9 +72,10 @@ pub fn scales(file: &PlantFile, records: &[&Record]) -> Result<Vec<Scales>, Faul
                 }
                 of_site(most(k, place.roles.len()), &mut sizes);
                 let part = POSITIONS.iter().find_map(|name| place.roles.iter().position(|it| it.role == *name));
-                if let Some(part) = part {
-                    let (lowest, highest) = ends(k, part);
-                    let span = (highest - lowest).max(LEAST_SPAN * most(k, part));
+                // A position that is not finite in any record has no ends.
+                let of_part = part.map(|part| (ends(k, part), most(k, part))).filter(|it| it.0.0 <= it.0.1);
+                if let Some(((lowest, highest), largest)) = of_part {
+                    let span = (highest - lowest).max(LEAST_SPAN * largest);
                     sizes.extend(
                         [("position_lowest", lowest), ("position_span", span)].map(|(name, it)| (name.to_string(), it)),
                     );
