@@ -161,8 +161,8 @@ impl<const L: usize> Walk<'_, L> {
         std::array::from_fn(|lane| first[lane] || second[lane])
     }
 
-    /// Whether the functions phi hide so much of the remainder that the end of the last step must be confirmed. If the linear part is wrong where they
-    /// hide it, the end is wrong by that much, and the estimate of the error does not show it.
+    /// Whether the functions phi hide so much of the remainder that the end of the last step must be confirmed. If the linear part is wrong where
+    /// they hide it, the end is wrong by that much, and the estimate of the error does not show it.
     fn is_doubtful(&self, lane: usize, longer: f64) -> bool {
         let (hidden, limit) = (self.programs.block.hidden(), SMALL * self.setting.tolerance);
         (0..self.programs.counts.states)
