@@ -184,7 +184,7 @@ impl<const L: usize> Walk<'_, L> {
     }
 
     /// The further changes of the end of the last step as a multiple of the permitted error: a geometric series, if each change is the same multiple
-    /// of the change before (E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", IV.8). Infinite if the changes do not become smaller.
+    /// of the change before (E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", IV.8). Infinite if they do not become smaller.
     fn unresolved(&self, longer: [f64; L]) -> [f64; L] {
         let count = self.programs.counts.states;
         let list = |begin: usize| &self.slots[begin..begin + count];

@@ -92,8 +92,8 @@ fn errors_after_leaving(
 
 #[test]
 fn a_tank_that_no_longer_overflows_is_not_held_at_its_rim() {
-    // From 5 s on the level falls below the rim, where no flow holds it. Then the linear part of the overflow is wrong, but its own time constant hides
-    // this: the error of a step in a thousandth of a row is a thousandth of the error of the row.
+    // From 5 s on the level falls below the rim, where no flow holds it. Then the linear part of the overflow is wrong, but its own time constant
+    // hides this: the estimate of the error is that of a step as long as the time constant.
     let text = |settling: f64| {
         format!(
             "model Tank\n  output Real level(start = 0.4);\n  Real inflow;\nequation\n  inflow = if time < 5 then 1e-3 else -5e-4;\n  \
