@@ -27,7 +27,7 @@ pub(crate) enum Columnar {
 }
 
 impl Columnar {
-    /// The format that begins with these bytes, at least eight of them if the file has so many.
+    /// The format that begins with these bytes, at least six of them if the file has so many.
     pub(crate) fn of(first: &[u8]) -> Option<Columnar> {
         // A stream begins with a message: four bytes of ones, which no text has, then its length ("Encapsulated message format" of Arrow IPC).
         const KNOWN: [(&[u8], Columnar); 3] =

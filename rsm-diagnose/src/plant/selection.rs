@@ -2,7 +2,8 @@
 //! significant.
 //!
 //! In: whitened residuals, the calibrated plant, hypotheses. Out: the causes, with the rivals of each. Null simulations and the smallest effect size
-//! give the gain that a cause needs. In a tie the simpler cause wins. Validation records take part in decisions; no parameter is fitted to them.
+//! give the gain that a cause needs. In a tie the simpler cause wins. Validation records take part in decisions; only numbers on
+//! which no training row depends are fitted to them (`open_numbers.rs`).
 
 use super::all_rows::AllRows;
 use super::candidates::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
