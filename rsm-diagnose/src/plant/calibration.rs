@@ -182,7 +182,7 @@ pub fn noise_estimates(whitened: &WhitenedResiduals, simulated: &[whitened_resid
         for (prepared, simulated) in whitened.records.iter().zip(simulated) {
             let Some(k) = prepared.outputs.iter().position(|it| *it == output) else { continue };
             let difference = prepared.measured(k).iter().zip(&simulated[k]).map(|(a, b)| a - b).collect();
-            noise.largest = prepared.measured(k).iter().fold(noise.largest, |most, value| most.max(value.abs()));
+            noise.largest = noise.largest.max(prepared.largest_reading(k));
             residuals.push((prepared.measured(k), difference, &prepared.used[k]));
         }
         let lists: Vec<(&[f64], &[bool])> = residuals.iter().map(|(_, values, used)| (values.as_slice(), *used)).collect();

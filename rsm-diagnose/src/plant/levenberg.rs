@@ -205,9 +205,7 @@ pub fn refit(whitened: &WhitenedResiduals, model: Model, steps: usize, earlier: 
         ends_exact: true,
     };
     let (at, equations) = descend(&AllUnknowns(whitened), start, Some((columns, exact)), &rules)?;
-    let Equations { free, columns, held, .. } = equations;
-    let model = with_open_numbers(at.model, &free, &columns);
-    Some(Fit { model, simulated: at.simulated, residual: at.residual, cost: at.cost, free, columns, held })
+    Some(equations.fit(at.model, at.simulated, at.residual))
 }
 
 /// Marks the numbers of effects on which no row depends.

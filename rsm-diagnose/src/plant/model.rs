@@ -125,6 +125,12 @@ impl Unknown {
         Unknown { place, logarithmic, low, high, scale, prior: None, open: false }
     }
 
+    /// The standard deviation of its value, from that on the scale of the search. To first order, a step of a logarithm is that share of the value.
+    #[must_use]
+    pub fn deviation(&self, value: f64, on_search_scale: f64) -> f64 {
+        if self.logarithmic { value.abs() * on_search_scale } else { on_search_scale }
+    }
+
     /// Converts a value to the scale of the search.
     #[must_use]
     pub fn to_search_scale(&self, value: f64) -> f64 {

@@ -26,10 +26,9 @@ pub(super) fn settle(unseen: &WhitenedResiduals, fit: &mut Fit) {
         };
         let Some(sd) = posterior.deviations()[found].filter(|sd| *sd > 0.0 && sd.is_finite()) else { continue };
         let value = there.model.value(found);
-        // To first order, a step of a logarithm is that share of the value.
-        let sd = if fit.model.unknowns[k].logarithmic { value.abs() * sd } else { sd };
         fit.model.set(k, value);
         let unknown = &mut fit.model.unknowns[k];
+        let sd = unknown.deviation(value, sd);
         (unknown.open, unknown.logarithmic, unknown.prior) = (false, false, Some((value, sd)));
     }
 }

@@ -84,13 +84,18 @@ impl Prepared {
         self.record.measured[self.outputs[k]].as_deref().unwrap_or(&[])
     }
 
+    /// The largest magnitude of the measured values of the k-th of its outputs.
+    #[must_use]
+    pub fn largest_reading(&self, k: usize) -> f64 {
+        self.measured(k).iter().map(|it| it.abs()).filter(|it| it.is_finite()).fold(0.0, f64::max)
+    }
+
     /// The permitted error of a step of a simulation, relative to the largest magnitude of a state: a thousandth of the noise of that output
     /// whose noise is smallest beside its largest reading. `noise` is the standard deviation of each of its outputs. If one is smaller than
     /// 1e-7 of that reading, the value is the usual one of [`Setting`].
     #[must_use]
     pub fn tolerance(&self, noise: &[f64]) -> f64 {
-        let largest = |k: usize| self.measured(k).iter().map(|it| it.abs()).filter(|it| it.is_finite()).fold(0.0, f64::max);
-        let share = |(k, noise): (usize, &f64)| if *noise > 0.0 { noise / largest(k).max(*noise) } else { 0.0 };
+        let share = |(k, noise): (usize, &f64)| if *noise > 0.0 { noise / self.largest_reading(k).max(*noise) } else { 0.0 };
         let smallest = noise.iter().enumerate().map(share).fold(1.0, f64::min);
         if smallest < LEAST_NOISE { Setting::default().tolerance } else { (SHARE_OF_NOISE * smallest).min(LARGEST_TOLERANCE) }
     }

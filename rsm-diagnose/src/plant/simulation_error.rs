@@ -42,7 +42,7 @@ fn largest_readings(whitened: &WhitenedResiduals) -> [f64; OUTPUTS] {
     let mut largest = [0.0_f64; OUTPUTS];
     for prepared in &whitened.records {
         for (k, output) in prepared.outputs.iter().enumerate() {
-            largest[*output] = prepared.measured(k).iter().fold(largest[*output], |most, value| most.max(value.abs()));
+            largest[*output] = largest[*output].max(prepared.largest_reading(k));
         }
     }
     largest

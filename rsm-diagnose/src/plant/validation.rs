@@ -86,8 +86,7 @@ pub fn fit_within_uncertainty(
         else {
             continue;
         };
-        // To first order, a step of a logarithm is that share of the value.
-        let sd = if unknown.logarithmic { value.abs() * sd } else { sd };
+        let sd = unknown.deviation(value, sd);
         other.unknowns.push(Unknown { prior: Some((value, sd)), ..unknown.clone() });
     }
     other.unknowns.extend(earlier.model.unknowns.iter().filter(|it| matches!(it.place, Place::Start { .. })).cloned());

@@ -23,21 +23,14 @@ pub(super) fn read(
         #[cfg(feature = "arrow")]
         Columnar::Arrow | Columnar::ArrowStream => super::arrow::read(name, path, format == Columnar::ArrowStream, wanted, act),
         #[allow(unreachable_patterns, reason = "a build with all features has every format")]
-        _ => not_built(format, name, path, wanted, act),
+        _ => {
+            // A build without any format uses neither.
+            let _ = (wanted, act);
+            Source::open(path)?;
+            let fault = Fault::whole_file(name, format!("is {}, which this build does not read", format.words()));
+            let feature = format.name().to_lowercase();
+            let help = format!("build it with `--features {feature}`, or export CSV, which may be compressed with gzip");
+            Err(Faults::one(fault.help(help)))
+        }
     }
-}
-
-/// Refuses a format that this build does not have.
-fn not_built(
-    format: Columnar,
-    name: &str,
-    path: &Path,
-    _: &Wanted,
-    _: &mut dyn FnMut(&Table) -> Result<(), Faults>,
-) -> Result<usize, Faults> {
-    Source::open(path)?;
-    let fault = Fault::whole_file(name, format!("is {}, which this build does not read", format.words()));
-    let feature = format.name().to_lowercase();
-    let help = format!("build it with `--features {feature}`, or export CSV, which may be compressed with gzip");
-    Err(Faults::one(fault.help(help)))
 }

@@ -208,6 +208,22 @@ impl Writer<'_> {
         sums
     }
 
+    /// The remainder of a rate: its change without that of the linear part. `lists`: the rates at moved states, half a step or a whole step later,
+    /// the rates at the start, and by how much each state moved.
+    fn remainder(&mut self, shape: &Shape, i: usize, lists: [&[Reg]; 3], half: bool) -> Reg {
+        let [found, rates, moved] = lists;
+        let mut left = self.builder.subtract(found[i], rates[i]);
+        let by: Vec<(usize, Reg)> = shape.nonzero[i].iter().map(|j| (*j, moved[*j])).collect();
+        if let Some(linear) = self.line(4, i, &by) {
+            left = self.builder.subtract(left, linear);
+        }
+        if shape.timed.contains(&i) {
+            let time = self.slot(self.given.block.time(if half { 2 } else { 3 }, i));
+            left = self.builder.subtract(left, time);
+        }
+        left
+    }
+
     fn plus(&mut self, sum: Option<Reg>, value: Reg) -> Reg {
         match sum {
             Some(sum) => self.builder.add(sum, value),
@@ -312,7 +328,8 @@ pub(super) fn refined(given: &StepInputs<'_>) -> Placed {
 /// points are right. A linear part that is stiff where the plant is stiff no more holds the states near its own rest, and both functions phi make the
 /// estimate of the error small. Then the second change is as large as the first: the iteration that the step begins does not converge.
 pub(super) fn confirmed(given: &StepInputs<'_>) -> Placed {
-    let Shape { nonzero, bent, timed } = &Shape::new(given);
+    let shape = &Shape::new(given);
+    let Shape { bent, timed, .. } = shape;
     let (n, block) = (given.block.states, given.block);
     let mut w = Writer { given, builder: TapeBuilder::sharing(given.rates.precision), slots: Vec::new() };
     let [rates, a, last] = block.inside();
@@ -338,15 +355,7 @@ pub(super) fn confirmed(given: &StepInputs<'_>) -> Placed {
     let (mut straight, mut changes) = (rates.iter().copied().enumerate().collect::<Vec<_>>(), Vec::new());
     let half = w.builder.constant(exact(0.5));
     for i in bent {
-        let by: Vec<(usize, Reg)> = nonzero[*i].iter().map(|j| (*j, moved[*j])).collect();
-        let mut left = w.builder.subtract(found[*i], rates[*i]);
-        if let Some(linear) = w.line(4, *i, &by) {
-            left = w.builder.subtract(left, linear);
-        }
-        if timed.contains(i) {
-            let time = w.slot(block.time(3, *i));
-            left = w.builder.subtract(left, time);
-        }
+        let left = w.remainder(shape, *i, [&found, &rates, &moved], false);
         let [a, last] = [a, last].map(|group| w.slot(group + i));
         changes.push((*i, w.builder.subtract(left, last)));
         // D(1) was evaluated where the rates at the start and twice D(1/2), which is (a + D(1))/4, lead.
@@ -416,20 +425,7 @@ fn write(given: &StepInputs<'_>, shape: &Shape, has_estimate: bool) -> Placed {
             })
             .collect();
         let found = w.builder.inline(given.rates, &arguments);
-        bent.iter()
-            .map(|i| {
-                let mut left = w.builder.subtract(found[*i], rates[*i]);
-                let by: Vec<(usize, Reg)> = nonzero[*i].iter().map(|j| (*j, moved[*j])).collect();
-                if let Some(linear) = w.line(4, *i, &by) {
-                    left = w.builder.subtract(left, linear);
-                }
-                if timed.contains(i) {
-                    let time = w.slot(given.block.time(if half { 2 } else { 3 }, *i));
-                    left = w.builder.subtract(left, time);
-                }
-                (*i, left)
-            })
-            .collect()
+        bent.iter().map(|i| (*i, w.remainder(shape, *i, [&found, &rates, moved], half))).collect()
     };
     let zero = w.builder.constant(integer(0));
     // The way to the middle or to the end, without the remainder; 0 for states that are not asked for.

@@ -127,12 +127,12 @@ impl<const L: usize> Walk<'_, L> {
     pub(super) fn excess(&self, lane: usize, longer: f64, share: f64) -> f64 {
         let tolerance = share * self.setting.tolerance;
         let block = self.programs.block;
-        let (states, ends, errors) = (self.layout().states as usize, block.end(), block.error());
+        let (ends, errors) = (block.end(), block.error());
         let (mut worst, mut is_finite) = (0.0_f64, true);
         for k in 0..self.programs.counts.states {
-            let (begin, end, error) = (self.slots[states + k][lane], self.slots[ends + k][lane], self.slots[errors + k][lane]);
+            let (end, error) = (self.slots[ends + k][lane], self.slots[errors + k][lane]);
             is_finite &= end.is_finite() && error.is_finite();
-            let scale = self.largest(k)[lane].max(begin.abs()).max(((end - begin) * longer).abs());
+            let scale = self.scale_of(lane, k, longer);
             // A state that is 0, stays 0 and has an error of 0 is correct.
             if error.abs() > tolerance * scale {
                 worst = worst.max(error.abs() / (tolerance * scale)).max(ABOVE);
