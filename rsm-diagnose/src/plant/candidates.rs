@@ -174,7 +174,16 @@ impl Search<'_> {
             self.separate_numbers(fit, it, threshold);
         }
         order::ascending(&mut candidates, |it| it.score);
+        self.keep_plausible(&mut candidates);
         candidates
+    }
+
+    /// Drops candidates with implausible numbers if a plausible one leaves only noise as well.
+    pub(super) fn keep_plausible(&self, candidates: &mut Vec<Candidate>) {
+        let is_plausible = |it: &Candidate| it.fit.model.file.effects.iter().all(|it| self.is_plausible(it));
+        if candidates.iter().any(|it| is_plausible(it) && self.leaves_no_structure(&it.fit)) {
+            candidates.retain(is_plausible);
+        }
     }
 
     /// Replaces a candidate by the same cause with numbers by configuration, if the records need them.
@@ -294,12 +303,12 @@ impl Search<'_> {
     }
 
     /// Evaluates a fit with one more cause. `None` if that cause is a parameter error within the tolerance of calibration, if any cause has
-    /// implausible parameters, or if a wave does not repeat.
+    /// implausible parameters and structure is left, or if a wave does not repeat.
     pub(super) fn evaluated(&self, without: &Fit, fit: Fit) -> Option<Candidate> {
         let entry = fit.model.file.effects.last()?;
-        let may_all_be =
-            fit.model.file.effects.iter().all(|it| self.is_plausible(it) && waves::has_whole_period(self.whitened, it));
-        if within_tolerance(self.nominal, entry) || !may_all_be {
+        let is_possible = |it: &Entry| is_physical(it) && waves::has_whole_period(self.whitened, it);
+        let is_refused = |it: &Entry| !is_possible(it) || !self.is_plausible(it) && self.compensates(without, &fit);
+        if within_tolerance(self.nominal, entry) || fit.model.file.effects.iter().any(is_refused) {
             return None;
         }
         let unseen = validation::squared_residual(self.unseen, &fit.model)?;
@@ -313,6 +322,17 @@ impl Search<'_> {
     /// Whether the parameters are consistent with physics, and each is plausible.
     pub(super) fn is_plausible(&self, entry: &Entry) -> bool {
         is_physical(entry) && super::plausible::implausibility(entry, self.survey, &self.nominal.file).is_none()
+    }
+
+    /// Whether implausible numbers of a fit may compensate for an error that the catalogue does not contain. They do not if all structure of the fit
+    /// before it is gone: what such an error does differs from the effect somewhere.
+    fn compensates(&self, without: &Fit, fit: &Fit) -> bool {
+        self.leaves_no_structure(without) || !self.leaves_no_structure(fit)
+    }
+
+    /// Whether the residual of a fit is noise.
+    pub(super) fn leaves_no_structure(&self, fit: &Fit) -> bool {
+        whiteness::test(self.whitened, fit).excess <= 0.0
     }
 
     /// A fit with a wave that reached a poor local minimum. Starting again from a wave fit along the readings may improve it.
@@ -399,13 +419,10 @@ pub fn count(model: &Model) -> usize {
     model.file.effects.iter().map(|entry| entry.arguments.numbers.len()).sum()
 }
 
-/// Whether the parameters are consistent with physics: friction rises towards rest.
+/// Whether a real machine can have the numbers together, as the file of the effect says.
 #[must_use]
 pub fn is_physical(entry: &Entry) -> bool {
-    entry.variants().iter().all(|it| {
-        let of = |name| it.arguments.optional(name);
-        !matches!((of("coulomb"), of("static")), (Some(coulomb), Some(rest)) if rest < coulomb)
-    })
+    entry.variants().iter().all(|it| it.description.declared.possible.of(&it.arguments))
 }
 
 /// Whether a parameter error is within the range of calibration, in each configuration in which it acts: two standard deviations of its tolerance.
@@ -425,6 +442,7 @@ fn is_within_tolerance(nominal: &Model, entry: &Entry) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{axis_under_steps, survey};
     use super::*;
     use rsm_sim::effect::Arguments;
     use rsm_sim::equation_plant::{effect, pmac};
@@ -458,8 +476,36 @@ mod tests {
         assert_eq!(places(&[Err((4, 1)), Ok(0), Err((4, 2)), Ok(0)]), [0, 1, 2, 1]);
     }
 
+    /// An axis with this friction and further effects; the friction that a search evaluates as its only cause, where its plausible range ends at a
+    /// hundredth of it.
+    fn evaluated_far_from_its_guess(force: f64, further: &str) -> Option<Candidate> {
+        let file = |effects: &str| axis_under_steps::file("mass = 0.02\nviscous_friction = 0.02", effects);
+        let truth = file(&format!("{}{further}", axis_under_steps::friction(force)));
+        let (whitened, nominal) = axis_under_steps::whitened(&file(""), &truth, true);
+        let calibrated = levenberg::fit(&whitened, nominal.clone(), 8).unwrap();
+        let mut survey = survey::survey(&whitened, &calibrated);
+        let sizes = survey.scales.iter_mut().flat_map(|it| &mut it.sizes);
+        sizes.filter(|it| it.0 == "effort_scale").for_each(|it| it.1 = force * 1e-4 / 0.2);
+        let search = axis_under_steps::search(&whitened, &whitened, &nominal, &[], &survey);
+        let friction = file(&axis_under_steps::friction(0.5 * force)).effects.remove(0);
+        assert!(!search.is_plausible(&friction));
+        search.fitted(&calibrated, &friction)
+    }
+
     #[test]
-    fn friction_that_falls_towards_rest_is_not_physical() {
+    fn a_number_far_from_its_guess_is_refused_if_structure_is_left_or_none_was_there() {
+        let found = evaluated_far_from_its_guess(0.8, "").expect("it explains the records");
+        let force = found.fit.model.file.effects[0].arguments.numbers[0].1;
+        assert!((force - 0.8).abs() < 0.02, "{force}");
+        // An error that a friction does not explain.
+        let delayed = "[[effects]]\nkind = \"input-delay\"\nparameters = { delay = 0.003 }\n";
+        assert!(evaluated_far_from_its_guess(0.8, delayed).is_none());
+        // As large as what noise alone may ask for.
+        assert!(evaluated_far_from_its_guess(1e-4, "").is_none());
+    }
+
+    #[test]
+    fn friction_that_falls_towards_rest_or_is_gone_at_speed_is_not_physical() {
         let entry = |coulomb: f64, rest: f64| Entry {
             description: effect(pmac(), "stribeck-friction").unwrap(),
             arguments: Arguments {
@@ -468,6 +514,6 @@ mod tests {
                 numbers: vec![("coulomb", coulomb), ("static", rest), ("stribeck_velocity", 5.0)],
             },
         };
-        assert!(is_physical(&entry(0.1, 0.2)) && !is_physical(&entry(0.2, 0.1)));
+        assert!(is_physical(&entry(0.1, 0.2)) && !is_physical(&entry(0.2, 0.1)) && !is_physical(&entry(0.0, 0.2)));
     }
 }

@@ -3,6 +3,7 @@
 //! In: the fit of a search with its causes, and holdout records. Out: the accepted causes, and the rejected ones with the reason. A set that improves
 //! one record and worsens another may have a better sum, but it is no explanation; so each record is tested separately. Never adds a cause.
 
+use super::candidates::is_physical;
 use super::hypotheses::Hypothesis;
 use super::levenberg::{self, Fit};
 use super::model::{Model, Place, Unknown};
@@ -86,8 +87,13 @@ impl Search<'_> {
     /// The first cause with a number that is implausible, at the end of its search, or without an effect; with the reason.
     fn with_wrong_number(&self, fit: &Fit) -> Option<(usize, String)> {
         let of_itself = |(place, entry): (usize, &Entry)| {
-            let implausible = plausible::implausibility(entry, self.survey, &self.nominal.file);
-            let why = implausible.or_else(|| at_search_bound(fit, place)).or_else(|| neutral(fit, place, self.hypotheses));
+            let implausible =
+                plausible::implausibility(entry, self.survey, &self.nominal.file).filter(|_| !self.leaves_no_structure(fit));
+            let impossible = || (!is_physical(entry)).then(|| "no machine has these numbers together".to_string());
+            let why = implausible
+                .or_else(impossible)
+                .or_else(|| at_search_bound(fit, place))
+                .or_else(|| neutral(fit, place, self.hypotheses));
             why.map(|why| (place, why))
         };
         fit.model.file.effects.iter().enumerate().find_map(of_itself)

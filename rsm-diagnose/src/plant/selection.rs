@@ -166,6 +166,7 @@ impl Search<'_> {
             if !self.winner(&fit, &candidates, threshold).is_some_and(|it| self.leaves_noise(&it.fit, threshold)) {
                 self.add_from_first_horizon(&fit, &mut candidates, threshold);
             }
+            self.keep_plausible(&mut candidates);
             let Some(winner) = self.winner(&fit, &candidates, threshold) else { break };
             if !path.may_add() {
                 break;

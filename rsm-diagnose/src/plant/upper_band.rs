@@ -1,7 +1,8 @@
-//! The noise of the upper band: the part of a residual above a tenth of the sample rate, where mechanical structure is rare.
+//! The noise of a band: the part of a residual above some frequency, such as a tenth of the sample rate, above which mechanical structure is rare.
 //!
-//! In: residuals of an output. Out: their spectrum, the first-order process that fits its upper band best, and a test of another process against that
-//! band. Lower frequencies are used for one condition only: a process may not have more energy there than the residual has.
+//! In: residuals of an output. Out: their spectrum, the first-order process that fits a band best, whether its spectrum is that of the band, and a
+//! test of another process against the band. Lower frequencies are used for one condition only: a process may not have more energy there than the
+//! residual has.
 
 use std::f64::consts::{PI, TAU};
 
@@ -34,7 +35,11 @@ const REJECTION_POINT: f64 = 13.82;
 /// scatter. For all lines of the band that is a tenth of a per cent.
 const STANDS_OUT: f64 = 5.3;
 
-/// The lines of a spectrum above `LOWEST`.
+/// An octave of a band agrees with a process within this many standard deviations: the two-sided 95 % point of a normal distribution. A band that is
+/// refused wrongly is replaced by a narrower one, which costs accuracy only.
+const AGREES: f64 = 1.96;
+
+/// The lines of a spectrum above a frequency.
 pub(super) struct Band<'a> {
     powers: &'a [f64],
     first: usize,
@@ -43,10 +48,11 @@ pub(super) struct Band<'a> {
 }
 
 impl<'a> Band<'a> {
-    pub(super) fn upper(spectrum: &'a [f64], rows: f64) -> Self {
-        let first = (LOWEST * (2 * spectrum.len()) as f64).ceil() as usize;
-        // Half a line per row over the whole band. A median uses the information of one power in `OF_MEDIAN_POWER`.
-        Band { powers: &spectrum[first..], first, lines: 0.5 * rows * (1.0 - 2.0 * LOWEST) / OF_MEDIAN_POWER }
+    /// The band above `lowest`, a share of the sample rate.
+    pub(super) fn above(lowest: f64, spectrum: &'a [f64], rows: f64) -> Self {
+        let first = (lowest * (2 * spectrum.len()) as f64).ceil() as usize;
+        // Half a line per row over all frequencies. A median uses the information of one power in `OF_MEDIAN_POWER`.
+        Band { powers: &spectrum[first..], first, lines: 0.5 * rows * (1.0 - 2.0 * lowest) / OF_MEDIAN_POWER }
     }
 
     fn cosines(&self) -> impl Iterator<Item = f64> {
@@ -103,6 +109,26 @@ impl<'a> Band<'a> {
         off.fold(0.0_f64, |most, off| most.max(off.abs())) * lines.sqrt() < STANDS_OUT
     }
 
+    /// Whether every octave of the band has the power that a floor has there.
+    pub(super) fn agrees(&self, floor: &NoiseFloor) -> bool {
+        let level = floor.innovation() * floor.innovation();
+        let shares: Vec<f64> =
+            self.powers.iter().zip(self.cosines()).map(|(power, cos)| power * shape(floor.correlation, cos) / level).collect();
+        let lines = self.lines / self.powers.len() as f64;
+        let mut from = 0;
+        while from < shares.len() {
+            let to = (2 * from + self.first).min(shares.len());
+            let octave = &shares[from..to];
+            let count = octave.len() as f64;
+            let mean = octave.iter().sum::<f64>() / count;
+            if (mean - 1.0).abs() * (count * lines).sqrt() > AGREES {
+                return false;
+            }
+            from = to;
+        }
+        true
+    }
+
     /// Whether the likelihood ratio against the best fit of this band rejects a floor, at 0.1 %.
     pub(super) fn rejects(&self, floor: &NoiseFloor) -> bool {
         let level = floor.innovation() * floor.innovation();
@@ -151,8 +177,9 @@ pub(super) fn spectrum(residuals: &[(&[f64], &[bool])]) -> Option<Vec<f64>> {
         let mut im = vec![0.0; size];
         transform(&mut re, &mut im);
         for (k, list) in powers.iter_mut().enumerate().skip(1) {
-            // |1 - e^(-jw)|^4 = (2 sin(w/2))^4
-            let transfer = (2.0 * (PI * k as f64 / size as f64).sin()).powi(4);
+            // |1 - e^(-jw)|^4 = (2 sin(w/2))^4. A line of a Hann window holds a sixth of each neighbour, which counts where the transfer is steep.
+            let of = |k: usize| (2.0 * (PI * k as f64 / size as f64).sin()).powi(4);
+            let transfer = (of(k - 1) + 4.0 * of(k) + of(k + 1)) / 6.0;
             list.push((re[k] * re[k] + im[k] * im[k]) / (energy * transfer));
         }
     }

@@ -68,6 +68,14 @@ fn a_limit_that_the_validation_records_alone_reach_is_fitted_to_them() {
 }
 
 #[test]
+fn a_limit_that_no_record_reaches_agrees_with_all_records() {
+    // Training ends at 3 N, validation at 4.9 N, just below the limit.
+    let found = diagnosed(3.0, 4.9);
+    let high = &found.causes[0].parameters[1];
+    assert!(found.causes[0].kind == "input-limit" && !high.is_determined() && high.value > 4.5, "{high:?}");
+}
+
+#[test]
 fn a_limit_that_no_record_reaches_stays_open_and_one_that_all_reach_is_that_of_training() {
     let found = diagnosed(3.0, 3.0);
     assert_eq!(found.causes[0].kind, "input-limit");

@@ -9,6 +9,7 @@ use rsm_core::source::{Collector, Faults, Source};
 use rsm_core::toml_reader::{TableReader, Value, parse};
 
 use super::forms::{Form, forms};
+use super::guesses::evaluated;
 use super::site::{SiteKind, expression};
 use crate::syntax::tree::{Expression, Kind};
 
@@ -29,6 +30,9 @@ pub struct Number {
     pub is_above_min: bool,
     /// Whether it must be an integer.
     pub is_whole: bool,
+    /// The least and the largest value in a real machine, as expressions of the other numbers. A search refuses others; a plant file may have them.
+    pub(crate) least: Option<Expression>,
+    pub(crate) most: Option<Expression>,
     /// The value if a plant file omits it; without one it is required.
     pub(crate) default: Option<Expression>,
     /// The value at which the effect changes nothing, if there is one.
@@ -214,6 +218,13 @@ impl Effect {
                 .push(source.fault(document.span(), format!("`rounds_to`: found `{name}`, which is no number of the effect")));
         }
         top.finish(&mut faults);
+        // An unknown name in a limit would otherwise show in no search.
+        let ones: Vec<(&str, f64)> = names.iter().map(|name| (*name, 1.0)).collect();
+        for law in numbers.iter().flat_map(|it| [&it.least, &it.most]).flatten() {
+            if let Err(found) = evaluated(source, law, &ones) {
+                found.list().iter().for_each(|fault| faults.push(fault.clone()));
+            }
+        }
         let whole = kind.zip(sites).zip(reference).zip(words).map(|(((kind, sites), reference), words)| Effect {
             kind,
             sites,
@@ -404,6 +415,7 @@ fn number(source: &Source, name: &str, value: Value<'_>, faults: &mut Collector)
         table.optional(key).and_then(|it| expression(source, it, faults))
     };
     let (default, neutral) = (written(&mut table, "default", faults), written(&mut table, "neutral", faults));
+    let (least, most) = (written(&mut table, "least", faults), written(&mut table, "most", faults));
     let guesses = table.optional("guess").map_or_else(Vec::new, |value| guesses(source, value, faults));
     table.finish(faults);
     Some(Number {
@@ -414,6 +426,8 @@ fn number(source: &Source, name: &str, value: Value<'_>, faults: &mut Collector)
         max,
         is_above_min: above.is_some(),
         is_whole,
+        least,
+        most,
         default,
         neutral,
         is_phase,

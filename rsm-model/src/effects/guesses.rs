@@ -48,6 +48,28 @@ pub struct Start {
     pub phase: Option<usize>,
 }
 
+/// A system without equations, for expressions of known numbers.
+pub(super) fn scratch() -> Result<Flat, Faults> {
+    Flat::read(&Source::new("", "model Scales\nend Scales;\n"), &Options::default())
+}
+
+/// The value of an expression of known names.
+fn number(source: &Source, scratch: &mut Flat, law: &Expression, known: &HashMap<String, f64>) -> Result<f64, Faults> {
+    let mut names = HashMap::new();
+    for (name, value) in known {
+        names.insert(name.clone(), Value::scalar(scratch.pool.number(*value), Basic::Real));
+    }
+    let value = scratch.expression(source, law, Some(&names))?;
+    let found = value.item().and_then(|it| scratch.known(it)).map(|it| it.0).filter(|it| it.is_finite());
+    found.ok_or_else(|| Faults::one(source.fault(law.span.clone(), "this has no finite value")))
+}
+
+/// The value of an expression in the file of an effect with these numbers.
+pub(super) fn evaluated(source: &Source, law: &Expression, numbers: &[(&str, f64)]) -> Result<f64, Faults> {
+    let known = numbers.iter().map(|(name, value)| ((*name).to_string(), *value)).collect();
+    number(source, &mut scratch()?, law, &known)
+}
+
 impl Effect {
     /// The starting points on a kind of site: every combination of the guesses in its file. `scales` gives [`SCALES`] and the roles of the site.
     ///
@@ -80,7 +102,7 @@ impl Effect {
 
     /// Every combination of the guesses of some numbers.
     fn starts_of(&self, of: &[&Number], kind: SiteKind, scales: &[(&str, f64)]) -> Result<Vec<Start>, Faults> {
-        let mut scratch = Flat::read(&Source::new("", "model Scales\nend Scales;\n"), &Options::default())?;
+        let mut scratch = scratch()?;
         let given: HashMap<String, f64> = scales.iter().map(|(name, value)| ((*name).to_string(), *value)).collect();
         let mut open = vec![(Vec::new(), given)];
         for number in of {
@@ -117,12 +139,6 @@ impl Effect {
 
     /// The value of an expression of known names.
     pub(super) fn number(&self, scratch: &mut Flat, law: &Expression, known: &HashMap<String, f64>) -> Result<f64, Faults> {
-        let mut names = HashMap::new();
-        for (name, value) in known {
-            names.insert(name.clone(), Value::scalar(scratch.pool.number(*value), Basic::Real));
-        }
-        let value = scratch.expression(&self.source, law, Some(&names))?;
-        let found = value.item().and_then(|it| scratch.known(it)).map(|it| it.0).filter(|it| it.is_finite());
-        found.ok_or_else(|| Faults::one(self.source.fault(law.span.clone(), "this has no finite value")))
+        number(&self.source, scratch, law, known)
     }
 }

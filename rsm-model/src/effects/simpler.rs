@@ -1,14 +1,14 @@
-//! Simpler forms of an effect with given numbers.
+//! Expressions of the numbers of an effect: its simpler forms, and the limits that its numbers have in a real machine.
 //!
-//! In: the forms of an effect, its numbers. Out: the parts of each form with their values. Compares nothing.
+//! In: the file of an effect, numbers. Out: the parts of each form with their values; whether the numbers are inside of their limits.
 
 use std::collections::HashMap;
 
-use rsm_core::source::{Faults, Source};
+use rsm_core::source::Faults;
 
 use super::file::Effect;
 use super::forms::{Form, FormKind};
-use crate::flat::{Flat, Options};
+use super::guesses::scratch;
 use crate::syntax::tree::Expression;
 
 /// A simpler form with its values.
@@ -50,7 +50,7 @@ impl Effect {
     /// # Errors
     /// If an expression uses a name that is no given number, or has no finite value.
     pub fn forms(&self, numbers: &[(&str, f64)]) -> Result<Vec<SimplerForm>, Faults> {
-        let mut scratch = Flat::read(&Source::new("", "model Scales\nend Scales;\n"), &Options::default())?;
+        let mut scratch = scratch()?;
         let known: HashMap<String, f64> = numbers.iter().map(|(name, value)| ((*name).to_string(), *value)).collect();
         let holds = |it: &&Form| {
             it.given.iter().all(|name| known.contains_key(name)) && !it.omitted.iter().any(|name| known.contains_key(name))
@@ -63,5 +63,35 @@ impl Effect {
             list.push(SimplerForm { is: form.is, parts: evaluated(&form.sum)?, values: evaluated(&form.values)? });
         }
         Ok(list)
+    }
+
+    /// Whether its file has limits for numbers in a real machine: `least` or `most`.
+    #[must_use]
+    pub fn has_limits(&self) -> bool {
+        self.numbers.iter().any(|it| it.least.is_some() || it.most.is_some())
+    }
+
+    /// Whether numbers are possible in a real machine: none is outside of `least` and `most` in its file. A limit that needs a number which is not
+    /// given does not count.
+    ///
+    /// ```
+    /// use rsm_model::effects::Catalogue;
+    ///
+    /// let catalogue = Catalogue::shipped();
+    /// let friction = catalogue.find("stribeck-friction").unwrap();
+    /// let possible = |coulomb, at_rest| friction.are_possible(&[("coulomb", coulomb), ("static", at_rest)]);
+    /// assert!(possible(0.1, 0.2) && possible(0.1, 0.1));
+    /// // Friction that falls towards rest, and friction that vanishes at speed.
+    /// assert!(!possible(0.2, 0.1) && !possible(0.01, 0.2));
+    /// ```
+    #[must_use]
+    pub fn are_possible(&self, numbers: &[(&str, f64)]) -> bool {
+        let Some(mut scratch) = Some(self).filter(|it| it.has_limits()).and_then(|_| scratch().ok()) else { return true };
+        let known: HashMap<String, f64> = numbers.iter().map(|(name, value)| ((*name).to_string(), *value)).collect();
+        let mut limit = |law: &Option<Expression>| law.as_ref().and_then(|law| self.number(&mut scratch, law, &known).ok());
+        self.numbers.iter().all(|it| {
+            let Some(value) = known.get(&it.name) else { return true };
+            limit(&it.least).is_none_or(|least| *value >= least) && limit(&it.most).is_none_or(|most| *value <= most)
+        })
     }
 }

@@ -324,3 +324,21 @@ fn faults_of_simpler_forms_are_at_their_places() {
     let whole = file("[[forms]]\nis = \"special\"\nsum = { coulomb-friction = \"height\" }").unwrap();
     assert!(whole.forms(&[("level", 2.0)]).is_err());
 }
+
+#[test]
+fn limits_of_a_number_may_use_the_other_numbers_and_nothing_else() {
+    let file = |limit: &str| {
+        let text = format!(
+            "format = 1\nkind = \"bell-drag\"\nsites = [\"translation\"]\nsource = \"ours\"\n[numbers]\nlevel = {{ unit = \"N\", {limit} }}\n\
+             rest = {{ unit = \"N\" }}\n[changes]\neffort = \"-level - rest\"\n[words]\nsentence = \"It drags.\"\ncheck = \"Look.\"\n"
+        );
+        super::Effect::read(&Source::new("bell-drag.toml", text))
+    };
+    let drag = file("least = \"0.5*rest\", most = \"2*rest\"").unwrap();
+    let possible = |level: f64| drag.are_possible(&[("level", level), ("rest", 4.0)]);
+    assert!(possible(2.0) && possible(8.0) && !possible(1.9) && !possible(8.1));
+    // Without the other number there is no limit.
+    assert!(drag.are_possible(&[("level", 100.0)]));
+    let told = file("most = \"2*speed\"").unwrap_err().to_string();
+    assert!(told.contains("bell-drag.toml:6:") && told.contains("speed"), "{told}");
+}

@@ -167,6 +167,28 @@ pub struct Declared {
     pub generalises: Option<&'static str>,
     /// Its simpler forms.
     pub forms: FormsOf,
+    /// Whether a real machine can have its numbers together.
+    pub possible: Possible,
+}
+
+/// Whether a real machine can have the numbers of an effect together, as a function of its arguments.
+pub struct Possible(pub Option<Box<PossibleFromFile>>);
+
+/// A function that says so.
+pub type PossibleFromFile = dyn Fn(&Arguments) -> bool + Send + Sync;
+
+impl Possible {
+    /// Whether these numbers are possible together.
+    #[must_use]
+    pub fn of(&self, arguments: &Arguments) -> bool {
+        self.0.as_ref().is_none_or(|of| of(arguments))
+    }
+}
+
+impl std::fmt::Debug for Possible {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Possible")
+    }
 }
 
 /// The simpler forms of an effect as a function of its arguments.
@@ -199,7 +221,8 @@ impl std::fmt::Debug for FormsOf {
 
 impl Declared {
     /// The declaration of an effect without a special role.
-    pub const NOTHING: Declared = Declared { role: Role::Ordinary, generalises: None, forms: FormsOf::None };
+    pub const NOTHING: Declared =
+        Declared { role: Role::Ordinary, generalises: None, forms: FormsOf::None, possible: Possible(None) };
 }
 
 #[cfg(test)]

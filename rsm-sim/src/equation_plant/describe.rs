@@ -5,7 +5,9 @@
 use rsm_model::effects::{Catalogue, Effect as File, FormKind, Number, Place, SiteKind, Start, TraceRole};
 
 use super::kept;
-use crate::effect::declared::{Argument, Declared, Forms, FormsOf, Level, Part, Plausible, Role, Step, Unit};
+use crate::effect::declared::{
+    Argument, Declared, Forms, FormsOf, Level, Part, Plausible, Possible, PossibleFromFile, Role, Step, Unit,
+};
 use crate::effect::{Arguments, Description, FromFile, Guess, Guesses, Scales, Subject, Survey, Wave};
 use crate::equations::signals::spelled;
 use crate::quantity::Bound;
@@ -13,9 +15,9 @@ use crate::quantity::Bound;
 /// A number is plausible up to this multiple of its largest first guess. The guesses cover the usual range.
 const TIMES_THE_GUESS: f64 = 100.0;
 
-/// Resonance frequencies at which a search starts, as shares of the sample rate: from a slow oscillation to the highest frequency that the samples
-/// can just show.
-const SHARES: [f64; 4] = [0.01, 0.025, 0.06, 0.2];
+/// Resonance frequencies at which a search starts, as shares of the sample rate, an octave apart: from a slow oscillation to the highest frequency
+/// that the samples can just show.
+const SHARES: [f64; 5] = [0.0125, 0.025, 0.05, 0.1, 0.2];
 
 /// All descriptions of a plant.
 pub(super) fn all(places: &[Place], parameters: &ParameterRoles, catalogue: &Catalogue) -> Vec<&'static Description> {
@@ -108,6 +110,12 @@ fn forms(file: &File, at: &'static str, parameters: &ParameterRoles, names_place
     FormsOf::File(Box::new(of))
 }
 
+/// Whether numbers of an effect are possible together, if its file has limits for them.
+fn possible(file: &File) -> Possible {
+    let file = Some(file.clone()).filter(File::has_limits);
+    Possible(file.map(|file| -> Box<PossibleFromFile> { Box::new(move |it| file.are_possible(&it.numbers)) }))
+}
+
 fn one(place: &Place, file: &File, units: &[String], parameters: &ParameterRoles, names_place: bool) -> Description {
     let subject = match place.kind {
         SiteKind::Parameter => Subject::Parameter,
@@ -150,6 +158,7 @@ fn one(place: &Place, file: &File, units: &[String], parameters: &ParameterRoles
             role,
             generalises: file.generalises.as_deref().map(kept),
             forms: forms(file, at, parameters, names_place),
+            possible: possible(file),
         },
     }
 }
