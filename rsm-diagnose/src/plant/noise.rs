@@ -113,8 +113,8 @@ fn whole(residuals: &[(&[f64], &[bool])], rows: f64) -> Option<NoiseFloor> {
     (correlation.abs() < SLOWEST).then_some(NoiseFloor { correlation, error, ..NoiseFloor::white(sd) })
 }
 
-/// Whether every octave has the power of noise after whitening by a floor, neither more nor less: at 0.2 % for all octaves together. A slow drift over
-/// faster noise has too much power in the lowest octave for a fast process, and too little above it for a slow one.
+/// Whether every octave has the power of noise after whitening by a floor, neither more nor less: at 0.2 % for all octaves together. A slow drift
+/// over faster noise has too much power in the lowest octave for a fast process, and too little above it for a slow one.
 fn is_white(floor: &NoiseFloor, residuals: &[(&[f64], &[bool])]) -> bool {
     let mut sums = [Octave::default(); OCTAVES];
     for (values, used) in residuals {

@@ -9,7 +9,7 @@ use rsm_core::source::{Collector, Faults, Source};
 use rsm_core::toml_reader::{TableReader, Value, parse};
 
 use super::forms::{Form, forms};
-use super::guesses::evaluated;
+use super::known::evaluated;
 use super::site::{SiteKind, expression};
 use crate::syntax::tree::{Expression, Kind};
 

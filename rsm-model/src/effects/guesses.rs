@@ -5,11 +5,12 @@
 
 use std::collections::HashMap;
 
-use rsm_core::source::{Faults, Source};
+use rsm_core::source::Faults;
 
 use super::file::{Effect, Number};
+use super::known::{known_number, scratch};
 use super::site::SiteKind;
-use crate::flat::{Basic, Flat, Options, Value};
+use crate::flat::Flat;
 use crate::syntax::tree::Expression;
 
 /// Scales that guesses may use in addition to the roles of the site: the effort that the inputs can cause at the site; typical speed; largest
@@ -46,28 +47,6 @@ pub struct Start {
     pub neutral: Option<(usize, f64)>,
     /// The index of the parameter that is a phase.
     pub phase: Option<usize>,
-}
-
-/// A system without equations, for expressions of known numbers.
-pub(super) fn scratch() -> Result<Flat, Faults> {
-    Flat::read(&Source::new("", "model Scales\nend Scales;\n"), &Options::default())
-}
-
-/// The value of an expression of known names.
-fn number(source: &Source, scratch: &mut Flat, law: &Expression, known: &HashMap<String, f64>) -> Result<f64, Faults> {
-    let mut names = HashMap::new();
-    for (name, value) in known {
-        names.insert(name.clone(), Value::scalar(scratch.pool.number(*value), Basic::Real));
-    }
-    let value = scratch.expression(source, law, Some(&names))?;
-    let found = value.item().and_then(|it| scratch.known(it)).map(|it| it.0).filter(|it| it.is_finite());
-    found.ok_or_else(|| Faults::one(source.fault(law.span.clone(), "this has no finite value")))
-}
-
-/// The value of an expression in the file of an effect with these numbers.
-pub(super) fn evaluated(source: &Source, law: &Expression, numbers: &[(&str, f64)]) -> Result<f64, Faults> {
-    let known = numbers.iter().map(|(name, value)| ((*name).to_string(), *value)).collect();
-    number(source, &mut scratch()?, law, &known)
 }
 
 impl Effect {
@@ -137,8 +116,8 @@ impl Effect {
         Ok(starts)
     }
 
-    /// The value of an expression of known names.
+    /// The value of an expression of its file with known names.
     pub(super) fn number(&self, scratch: &mut Flat, law: &Expression, known: &HashMap<String, f64>) -> Result<f64, Faults> {
-        number(&self.source, scratch, law, known)
+        known_number(&self.source, scratch, law, known)
     }
 }

@@ -11,6 +11,7 @@
 mod file;
 mod forms;
 mod guesses;
+mod known;
 mod offers;
 mod propose;
 mod rewrite;

@@ -8,7 +8,7 @@ use rsm_core::source::Faults;
 
 use super::file::Effect;
 use super::forms::{Form, FormKind};
-use super::guesses::scratch;
+use super::known::scratch;
 use crate::syntax::tree::Expression;
 
 /// A simpler form with its values.
