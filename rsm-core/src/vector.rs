@@ -67,6 +67,39 @@ pub fn widest<W: Work>(work: W) -> W::Found {
     vectorised(work)
 }
 
+/// Runs a loop with registers of eight numbers.
+///
+/// ```
+/// use rsm_core::vector::{Work, has_eight, with_eight};
+///
+/// struct Largest([f64; 8]);
+///
+/// impl Work for Largest {
+///     type Found = f64;
+///
+///     #[inline(always)]
+///     fn run(self) -> f64 {
+///         self.0.into_iter().fold(0.0, f64::max)
+///     }
+/// }
+///
+/// if has_eight() {
+///     assert_eq!(with_eight(Largest([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0])), 8.0);
+/// }
+/// ```
+///
+/// # Panics
+/// If no register of this machine has eight numbers ([`has_eight`]).
+#[inline]
+pub fn with_eight<W: Work>(work: W) -> W::Found {
+    assert!(has_eight(), "no register of this machine has eight numbers");
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: the machine has the instructions.
+    return unsafe { with_avx512(work) };
+    #[cfg(not(target_arch = "x86_64"))]
+    work.run()
+}
+
 /// Whether a register of this machine has eight numbers.
 #[inline]
 #[must_use]

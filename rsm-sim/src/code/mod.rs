@@ -17,7 +17,7 @@ mod registers;
 mod tests;
 
 use rsm_core::tape::{Op, Tape};
-use rsm_core::vector::widest;
+use rsm_core::vector::with_eight;
 pub(crate) use rsm_core::vector::{Work, has_eight, vectorised};
 
 use interpreted::Interpreted;
@@ -31,11 +31,14 @@ pub(crate) fn over_lanes<const L: usize, W: Work>(work: W) -> W::Found {
     if L > 1 { vectorised(work) } else { work.run() }
 }
 
-/// Runs loops over four or eight lanes: over eight with the registers of AVX-512, if the machine has them (see [`has_eight`]), else as
-/// [`vectorised`]. So a loop is compiled for three sets of instructions, not for each set with each number of lanes. The bits are the same.
+/// Runs loops over four or eight lanes: over eight with the registers of AVX-512, over fewer as [`vectorised`]. So a loop is compiled for the
+/// registers that run it, not for each set of instructions with each number of lanes. The bits are the same.
+///
+/// # Panics
+/// For eight lanes on a machine without such registers ([`has_eight`]).
 #[inline]
 pub(crate) fn by_registers<const L: usize, W: Work>(work: W) -> W::Found {
-    if L > WIDE { widest(work) } else { vectorised(work) }
+    if const { L > WIDE } { with_eight(work) } else { vectorised(work) }
 }
 
 /// The index of a number in an array of slots.
