@@ -7,8 +7,8 @@
 //! half-overlapping Hann segments (P. D. Welch, 1967) of second differences, divided by their transfer function. The model is fitted above `LOWEST`
 //! only (P. Whittle, 1953) and continued to lower frequencies. The second uses a wider band in the same way, if the spectrum of that band agrees with
 //! it. The third uses the whole record. It is ten times as precise for slow noise, but wrong where there is structure, so it is used only if it
-//! passes two tests: the upper band does not reject it, and the residual that it whitens is white in every octave. Energy above the noise at low
-//! frequencies therefore remains structure.
+//! passes two tests: no band rejects it, and the residual that it whitens is white in every octave. Energy above the noise at low frequencies
+//! therefore remains structure.
 
 use super::growth::{self, Growth};
 pub use super::noise_floor::NoiseFloor;
@@ -70,14 +70,16 @@ impl NoiseFloor {
         let spectrum = spectrum(residuals)?;
         let rows = residuals.iter().map(|(_, used)| used.iter().filter(|used| **used).count()).sum::<usize>() as f64;
         let band = Band::above(LOWEST, &spectrum, rows);
-        let accepted = |whole: &NoiseFloor| !band.rejects(whole) && is_white(whole, residuals);
-        let wider = || {
-            WIDER.into_iter().find_map(|lowest| {
-                let wider = Band::above(lowest, &spectrum, rows);
-                wider.best(&below(lowest, residuals)).filter(|it| !band.rejects(it) && wider.agrees(it))
-            })
-        };
-        whole(residuals, rows).filter(accepted).or_else(wider).or_else(|| band.best(&below(LOWEST, residuals)))
+        // Wider bands that agree with their own best process, each with it.
+        let wider = WIDER.map(|lowest| {
+            let wider = Band::above(lowest, &spectrum, rows);
+            let best = wider.best(&below(lowest, residuals)).filter(|it| !band.rejects(it) && wider.agrees(it))?;
+            Some((wider, best))
+        });
+        let rejects = |floor: &NoiseFloor| wider.iter().flatten().any(|it| it.0.rejects(floor));
+        let accepted = |whole: &NoiseFloor| !band.rejects(whole) && is_white(whole, residuals) && !rejects(whole);
+        let of_a_band = || wider.iter().flatten().map(|it| it.1).next().or_else(|| band.best(&below(LOWEST, residuals)));
+        whole(residuals, rows).filter(accepted).or_else(of_a_band)
     }
 }
 
