@@ -152,6 +152,11 @@ impl CalibratedRecords {
         with_rounding(&self.whitened, fit, floors(&self.whitened, fit, file), &self.rounded)
     }
 
+    /// Leaves out the rows of bursts that a fit with causes shows; what these causes do had hidden them. Returns whether there are any.
+    pub(super) fn leave_out_hidden_bursts(&mut self, fit: &Fit) -> bool {
+        bursts::leave_out(&mut self.whitened, &mut self.unseen, fit, &mut self.findings)
+    }
+
     /// Detects heavy tails that were hidden by structure until this fit removed it. Returns whether readings changed.
     pub fn correct_hidden_tails(&mut self, fit: &Fit) -> bool {
         outlier_correction::detect(&mut self.whitened, &mut self.unseen, &mut self.recorded, fit, &self.findings)

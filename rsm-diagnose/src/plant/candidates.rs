@@ -281,7 +281,8 @@ impl Search<'_> {
         chosen
     }
 
-    /// A full fit with this entry. `None` if it cannot be simulated, or if it is a parameter error within the tolerance of calibration.
+    /// A full fit with this entry, with the best whole number if it has one. `None` if it cannot be simulated, or if it is a parameter error within the
+    /// tolerance of calibration.
     pub(super) fn fitted(&self, fit: &Fit, entry: &Entry) -> Option<Candidate> {
         let joint = waves::is_wave(entry.description, entry.arguments.plant)
             .then(|| waves::joint_fit(self.whitened, fit, self.nominal, entry, &waves::REACHES))
@@ -299,7 +300,7 @@ impl Search<'_> {
                 levenberg::refit(self.whitened, model, self.limits.fit_steps, Some(fit))?
             }
         };
-        self.evaluated(fit, found)
+        self.evaluated(fit, self.with_best_whole_number(found, self.limits.fit_steps))
     }
 
     /// Evaluates a fit with one more cause. `None` if that cause is a parameter error within the tolerance of calibration, if any cause has

@@ -94,6 +94,7 @@ pub mod verdict;
 pub mod waves;
 pub mod whitened_residuals;
 pub mod whiteness;
+mod whole_numbers;
 
 // Shared with surfaces.
 use crate::engine::normal;

@@ -252,6 +252,7 @@ fn in_rounds(
         // A motion at the start may be visible now.
         let begun = initial_motion::is_visible(&prepared.whitened, fit, &prepared.unseen);
         let tailed = tails == HeavyTails::Corrected && prepared.correct_hidden_tails(fit);
+        let burst = tails == HeavyTails::Corrected && prepared.leave_out_hidden_bursts(fit);
         let floors = prepared.floors(fit, file);
         let moved = floors.iter().zip(&prepared.whitened.floors).any(|(new, old)| {
             (new.sd / old.sd - 1.0).abs() > 0.1
@@ -260,7 +261,7 @@ fn in_rounds(
         });
         // With causes in the plant, the readings after a gap give better estimates of the inputs in the gap.
         let corrected = prepared.correct_gaps(fit);
-        if !(moved || tailed || begun || corrected) {
+        if !(moved || tailed || burst || begun || corrected) {
             break;
         }
         prepared.whitened.floors = floors;

@@ -12,5 +12,6 @@ mod rest;
 #[path = "../../../rsm-sim/tests/all/shipped.rs"]
 mod shipped;
 mod surface;
+mod whole_numbers;
 
 use shipped::{effect, path, plant, record, run};
