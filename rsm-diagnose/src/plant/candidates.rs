@@ -181,7 +181,9 @@ impl Search<'_> {
     /// Drops candidates with implausible numbers if a plausible one leaves only noise as well.
     pub(super) fn keep_plausible(&self, candidates: &mut Vec<Candidate>) {
         let is_plausible = |it: &Candidate| it.fit.model.file.effects.iter().all(|it| self.is_plausible(it));
-        if candidates.iter().any(|it| is_plausible(it) && self.leaves_no_structure(&it.fit)) {
+        if !candidates.iter().all(is_plausible)
+            && candidates.iter().any(|it| is_plausible(it) && self.leaves_no_structure(&it.fit))
+        {
             candidates.retain(is_plausible);
         }
     }

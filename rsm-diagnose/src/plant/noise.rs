@@ -58,7 +58,7 @@ impl NoiseFloor {
         } else {
             let even: Vec<_> =
                 lists.iter().zip(&even).map(|((measured, _, used), left)| (*measured, left.as_slice(), *used)).collect();
-            let upper = band.best(&below(LOWEST, &residuals))?;
+            let upper = band.best(&below(LOWEST, &unwhitened(&residuals)))?;
             (band.is_smooth(&upper) && growth::has_one_correlation(&even)).then_some(upper)?
         };
         Some(NoiseFloor { growth: Some(growth), ..floor })
@@ -70,28 +70,34 @@ impl NoiseFloor {
         let spectrum = spectrum(residuals)?;
         let rows = residuals.iter().map(|(_, used)| used.iter().filter(|used| **used).count()).sum::<usize>() as f64;
         let band = Band::above(LOWEST, &spectrum, rows);
+        let slow = unwhitened(residuals);
         // Wider bands that agree with their own best process, each with it.
         let wider = WIDER.map(|lowest| {
             let wider = Band::above(lowest, &spectrum, rows);
-            let best = wider.best(&below(lowest, residuals)).filter(|it| !band.rejects(it) && wider.agrees(it))?;
+            let best = wider.best(&below(lowest, &slow)).filter(|it| !band.rejects(it) && wider.agrees(it))?;
             Some((wider, best))
         });
         let rejects = |floor: &NoiseFloor| wider.iter().flatten().any(|it| it.0.rejects(floor));
         let accepted = |whole: &NoiseFloor| !band.rejects(whole) && is_white(whole, residuals) && !rejects(whole);
-        let of_a_band = || wider.iter().flatten().map(|it| it.1).next().or_else(|| band.best(&below(LOWEST, residuals)));
+        let of_a_band = || wider.iter().flatten().map(|it| it.1).next().or_else(|| band.best(&below(LOWEST, &slow)));
         whole(residuals, rows).filter(accepted).or_else(of_a_band)
     }
 }
 
-/// The octaves below a band, of the unwhitened residual.
-fn below(lowest: f64, residuals: &[(&[f64], &[bool])]) -> Vec<(usize, Octave)> {
+/// The octaves of the unwhitened residual.
+fn unwhitened(residuals: &[(&[f64], &[bool])]) -> [Octave; OCTAVES] {
     let mut sums = [Octave::default(); OCTAVES];
     for (values, used) in residuals {
         let kept: Vec<f64> = values.iter().zip(*used).map(|(value, used)| if *used { *value } else { 0.0 }).collect();
         octaves(&kept, used, &mut sums);
     }
-    let below = |k: usize| 0.5_f64.powi(k as i32 + 1) <= lowest;
-    sums.into_iter().enumerate().filter(|(k, octave)| below(*k) && octave.lines >= LEAST_LINES).collect()
+    sums
+}
+
+/// The octaves below a band, with their places.
+fn below(lowest: f64, octaves: &[Octave; OCTAVES]) -> Vec<(usize, Octave)> {
+    let is_below = |k: usize| 0.5_f64.powi(k as i32 + 1) <= lowest;
+    octaves.iter().copied().enumerate().filter(|(k, octave)| is_below(*k) && octave.lines >= LEAST_LINES).collect()
 }
 
 /// The estimate from all frequencies: products of neighbours divided by squares.

@@ -7,7 +7,7 @@ use super::hypotheses::declared;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::search::Search;
-use rsm_core::order;
+use super::whitened_residuals::Simulated;
 use rsm_sim::quantity::Bound;
 use std::f64::consts::FRAC_PI_2;
 
@@ -59,13 +59,12 @@ impl Search<'_> {
             };
             let models: Vec<Model> = (0..quarters).map(start).collect();
             let runs = self.whitened.run_all(&models);
-            let costs = models
-                .iter()
-                .zip(runs)
-                .map(|(model, run)| run.map_or(f64::INFINITY, |run| levenberg::cost(model, &self.whitened.residual(&run))));
-            let mut order: Vec<(f64, Model)> = costs.zip(models.clone()).filter(|it| it.0.is_finite()).collect();
-            order::ascending(&mut order, |it| it.0);
-            list.extend(order.into_iter().next().map(|it| it.1));
+            let cost = |(model, run): (&Model, Option<Vec<Simulated>>)| {
+                run.map_or(f64::INFINITY, |run| levenberg::cost(model, &self.whitened.residual(&run)))
+            };
+            let costs: Vec<f64> = models.iter().zip(runs).map(cost).collect();
+            let best = costs.iter().zip(models).filter(|it| it.0.is_finite()).min_by(|a, b| a.0.total_cmp(b.0));
+            list.extend(best.map(|it| it.1));
         }
         list
     }
