@@ -6,6 +6,7 @@
 
 use std::ops::Range;
 
+use super::alignment;
 use super::checks::Finding;
 use super::levenberg::Fit;
 use super::outlier_correction::difference;
@@ -130,17 +131,20 @@ pub(super) fn leave_out(
             continue;
         }
         let records = whitened.records.iter_mut().zip(&calibrated.simulated).chain(unseen.records.iter_mut().zip(&there));
-        let mut holding: Vec<(&mut Prepared, usize, Vec<f64>)> = Vec::new();
+        let kind = calibrated.model.file.kind;
+        let mut holding: Vec<(&mut Prepared, usize, Vec<f64>, Vec<bool>)> = Vec::new();
         for (prepared, simulated) in records {
             if let Some(k) = prepared.outputs.iter().position(|it| *it == output) {
                 let left = difference(prepared.measured(k), &simulated[k]);
-                holding.push((prepared, k, left));
+                // The largest readings of a burst may have been left out as jumps.
+                let mut used = prepared.used[k].clone();
+                alignment::jumps_of(prepared, k, kind, findings).into_iter().for_each(|row| used[row] = true);
+                holding.push((prepared, k, left, used));
             }
         }
-        let lists: Vec<OutputResidual<'_>> =
-            holding.iter().map(|(prepared, k, left)| (left.as_slice(), prepared.used[*k].as_slice())).collect();
+        let lists: Vec<OutputResidual<'_>> = holding.iter().map(|it| (it.2.as_slice(), it.3.as_slice())).collect();
         let bursts = of_output(&lists);
-        for ((prepared, k, _), bursts) in holding.into_iter().zip(bursts) {
+        for ((prepared, k, ..), bursts) in holding.into_iter().zip(bursts) {
             let (record, channel) = (prepared.record.file.clone(), signal.name.to_string());
             // A jump inside a burst is part of the burst.
             let in_burst =

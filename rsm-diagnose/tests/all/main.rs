@@ -1,5 +1,6 @@
 //! The tests of the diagnosis of surfaces and plants, one binary.
 
+mod bursts;
 mod correction;
 mod diagnosis;
 mod equation_plants;
