@@ -283,8 +283,8 @@ impl Search<'_> {
         chosen
     }
 
-    /// A full fit with this entry, with the best whole number if it has one. `None` if it cannot be simulated, or if it is a parameter error within the
-    /// tolerance of calibration.
+    /// A full fit with this entry, with the best whole number if it has one. `None` if it cannot be simulated, or if it is a parameter error within
+    /// the tolerance of calibration.
     pub(super) fn fitted(&self, fit: &Fit, entry: &Entry) -> Option<Candidate> {
         let joint = waves::is_wave(entry.description, entry.arguments.plant)
             .then(|| waves::joint_fit(self.whitened, fit, self.nominal, entry, &waves::REACHES))
