@@ -124,7 +124,8 @@ fn the_diagnosis_finds_the_cogging_of_one_record_and_names_nothing_absurd_in_the
         found.helpers.iter().map(|it| format!("{} {}", it.kind, it.subject.as_deref().unwrap_or(""))).collect()
     };
     // The same wave in both records.
-    assert!([&straight, &swapped].iter().all(|it| names(it) == ["cogging-torque "]));
+    assert_eq!(names(&straight), ["cogging-torque "]);
+    assert_eq!(names(&swapped), ["cogging-torque ", "sensor-bias i_q"]);
     assert!([&straight, &swapped].iter().all(|it| helper(it, "cogging-torque", "cycles").unwrap().value == 12.0));
     let surest = straight.helpers.iter().chain(&swapped.helpers).map(|it| it.confidence).fold(0.0, f64::max);
     let [first, second] = [&straight, &swapped].map(|it| helper(it, "cogging-torque", "amplitude").unwrap());
@@ -140,11 +141,12 @@ fn the_diagnosis_finds_the_cogging_of_one_record_and_names_nothing_absurd_in_the
             1e3 * second.high,
         ],
     );
-    // A gain of the current sensor that is not plausible.
-    let gain = |found: &Diagnosis| number_in(&found.refused.iter().find(|it| it.cause == "sensor-gain:i_q").unwrap().why);
+    // A gain of the current sensor that is not plausible, and a bias of it.
+    let gain = number_in(&straight.refused.iter().find(|it| it.cause == "sensor-gain:i_q").unwrap().why);
+    let bias = swapped.helpers.iter().find(|it| it.kind == "sensor-bias").unwrap();
     prose::tells(
-        "A gain of {} of the current's sensor is refused as implausible, with the records exchanged one of {}.",
-        &[gain(&straight), gain(&swapped)],
+        "A gain of {} of the current's sensor is refused as implausible; with the records exchanged, a bias of {} A of it helps, with a confidence of {}.",
+        &[gain, bias.parameters[0].value, bias.confidence],
     );
     // The location of the error of the current: 12 waves per revolution.
     let line = straight.error_breakdown.before.iter().find(|it| it.output == 1 && it.region.starts_with("a line at")).unwrap();
