@@ -77,7 +77,7 @@ impl NoiseFloor {
             let best = wider.best(&below(lowest, &slow)).filter(|it| !band.rejects(it) && wider.agrees(it))?;
             Some((wider, best))
         });
-        let rejects = |floor: &NoiseFloor| wider.iter().flatten().any(|it| it.0.rejects(floor));
+        let rejects = |floor: &NoiseFloor| wider.iter().flatten().any(|it| it.0.rejects_correlation(floor));
         let accepted = |whole: &NoiseFloor| !band.rejects(whole) && is_white(whole, residuals) && !rejects(whole);
         let of_a_band = || wider.iter().flatten().map(|it| it.1).next().or_else(|| band.best(&below(LOWEST, &slow)));
         whole(residuals, rows).filter(accepted).or_else(of_a_band)

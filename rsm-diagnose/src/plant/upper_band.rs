@@ -129,6 +129,13 @@ impl<'a> Band<'a> {
         true
     }
 
+    /// Whether the band rejects the correlation of a floor, at 0.1 %, whatever its level: of noise with some louder rows, a median and a mean differ.
+    pub(super) fn rejects_correlation(&self, floor: &NoiseFloor) -> bool {
+        let (level, _) = self.at(floor.correlation);
+        let innovation = (1.0 - floor.correlation * floor.correlation).sqrt();
+        self.rejects(&NoiseFloor { sd: level.sqrt() / innovation, ..*floor })
+    }
+
     /// Whether the likelihood ratio against the best fit of this band rejects a floor, at 0.1 %.
     pub(super) fn rejects(&self, floor: &NoiseFloor) -> bool {
         let level = floor.innovation() * floor.innovation();
