@@ -309,8 +309,10 @@ impl Search<'_> {
     /// implausible parameters and structure is left, or if a wave does not repeat.
     pub(super) fn evaluated(&self, without: &Fit, fit: Fit) -> Option<Candidate> {
         let entry = fit.model.file.effects.last()?;
-        let is_possible = |it: &Entry| is_physical(it) && waves::has_whole_period(self.whitened, it);
-        let is_refused = |it: &Entry| !is_possible(it) || !self.is_plausible(it) && self.compensates(without, &fit);
+        let is_refused = |it: &Entry| {
+            let is_possible = is_physical(it) && waves::has_whole_period(self.whitened, it);
+            !is_possible || self.is_far_from_its_guess(it) && self.compensates(without, &fit)
+        };
         if within_tolerance(self.nominal, entry) || fit.model.file.effects.iter().any(is_refused) {
             return None;
         }
@@ -324,7 +326,12 @@ impl Search<'_> {
 
     /// Whether the parameters are consistent with physics, and each is plausible.
     pub(super) fn is_plausible(&self, entry: &Entry) -> bool {
-        is_physical(entry) && super::plausible::implausibility(entry, self.survey, &self.nominal.file).is_none()
+        is_physical(entry) && !self.is_far_from_its_guess(entry)
+    }
+
+    /// Whether a parameter is outside of its plausible range.
+    fn is_far_from_its_guess(&self, entry: &Entry) -> bool {
+        super::plausible::implausibility(entry, self.survey, &self.nominal.file).is_some()
     }
 
     /// Whether implausible numbers of a fit may compensate for an error that the catalogue does not contain. They do not if all structure of the fit
@@ -341,7 +348,7 @@ impl Search<'_> {
     /// A fit with a wave that reached a poor local minimum. Starting again from a wave fit along the readings may improve it.
     fn continued_wave_fit(&self, mut fit: Fit) -> Fit {
         for reach in waves::REACHES_FROM_RUN {
-            if whiteness::test(self.whitened, &fit).excess <= 0.0 {
+            if self.leaves_no_structure(&fit) {
                 break;
             }
             let place = fit.model.file.effects.len() - 1;

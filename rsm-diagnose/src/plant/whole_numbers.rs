@@ -8,6 +8,7 @@ use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::search::Search;
 use super::whitened_residuals::Simulated;
+use rsm_sim::plant_file::Entry;
 use rsm_sim::quantity::Bound;
 use std::f64::consts::FRAC_PI_2;
 
@@ -20,14 +21,22 @@ const ENOUGH: f64 = 1.0;
 /// Phases at which a neighbour starts, in quarters of a period. One of them is within an eighth of a period of the best, where a fit converges.
 const QUARTERS: usize = 4;
 
+/// The place of a whole number among the numbers of a cause.
+fn place_of_whole_number(entry: &Entry) -> Option<usize> {
+    entry.arguments.numbers.iter().position(|it| declared(entry, it.0).is_some_and(|it| it.bound == Bound::Count))
+}
+
 impl Search<'_> {
     /// The fit with the best whole number of its last cause.
     pub(super) fn with_best_whole_number(&self, mut fit: Fit, steps: usize) -> Fit {
+        // Most causes have none: then the residual need not be tested.
+        let Some(whole) = fit.model.file.effects.last().and_then(place_of_whole_number) else { return fit };
         for _ in 0..MOST_MOVES {
             if self.leaves_no_structure(&fit) || self.whitened.work.is_limit_reached() {
                 break;
             }
-            let others = self.neighbours(&fit).into_iter().filter_map(|model| levenberg::fit(self.whitened, model, steps));
+            let others =
+                self.neighbours(&fit, whole).into_iter().filter_map(|model| levenberg::fit(self.whitened, model, steps));
             let Some(better) = others.min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(|it| it.cost < fit.cost - ENOUGH) else {
                 break;
             };
@@ -36,14 +45,11 @@ impl Search<'_> {
         fit
     }
 
-    /// The models with one more and one less, each with the best of its starting phases.
-    fn neighbours(&self, fit: &Fit) -> Vec<Model> {
+    /// The models with one more and one less in the place `whole`, each with the best of its starting phases.
+    fn neighbours(&self, fit: &Fit, whole: usize) -> Vec<Model> {
         let effects = &fit.model.file.effects;
         let Some((entry, before)) = effects.split_last() else { return Vec::new() };
         let numbers = &entry.arguments.numbers;
-        let Some(whole) = numbers.iter().position(|it| declared(entry, it.0).is_some_and(|it| it.bound == Bound::Count)) else {
-            return Vec::new();
-        };
         let hypothesis = self.hypotheses.iter().find(|it| it.describes(entry));
         let phase = hypothesis.and_then(|it| it.guesses.first()?.phase).filter(|place| *place < numbers.len());
         let mut list = Vec::new();
