@@ -7,7 +7,7 @@ use crate::check::Checked;
 use crate::emit::{self, Function, Kept, Kind, Unit};
 use crate::interval::Interval;
 use crate::lower::{self, Recursive, Saturation};
-use crate::model::{Input, Outside, Surface};
+use crate::model::{Category, Input, Outside, Surface};
 use crate::names;
 use crate::number::{self, Precision};
 use crate::source::{Fault, Faults, Source};
@@ -163,7 +163,7 @@ fn inside(checked: &Checked, index: usize, precision: Precision, once: &[String]
         saturation: None,
         derivatives: vec![],
         kept: vec![],
-        rules: vec![],
+        rules: meanings(surface),
         tape,
     };
     let mut rest = of_names(&parts.rest.inputs);
@@ -204,7 +204,7 @@ fn functions(checked: &Checked, precisions: &[Precision], parts: &Parts) -> Resu
                     vec![]
                 },
                 kept: vec![],
-                rules: vec![],
+                rules: meanings(surface),
                 tape,
             };
             functions.push(function(Kind::Surface, lower::surface(checked, index, precision)));
@@ -222,6 +222,15 @@ fn functions(checked: &Checked, precisions: &[Precision], parts: &Parts) -> Resu
         functions.extend((0..model.compensators.len()).map(|index| step(checked, index, precision)));
     }
     Ok(Unit { model: model.name.clone(), functions })
+}
+
+/// The meaning of the inputs that are contrasts of a category, one line each.
+fn meanings(surface: &Surface) -> Vec<String> {
+    let of_one = |category: &Category| -> Vec<String> {
+        let line = |(k, input): (usize, &String)| format!("`{input}`: {}.", emit::plain(&category.words(k)));
+        category.inputs.iter().enumerate().map(line).collect()
+    };
+    surface.categories.iter().flat_map(of_one).collect()
 }
 
 /// The update of a surface that follows measured responses, and the evaluator of the adapted surface, for a printer.
@@ -248,13 +257,15 @@ fn recursive(checked: &Checked, index: usize, precision: Precision, settings: &R
     let [forgetting, noise, gate, limit] =
         [settings.forgetting, settings.noise, settings.gate, settings.limit].map(number::decimal);
     let unit = emit::unit(&surface.unit);
-    let rules = vec![
+    let mut rules = meanings(surface);
+    let own = [
         "Results: the measured response minus its prediction; the variance of that difference, in units of the noise's; 0 for a".to_string(),
         "step that was used, or why the state was left as it was, bit for bit: 1 a number is not finite, 2 outside the range of an".to_string(),
         format!("input or the support, 3 the difference is above {gate} of its standard deviations, 4 a next state would not be finite."),
         format!("Forgetting factor {forgetting}, noise {noise} in {unit}. No coefficient has a standard deviation above {limit}, whatever the"),
         format!("inputs, and one step moves it by at most {gate} times that."),
     ];
+    rules.extend(own);
     let inputs = checked.inputs_of(surface);
     let function = |kind, inputs: Vec<Input>, kept: Vec<Kept>, rules, tape| Function {
         surface: surface.name.clone(),
@@ -275,7 +286,7 @@ fn recursive(checked: &Checked, index: usize, precision: Precision, settings: &R
     let coefficients = kept[..surface.terms.len()].to_vec();
     [
         function(Kind::Update, inputs.iter().cloned().chain([measured]).collect(), kept, rules, follower.update),
-        function(Kind::Adapted, inputs, coefficients, vec![], follower.adapted),
+        function(Kind::Adapted, inputs, coefficients, meanings(surface), follower.adapted),
     ]
 }
 

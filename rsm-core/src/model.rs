@@ -62,6 +62,8 @@ pub struct Surface {
     pub waves: Vec<Wave>,
     /// Inputs that enter by their reciprocal.
     pub reciprocal: Vec<String>,
+    /// Categories, whose contrasts are inputs of this surface.
+    pub categories: Vec<Category>,
     /// The polynomial. Empty if the surface is a spline.
     pub terms: Vec<Term>,
     /// The spline that is the whole surface, instead of `terms`.
@@ -111,6 +113,12 @@ impl Surface {
     pub fn is_bent(&self) -> bool {
         let first = self.inputs.len() + self.knots.len();
         self.terms.iter().any(|term| term.coefficient != 0.0 && term.powers.iter().skip(first).any(|power| *power > 0))
+    }
+
+    /// The category that has an input as a contrast, and the place of the input in it.
+    #[must_use]
+    pub fn category_of(&self, input: &str) -> Option<(&Category, usize)> {
+        self.categories.iter().find_map(|one| Some((one, one.inputs.iter().position(|known| known == input)?)))
     }
 
     /// Whether an input enters by its magnitude.
@@ -172,6 +180,66 @@ pub struct Wave {
     pub period: f64,
     /// The number of waves in a period, 1 to 1000.
     pub order: u32,
+}
+
+/// A category, such as a fuel or a gear box, in effect coding: each level but the last has an input, its contrast.
+///
+/// At its level a contrast is 1, at the last level all contrasts are -1, and at every other level a contrast is 0. With all contrasts at 0 the
+/// surface is the mean over the levels (Draper, Smith 1998, Applied Regression Analysis, chapter 14).
+///
+/// ```
+/// use rsm_core::model::Category;
+///
+/// let levels = ["diesel", "gas", "petrol"].map(String::from).to_vec();
+/// let fuel = Category::new("fuel", levels);
+/// assert_eq!(fuel.inputs, ["fuel_diesel", "fuel_gas"]);
+/// assert_eq!(fuel.contrasts("gas"), Some(vec![0.0, 1.0]));
+/// assert_eq!(fuel.contrasts("petrol"), Some(vec![-1.0, -1.0]));
+/// assert_eq!(fuel.contrasts("coal"), None);
+/// ```
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Category {
+    /// Its name, that of the column of texts.
+    pub name: String,
+    /// The texts of the levels.
+    pub levels: Vec<String>,
+    /// The input of each level but the last.
+    pub inputs: Vec<String>,
+    /// Whether a level only shifts the response: its contrasts are in every model of a fit, and in no product with another input.
+    pub additive: bool,
+}
+
+impl Category {
+    /// A category with the usual names of its inputs: its name, then the letters and digits of the level, with `_` between them.
+    #[must_use]
+    pub fn new(name: impl Into<String>, levels: Vec<String>) -> Self {
+        let name = name.into();
+        let input = |(k, level): (usize, &String)| {
+            let lower = level.to_lowercase();
+            let parts: Vec<&str> =
+                lower.split(|at: char| !at.is_ascii_alphanumeric()).filter(|part| !part.is_empty()).collect();
+            if parts.is_empty() { format!("{name}_level_{}", k + 1) } else { format!("{name}_{}", parts.join("_")) }
+        };
+        let inputs = levels.iter().take(levels.len().saturating_sub(1)).enumerate().map(input).collect();
+        Category { name, levels, inputs, additive: false }
+    }
+
+    /// The values of its inputs at a level; `None` if it has no such level.
+    #[must_use]
+    pub fn contrasts(&self, level: &str) -> Option<Vec<f64>> {
+        let place = self.levels.iter().position(|known| known == level)?;
+        let is_last = place + 1 == self.levels.len();
+        let of_one = |k: usize| if is_last { -1.0 } else { f64::from(u8::from(k == place)) };
+        Some((0..self.inputs.len()).map(of_one).collect())
+    }
+
+    /// The meaning of one of its inputs in words: `1 for diesel, -1 for petrol, 0 for the other levels of fuel`.
+    #[must_use]
+    pub fn words(&self, input: usize) -> String {
+        let [level, last] = [input, self.levels.len() - 1].map(|k| &self.levels[k]);
+        let others = if self.levels.len() > 2 { format!(", 0 for the other levels of {}", self.name) } else { String::new() };
+        format!("1 for {level}, -1 for {last}{others}")
+    }
 }
 
 /// A tensor spline over all inputs of a surface, on uniform knots: degree 1 is a table with (bi)linear interpolation, degree 3 has continuous second
@@ -322,6 +390,18 @@ impl Compensator {
 }
 
 impl Model {
+    /// The categories of its surfaces, each once.
+    #[must_use]
+    pub fn categories(&self) -> Vec<&Category> {
+        let mut all: Vec<&Category> = Vec::new();
+        for category in self.surfaces.iter().flat_map(|surface| &surface.categories) {
+            if !all.iter().any(|known| known.name == category.name && known.inputs == category.inputs) {
+                all.push(category);
+            }
+        }
+        all
+    }
+
     /// The input with this name.
     #[must_use]
     pub fn input(&self, name: &str) -> Option<&Input> {

@@ -152,6 +152,22 @@ impl<'a> TableReader<'a> {
         found
     }
 
+    /// A flag: true or false.
+    pub fn flag(&self, what: &str, value: Value<'a>, faults: &mut Collector) -> Option<bool> {
+        match value.get_ref() {
+            DeValue::Boolean(flag) => Some(*flag),
+            other => {
+                faults.push(self.fault(value.span(), format!("{what}: found {}, expected true or false", describe(other))));
+                None
+            }
+        }
+    }
+
+    /// A flag that is false if it is absent.
+    pub fn optional_flag(&mut self, key: &'static str, faults: &mut Collector) -> Option<bool> {
+        self.optional(key).map_or(Some(false), |value| self.flag(&format!("`{key}`"), value, faults))
+    }
+
     /// A finite number from an integer or a decimal.
     pub fn number(&self, what: &str, value: Value<'a>, faults: &mut Collector) -> Option<f64> {
         match crate::number::from_toml(value.get_ref()) {

@@ -40,7 +40,9 @@ pub enum Kind {
 /// Analyses a fitted surface. `inputs` are those of the surface, in its order.
 #[must_use]
 pub(crate) fn analyse(surface: &Surface, inputs: &[Input]) -> Option<Canonical> {
-    let plain = surface.symmetry.is_empty() && surface.width() == surface.inputs.len() && surface.reciprocal.is_empty();
+    let has_own_variables = surface.width() == surface.inputs.len() && surface.reciprocal.is_empty();
+    // Between two levels of a category there is no point.
+    let plain = surface.symmetry.is_empty() && has_own_variables && surface.categories.is_empty();
     let highest = surface.terms.iter().map(|term| order(&term.powers)).max()?;
     if !plain || highest != 2 {
         return None;

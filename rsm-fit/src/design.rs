@@ -5,11 +5,14 @@
 //! Powers are computed in double-double: in f64, NIST's Filip data would lose half of their digits. Responses are not used.
 
 use rsm_core::basis::{self, Factor};
-use rsm_core::model::{Input, Spline, Surface, Symmetry};
+use rsm_core::model::{Category, Input, Spline, Surface, Symmetry};
 
 use crate::dd::Dd;
 
 pub(crate) mod eight;
+
+/// The beginning of the name of a block's contrast among the inputs of a fit. No input of a model has a space in its name.
+pub(crate) const BLOCK: &str = "block ";
 
 /// A value of an input in its natural unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,6 +51,44 @@ impl Design {
     #[must_use]
     pub fn width(&self) -> usize {
         self.terms.len()
+    }
+
+    /// The terms that are in every model of a choice: the constant, and the contrasts of additive categories, the constant first.
+    #[must_use]
+    pub(crate) fn always(&self) -> Vec<usize> {
+        let is_constant = |k: &usize| order(&self.terms[*k]) == 0;
+        let mut always: Vec<usize> = (0..self.terms.len()).filter(is_constant).collect();
+        always.extend((0..self.terms.len()).filter(|k| is_additive(&self.surface, &self.terms[*k])));
+        always
+    }
+
+    /// The terms of blocks: they explain differences between rows, and are no part of the surface.
+    pub(crate) fn of_blocks(&self) -> Vec<usize> {
+        let inputs: Vec<usize> =
+            (0..self.surface.inputs.len()).filter(|k| self.surface.inputs[*k].starts_with(BLOCK)).collect();
+        let is_own = |powers: &Vec<u32>| inputs.iter().any(|input| powers[*input] > 0);
+        (0..self.terms.len()).filter(|k| !inputs.is_empty() && is_own(&self.terms[*k])).collect()
+    }
+
+    /// The terms of the model without a surface, which has the mean of each block; empty without blocks.
+    pub(crate) fn level(&self) -> Vec<usize> {
+        let of_blocks = self.of_blocks();
+        let constant = (0..self.terms.len()).filter(|k| order(&self.terms[*k]) == 0 && !of_blocks.is_empty());
+        constant.chain(of_blocks.iter().copied()).collect()
+    }
+
+    /// For each category the terms of its contrasts alone, with its name: first those of additive ones. Only categories with such terms.
+    pub(crate) fn shifts(&self) -> Vec<(String, Vec<usize>)> {
+        let places = |category: &Category| -> Vec<usize> {
+            let inputs: Vec<usize> =
+                category.inputs.iter().filter_map(|name| self.surface.inputs.iter().position(|input| input == name)).collect();
+            let is_alone = |powers: &Vec<u32>| order(powers) == 1 && inputs.iter().any(|input| powers[*input] == 1);
+            (0..self.terms.len()).filter(|k| is_alone(&self.terms[*k])).collect()
+        };
+        let mut categories: Vec<&Category> = self.surface.categories.iter().collect();
+        categories.sort_by_key(|category| !category.additive);
+        let shifts = categories.into_iter().map(|category| (category.name.clone(), places(category)));
+        shifts.filter(|(_, terms)| !terms.is_empty()).collect()
     }
 
     /// The terms, as powers of the factors.
@@ -134,12 +175,64 @@ pub fn order(powers: &[u32]) -> u32 {
 }
 
 /// All allowed terms of a surface up to an order: the constant first, then by order; within an order, those with the highest powers of the first
-/// factors come first. With odd symmetry every term must contain the odd inputs. A term has at most one sigmoid for each input, to the first power.
+/// factors come first. With odd symmetry every term must contain the odd inputs. A term has at most one sigmoid for each input, to the first power,
+/// and at most one contrast of each category, whose square and products follow from the contrasts themselves. Contrasts of additive categories come
+/// last, each by itself.
 #[must_use]
 pub fn terms_up_to(surface: &Surface, highest_order: u32) -> Vec<Vec<u32>> {
-    let mut terms = monomials_up_to(surface.width(), highest_order);
-    terms.retain(|powers| missing_odd_input(surface, powers).is_none() && has_plain_steps(surface, powers));
+    let (contrasts, additive) = contrasts(surface);
+    let is_plain = |powers: &Vec<u32>| missing_odd_input(surface, powers).is_none() && has_plain_steps(surface, powers);
+    if contrasts.is_empty() && additive.is_empty() {
+        let mut terms = monomials_up_to(surface.width(), highest_order);
+        terms.retain(is_plain);
+        return terms;
+    }
+    let is_contrast = |k: &usize| additive.contains(k) || contrasts.iter().flatten().any(|place| place == k);
+    let others: Vec<usize> = (0..surface.width()).filter(|k| !is_contrast(k)).collect();
+    // Without any other factor only the constant.
+    let highest = if others.is_empty() { 0 } else { highest_order };
+    let full = |powers: Vec<u32>| {
+        let mut term = vec![0; surface.width()];
+        others.iter().zip(powers).for_each(|(place, power)| term[*place] = power);
+        term
+    };
+    let mut terms: Vec<Vec<u32>> = monomials_up_to(others.len(), highest).into_iter().map(full).collect();
+    for category in &contrasts {
+        let lower: Vec<Vec<u32>> = terms.iter().filter(|term| order(term) < highest_order).cloned().collect();
+        terms.extend(lower.iter().flat_map(|term| category.iter().map(|place| with_one(term, *place))));
+    }
+    terms.retain(is_plain);
+    terms.sort_by(|a, b| order(a).cmp(&order(b)).then_with(|| b.cmp(a)));
+    terms.extend(additive.iter().map(|place| with_one(&vec![0; surface.width()], *place)));
     terms
+}
+
+fn with_one(term: &[u32], place: usize) -> Vec<u32> {
+    let mut more = term.to_vec();
+    more[place] = 1;
+    more
+}
+
+/// The factors that are contrasts: those of each category that may be in products, and those of all additive categories.
+fn contrasts(surface: &Surface) -> (Vec<Vec<usize>>, Vec<usize>) {
+    let places = |category: &Category| -> Vec<usize> {
+        category.inputs.iter().filter_map(|name| surface.inputs.iter().position(|input| input == name)).collect()
+    };
+    let (additive, others): (Vec<&Category>, Vec<&Category>) =
+        surface.categories.iter().partition(|category| category.additive);
+    (others.into_iter().map(places).collect(), additive.into_iter().flat_map(places).collect())
+}
+
+/// Whether a term is one contrast of an additive category.
+fn is_additive(surface: &Surface, powers: &[u32]) -> bool {
+    let (_, additive) = contrasts(surface);
+    order(powers) == 1 && additive.iter().any(|place| powers[*place] == 1)
+}
+
+/// The variables of a surface that are no contrasts: as many as a search of other forms has to look at.
+#[must_use]
+pub(crate) fn free_inputs(surface: &Surface) -> usize {
+    surface.inputs.iter().filter(|input| surface.category_of(input).is_none()).count()
 }
 
 /// The powers of `width` factors in the order of [`terms_up_to`], without the restrictions of a surface.
@@ -193,7 +286,25 @@ pub fn missing_odd_input<'a>(surface: &'a Surface, powers: &[u32]) -> Option<&'a
     odd.map(|(name, _)| name.as_str()).find(|name| !contains(name))
 }
 
-/// An upper limit of the number of terms of [`terms_up_to`]: the binomial coefficient (width + order) over width; saturates.
+/// An upper limit of the number of terms of [`terms_up_to`]: exact without odd symmetry, sigmoids and waves; saturates.
+#[must_use]
+pub fn count_of_candidates(surface: &Surface, highest_order: u32) -> usize {
+    let (contrasts, additive) = contrasts(surface);
+    let others = surface.width() - additive.len() - contrasts.iter().map(Vec::len).sum::<usize>();
+    // The number of ways to take s contrasts, at most one of each category: the elementary symmetric polynomials.
+    let mut ways = vec![1usize];
+    for category in &contrasts {
+        let with = |k: usize| k.checked_sub(1).map_or(0, |k| ways[k].saturating_mul(category.len()));
+        ways = (0..=ways.len()).map(|k| ways.get(k).copied().unwrap_or(0).saturating_add(with(k))).collect();
+    }
+    let with = |(taken, ways): (usize, &usize)| {
+        let left = highest_order.checked_sub(taken as u32);
+        left.map_or(0, |left| ways.saturating_mul(count_of_terms(others, left)))
+    };
+    ways.iter().enumerate().map(with).fold(additive.len(), usize::saturating_add)
+}
+
+/// The number of products of powers up to an order: the binomial coefficient (width + order) over width; saturates.
 #[must_use]
 pub fn count_of_terms(width: usize, order: u32) -> usize {
     let mut count: usize = 1;

@@ -51,6 +51,12 @@ pub(crate) fn of(
     if let Some(loss) = &statistics.loss {
         tell("error_scale", Some(Evidence::Number(loss.scale)));
     }
+    if let Some(blocks) = &statistics.blocks {
+        let columns = Evidence::List(blocks.columns.iter().cloned().map(Evidence::Text).collect());
+        let count = ("count".to_string(), whole(blocks.effects.len()));
+        let sd = ("sd".to_string(), Evidence::Number(blocks.sd));
+        tell("blocks", Some(Evidence::Table(vec![("columns".to_string(), columns), count, sd])));
+    }
     tell("residual_sd", number(statistics.residual_sd));
     tell("r2", number(statistics.r2));
     tell("r2_predicted", number(statistics.r2_predicted));

@@ -11,6 +11,7 @@ use rsm_core::check::Checked;
 use rsm_core::model::{Input, Model};
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
+use crate::blocks::Blocks;
 use crate::compressed;
 use crate::constrain::NotProven;
 use crate::evidence;
@@ -216,6 +217,7 @@ pub(crate) fn fit_rows(
     let own: Vec<OfResponse<'_>> = left_out.iter().enumerate().map(of_one).collect::<Result<_, Faults>>()?;
     let spans = (0..specification.inputs.len()).map(|k| span(&left_out::used_values(specification, &data.fit, k)));
     let inputs = inputs(specification, &data.units, &spans.collect::<Vec<_>>())?;
+    let blocks = own.iter().map(|own| Blocks::of(specification, &own.fit)).collect::<Result<Vec<_>, Faults>>()?;
     let mut model = Model { name: specification.model.clone(), inputs: inputs.clone(), ..Model::default() };
     let mut responses = Vec::new();
     for (k, response) in specification.responses.iter().enumerate() {
@@ -225,14 +227,16 @@ pub(crate) fn fit_rows(
         let mut surface = response.surface.clone();
         surface.unit = data.units.get(specification.inputs.len() + k).to_string();
         let own = &own[k];
+        let blocks = blocks[k].as_ref();
         let apart = |records: &Option<Cow<'_, Records>>| {
-            records.as_ref().map(|records| sample(specification, records, &used, k, Vec::new()))
+            records.as_ref().map(|records| sample(specification, records, (&used, blocks), k, Vec::new()))
         };
         let task = Task {
             specification,
             response,
-            inputs: used.iter().map(|k| inputs[*k].clone()).collect(),
-            fit: sample(specification, &own.fit, &used, k, relative(&own.fit.weights[k])),
+            inputs: used.iter().map(|k| inputs[*k].clone()).chain(blocks.iter().flat_map(|blocks| blocks.inputs())).collect(),
+            blocks,
+            fit: sample(specification, &own.fit, (&used, blocks), k, relative(&own.fit.weights[k])),
             sequence: &own.sequence,
             validate: apart(&own.validate),
             validate_weights: own.validate.as_ref().map_or_else(Vec::new, |records| relative(&records.weights[k])),
@@ -257,8 +261,15 @@ pub(crate) fn fit_rows(
     Ok(Outcome { model, responses, files, fitted: data.fit, validation: data.validate, test: data.test, left_out })
 }
 
-/// The rows of a response. Rows with the same values of its inputs stay together, as do the groups of the specification.
-fn sample(specification: &Specification, records: &Records, used: &[usize], response: usize, weights: Vec<f64>) -> Sample {
+/// The rows of a response, with the contrasts of its blocks behind its inputs. Rows with the same values of its inputs stay together, as do the groups
+/// of the specification.
+fn sample(
+    specification: &Specification,
+    records: &Records,
+    (used, blocks): (&[usize], Option<&Blocks>),
+    response: usize,
+    weights: Vec<f64>,
+) -> Sample {
     let columns: Vec<Vec<f64>> = used.iter().map(|k| records.inputs[*k].clone()).collect();
     let groups = split::group_of(specification, records);
     let response = records.responses[response].clone();
@@ -267,6 +278,7 @@ fn sample(specification: &Specification, records: &Records, used: &[usize], resp
         let firsts = sample.observed(|rows| points::firsts_of_columns(rows.response.len(), rows.inputs));
         sample.groups = split::joined(&sample.groups, &firsts);
     }
+    sample.columns.extend(blocks.into_iter().flat_map(|blocks| blocks.contrasts(specification, records)));
     sample
 }
 

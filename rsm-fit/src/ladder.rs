@@ -93,17 +93,32 @@ pub struct LadderModel {
 }
 
 /// A ladder with its data.
+#[derive(Clone)]
 pub struct Ladder<'a> {
-    /// All candidates and the response on the data to fit.
-    pub fit: &'a Triangle,
-    /// The judge.
-    pub judge: &'a Judge,
-    /// The candidates, by order.
-    pub terms: &'a [Vec<u32>],
-    /// The highest order.
-    pub max_order: u32,
-    /// The required C.
-    pub wanted: f64,
+    fit: &'a Triangle,
+    judge: &'a Judge,
+    terms: &'a [Vec<u32>],
+    max_order: u32,
+    wanted: f64,
+    /// The candidates of every model, such as the constant.
+    always: Vec<usize>,
+    /// The candidates of the model without a surface, if that is more than the constant: C about the mean is then C about that model.
+    level: Vec<usize>,
+}
+
+impl<'a> Ladder<'a> {
+    /// `fit`: all candidates and the response on the data to fit. `terms`: the candidates, by order. `wanted`: the required C. The constant is in every
+    /// model.
+    #[must_use]
+    pub fn new(fit: &'a Triangle, judge: &'a Judge, terms: &'a [Vec<u32>], max_order: u32, wanted: f64) -> Self {
+        let always = (0..terms.len()).filter(|k| order(&terms[*k]) == 0).take(1).collect();
+        Ladder { fit, judge, terms, max_order, wanted, always, level: Vec::new() }
+    }
+
+    /// With further candidates in every model, and those of the model without a surface.
+    pub(crate) fn with(self, always: Vec<usize>, level: Vec<usize>) -> Self {
+        Ladder { always, level, ..self }
+    }
 }
 
 /// A larger model is preferred only if it reduces the error by at least this share; less is rounding.
@@ -124,6 +139,11 @@ pub(crate) fn most_terms(rows: usize) -> usize {
     rows.saturating_sub(1).max(1)
 }
 
+/// Adds a term of every model. Without the rows of one block its contrast depends on the others: the model is the same without it.
+fn add_if_independent(growing: &mut Growing, term: usize) -> Result<(), Dependent> {
+    if growing.effect_of_adding(term).is_some() { growing.add(term) } else { Ok(()) }
+}
+
 /// One climb: a growing problem, and the current order.
 struct Climbing {
     growing: Growing,
@@ -137,6 +157,25 @@ impl Ladder<'_> {
     /// # Errors
     /// If the first-order columns are already linearly dependent: the data do not distinguish the inputs.
     pub fn climb(&self, progress: &mut dyn FnMut(u32, usize, f64)) -> Result<LadderModel, Dependent> {
+        if self.level.is_empty() {
+            return self.climb_about_the_mean(progress);
+        }
+        let judge = self.judge.clone().about_the_mean(self.left_by_level()?);
+        Ladder { judge: &judge, ..self.clone() }.climb_about_the_mean(progress)
+    }
+
+    /// The sum of squares that the model without a surface leaves.
+    fn left_by_level(&self) -> Result<Dd, Dependent> {
+        let mut left = Dd::ZERO;
+        for part in &self.judge.parts {
+            let mut growing = Growing::judged_by(part.fit.as_ref().unwrap_or(self.fit), &part.rows);
+            self.level.iter().try_for_each(|term| add_if_independent(&mut growing, *term))?;
+            left += growing.judged();
+        }
+        Ok(left)
+    }
+
+    fn climb_about_the_mean(&self, progress: &mut dyn FnMut(u32, usize, f64)) -> Result<LadderModel, Dependent> {
         let first = first_rung(self.terms);
         let lowest: Vec<usize> = (0..self.terms.len()).filter(|k| order(&self.terms[*k]) <= first).collect();
         Growing::of(self.fit, &lowest)?;
@@ -190,15 +229,12 @@ impl Ladder<'_> {
         Ok(LadderModel { chosen: own.growing.chosen()[..size].to_vec(), confidence, centred })
     }
 
-    /// The constant; without one (an odd surface), the first term.
+    /// The terms of every model; without one (an odd surface), the first term.
     fn start(&self, climbing: &mut Climbing) -> Result<(), Dependent> {
-        match (0..self.terms.len()).find(|k| order(&self.terms[*k]) == 0) {
-            Some(constant) => climbing.growing.add(constant),
-            None => {
-                self.step(climbing);
-                Ok(())
-            }
+        if self.always.is_empty() {
+            self.step(climbing);
         }
+        self.always.iter().try_for_each(|term| add_if_independent(&mut climbing.growing, *term))
     }
 
     /// Adds the term that reduces the residual most, from the lowest order that has one. False if there is none. Linearly dependent terms are
@@ -239,7 +275,7 @@ impl Ladder<'_> {
                 let rating = self.rating_of(&chosen).filter(|rating| rating.reaches(self.wanted))?;
                 Some(LadderModel { chosen, confidence: rating.confidence, centred: rating.centred })
             };
-            let removable = climb.chosen.iter().filter(|term| order(&self.terms[**term]) > 0);
+            let removable = climb.chosen.iter().filter(|term| !self.always.contains(term));
             let best = removable.filter_map(without).max_by(|a, b| a.confidence.total_cmp(&b.confidence));
             let Some(smaller) = best else { return };
             *climb = smaller;
@@ -249,7 +285,7 @@ impl Ladder<'_> {
     /// Replaces two terms by one, if C is still reached. Returns whether it did. Not tried if parts are left out in turn, because each trial would
     /// need one solution for each part.
     fn exchange(&self, climb: &mut LadderModel) -> bool {
-        let regressors: Vec<usize> = climb.chosen.iter().copied().filter(|term| order(&self.terms[*term]) > 0).collect();
+        let regressors: Vec<usize> = climb.chosen.iter().copied().filter(|term| !self.always.contains(term)).collect();
         let [Part { fit: None, rows }] = &self.judge.parts[..] else { return false };
         if climb.chosen.len() > MOST_FOR_EXCHANGE {
             return false;

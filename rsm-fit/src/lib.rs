@@ -93,6 +93,8 @@ pub mod design;
 
 pub mod qr;
 
+mod blocks;
+
 pub mod ladder;
 
 mod selection;

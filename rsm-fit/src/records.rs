@@ -347,7 +347,7 @@ fn wanted(specification: &Specification, rows: Rows) -> Wanted {
         Missing::Error => MissingAs::Counted(missing::HELP),
         Missing::DropRow => MissingAs::Nan,
     };
-    Wanted { numbers, labels, run: true, missing, ..Wanted::default() }
+    Wanted { numbers, labels, run: true, missing, categories: specification.categories.clone(), ..Wanted::default() }
 }
 
 /// SHA-256 in hexadecimal. A source keeps every byte of its file, so this is the output of `sha256sum`.

@@ -12,6 +12,7 @@ use rsm_core::model::{Input, Surface, Term};
 use rsm_core::source::Faults;
 
 use crate::analysis;
+use crate::blocks::{Blocks, BlocksReport};
 use crate::canonical;
 use crate::constrain::{self, Constrained, ConstraintStatistics};
 use crate::design::eight::Seen;
@@ -63,7 +64,9 @@ pub(crate) fn terms_of(statistics: &ResponseStatistics) -> Vec<Term> {
 pub(crate) struct Task<'a> {
     pub specification: &'a Specification,
     pub response: &'a ResponseSpec,
+    /// The inputs of the surface, then the contrasts of its blocks.
     pub inputs: Vec<Input>,
+    pub blocks: Option<&'a Blocks>,
     pub fit: Sample,
     /// The order of the rows to fit.
     pub sequence: &'a Sequence,
@@ -78,8 +81,50 @@ pub(crate) struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Chooses the form, fits, and sets the surface's sigmoids and terms.
+    /// Chooses the form, fits, and sets the surface's sigmoids and terms. Blocks are further inputs of the fit, and no inputs of the surface.
     pub(crate) fn run(&self, surface: &mut Surface, progress: &mut dyn FnMut(Progress<'_>)) -> Result<ResponseOutcome, Faults> {
+        let Some(blocks) = self.blocks else { return self.run_whole(surface, progress) };
+        let mut whole = blocks.with(surface);
+        let mut outcome = self.run_whole(&mut whole, progress)?;
+        *surface = self.own(&whole);
+        if let Some(statistics) = &mut outcome.statistics {
+            let inputs = surface.inputs.len();
+            statistics.keep_terms(&mut |powers| blocks.without(powers, inputs));
+        }
+        Ok(outcome)
+    }
+
+    /// The surface without the contrasts of blocks, which is its mean over the blocks.
+    fn own(&self, surface: &Surface) -> Surface {
+        let Some(blocks) = self.blocks else { return surface.clone() };
+        let mut own = surface.clone();
+        let inputs = own.inputs.len() - blocks.width();
+        own.inputs.truncate(inputs);
+        own.categories.pop();
+        let term = |term: &Term| Some(Term { powers: blocks.without(&term.powers, inputs)?, ..*term });
+        own.terms = surface.terms.iter().filter_map(term).collect();
+        own
+    }
+
+    /// The inputs without the contrasts of blocks.
+    fn own_inputs(&self) -> &[Input] {
+        &self.inputs[..self.inputs.len() - self.blocks.map_or(0, Blocks::width)]
+    }
+
+    /// The stationary point and the support of the surface itself.
+    fn add_shape(&self, surface: &Surface, statistics: &mut ResponseStatistics) {
+        let own = self.own(surface);
+        statistics.canonical = canonical::analyse(&own, self.own_inputs());
+        statistics.support = self.support(&own);
+    }
+
+    /// The effects of the blocks. `solution`: the solved terms with the residual mean square, if the coefficients have standard errors.
+    fn blocks_of(&self, terms: &[Term], solution: Option<(&Growing, f64)>) -> Option<BlocksReport> {
+        let inputs = self.own_inputs().len();
+        Some(self.blocks?.report(terms, inputs, solution, &self.fit.columns[inputs..]))
+    }
+
+    fn run_whole(&self, surface: &mut Surface, progress: &mut dyn FnMut(Progress<'_>)) -> Result<ResponseOutcome, Faults> {
         if let Some(wanted) = &self.response.spline {
             return self.run_spline(surface, wanted, None);
         }
@@ -149,7 +194,10 @@ impl Task<'_> {
         let method = &self.response.method;
         let up_to = |order: u32| design::terms_up_to(surface, taken.map_or(order, |taken| taken.order));
         let terms = match method {
-            Method::Fixed(terms) => terms.clone(),
+            Method::Fixed(terms) => match self.blocks {
+                Some(blocks) => blocks.with_terms(terms, self.own_inputs().len()),
+                None => terms.clone(),
+            },
             Method::FixedOrder(order) | Method::Ladder { max_order: order, .. } => up_to(*order),
             Method::Search(search) => up_to(search.max_order),
         };
@@ -177,7 +225,8 @@ impl Task<'_> {
             return Err(Faults::one(self.fault(what).help(format!("fit fewer terms or measure more points{missing}"))));
         }
         if let Some(wanted) = self.response.support {
-            surface.support = self.fit.observed(|fitted| support::of_data(surface, &self.inputs, fitted, wanted));
+            let own = self.own(surface);
+            surface.support = self.fit.observed(|fitted| support::of_data(&own, self.own_inputs(), fitted, wanted));
         }
         if !self.response.constraints.is_empty()
             && let Some(count) = constrain::too_many_parts(surface, &self.inputs)
@@ -273,8 +322,9 @@ impl Task<'_> {
             };
             surface.terms = terms_of(&statistics);
         }
-        statistics.canonical = canonical::analyse(surface, &self.inputs);
-        statistics.support = self.support(surface);
+        self.add_shape(surface, &mut statistics);
+        let mean_square = statistics.residual_sd.filter(|_| shrunk.is_none()).map(|sd| sd * sd);
+        statistics.blocks = self.blocks_of(&surface.terms, mean_square.map(|square| (&growing, square)));
         if shrunk.is_none() && !is_held(&statistics) {
             statistics.analysis = self.fit.observed(|rows| analysis::report(&design, rows, self.sequence));
         }
@@ -448,7 +498,7 @@ impl Task<'_> {
     /// The share of the box inside the support.
     fn support(&self, surface: &Surface) -> Option<SupportStatistics> {
         self.response.support?;
-        let region = Region::new(surface, &self.inputs);
+        let region = Region::new(surface, self.own_inputs());
         let outside = |unseen: Observations<'_>| {
             let is_outside = |row: &usize| !support::holds(&surface.support, &region.coded(&unseen.point(*row)));
             (0..unseen.response.len()).filter(is_outside).count()

@@ -223,7 +223,8 @@ impl Selection<'_> {
 
     fn climb(&self, fit: &Triangle, judge: &Judge, progress: OnProgress<'_>) -> Result<LadderModel, Dependent> {
         let Method::Ladder { max_order, confidence } = *self.method else { panic!("only a ladder climbs") };
-        Ladder { fit, judge, terms: self.design.terms(), max_order, wanted: confidence }.climb(progress)
+        let ladder = Ladder::new(fit, judge, self.design.terms(), max_order, confidence);
+        ladder.with(self.design.always(), self.design.level()).climb(progress)
     }
 
     fn judge(&self, rows: &Sample, as_measured: bool) -> Judge {

@@ -28,6 +28,14 @@
 //! weights = "runs"                 # or { standard_error = "damping_ratio_error" }; only ratios of weights count
 //! ```
 //!
+//! An input of text is a category, and `blocks` are columns whose cells tell apart rows that were measured together (`blocks.rs`):
+//!
+//! ```toml
+//! blocks = ["day"]                 # at the top
+//! [inputs.fuel]
+//! categories = ["diesel", "petrol"]    # the model has an input `fuel_diesel`: 1 for diesel, -1 for petrol
+//! ```
+//!
 //! `missing` is what to do with a row that lacks a number:
 //!
 //! ```toml
@@ -44,18 +52,20 @@
 //! Rows with the same cell in every column of `keep_together` stay together (a run, a day, a specimen). So do rows whose inputs differ only in the
 //! sign of those named by `mirror` (a map with mirrored halves).
 
+mod categories;
 mod read;
 mod rules;
 mod shape;
 
 use std::path::{Path, PathBuf};
 
-use rsm_core::model::{Outside, Surface};
+use rsm_core::model::{Category, Outside, Surface};
 use rsm_core::places::Places;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
 use crate::missing::Missing;
 
+pub(crate) use categories::CONTRAST;
 pub(crate) use rules::check_basis_against_ranges;
 pub use shape::{Constraint, SupportSpec};
 pub(crate) use shape::{FACES, MOST_FACES};
@@ -82,6 +92,10 @@ pub struct Specification {
     pub missing: Missing,
     /// Columns: rows that agree in all of them are one series of measurements. Without columns, the rows of each file are one.
     pub series: Vec<String>,
+    /// Columns: rows that agree in all of them are one block, which has an effect of its own on every response.
+    pub blocks: Vec<String>,
+    /// Categories: columns of text, whose contrasts are inputs.
+    pub categories: Vec<Category>,
     /// Rows that stay together in every split, in addition to the settings of the splits.
     pub(crate) together: Together,
     /// Its text; `None` if it was made in memory.
@@ -405,6 +419,8 @@ impl Specification {
                 responses: draft.responses,
                 missing: draft.missing,
                 series: draft.series,
+                blocks: draft.blocks,
+                categories: draft.categories,
                 together: Together::default(),
                 places: draft.places,
                 source: Some(source),
@@ -422,7 +438,8 @@ impl Specification {
         (validation, test): (Validation, Validation),
         inputs: Vec<InputSpec>,
         responses: Vec<ResponseSpec>,
-        (together, missing, series): (Together, Missing, Vec<String>),
+        (together, missing, series, blocks): (Together, Missing, Vec<String>, Vec<String>),
+        categories: Vec<Category>,
         faults: &mut Collector,
     ) -> Self {
         let (data, folder, places) = (Vec::new(), PathBuf::new(), Places::default());
@@ -435,6 +452,8 @@ impl Specification {
             responses,
             missing,
             series,
+            blocks,
+            categories,
             together,
             source: None,
             folder,
@@ -462,11 +481,11 @@ impl Specification {
         self.responses.iter().any(|response| response.noise.is_some())
     }
 
-    /// The columns whose cells are read as text, each once: those of [`Specification::groups`], then those of the series.
+    /// The columns whose cells are read as text, each once: those of [`Specification::groups`], then those of the series, then those of the blocks.
     #[must_use]
     pub fn labels(&self) -> Vec<&str> {
         let mut labels = self.groups();
-        for name in &self.series {
+        for name in self.series.iter().chain(&self.blocks) {
             if !labels.contains(&name.as_str()) {
                 labels.push(name);
             }

@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use crate::analysis::Report;
 use crate::autoregressive::NoiseReport;
+use crate::blocks::BlocksReport;
 use crate::canonical::Canonical;
 use crate::constrain::ConstraintStatistics;
 use crate::dd::Dd;
@@ -276,6 +277,28 @@ pub struct ResponseStatistics {
     /// The report on autoregressive noise; `None` with independent errors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise: Option<NoiseReport>,
+    /// The effects of the blocks; `None` if the specification has none, or if all rows are in one block.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub blocks: Option<BlocksReport>,
+}
+
+impl ResponseStatistics {
+    /// Keeps the terms for which `powers` returns the powers of the surface, in every list with an entry for each term.
+    pub(crate) fn keep_terms(&mut self, powers: &mut dyn FnMut(&[u32]) -> Option<Vec<u32>>) {
+        let own: Vec<Option<Vec<u32>>> = self.terms.iter().map(|term| powers(&term.powers)).collect();
+        fn keep<T>(list: &mut Vec<T>, own: &[Option<Vec<u32>>]) {
+            let mut is_own = own.iter().map(Option::is_some);
+            list.retain(|_| is_own.next().unwrap_or(true));
+        }
+        self.analysis.iter_mut().for_each(|analysis| keep(&mut analysis.terms, &own));
+        self.noise.iter_mut().for_each(|noise| keep(&mut noise.intervals, &own));
+        if let Some(serial) = &mut self.serial {
+            keep(&mut serial.standard_errors, &own);
+            keep(&mut serial.intervals, &own);
+        }
+        keep(&mut self.terms, &own);
+        self.terms.iter_mut().zip(own.into_iter().flatten()).for_each(|(term, powers)| term.powers = powers);
+    }
 }
 
 /// The value of a polynomial at a row of its design.
@@ -499,6 +522,7 @@ fn figures(design: &Design, coefficients: &[Dd], residual_square: Dd, total: Dd,
         constraints: None,
         loss: None,
         noise: None,
+        blocks: None,
     }
 }
 

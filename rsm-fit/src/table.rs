@@ -10,6 +10,7 @@ mod plain;
 use std::collections::{BTreeMap, BTreeSet};
 
 use csv::{ReaderBuilder, StringRecord, Trim};
+use rsm_core::model::Category;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
 use crate::missing::is_missing;
@@ -39,6 +40,27 @@ pub struct Wanted {
     pub run: bool,
     /// Missing cells in columns of numbers.
     pub missing: MissingAs,
+    /// Categories whose contrasts are among `numbers`: computed from a column of text with the name of the category, unless the file has the
+    /// contrasts themselves.
+    pub categories: Vec<Category>,
+}
+
+impl Wanted {
+    /// The columns to read from a file with these columns: the texts of categories in place of their contrasts.
+    pub(crate) fn in_file(&self, has: impl Fn(&str) -> bool) -> Wanted {
+        let mut wanted = self.clone();
+        wanted.categories.retain(|category| {
+            let is_asked = category.inputs.iter().any(|name| self.numbers.contains(name));
+            is_asked && (has(&category.name) || !category.inputs.iter().all(|name| has(name)))
+        });
+        for category in &wanted.categories {
+            wanted.numbers.retain(|name| !category.inputs.contains(name));
+            if !wanted.labels.contains(&category.name) {
+                wanted.labels.push(category.name.clone());
+            }
+        }
+        wanted
+    }
 }
 
 /// Column names for a run number, in upper or lower case.
@@ -99,7 +121,53 @@ impl Table {
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let mut reader = Reader { source, faults: Vec::new(), hidden: 0, lines: Lines { text, offset: 0, line: 1 } };
         let table = reader.table(wanted);
-        reader.finish(table)
+        reader.finish(table)?.with_contrasts(wanted)
+    }
+
+    /// Adds the contrasts of categories, computed from their columns of text.
+    ///
+    /// # Errors
+    /// A text that is no level, once for each text; a missing cell, unless it is read as NaN.
+    pub(crate) fn with_contrasts(mut self, wanted: &Wanted) -> Result<Table, Faults> {
+        let mut faults = Collector::new();
+        for category in wanted.in_file(|name| self.column(name).is_some()).categories {
+            let Some(column) = self.column(&category.name).filter(|column| column.labels.len() == self.rows()) else {
+                continue;
+            };
+            let mut columns = vec![Vec::with_capacity(self.rows()); category.inputs.len()];
+            let mut told: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
+            for (label, line) in column.labels.iter().zip(&self.lines) {
+                let is_nan = wanted.missing == MissingAs::Nan && is_missing(label);
+                let values = if is_nan { None } else { category.contrasts(label) };
+                if values.is_none() && !is_nan {
+                    told.entry(label).or_insert((*line, 0)).1 += 1;
+                }
+                let values = values.unwrap_or_else(|| vec![f64::NAN; columns.len()]);
+                columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
+            }
+            let mut told: Vec<(&str, (usize, usize))> = told.into_iter().collect();
+            told.sort_by_key(|(_, (line, _))| *line);
+            for (text, (line, cells)) in told.into_iter().take(MOST_FAULTS) {
+                let found = if text.is_empty() { "an empty cell".to_string() } else { format!("`{text}`") };
+                let more = if cells > 1 { format!("; {cells} cells have it") } else { String::new() };
+                let levels: Vec<String> = category.levels.iter().map(|level| format!("`{level}`")).collect();
+                let expected = levels.join(", ");
+                let what =
+                    format!("column {} `{}`: found {found}, expected one of {expected}{more}", column.place, column.name);
+                let fault = Fault::at_line(&self.file, line, 0, what);
+                faults.push(match wanted.missing {
+                    MissingAs::Counted(help) if is_missing(text) => fault.help(help.to_string()),
+                    _ => fault,
+                });
+            }
+            let (place, unit) = (column.place, Some("1".to_string()));
+            // Columns of the file with these names are not used.
+            self.columns.retain(|column| !category.inputs.contains(&column.name));
+            for (name, values) in category.inputs.into_iter().zip(columns) {
+                self.columns.push(Column { name, unit: unit.clone(), place, values, labels: Vec::new() });
+            }
+        }
+        faults.finish(Some(self))
     }
 
     /// A table of columns in memory, without units in its header. `file` is its name in messages, and its rows are counted from 1.
@@ -297,6 +365,7 @@ impl Reader<'_> {
         }
         let columns = self.header(&header, header_line);
         let mut table = Table { file: self.source.name().to_string(), header_line, columns, lines: Vec::new() };
+        let wanted = &wanted.in_file(|name| table.columns.iter().any(|column| column.name == name));
         let roles = self.roles(&table, wanted);
         let behind_header = records.reader().position().byte() as usize;
         if self.faults.is_empty()

@@ -30,7 +30,7 @@ use rsm_core::model::{Input, Surface};
 use crate::autoregressive::Whitening;
 use crate::dd::Dd;
 use crate::design::eight::Seen;
-use crate::design::{self, Design, count_of_terms};
+use crate::design::{self, Design, count_of_candidates};
 use crate::distributions::{two_sided_t, upper_f};
 use crate::qr::{Growing, Triangle};
 use crate::selection::Sample;
@@ -227,9 +227,8 @@ impl Notes<'_> {
 
     /// All terms up to one order above the highest fitted one, or up to that.
     fn wider(&self) -> Option<(u32, Vec<Vec<u32>>)> {
-        let width = self.surface.width();
         let fits = |order: &u32| {
-            let count = count_of_terms(width, *order);
+            let count = count_of_candidates(self.surface, *order);
             count <= MOST_TERMS && (count * count) as f64 * self.fit.rows() as f64 <= WORK
         };
         let order = [self.highest_order + 1, self.highest_order].into_iter().find(fits)?;

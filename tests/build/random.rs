@@ -217,9 +217,8 @@ fn surface(random: &mut Random, name: &str, inputs: Vec<Input>, order: u32, codi
         waves,
         reciprocal,
         terms,
-        spline: None,
         support,
-        evidence: vec![],
+        ..Surface::default()
     }
 }
 

@@ -8,7 +8,7 @@ use rsm_core::certificate::compensator::require_stable;
 use rsm_core::check::Checked;
 use rsm_core::compile;
 use rsm_core::lower;
-use rsm_core::model::{Input, Surface};
+use rsm_core::model::{Input, Model, Surface};
 use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_core::source::Source;
@@ -81,7 +81,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         (Some(at), _) => print(arguments, None, &evaluate(&tape, &[point(at, surface, precision)?]), object),
         (None, Some(path)) => {
             let inputs = checked.inputs_of(surface);
-            let points = table(path, None, &inputs)?;
+            let points = table(path, None, (&inputs, checked.model()))?;
             let header = header(None, &inputs, &results);
             print(arguments, Some((&header, &points)), &evaluate(&tape, &points), object)
         }
@@ -100,7 +100,7 @@ fn sequence(arguments: &Arguments, checked: &Checked, name: &str, precision: Pre
     require_stable(checked, index)?;
     let path = arguments.data.as_ref().ok_or_else(|| Refusal::new("give the sequence of the compensator with --data"))?;
     let schedule = checked.schedule_of(&compensators[index]);
-    let points = table(path, Some(lower::SIGNAL), &schedule)?;
+    let points = table(path, Some(lower::SIGNAL), (&schedule, checked.model()))?;
     let results = evaluate(&lower::compensator(checked, index, precision), &points);
     // Input and output of a compensator have the same unit.
     let header = header(Some(lower::SIGNAL), &schedule, name);
@@ -185,9 +185,10 @@ fn point(text: &str, surface: &Surface, precision: Precision) -> Result<Vec<f64>
 }
 
 /// The points of a CSV, in the units of the model. The signal of a compensator comes first and keeps its unit.
-fn table(path: &Path, signal: Option<&str>, inputs: &[Input]) -> Result<Vec<Vec<f64>>, Refusal> {
+fn table(path: &Path, signal: Option<&str>, (inputs, model): (&[Input], &Model)) -> Result<Vec<Vec<f64>>, Refusal> {
     let names = signal.into_iter().chain(inputs.iter().map(|input| input.name.as_str()));
-    let wanted = Wanted { numbers: names.map(str::to_string).collect(), ..Wanted::default() };
+    let categories = model.categories().into_iter().cloned().collect();
+    let wanted = Wanted { numbers: names.map(str::to_string).collect(), categories, ..Wanted::default() };
     let table = Table::read(&Source::read(path)?, &wanted)?;
     let mut columns = Vec::new();
     columns.extend(signal.and_then(|name| table.column(name)).map(|column| column.values.clone()));

@@ -202,6 +202,9 @@ pub fn in_words(fitted: &Fitted) -> String {
         if let Some(noise) = &statistics.noise {
             text += &format!("  noise: {}\n", noise.words());
         }
+        if let Some(blocks) = &statistics.blocks {
+            text += &format!("  blocks: {}\n", blocks.words(unit));
+        }
         if let Some(forms) = &statistics.forms {
             text += &format!("  form: {}\n", forms.words());
         }

@@ -279,6 +279,9 @@ fn of_the_fit(statistics: &ResponseStatistics, inputs: &[Input], has_rows_apart:
     if let Some(noise) = &statistics.noise {
         row("noise", escaped(&noise.words()));
     }
+    if let Some(blocks) = &statistics.blocks {
+        row("blocks", escaped(&blocks.words("")));
+    }
     row("confidence C on the fitted rows", figure(statistics.confidence_c) + " %");
     if let Some(lack) = &statistics.lack_of_fit {
         let number = |value: Option<f64>| value.map_or("none".to_string(), short);

@@ -7,6 +7,7 @@ mod design;
 mod diagnose;
 mod diagnose_surface;
 mod driveline;
+mod fit_categories;
 mod fit_loss;
 mod fit_missing;
 mod fit_partial;

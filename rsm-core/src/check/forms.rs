@@ -270,3 +270,56 @@ pub(super) fn check_waves(context: &Context<'_>, faults: &mut Collector, surface
         }
     }
 }
+
+pub(super) fn check_categories(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
+    for (k, category) in surface.categories.iter().enumerate() {
+        let who = format!("surface `{}`: category `{}`", surface.name, category.name);
+        let mut fault = |what: String, help: &str| {
+            let fault = context.fault(&format!("{path}.categories.{k}"), format!("{who}: {what}"));
+            faults.push(if help.is_empty() { fault } else { fault.help(help.to_string()) });
+        };
+        let (levels, inputs) = (category.levels.len(), category.inputs.len());
+        if levels < 2 || inputs + 1 != levels {
+            let what = format!(
+                "found {levels} levels and {inputs} inputs, expected at least 2 levels, and an input for each but the last"
+            );
+            fault(what, "");
+        }
+        for (place, level) in
+            category.levels.iter().enumerate().filter(|(place, level)| category.levels[..*place].contains(level))
+        {
+            let first = category.levels.iter().position(|known| known == level).unwrap_or(place);
+            fault(format!("the level `{level}` is given twice, as number {} and {}", first + 1, place + 1), "");
+        }
+        for (place, name) in category.inputs.iter().enumerate() {
+            let is_twice = category.inputs[..place].contains(name);
+            if is_twice || surface.categories[..k].iter().any(|earlier| earlier.inputs.contains(name)) {
+                fault(format!("`{name}` is the input of two levels"), "");
+            } else if !surface.inputs.contains(name) {
+                fault(format!("`{name}` is not an input of this surface"), "");
+            } else if let Some(input) = context.model().input(name) {
+                let [low, high] = input.range;
+                if input.range != [-1.0, 1.0] {
+                    fault(format!("the range of `{name}` is [{low}, {high}], expected [-1, 1]"), "");
+                }
+                if input.outside == Outside::Extrapolate {
+                    fault(
+                        format!("`{name}` extrapolates"),
+                        "beyond its levels a category has no meaning: use outside = \"clamp\"",
+                    );
+                }
+            }
+            let has_form = surface.is_symmetric(name)
+                || surface.reciprocal.contains(name)
+                || surface.knots.iter().any(|knot| knot.input == *name)
+                || surface.sigmoids.iter().any(|sigmoid| sigmoid.input == *name)
+                || surface.waves.iter().any(|wave| wave.input == *name);
+            if has_form {
+                fault(
+                    format!("`{name}` has `symmetry`, `knots`, `sigmoids`, `waves` or `reciprocal`"),
+                    "a contrast has three values only",
+                );
+            }
+        }
+    }
+}

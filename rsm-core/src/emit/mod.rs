@@ -182,13 +182,13 @@ impl Function {
             lines.push(format!("- `{}` in {}: {low} to {high}{outside}", input.name, unit(&input.unit)));
         }
         lines.push(String::new());
+        lines.extend(self.rules.iter().cloned());
         if self.kind != Kind::Gradient {
             lines.extend(self.saturation.map(|saturation| saturation.words()));
         }
         match self.kind {
             Kind::Surface | Kind::Inside | Kind::Once | Kind::Adapted => lines.push("NaN in gives NaN out.".to_string()),
-            Kind::Support => {}
-            Kind::Update => lines.extend(self.rules.iter().cloned()),
+            Kind::Support | Kind::Update => {}
             Kind::Gradient => {
                 lines.extend(self.derivatives.iter().map(certified));
                 if let Some(saturation) = self.saturation.filter(|saturation| saturation.below || saturation.above) {
@@ -241,7 +241,7 @@ pub(crate) fn unit(text: &str) -> String {
 }
 
 /// Text for a comment of C and of Rust: ASCII, without the characters that end a comment.
-fn plain(text: &str) -> String {
+pub(crate) fn plain(text: &str) -> String {
     let mut plain = String::new();
     for c in text.chars() {
         match c {

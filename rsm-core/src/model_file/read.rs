@@ -6,8 +6,8 @@ use toml::de::DeValue;
 
 use super::FORMAT;
 use crate::model::{
-    Coding, Compensator, Evidence, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Spline, Surface, Symmetry, Term,
-    Wave,
+    Category, Coding, Compensator, Evidence, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Spline, Surface,
+    Symmetry, Term, Wave,
 };
 use crate::places::Places;
 use crate::source::{Collector, Source};
@@ -116,6 +116,21 @@ fn read_surface(name: &str, path: &str, reader: &mut TableReader<'_>, places: &m
         surface.sigmoids = basis.sigmoids;
         surface.waves = basis.waves;
         surface.reciprocal = basis.reciprocal;
+    }
+    if let Some(value) = reader.optional("categories") {
+        let categories = read_list("`categories`", "category", value, reader, faults, |k, reader, faults| {
+            places.note(format!("{path}.categories.{k}"), reader.span());
+            let name = reader.text("name", faults);
+            let mut list = |key: &'static str| {
+                let value = reader.required(key, faults)?;
+                let names = reader.texts(&format!("`{key}`"), value, faults)?;
+                Some(names.into_iter().map(|(name, _)| name).collect::<Vec<String>>())
+            };
+            let (levels, inputs) = (list("levels"), list("inputs"));
+            let additive = reader.optional_flag("additive", faults);
+            Some(Category { name: name?, levels: levels?, inputs: inputs?, additive: additive? })
+        });
+        surface.categories = places.part(path, "categories", categories).unwrap_or_default();
     }
     let terms = match reader.optional("spline") {
         Some(value) => {

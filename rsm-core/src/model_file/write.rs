@@ -6,7 +6,8 @@ use std::fmt::Write as _;
 
 use super::FORMAT;
 use crate::model::{
-    Coding, Compensator, Evidence, HalfSpace, Knot, Model, Outside, Scheduled, Sigmoid, Spline, Surface, Symmetry, Wave,
+    Category, Coding, Compensator, Evidence, HalfSpace, Knot, Model, Outside, Scheduled, Sigmoid, Spline, Surface, Symmetry,
+    Wave,
 };
 use crate::number::decimal;
 
@@ -87,6 +88,14 @@ fn write_surface(out: &mut String, surface: &Surface) {
     }
     if !surface.reciprocal.is_empty() {
         let _ = writeln!(out, "reciprocal = {}", texts(&surface.reciprocal));
+    }
+    if !surface.categories.is_empty() {
+        let entry = |Category { name, levels, inputs, additive }: &Category| {
+            let additive = if *additive { ", additive = true" } else { "" };
+            format!("{{ name = {}, levels = {}, inputs = {}{additive} }}", quoted(name), texts(levels), texts(inputs))
+        };
+        let entries: Vec<_> = surface.categories.iter().map(entry).collect();
+        let _ = writeln!(out, "categories = [{}]", entries.join(", "));
     }
     if let Some(Spline { degree, cells, coefficients }) = &surface.spline {
         let counts: Vec<_> = cells.iter().map(u32::to_string).collect();
@@ -203,6 +212,10 @@ mod tests {
             waves: vec![Wave { input: "b".into(), period: 0.1, order: 12 }],
             spline: Some(Spline { degree: 3, cells: vec![1, 2], coefficients: vec![1.0 / 3.0, -0.0, 5e-324, 1e300, -2.5] }),
             reciprocal: vec!["b".into()],
+            categories: vec![
+                Category::new("fuel", vec!["E10 \"plus\"".into(), "diesel".into()]),
+                Category { additive: true, ..Category::new("day", vec!["1".into(), "2".into(), "3".into()]) },
+            ],
             terms: vec![
                 Term { powers: vec![0, 1, 0, 0, 0, 0], coefficient: -0.0 },
                 Term { powers: vec![3, 1, 2, 1, 0, 1], coefficient: 5e-324 },

@@ -409,7 +409,7 @@ fn fit(kind: PlantKind, output: usize, sd: f64, training: &[Rows<'_>]) -> Option
     // No set of terms is good enough at first, so the ladder continues while the gain on the other parts grows. C is the explained share of the
     // squares. If it is below 0, no surface is better.
     let climb = |wanted: f64| {
-        let ladder = Ladder { fit: &even, judge: &judge, terms: &terms, max_order, wanted };
+        let ladder = Ladder::new(&even, &judge, &terms, max_order, wanted);
         ladder.climb(&mut |_, _, _| {}).ok().filter(|climb| climb.confidence > 0.0)
     };
     let climb = climb(SHARE_OF_BEST * climb(100.0)?.confidence)?;

@@ -50,7 +50,7 @@ pub(super) fn direction(model: &Model, sample: &Sample, data: &NewData) -> Optio
     let rows = sample.rows();
     let residual = sample.residual();
     let mut best: Option<(f64, usize, bool, Vec<f64>, f64, f64)> = None;
-    for (input, it) in sample.inputs.iter().enumerate() {
+    for (input, it) in sample.inputs.iter().enumerate().filter(|(input, _)| !sample.is_contrast(*input)) {
         let way = column_ways(model, sample, data, input)?;
         let reversals = way.windows(2).filter(|pair| pair[0] != pair[1]).count();
         let ups = way.iter().filter(|way| **way > 0.0).count() as f64 / rows as f64;

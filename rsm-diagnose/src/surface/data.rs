@@ -142,7 +142,9 @@ impl NewData {
         };
         let inputs: Vec<usize> = (0..model.inputs.len()).filter(|k| used(&model.inputs[*k].name)).collect();
         let is_known = |name: &str| {
-            model.inputs.iter().any(|input| input.name == name) || model.surfaces.iter().any(|surface| surface.name == name)
+            let is_input = model.inputs.iter().any(|input| input.name == name);
+            let is_category = model.categories().iter().any(|category| category.name == name);
+            is_input || is_category || model.surfaces.iter().any(|surface| surface.name == name)
         };
         // A further column is used if every file has it.
         let first = headers.first().map(|table| &table.columns[..]).unwrap_or_default();
@@ -188,8 +190,9 @@ impl NewData {
         let names = inputs.iter().map(|k| &model.inputs[*k].name);
         let numbers = names.chain(compared.iter().map(|k| &model.surfaces[*k].name)).cloned().collect();
         let labels = others.iter().map(|(name, _)| name.clone()).collect();
-        let table =
-            origin.table(file, &Wanted { numbers, labels, missing: MissingAs::Counted(MISSING), ..Wanted::default() })?;
+        let categories = model.categories().into_iter().cloned().collect();
+        let missing = MissingAs::Counted(MISSING);
+        let table = origin.table(file, &Wanted { numbers, labels, missing, categories, ..Wanted::default() })?;
         let mut faults = Collector::new();
         let mut take = |values: Result<(Vec<f64>, String), Fault>, target: &mut Vec<f64>| match values {
             Ok((values, _)) => target.extend(values),

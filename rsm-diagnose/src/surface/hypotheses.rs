@@ -180,6 +180,9 @@ impl HypothesisList<'_> {
     /// Secants of the polynomial, divided by the change, so that every unknown is gain - 1, or bias.
     fn input_sensors(&mut self) {
         for input in 0..self.sample.inputs.len() {
+            if self.sample.is_contrast(input) {
+                continue;
+            }
             // The phase of a wave refers to the middle of the range, so the file cannot represent another gain or bias of its input.
             if self.sample.surface.waves.iter().any(|wave| wave.input == self.sample.inputs[input].name) {
                 continue;

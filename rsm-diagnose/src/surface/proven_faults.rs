@@ -216,7 +216,7 @@ pub(super) fn with_unit(value: f64, unit: &str) -> String {
 pub(super) fn inputs(sample: &Sample) -> Found {
     let base = base(sample);
     let mut found = Found::default();
-    for (input, values) in sample.inputs.iter().zip(&sample.points) {
+    for (_, (input, values)) in sample.inputs.iter().zip(&sample.points).enumerate().filter(|(k, _)| !sample.is_contrast(*k)) {
         let (low, high) = order::ends(values);
         let mut others: Vec<f64> = values.iter().copied().filter(|value| ![low, high].contains(value)).collect();
         order::sort(&mut others);
@@ -419,7 +419,7 @@ pub(super) fn scales(sample: &Sample, all_rows: usize) -> Found {
     };
     let added = within(&sample.nominal, range).iter().map(|value| amount * value).collect();
     take(Scale { input: None, range, factor: 1.0 + amount, added, left: total - explained });
-    for input in 0..sample.inputs.len() {
+    for input in (0..sample.inputs.len()).filter(|input| !sample.is_contrast(*input)) {
         if sample.surface.waves.iter().any(|wave| wave.input == sample.inputs[input].name) {
             continue;
         }

@@ -98,6 +98,11 @@ const SPREAD: usize = 2000;
 const ROUNDING: f64 = 1e-9;
 
 impl Sample {
+    /// Whether an input is the contrast of a category, which no sensor reads.
+    pub(super) fn is_contrast(&self, input: usize) -> bool {
+        self.surface.category_of(&self.inputs[input].name).is_some()
+    }
+
     /// The sample for surface `index` of a model. `points`, the response and `extras` are of all rows. A row that is not `used` is neither in the
     /// sample nor outside.
     pub fn new(

@@ -121,10 +121,12 @@ type Kind = (String, Vec<usize>);
 /// The constant, and the other terms by kind.
 fn kinds(design: &Design) -> Option<(usize, Vec<Kind>)> {
     let constant = design.terms().iter().position(|powers| order(powers) == 0)?;
-    let mut kinds: Vec<Kind> = Vec::new();
+    // Blocks and other additive categories first, then the other categories by themselves.
+    let mut kinds: Vec<Kind> = design.shifts();
     let highest = design.terms().iter().map(|powers| order(powers)).max()?;
+    let has_entered: Vec<usize> = kinds.iter().flat_map(|(_, terms)| terms.iter().copied()).collect();
     for at in 1..=highest {
-        let of_order = |k: &usize| order(&design.terms()[*k]) == at;
+        let of_order = |k: &usize| order(&design.terms()[*k]) == at && !has_entered.contains(k);
         let terms: Vec<usize> = (0..design.width()).filter(of_order).collect();
         let is_square = |k: &usize| design.terms()[*k].contains(&2);
         match at {

@@ -87,7 +87,7 @@ impl Forms<'_> {
         // Without a request, constraints keep the form that they were given for.
         let may_be_constrained = |form| !self.is_constrained || wanted.is_some_and(|forms| forms.contains(&form));
         let is_free = self.surface.width() == self.surface.inputs.len() + self.surface.knots.len();
-        let has_rows = is_free && self.fit.rows() >= LEAST_ROWS && self.surface.inputs.len() <= MOST_INPUTS;
+        let has_rows = is_free && self.fit.rows() >= LEAST_ROWS && design::free_inputs(self.surface) <= MOST_INPUTS;
         let mut report = None;
         if has_rows && may(Form::Wave) && may_be_constrained(Form::Wave) && self.periods.iter().any(Option::is_some) {
             let search = waves::Search { surface: self.surface, inputs: self.inputs, periods: &self.periods, highest };

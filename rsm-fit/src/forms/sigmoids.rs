@@ -170,7 +170,8 @@ impl Search<'_> {
 
     /// An upper limit of the number of terms with this many sigmoids for each input.
     fn count(&self, order: u32, of_an_input: usize) -> usize {
-        let steps = self.inputs.iter().flat_map(|input| (0..of_an_input).map(move |k| (input, k)));
+        let free = self.inputs.iter().filter(|input| self.surface.category_of(&input.name).is_none());
+        let steps = free.flat_map(|input| (0..of_an_input).map(move |k| (input, k)));
         let sigmoids = steps.map(|(input, k)| Sigmoid { input: input.name.clone(), at: k as f64, width: 1.0 }).collect();
         design::terms_up_to(&Surface { sigmoids, ..self.surface.clone() }, order).len()
     }
@@ -242,7 +243,8 @@ impl Search<'_> {
     fn one_more(&self, rows: &Rows, chosen: &[Step], order: u32) -> Option<(Vec<Step>, Fitted)> {
         let base = self.fitted(rows, chosen, order)?;
         let mut starts: Vec<(f64, Step)> = Vec::new();
-        for input in 0..self.inputs.len() {
+        let is_free = |input: &usize| self.surface.category_of(&self.inputs[*input].name).is_none();
+        for input in (0..self.inputs.len()).filter(is_free) {
             if chosen.iter().filter(|step| step.input == input).count() < MOST_OF_AN_INPUT {
                 starts.extend(self.best_start(rows, chosen, &base, order, input));
             }

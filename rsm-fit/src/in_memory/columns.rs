@@ -2,11 +2,13 @@
 //!
 //! In: names, numbers and choices, one method for each. Out: the parts of a specification. They are checked together when the fit is started.
 
-use rsm_core::model::{Coding, Knot, Outside, Sigmoid, Surface, Symmetry, Wave};
+use rsm_core::model::{Category, Coding, Knot, Outside, Sigmoid, Surface, Symmetry, Wave};
 
 use super::Select;
+use crate::missing::is_missing;
 use crate::spec::{
-    Constraint, FACES, Form, InputSpec, Loss, MOST_FACES, Method, NoiseOrder, ResponseSpec, SplineSpec, SupportSpec, Weights,
+    CONTRAST, Constraint, FACES, Form, InputSpec, Loss, MOST_FACES, Method, NoiseOrder, ResponseSpec, SplineSpec, SupportSpec,
+    Weights,
 };
 
 /// An input: one value for each row, and its properties.
@@ -24,6 +26,8 @@ pub struct Input {
     range: Option<[f64; 2]>,
     outside: Outside,
     period: Option<f64>,
+    /// The category of which it is a contrast, with the first text that is no level.
+    pub(super) category: Option<(Category, Option<String>)>,
 }
 
 impl Input {
@@ -33,8 +37,55 @@ impl Input {
         Input { name: Some(name.into()), ..Input::unnamed(values.as_ref().to_vec()) }
     }
 
+    /// A category, with one text for each row: an input for each level but the last, which is 1 at its level, -1 at the last level and 0 at the others.
+    /// Name them all in [`Response::inputs`], or none.
+    ///
+    /// ```
+    /// use rsm_fit::{Fit, Input};
+    ///
+    /// let fuel = ["diesel", "petrol", "diesel", "petrol", "diesel", "petrol"];
+    /// let mut inputs = Input::category("fuel", ["diesel", "petrol"], fuel);
+    /// inputs.push(Input::new("torque", [0.0, 0.0, 1.0, 1.0, 2.0, 2.0]));
+    /// let outcome = Fit::new(inputs, &[12.0, 8.0, 15.0, 9.0, 18.0, 10.0]).order(2).terms([[0, 0], [1, 0], [0, 1], [1, 1]]).fit()?;
+    /// assert_eq!(outcome.model.inputs[0].name, "fuel_diesel");
+    /// // The slopes of diesel and petrol are 3 and 1: their mean is 2 for each unit, and 2 for the half range of 1.
+    /// assert!((outcome.model.surfaces[0].terms[2].coefficient - 2.0).abs() < 1e-12);
+    /// # Ok::<(), rsm_fit::Refused>(())
+    /// ```
+    #[must_use]
+    pub fn category<L: Into<String>, C: AsRef<str>>(
+        name: impl Into<String>,
+        levels: impl IntoIterator<Item = L>,
+        cells: impl IntoIterator<Item = C>,
+    ) -> Vec<Self> {
+        let category = Category::new(name, levels.into_iter().map(Into::into).collect());
+        let mut columns = vec![Vec::new(); category.inputs.len()];
+        let mut fault = None;
+        for (row, cell) in cells.into_iter().enumerate() {
+            let values = category.contrasts(cell.as_ref());
+            if values.is_none() && !is_missing(cell.as_ref()) {
+                let levels: Vec<String> = category.levels.iter().map(|level| format!("`{level}`")).collect();
+                fault.get_or_insert(format!(
+                    "category `{}`: row {}: found `{}`, expected one of {}",
+                    category.name,
+                    row + 1,
+                    cell.as_ref(),
+                    levels.join(", ")
+                ));
+            }
+            let values = values.unwrap_or_else(|| vec![f64::NAN; columns.len()]);
+            columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
+        }
+        let input = |(name, values): (&String, Vec<f64>)| Input {
+            category: Some((category.clone(), fault.clone())),
+            ..Input::new(name.clone(), values).range(CONTRAST)
+        };
+        category.inputs.iter().zip(columns).map(input).collect()
+    }
+
     pub(super) fn unnamed(values: Vec<f64>) -> Self {
-        Input { name: None, values, unit: "1".to_string(), range: None, outside: Outside::default(), period: None }
+        let (unit, outside) = ("1".to_string(), Outside::default());
+        Input { name: None, values, unit, range: None, outside, period: None, category: None }
     }
 
     /// The unit of the values, as `rsm` spells units: `N*m`, `rad/s`, `degC`. It is kept as text; no value is converted.

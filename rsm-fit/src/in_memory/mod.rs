@@ -22,6 +22,7 @@ mod columns;
 mod rows;
 mod select;
 
+use rsm_core::model::Category;
 use rsm_core::source::{Collector, Fault};
 use sha2::{Digest, Sha256};
 
@@ -41,6 +42,9 @@ const GROUPS: &str = "groups";
 
 /// The name of the column of series.
 const SERIES: &str = "series";
+
+/// The name of the column of blocks.
+const BLOCKS: &str = "blocks";
 
 /// A fit of rows in memory. Nothing is checked before [`Fit::fit`], which reports all faults together.
 ///
@@ -65,6 +69,7 @@ pub struct Fit {
     test: Apart,
     groups: Option<Vec<String>>,
     series: Option<Vec<String>>,
+    blocks: Option<Vec<String>>,
     mirror: Vec<String>,
     run_order: Option<Vec<f64>>,
     missing: Missing,
@@ -101,6 +106,7 @@ impl Fit {
             test: Apart::None,
             groups: None,
             series: None,
+            blocks: None,
             mirror: Vec::new(),
             run_order: None,
             missing: Missing::default(),
@@ -202,6 +208,26 @@ impl Fit {
     #[must_use]
     pub fn series<T: ToString>(mut self, series: impl IntoIterator<Item = T>) -> Self {
         self.series = Some(series.into_iter().map(|one| one.to_string()).collect());
+        self
+    }
+
+    /// The block of each row (a day, a batch). Each block has an effect of its own, which is no part of the model: the surface is the mean over the
+    /// blocks. Not for responses with constraints, splines or odd symmetry.
+    ///
+    /// ```
+    /// use rsm_fit::Fit;
+    ///
+    /// // On the second day the sensor reads 3 more.
+    /// let (x, day) = ([0.0, 1.0, 2.0, 0.0, 1.0, 2.0], ["mon", "mon", "mon", "tue", "tue", "tue"]);
+    /// let outcome = Fit::new(&x, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]).order(1).blocks(day).fit()?;
+    /// assert_eq!(outcome.model.surfaces[0].terms.len(), 2);
+    /// let blocks = outcome.statistics("y").unwrap().blocks.as_ref().unwrap();
+    /// assert!((blocks.effects[1].effect - 1.5).abs() < 1e-12);
+    /// # Ok::<(), rsm_fit::Refused>(())
+    /// ```
+    #[must_use]
+    pub fn blocks<T: ToString>(mut self, blocks: impl IntoIterator<Item = T>) -> Self {
+        self.blocks = Some(blocks.into_iter().map(|one| one.to_string()).collect());
         self
     }
 
@@ -313,7 +339,19 @@ impl Fit {
             Together { columns: self.groups.iter().map(|_| GROUPS.to_string()).collect(), mirror: self.mirror.clone() };
         let apart = (self.validation.specification(VALIDATE), self.test.specification(TEST));
         let series = self.series.iter().map(|_| SERIES.to_string()).collect();
-        Some(Specification::in_memory(self.name.clone(), apart, inputs, responses, (together, self.missing, series), faults))
+        let blocks = self.blocks.iter().map(|_| BLOCKS.to_string()).collect();
+        let mut categories: Vec<Category> = Vec::new();
+        for (category, _) in self.inputs.columns.iter().filter_map(|input| input.category.as_ref()) {
+            if !categories.contains(category) {
+                categories.push(category.clone());
+            }
+        }
+        for response in &mut responses {
+            let is_used = |category: &&Category| category.inputs.iter().any(|name| response.surface.inputs.contains(name));
+            response.surface.categories = categories.iter().filter(is_used).cloned().collect();
+        }
+        let rows = (together, self.missing, series, blocks);
+        Some(Specification::in_memory(self.name.clone(), apart, inputs, responses, rows, categories, faults))
     }
 
     fn data(&self, faults: &mut Collector) -> Data {
@@ -326,6 +364,10 @@ impl Fit {
         if let Some(series) = &self.series {
             same_length(faults, "the series", series.len(), rows);
             fit.labels.push(series.clone());
+        }
+        if let Some(blocks) = &self.blocks {
+            same_length(faults, "the blocks", blocks.len(), rows);
+            fit.labels.push(blocks.clone());
         }
         if let Some(order) = &self.run_order {
             same_length(faults, "the run order", order.len(), rows);
@@ -381,6 +423,7 @@ impl Fit {
         if rows == 0 && columns.len() > 1 {
             tell(faults, format!("{who}found no row, expected at least one"));
         }
+        let mut told: Vec<String> = Vec::new();
         let mut hash = Sha256::new();
         let mut records = Records::default();
         for (who, known, given, values, is_response) in columns {
@@ -388,6 +431,14 @@ impl Fit {
                 tell(faults, format!("{who}: found `{given}` in its place, expected the same order as in the rows to fit"));
             }
             same_length(faults, &who, values.len(), rows);
+            let of_category = inputs.columns.iter().find(|input| input.name.as_ref() == Some(&known));
+            if let Some((_, Some(fault))) = of_category.and_then(|input| input.category.as_ref()) {
+                if !told.contains(fault) {
+                    tell(faults, fault.clone());
+                    told.push(fault.clone());
+                }
+                continue;
+            }
             if let Some(row) = values.iter().position(|value| !self.is_accepted(*value)) {
                 faults.push(not_finite(&who, values, row));
             } else if let Some((row, what, help)) = magnitude_fault(values).filter(|_| is_response) {

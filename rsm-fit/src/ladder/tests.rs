@@ -43,7 +43,7 @@ fn climbed(
     wanted: f64,
 ) -> (Result<LadderModel, Dependent>, Vec<Step>) {
     let mut heard = Vec::new();
-    let climb = Ladder { fit, judge, terms, max_order, wanted }.climb(&mut |order, size, c| heard.push((order, size, c)));
+    let climb = Ladder::new(fit, judge, terms, max_order, wanted).climb(&mut |order, size, c| heard.push((order, size, c)));
     (climb, heard)
 }
 

@@ -29,8 +29,7 @@ use rsm_core::model_file;
 use rsm_core::names;
 use rsm_core::places::Places;
 use rsm_core::source::{Collector, Faults, Source};
-use rsm_core::toml_reader::{self, TableReader, Value, describe};
-use toml::de::DeValue;
+use rsm_core::toml_reader::{self, TableReader, Value};
 
 use super::desirability::Goal;
 use super::study::{STARTS, Study, Sum, Wish};
@@ -93,7 +92,7 @@ fn read(source: &Source, faults: &mut Collector) -> Option<Study> {
     };
     let support = match top.optional("support") {
         None => Some(true),
-        Some(value) => flag("`support`", value, &top, faults),
+        Some(value) => top.flag("`support`", value, faults),
     };
     let conditions = match top.optional("where") {
         None => Some(Vec::new()),
@@ -126,16 +125,6 @@ fn read(source: &Source, faults: &mut Collector) -> Option<Study> {
         source: None,
         places,
     })
-}
-
-fn flag(what: &str, value: Value<'_>, reader: &TableReader<'_>, faults: &mut Collector) -> Option<bool> {
-    match value.get_ref() {
-        DeValue::Boolean(flag) => Some(*flag),
-        other => {
-            faults.push(reader.fault(value.span(), format!("{what}: found {}, expected true or false", describe(other))));
-            None
-        }
-    }
 }
 
 /// `Some(None)` if absent; `None` if there is a fault.

@@ -3,7 +3,7 @@
 //! In: values in memory, or a file ([`Study::from_source`]). Out: a [`Study`]. Nothing is checked against a model before [`Study::optimise`].
 
 use rsm_core::check::Checked;
-use rsm_core::model::Input;
+use rsm_core::model::{Category, Input};
 use rsm_core::places::Places;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
@@ -176,6 +176,11 @@ impl Study {
                 }
             }
         }
+        for category in model.categories() {
+            if category.inputs.iter().any(|name| is_used(name)) {
+                self.check_level(category, &mut faults);
+            }
+        }
         for (k, sum) in self.conditions.iter().enumerate() {
             let who = format!("`where`: condition {}", k + 1);
             for (name, weight) in &sum.weights {
@@ -191,6 +196,28 @@ impl Study {
             }
         }
         faults.finish(Some(()))
+    }
+
+    /// A category must be held at one of its levels: between two levels there is no setting.
+    fn check_level(&self, category: &Category, faults: &mut Collector) {
+        let held = |name: &String| {
+            let of_name = self.limits.iter().find(|(known, _)| known == name);
+            of_name.filter(|(_, [low, high])| low == high).map(|(_, [value, _])| *value)
+        };
+        let values: Option<Vec<f64>> = category.inputs.iter().map(held).collect();
+        let at = |level: &String| category.contrasts(level).filter(|contrasts| values.as_ref() == Some(contrasts));
+        if category.levels.iter().any(|level| at(level).is_some()) {
+            return;
+        }
+        let one = |level: &String| {
+            let pairs = category.inputs.iter().zip(category.contrasts(level).unwrap_or_default());
+            let each: Vec<String> = pairs.map(|(name, value)| format!("{name} = {value}")).collect();
+            format!("{level}: {}", each.join(", "))
+        };
+        let levels: Vec<String> = category.levels.iter().map(one).collect();
+        let what = format!("category `{}` is not held at one of its levels", category.name);
+        let help = format!("hold its inputs with `value`: {}", levels.join("; "));
+        faults.push(self.fault("inputs", what).help(help));
     }
 
     fn check_wish(&self, k: usize, wish: &Wish, checked: &Checked, faults: &mut Collector) {

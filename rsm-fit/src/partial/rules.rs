@@ -21,6 +21,10 @@ pub(super) fn check(specification: &Specification) -> Result<(), Faults> {
             faults.push(fault.help("leave it out; `rsm diagnose` compares the merged model with other rows"));
         }
     }
+    if !specification.blocks.is_empty() {
+        let fault = specification.fault("blocks", "`blocks`: which blocks there are depends on the rows of all shards");
+        faults.push(fault.help("make the column an input with `categories = [...]` and `additive = true`"));
+    }
     for response in &specification.responses {
         check_response(specification, response, &mut faults);
     }

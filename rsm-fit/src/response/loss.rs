@@ -7,7 +7,6 @@ use rsm_core::model::Surface;
 use rsm_core::source::Faults;
 
 use super::{Quality, Task, terms_of};
-use crate::canonical;
 use crate::dd::Dd;
 use crate::design::{Design, order};
 use crate::distributions::two_sided_t;
@@ -70,8 +69,8 @@ impl Task<'_> {
         let (design, found, by) = (&all.only(&chosen.terms), &chosen.robust, chosen.by);
         let mut statistics = self.with_apart(surface, design, self.robust_figures(design, found));
         surface.terms = terms_of(&statistics);
-        statistics.canonical = canonical::analyse(surface, &self.inputs);
-        statistics.support = self.support(surface);
+        self.add_shape(surface, &mut statistics);
+        statistics.blocks = self.blocks_of(&surface.terms, None);
         let is_judged = self.test.is_some() || self.validate.is_some();
         let cross_validated = if is_judged { None } else { self.robust_left_out(surface, all) };
         statistics.cross_validation.clone_from(&cross_validated);

@@ -8,7 +8,6 @@ use rsm_core::source::Faults;
 
 use super::{Quality, Task, terms_of};
 use crate::autoregressive::{self, Estimate, NoiseReport, autocovariances, least_rows};
-use crate::canonical;
 use crate::dd::Dd;
 use crate::design::Design;
 use crate::distributions::{quantile_t, two_sided_t};
@@ -76,8 +75,10 @@ impl Task<'_> {
         let (figures, noise) = self.noise_figures(&design, &solved);
         let mut statistics = self.with_apart(surface, &design, figures);
         surface.terms = terms_of(&statistics);
-        statistics.canonical = canonical::analyse(surface, &self.inputs);
-        statistics.support = self.support(surface);
+        self.add_shape(surface, &mut statistics);
+        let freedom = self.fit.rows().saturating_sub(design.width()).max(1);
+        let mean_square = (solved.growing.residual_square() / Dd::from(freedom as f64)).to_f64();
+        statistics.blocks = self.blocks_of(&surface.terms, Some((&solved.growing, mean_square)));
         let choice = Choice { terms: solved.terms.clone(), by, climb: None };
         let cross = || self.sections_left_out(surface, all, &solved);
         let quality: Quality = self.quality(surface, &design, &statistics, &choice, &cross);

@@ -4,7 +4,7 @@
 //! two terms are not exchanged for one.
 
 use super::gram::{Gram, Scales, Swept};
-use super::paths::{Heredity, Model, Path, Steps};
+use super::paths::{Heredity, Model, Path, Steps, sweep_all};
 use super::{Found, Part, Searcher};
 use crate::design::order;
 use crate::ladder::most_terms;
@@ -53,7 +53,7 @@ impl Searcher<'_> {
     /// The climb of a ladder.
     pub(super) fn climbed(&self, scales: &Scales, total: &Gram, parts: &[&Part], held: Option<&[&Part]>) -> Option<Found> {
         let Method::Ladder { confidence: wanted, .. } = *self.method else { return None };
-        let constant = self.constant();
+        let always = self.always();
         let heredity = Heredity::of(self.design.terms(), false);
         let rungs: Vec<u32> = self.design.terms().iter().map(|powers| order(powers)).collect();
         let judges: Vec<Judge<'_>> = match held {
@@ -63,7 +63,7 @@ impl Searcher<'_> {
         };
         let least_rows = judges.iter().map(|judge| judge.fit.rows).min()?;
         let most = most_terms(least_rows.min(total.rows)).min(self.design.width());
-        let steps = Steps { constant, heredity: &heredity, most };
+        let steps = Steps { always: &always, heredity: &heredity, most };
         let full = steps.by_rungs(total, &rungs);
         // Validation rows evaluate the same fit, so its path is computed once.
         let paths: Vec<Path> = match held {
@@ -85,7 +85,7 @@ impl Searcher<'_> {
         let (size, mut left) = best?;
         let mut terms = full[size].as_ref()?.terms.clone();
         if ratings.is_reached(left) {
-            (terms, left) = pruned(&terms, constant, &judges, &ratings);
+            (terms, left) = pruned(&terms, &always, &judges, &ratings);
         }
         let coefficients = fitted(total, &terms).coefficients(&terms);
         let by = match held {
@@ -110,9 +110,23 @@ impl Searcher<'_> {
         let (square, sum, weight) = judges.iter().map(of).fold((0.0, 0.0, 0.0), add);
         // The response is (y - middle)/scale: sum y^2/scale^2 = sum z^2 + 2 m sum z + n m^2.
         let middle = scales.middles[response] / scales.scales[response];
+        let level = self.design.level();
+        let about_level = || -> f64 {
+            let of_one = |judge: &Judge<'_>| {
+                let mut swept = Swept::new(&judge.fit);
+                sweep_all(&mut swept, &level);
+                let terms = swept.terms();
+                judge.rows.square(&terms, &swept.coefficients(&terms))
+            };
+            judges.iter().map(of_one).sum()
+        };
         Ratings {
             about_zero: square + 2.0 * middle * sum + weight * middle * middle,
-            about_mean: if scales.constant.is_some() { square - sum * sum / weight } else { 0.0 },
+            about_mean: match scales.constant {
+                Some(_) if level.is_empty() => square - sum * sum / weight,
+                Some(_) => about_level(),
+                None => 0.0,
+            },
             wanted,
         }
     }
@@ -196,11 +210,11 @@ impl Without {
 }
 
 /// Removes terms one at a time while C is still reached, the least important first.
-fn pruned(terms: &[usize], constant: Option<usize>, judges: &[Judge<'_>], ratings: &Ratings) -> (Vec<usize>, f64) {
+fn pruned(terms: &[usize], always: &[usize], judges: &[Judge<'_>], ratings: &Ratings) -> (Vec<usize>, f64) {
     let mut all: Vec<Without> = judges.iter().map(|judge| Without::of(judge, terms)).collect();
     let mut stays = vec![true; terms.len()];
     loop {
-        let removable = (0..terms.len()).filter(|place| stays[*place] && Some(terms[*place]) != constant);
+        let removable = (0..terms.len()).filter(|place| stays[*place] && !always.contains(&terms[*place]));
         let left = removable.map(|out| (out, all.iter().map(|one| one.left_without(out)).sum::<f64>()));
         let best = left.min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((out, _)) = best.filter(|(_, left)| ratings.is_reached(*left)) else { break };

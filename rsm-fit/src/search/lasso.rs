@@ -9,7 +9,7 @@
 //! Tibshirani 2017 (the relaxed LASSO).
 
 use super::gram::{Gram, Swept};
-use super::paths::{Heredity, Model, Path};
+use super::paths::{Heredity, Model, Path, sweep_all};
 
 /// The shares of shrinkage.
 pub(super) const SHARES: [f64; 3] = [1.0, 0.5, 0.0];
@@ -19,7 +19,8 @@ const PENALTIES: usize = 80;
 const LEAST_PENALTY: f64 = 1e-4;
 
 pub(super) struct Lasso<'a> {
-    pub constant: Option<usize>,
+    /// The terms of every model, which are not penalised.
+    pub always: &'a [usize],
     /// For each candidate: its scale if the penalty is on the unscaled coefficient, otherwise 1.
     pub units: &'a [f64],
     /// The penalties per row, falling.
@@ -30,12 +31,10 @@ pub(super) struct Lasso<'a> {
 }
 
 /// The grid of penalties for some rows; the same for all parts of them.
-pub(super) fn penalties(gram: &Gram, constant: Option<usize>, units: &[f64]) -> Vec<f64> {
+pub(super) fn penalties(gram: &Gram, always: &[usize], units: &[f64]) -> Vec<f64> {
     let mut swept = Swept::new(gram);
-    if let Some(constant) = constant {
-        swept.sweep(constant);
-    }
-    let of_one = |k: usize| if Some(k) == constant { 0.0 } else { (units[k] * swept.at(k, gram.width - 1)).abs() };
+    sweep_all(&mut swept, always);
+    let of_one = |k: usize| if always.contains(&k) { 0.0 } else { (units[k] * swept.at(k, gram.width - 1)).abs() };
     let largest = (0..units.len()).map(of_one).fold(0.0, f64::max) / gram.weight;
     (0..PENALTIES).map(|k| largest * LEAST_PENALTY.powf(k as f64 / (PENALTIES - 1) as f64)).collect()
 }
@@ -58,15 +57,13 @@ impl Lasso<'_> {
             }
         }
         let mut swept = Swept::new(&scaled);
-        if let Some(constant) = self.constant {
-            swept.sweep(constant);
-        }
+        sweep_all(&mut swept, self.always);
         let mut signs = vec![0.0; width];
         let mut b = vec![0.0; width];
-        if let Some(constant) = self.constant {
-            b[constant] = swept.at(constant, response);
+        for term in self.always.iter().filter(|term| swept.is_in[**term]) {
+            b[*term] = swept.at(*term, response);
         }
-        let is_free = |k: usize| Some(k) != self.constant;
+        let is_free = |k: usize| !self.always.contains(&k);
         let mut slopes: Vec<f64> = (0..width).map(|k| if is_free(k) { swept.at(k, response) } else { 0.0 }).collect();
         let mut penalty = slopes.iter().map(|c| c.abs()).fold(0.0, f64::max);
         let mut next = 0;

@@ -104,6 +104,11 @@ impl Searcher<'_> {
         self.design.terms().iter().position(|powers| order(powers) == 0)
     }
 
+    /// The terms of every model.
+    fn always(&self) -> Vec<usize> {
+        self.design.always()
+    }
+
     fn wanted_parts(&self) -> usize {
         let wanted = self.search().map_or(PARTS, |search| search.parts);
         let width = self.design.width() as f64;
@@ -223,8 +228,9 @@ impl Searcher<'_> {
 
     fn as_found(&self, scales: &Scales, model: &Model, by: ChosenBy, report: Option<SelectionReport>) -> Found {
         let coefficients = scales.natural(&model.terms, &model.coefficients);
-        // Terms with a LASSO coefficient of 0 are removed; the constant always stays.
-        let is_kept = |k: &usize| !model.is_shrunk || coefficients[*k] != 0.0;
+        // Terms with a LASSO coefficient of 0 are removed; those of every model stay.
+        let always = self.always();
+        let is_kept = |k: &usize| !model.is_shrunk || coefficients[*k] != 0.0 || always.contains(&model.terms[*k]);
         let kept: Vec<usize> = (0..model.terms.len()).filter(is_kept).collect();
         let terms: Vec<usize> = kept.iter().map(|k| model.terms[*k]).collect();
         let coefficients: Vec<f64> = kept.iter().map(|k| coefficients[*k]).collect();
@@ -323,7 +329,7 @@ fn rounds(count: usize, round: impl Fn(usize) -> Option<Judged> + Sync) -> Optio
 /// The methods that make a path of models from rows.
 struct Paths {
     by: SearchBy,
-    constant: Option<usize>,
+    always: Vec<usize>,
     heredity: Heredity,
     is_hereditary: bool,
     units: Vec<f64>,
@@ -333,24 +339,24 @@ struct Paths {
 
 impl Paths {
     fn of(searcher: &Searcher<'_>, search: &Search, scales: &Scales, total: &Gram, most: usize) -> Self {
-        let constant = searcher.constant();
+        let always = searcher.always();
         let width = searcher.design.width();
         let units: Vec<f64> = match searcher.coding {
             Coding::Range => scales.scales[..width].to_vec(),
             Coding::None => vec![1.0; width],
         };
         let penalties = match search.by {
-            SearchBy::Lasso => lasso::penalties(total, constant, &units),
+            SearchBy::Lasso => lasso::penalties(total, &always, &units),
             _ => Vec::new(),
         };
         let heredity = Heredity::of(searcher.design.terms(), search.heredity);
         let (by, is_hereditary) = (search.by, search.heredity);
-        Paths { by, constant, heredity, is_hereditary, units, penalties, most }
+        Paths { by, always, heredity, is_hereditary, units, penalties, most }
     }
 
     /// The path, and whether best subsets are proved.
     fn path(&self, gram: &Gram) -> (Path, Option<bool>) {
-        let steps = Steps { constant: self.constant, heredity: &self.heredity, most: self.most };
+        let steps = Steps { always: &self.always, heredity: &self.heredity, most: self.most };
         match self.by {
             SearchBy::Stepwise(direction) => (steps.by_steps(gram, direction), None),
             SearchBy::BestSubset => {
@@ -360,7 +366,7 @@ impl Paths {
             SearchBy::Lasso => {
                 let heredity = self.is_hereditary.then_some(&self.heredity);
                 let (units, penalties) = (&self.units[..], &self.penalties[..]);
-                (Lasso { constant: self.constant, units, penalties, most: self.most, heredity }.path(gram), None)
+                (Lasso { always: &self.always, units, penalties, most: self.most, heredity }.path(gram), None)
             }
         }
     }

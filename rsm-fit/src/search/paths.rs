@@ -1,6 +1,6 @@
 //! Paths of models, one for each size: stepwise, and the best of each size by branch and bound.
 //!
-//! In: a Gram matrix. Out: a [`Path`]: for each number of terms a model, or none. The constant is in every model. With heredity, a term requires the
+//! In: a Gram matrix. Out: a [`Path`]: for each number of terms a model, or none. The constant and additive contrasts are in every model. With heredity, a term requires the
 //! terms with one power less (x^2 z requires x z and x^2), so that a shift of an input's zero gives the same model.
 //!
 //! Sources: Efroymson 1960 and Pudil, Novovicova, Kittler 1994 (steps in both directions); Furnival, Wilson 1974, Regressions by leaps and
@@ -94,8 +94,18 @@ impl Best {
     }
 }
 
+/// Sweeps the terms of every model. One that depends linearly on others is left out, such as the contrast of a block without rows.
+pub(super) fn sweep_all(swept: &mut Swept, always: &[usize]) {
+    for term in always {
+        if swept.has_own_part(*term) {
+            swept.sweep(*term);
+        }
+    }
+}
+
 pub(super) struct Steps<'a> {
-    pub constant: Option<usize>,
+    /// The terms of every model.
+    pub always: &'a [usize],
     pub heredity: &'a Heredity,
     /// The largest number of terms.
     pub most: usize,
@@ -104,9 +114,7 @@ pub(super) struct Steps<'a> {
 impl Steps<'_> {
     fn start(&self, gram: &Gram) -> (Swept, Best) {
         let mut swept = Swept::new(gram);
-        if let Some(constant) = self.constant {
-            swept.sweep(constant);
-        }
+        sweep_all(&mut swept, self.always);
         let mut best = Best { left: vec![f64::INFINITY; self.most], models: vec![None; self.most] };
         best.note(&swept);
         (swept, best)
@@ -123,7 +131,7 @@ impl Steps<'_> {
     /// The term with the smallest loss.
     fn leaves(&self, swept: &Swept) -> Option<(usize, f64)> {
         let removable = (0..swept.is_in.len())
-            .filter(|k| swept.is_in[*k] && Some(*k) != self.constant && self.heredity.may_leave(*k, &swept.is_in));
+            .filter(|k| swept.is_in[*k] && !self.always.contains(k) && self.heredity.may_leave(*k, &swept.is_in));
         removable.map(|k| (k, swept.loss(k))).reduce(|best, other| if other.1 < best.1 { other } else { best })
     }
 
@@ -184,8 +192,11 @@ impl Steps<'_> {
             swept.sweep(out);
             down.note(&swept);
         }
-        // The model with the constant only.
-        down.models[0] = down.models[0].take().or_else(|| best.models.into_iter().next().flatten());
+        // The model with the terms of every model only.
+        let least = self.always.len().max(1) - 1;
+        if let Some(smallest) = down.models.get_mut(least) {
+            *smallest = smallest.take().or_else(|| best.models.into_iter().nth(least).flatten());
+        }
         down
     }
 
@@ -199,7 +210,7 @@ impl Steps<'_> {
                 (best.left[k], best.models[k]) = (down.left[k], model);
             }
         }
-        let free: Vec<usize> = swept.terms().into_iter().filter(|term| Some(*term) != self.constant).collect();
+        let free: Vec<usize> = swept.terms().into_iter().filter(|term| !self.always.contains(term)).collect();
         // Candidates that are not in the largest model: too few rows for them, or linearly dependent on others.
         let is_whole = (0..swept.is_in.len()).all(|k| swept.is_in[k] || !swept.has_own_part(k));
         let mut left_nodes = nodes;

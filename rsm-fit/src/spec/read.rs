@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use rsm_core::model::{Outside, Surface};
+use rsm_core::model::{Category, Outside, Surface};
 use rsm_core::model_file::{self, HIGHEST_POWER};
 use rsm_core::places::Places;
 use rsm_core::source::{Collector, Source};
@@ -14,7 +14,10 @@ use toml::de::DeValue;
 
 use crate::missing::Missing;
 
-use super::{Criterion, Direction, InputSpec, Loss, Method, ResponseSpec, Search, SearchBy, Split, Validation, Weights, shape};
+use super::{
+    Criterion, Direction, InputSpec, Loss, Method, ResponseSpec, Search, SearchBy, Split, Validation, Weights, categories,
+    shape,
+};
 
 /// The parts of the text with the right shape.
 pub(super) struct Draft {
@@ -24,6 +27,8 @@ pub(super) struct Draft {
     pub test: Validation,
     pub missing: Missing,
     pub series: Vec<String>,
+    pub blocks: Vec<String>,
+    pub categories: Vec<Category>,
     pub inputs: Vec<InputSpec>,
     pub responses: Vec<ResponseSpec>,
     pub places: Places,
@@ -52,20 +57,30 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<Draft> {
     };
     let (validation, test) = (apart("validate"), apart("test"));
     let missing = top.choice("missing", &[("error", Missing::Error), ("drop-row", Missing::DropRow)], faults);
-    let series = top.optional("series").map_or(Some(Vec::new()), |value| {
-        places.note("series", value.span());
-        Some(top.texts("`series`", value, faults)?.into_iter().map(|(name, _)| name).collect())
-    });
+    let mut columns = |key: &'static str| {
+        top.optional(key).map_or(Some(Vec::new()), |value| {
+            places.note(key, value.span());
+            Some(top.texts(&format!("`{key}`"), value, faults)?.into_iter().map(|(name, _)| name).collect())
+        })
+    };
+    let (series, blocks) = (columns("series"), columns("blocks"));
+    let mut known = Vec::new();
     let mut inputs = Vec::new();
     let section = top.required("inputs", faults);
     places.each_entry(section, ("inputs", "input"), source, faults, |path, name, reader, places, faults| {
+        if let Some(category) = categories::read(path, name, reader, places, faults) {
+            let (key, category) = category?;
+            inputs.extend(category.inputs.iter().map(|name| InputSpec::contrast(name)));
+            known.push((key, category));
+            return Some(());
+        }
         inputs.push(read_input(path, name, reader, places, faults)?);
         Some(())
     });
     let mut responses = Vec::new();
     let section = top.required("responses", faults);
     places.each_entry(section, ("responses", "response"), source, faults, |path, name, reader, places, faults| {
-        responses.push(read_response(path, name, reader, places, faults)?);
+        responses.push(read_response(path, name, &known, reader, places, faults)?);
         Some(())
     });
     top.finish(faults);
@@ -76,6 +91,8 @@ pub(super) fn read(source: &Source, faults: &mut Collector) -> Option<Draft> {
         test: test.unwrap_or(Validation::None),
         missing: missing.unwrap_or_default(),
         series: series.unwrap_or_default(),
+        blocks: blocks.unwrap_or_default(),
+        categories: known.into_iter().map(|(_, category)| category).collect(),
         inputs,
         responses,
         places,
@@ -219,6 +236,7 @@ fn note_key(places: &mut Places, path: impl Into<String>, key: &str, reader: &Ta
 fn read_response(
     path: &str,
     name: &str,
+    categories: &[(String, Category)],
     reader: &mut TableReader<'_>,
     places: &mut Places,
     faults: &mut Collector,
@@ -228,11 +246,17 @@ fn read_response(
     let inputs = reader.required("inputs", faults).and_then(|value| {
         places.note(format!("{path}.inputs"), value.span());
         let names = reader.texts("`inputs`", value, faults)?;
+        // The name of a category stands for all its contrasts.
+        let all = names.into_iter().flat_map(|(name, span)| {
+            let category = categories.iter().find(|(key, _)| *key == name);
+            let inputs = category.map_or_else(|| vec![name], |(_, category)| category.inputs.clone());
+            inputs.into_iter().map(move |input| (input, span.clone()))
+        });
         let note = |(k, (input, span)): (usize, (String, Range<usize>))| {
             places.note(format!("{path}.inputs.{k}"), span);
             input
         };
-        Some(names.into_iter().enumerate().map(note).collect::<Vec<String>>())
+        Some(all.enumerate().map(note).collect::<Vec<String>>())
     });
     let output_range = optional_range("output_range", path, reader, places, faults);
     let basis = model_file::read_basis(path, reader, places, faults);
@@ -257,11 +281,14 @@ fn read_response(
     let losses = [Loss::LeastSquares, Loss::Huber, Loss::L1].map(|loss| (loss.word(), loss));
     let loss = reader.choice("loss", &losses, faults);
     let noise = shape::read_noise(path, reader, places, faults);
-    let (unit, basis) = (unit?, basis?);
+    let (unit, basis, inputs) = (unit?, basis?, inputs?);
+    let is_used = |(_, category): &&(String, Category)| category.inputs.iter().any(|name| inputs.contains(name));
+    let categories = categories.iter().filter(is_used).map(|(_, category)| category.clone()).collect();
     let surface = Surface {
         name: name.to_string(),
         unit: unit.clone().unwrap_or_default(),
-        inputs: inputs?,
+        inputs,
+        categories,
         output_range: output_range?,
         coding: basis.coding,
         symmetry: basis.symmetry,
@@ -445,14 +472,7 @@ fn read_search(
         None => Some(false),
         Some(value) => {
             places.note(format!("{path}.select.{key}"), value.span());
-            match value.get_ref() {
-                DeValue::Boolean(flag) => Some(*flag),
-                other => {
-                    let what = format!("`{key}`: found {}, expected true or false", describe(other));
-                    faults.push(reader.fault(value.span(), what));
-                    None
-                }
-            }
+            reader.flag(&format!("`{key}`"), value, faults)
         }
     };
     let (heredity, one_standard_error) = (flag("heredity"), flag("one_standard_error"));

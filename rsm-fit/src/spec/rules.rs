@@ -9,9 +9,9 @@ use rsm_core::source::Collector;
 
 use super::{
     Criterion, Form, Loss, MOST_FOR_SUBSETS, MOST_TERMS, Method, ResponseSpec, Search, SearchBy, Specification, Validation,
-    shape,
+    categories, shape,
 };
-use crate::design::{count_of_terms, missing_odd_input};
+use crate::design::{count_of_candidates, missing_odd_input};
 use crate::units;
 
 pub(super) fn check(specification: &Specification, faults: &mut Collector) {
@@ -26,6 +26,7 @@ pub(super) fn check(specification: &Specification, faults: &mut Collector) {
         check_loss,
         check_noise,
         shape::check,
+        categories::check,
     ];
     for rule in rules {
         rule(specification, faults);
@@ -306,7 +307,7 @@ fn check_search(specification: &Specification, response: &ResponseSpec, search: 
     let path = format!("responses.{}.select", response.surface.name);
     let who = format!("response `{}`", response.surface.name);
     check_count(specification, response, search.max_order, &format!("{path}.max_order"), faults);
-    let candidates = count_of_terms(response.surface.width(), search.max_order);
+    let candidates = count_of_candidates(&response.surface, search.max_order);
     let mut fault = |key: &str, what: String, help: &str| {
         faults.push(specification.fault(&format!("{path}.{key}"), format!("{who}: {what}")).help(help));
     };
@@ -340,7 +341,7 @@ fn check_search(specification: &Specification, response: &ResponseSpec, search: 
 fn check_count(specification: &Specification, response: &ResponseSpec, order: u32, path: &str, faults: &mut Collector) {
     let surface = &response.surface;
     let width = surface.width();
-    let count = count_of_terms(width, order);
+    let count = count_of_candidates(surface, order);
     if count > MOST_TERMS {
         let what = format!(
             "response `{}`: {width} variables at order {order} make {count} terms, at most {MOST_TERMS} are accepted",

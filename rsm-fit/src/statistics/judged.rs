@@ -59,7 +59,21 @@ impl Judged {
         }
         let points = observations.points();
         (judged.lack, judged.about_zero) = lack(observations, &points, |row| predictions[row]);
-        judged.about_mean = lack(observations, &points, |_| mean).0;
+        let of_blocks = design.of_blocks();
+        if of_blocks.is_empty() {
+            judged.about_mean = lack(observations, &points, |_| mean).0;
+            return judged;
+        }
+        // What the blocks explain is not explained by the surface. Without a surface the prediction would be the mean of the other rows, less the
+        // effects of their blocks; the mean of these rows is a better one, so that less is explained.
+        let own: Vec<Dd> =
+            (0..design.width()).map(|k| if of_blocks.contains(&k) { coefficients[k] } else { Dd::ZERO }).collect();
+        let shifts = observations.values(design, &own, Seen::AsEvaluated);
+        judged.about_zero = lack(observations, &points, |row| shifts[row]).0;
+        let weight: Dd = (0..observations.response.len()).map(|row| observations.weight(row)).sum();
+        let left = |row: usize| observations.weight(row) * (Dd::from(observations.response[row]) - shifts[row]);
+        let level = (0..observations.response.len()).map(left).sum::<Dd>() / weight;
+        judged.about_mean = lack(observations, &points, |row| level + shifts[row]).0;
         judged
     }
 

@@ -174,8 +174,7 @@ fn one_term_takes_the_place_of_two() {
             rows.finish()
         };
         let (fit, judge) = (grid(1.0, 6), Judge::new(grid(0.9, 5)));
-        let climb =
-            Ladder { fit: &fit, judge: &judge, terms: &terms, max_order, wanted: 99.7 }.climb(&mut |_, _, _| {}).unwrap();
+        let climb = Ladder::new(&fit, &judge, &terms, max_order, 99.7).climb(&mut |_, _, _| {}).unwrap();
         climb.chosen.iter().map(|k| terms[*k].clone()).collect::<Vec<_>>()
     };
     assert_eq!(of(3), [[0, 0], [2, 0], [0, 2]]);

@@ -2,6 +2,7 @@
 
 mod analysis;
 mod autoregressive;
+mod categories;
 mod constrained;
 mod constraint_family;
 mod constraints;
