@@ -11,8 +11,8 @@ use rsm_core::check::Checked;
 use rsm_core::model::{Input, Model};
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
-use crate::compressed;
 use crate::constrain::NotProven;
+use crate::content::Content;
 use crate::evidence;
 use crate::left_out::{self, LeftOut, OfResponse};
 use crate::points;
@@ -157,7 +157,7 @@ pub(crate) struct Data {
 pub fn fit(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)) -> Result<Outcome, Refused> {
     let data = read(specification, &mut |file| {
         progress(Progress::Reading { file });
-        compressed::read(&specification.path_of(file))
+        Content::read(&specification.path_of(file))
     })?;
     fit_rows(specification, data, progress)
 }
@@ -194,7 +194,7 @@ pub fn fit_sources(
     let data = read(specification, &mut |file| {
         progress(Progress::Reading { file });
         let found = sources.iter().find(|source| source.name() == file).cloned();
-        found.ok_or_else(|| Faults::one(Fault::whole_file(file, "is not among the files in memory")))
+        found.map(Content::from).ok_or_else(|| Faults::one(Fault::whole_file(file, "is not among the files in memory")))
     })?;
     fit_rows(specification, data, progress)
 }
@@ -293,8 +293,8 @@ fn copies(specification: &Specification, data: &OfResponse<'_>) -> Vec<(&'static
     validate.into_iter().chain(of("test", &specification.test, &data.test)).collect()
 }
 
-/// Reads the data files. `open` returns the file with a name.
-fn read(specification: &Specification, open: &mut dyn FnMut(&str) -> Result<Source, Faults>) -> Result<Data, Refused> {
+/// Reads the data files. `open` returns the content of the file with a name.
+fn read(specification: &Specification, open: &mut dyn FnMut(&str) -> Result<Content, Faults>) -> Result<Data, Refused> {
     let mut units = Units::of(specification);
     let all = Records::read(specification, &specification.data, Rows::ToFit, &mut units, open);
     let mut apart = |rows: &Validation| match rows {

@@ -5,9 +5,8 @@
 //! blanks around cells are accepted. Decimals are rounded once, to nearest. Other columns may contain anything. No unit is converted: a table has the
 //! units of its file.
 
+pub(crate) mod header;
 mod plain;
-
-use std::collections::{BTreeMap, BTreeSet};
 
 use csv::{ReaderBuilder, StringRecord, Trim};
 use rsm_core::source::{Collector, Fault, Faults, Source};
@@ -19,9 +18,6 @@ pub use crate::missing::MissingAs;
 
 /// The allowed magnitudes of a response: sums of 10^7 squares stay finite, and squares of a ten-thousandth of it keep their digits.
 pub const MAGNITUDES: [f64; 2] = [1e-140, 1e150];
-
-/// The largest number of columns named in a message.
-const MOST_NAMES: usize = 40;
 
 /// The largest number of faults reported for one file; the rest is counted. A wrong delimiter would otherwise give one for each line.
 const MOST_FAULTS: usize = 20;
@@ -196,6 +192,16 @@ impl Table {
     pub fn rows(&self) -> usize {
         self.lines.len()
     }
+
+    /// Adds further rows of the same columns.
+    #[cfg_attr(not(any(feature = "parquet", feature = "arrow")), allow(dead_code, reason = "no file is read in batches"))]
+    pub(crate) fn append(&mut self, rows: Table) {
+        for (column, further) in self.columns.iter_mut().zip(rows.columns) {
+            column.values.extend(further.values);
+            column.labels.extend(further.labels);
+        }
+        self.lines.extend(rows.lines);
+    }
 }
 
 /// The row of a response with a magnitude outside [`MAGNITUDES`], the expected range, and what to do.
@@ -295,9 +301,9 @@ impl Reader<'_> {
             self.fault(fault.help("separate the cells by commas, with a point in decimals; `rsm import` does it"));
             return None;
         }
-        let columns = self.header(&header, header_line);
+        let columns = header::columns(header.iter(), &mut |what, help| self.header_fault(header_line, what, help));
         let mut table = Table { file: self.source.name().to_string(), header_line, columns, lines: Vec::new() };
-        let roles = self.roles(&table, wanted);
+        let roles = header::roles(&table.columns, wanted, &mut |what, help| self.header_fault(header_line, what, help));
         let behind_header = records.reader().position().byte() as usize;
         if self.faults.is_empty()
             && let Some(rows) = self.plain(behind_header, &roles, wanted.missing)
@@ -342,56 +348,10 @@ impl Reader<'_> {
         }
     }
 
-    fn header(&mut self, header: &StringRecord, line: usize) -> Vec<Column> {
-        let mut columns: Vec<Column> = Vec::new();
-        let mut places: BTreeMap<&str, usize> = BTreeMap::new();
-        for (k, cell) in header.iter().enumerate() {
-            let place = k + 1;
-            let (name, unit) = match cell.split_once('[') {
-                None => (cell, None),
-                Some((name, rest)) => match rest.strip_suffix(']').filter(|unit| !unit.contains(['[', ']'])) {
-                    Some(unit) => (name.trim_end(), Some(unit.trim().to_string())),
-                    None => {
-                        let what = format!("column {place} is headed `{cell}`, expected `name` or `name[unit]`");
-                        self.fault(self.at_line(line, what));
-                        (name, None)
-                    }
-                },
-            };
-            if name.is_empty() {
-                self.fault(self.at_line(line, format!("column {place} has no name")));
-            } else if let Some(first) = places.get(name) {
-                let what = format!("columns {first} and {place} are both named `{name}`");
-                self.fault(self.at_line(line, what).help("rename or remove one of them"));
-            } else {
-                places.insert(name, place);
-            }
-            columns.push(Column { name: name.to_string(), unit, place, values: Vec::new(), labels: Vec::new() });
-        }
-        columns
-    }
-
-    /// For every column of the file: requested as numbers, requested as labels. Reports missing ones.
-    fn roles(&mut self, table: &Table, wanted: &Wanted) -> Vec<(bool, bool)> {
-        let known: BTreeSet<&str> = table.columns.iter().map(|column| column.name.as_str()).collect();
-        for name in wanted.numbers.iter().chain(&wanted.labels) {
-            if !known.contains(name.as_str()) {
-                let mut names: Vec<String> =
-                    table.columns.iter().take(MOST_NAMES).map(|column| format!("`{}`", column.name)).collect();
-                if table.columns.len() > MOST_NAMES {
-                    names.push(format!("{} more", table.columns.len() - MOST_NAMES));
-                }
-                let names = names.join(", ");
-                self.fault(self.at_line(table.header_line, format!("there is no column `{name}`; the columns are {names}")));
-            }
-        }
-        let numbers: BTreeSet<&String> = wanted.numbers.iter().collect();
-        let labels: BTreeSet<&String> = wanted.labels.iter().collect();
-        let of = |column: &Column| {
-            let is_run = wanted.run && is_run(&column.name);
-            (wanted.every_number || numbers.contains(&column.name), is_run || labels.contains(&column.name))
-        };
-        table.columns.iter().map(of).collect()
+    /// Adds what a header says about its columns.
+    fn header_fault(&mut self, line: usize, what: String, help: Option<&'static str>) {
+        let fault = self.at_line(line, what);
+        self.fault(if let Some(help) = help { fault.help(help) } else { fault });
     }
 
     fn missing_cells(&self, first: &FirstMissing, column: &Column) -> Fault {
