@@ -1,8 +1,8 @@
 //! Blocks: rows that were measured together, such as those of one day, one batch or one engine.
 //!
-//! In: the columns that tell blocks apart, the cells of the rows to fit. Out: the contrasts of the blocks as further columns of the fit, and the effect
-//! of each block with its standard error. The model has no input for them: its surface is the mean over the blocks. Each block has one effect, whatever
-//! the number of its rows, and no product with an input.
+//! In: the columns that tell blocks apart, the cells of the rows to fit. Out: the contrasts of the blocks as further columns of the fit, and the
+//! effect of each block with its standard error. The model has no input for them: its surface is the mean over the blocks. Each block has one effect,
+//! whatever the number of its rows, and no product with an input.
 //!
 //! Source: Box, Hunter, Hunter 2005, Statistics for Experimenters, section 4.2; effect coding: Draper, Smith 1998, Applied Regression Analysis,
 //! chapter 14.
@@ -145,8 +145,8 @@ impl Blocks {
         is_own.then(|| [&powers[..inputs], &powers[inputs + self.width()..]].concat())
     }
 
-    /// The effects of the fitted terms. `growing`: their solution, if it has standard errors, with the residual mean square; `contrasts`: those of the
-    /// fitted rows.
+    /// The effects of the fitted terms. `growing`: their solution, if it has standard errors, with the residual mean square; `contrasts`: those of
+    /// the fitted rows.
     pub(crate) fn report(
         &self,
         terms: &[Term],

@@ -12,8 +12,8 @@ use rsm_core::model::{Input, Model};
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
 use crate::blocks::Blocks;
-use crate::compressed;
 use crate::constrain::NotProven;
+use crate::content::Content;
 use crate::evidence;
 use crate::left_out::{self, LeftOut, OfResponse};
 use crate::points;
@@ -158,7 +158,7 @@ pub(crate) struct Data {
 pub fn fit(specification: &Specification, progress: &mut dyn FnMut(Progress<'_>)) -> Result<Outcome, Refused> {
     let data = read(specification, &mut |file| {
         progress(Progress::Reading { file });
-        compressed::read(&specification.path_of(file))
+        Content::read(&specification.path_of(file))
     })?;
     fit_rows(specification, data, progress)
 }
@@ -195,7 +195,7 @@ pub fn fit_sources(
     let data = read(specification, &mut |file| {
         progress(Progress::Reading { file });
         let found = sources.iter().find(|source| source.name() == file).cloned();
-        found.ok_or_else(|| Faults::one(Fault::whole_file(file, "is not among the files in memory")))
+        found.map(Content::from).ok_or_else(|| Faults::one(Fault::whole_file(file, "is not among the files in memory")))
     })?;
     fit_rows(specification, data, progress)
 }
@@ -261,8 +261,8 @@ pub(crate) fn fit_rows(
     Ok(Outcome { model, responses, files, fitted: data.fit, validation: data.validate, test: data.test, left_out })
 }
 
-/// The rows of a response, with the contrasts of its blocks behind its inputs. Rows with the same values of its inputs stay together, as do the groups
-/// of the specification.
+/// The rows of a response, with the contrasts of its blocks behind its inputs. Rows with the same values of its inputs stay together, as do the
+/// groups of the specification.
 fn sample(
     specification: &Specification,
     records: &Records,
@@ -305,8 +305,8 @@ fn copies(specification: &Specification, data: &OfResponse<'_>) -> Vec<(&'static
     validate.into_iter().chain(of("test", &specification.test, &data.test)).collect()
 }
 
-/// Reads the data files. `open` returns the file with a name.
-fn read(specification: &Specification, open: &mut dyn FnMut(&str) -> Result<Source, Faults>) -> Result<Data, Refused> {
+/// Reads the data files. `open` returns the content of the file with a name.
+fn read(specification: &Specification, open: &mut dyn FnMut(&str) -> Result<Content, Faults>) -> Result<Data, Refused> {
     let mut units = Units::of(specification);
     let all = Records::read(specification, &specification.data, Rows::ToFit, &mut units, open);
     let mut apart = |rows: &Validation| match rows {

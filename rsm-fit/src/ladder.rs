@@ -107,8 +107,8 @@ pub struct Ladder<'a> {
 }
 
 impl<'a> Ladder<'a> {
-    /// `fit`: all candidates and the response on the data to fit. `terms`: the candidates, by order. `wanted`: the required C. The constant is in every
-    /// model.
+    /// `fit`: all candidates and the response on the data to fit. `terms`: the candidates, by order. `wanted`: the required C. The constant is in
+    /// every model.
     #[must_use]
     pub fn new(fit: &'a Triangle, judge: &'a Judge, terms: &'a [Vec<u32>], max_order: u32, wanted: f64) -> Self {
         let always = (0..terms.len()).filter(|k| order(&terms[*k]) == 0).take(1).collect();

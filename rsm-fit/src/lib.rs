@@ -65,7 +65,11 @@ pub mod units;
 
 pub mod missing;
 
-mod compressed;
+mod hash;
+
+mod columnar;
+
+pub mod content;
 
 pub mod threads;
 

@@ -5,15 +5,14 @@
 //! number is NaN, if the specification permits that. Never drops a row while it reads.
 
 use rsm_core::order;
-use rsm_core::source::{Collector, Fault, Faults, Source};
-use sha2::{Digest, Sha256};
+use rsm_core::source::{Collector, Fault, Faults};
 
+use crate::content::Content;
 use crate::missing::{self, Missing};
 use crate::spec::{Specification, Weights};
 use crate::table::{Column, MissingAs, Table, Wanted, is_run};
 
-/// From this number of bytes on, the hash of a text is worth a thread of its own: it takes a millisecond.
-const LONG: usize = 1 << 20;
+pub use crate::hash::hash;
 
 /// Every file's faults, in the order in which the files are named. Never empty.
 #[derive(Debug, Clone, PartialEq)]
@@ -111,7 +110,7 @@ pub struct Records {
 }
 
 impl Records {
-    /// Reads some of the files of a specification. `open` returns the file with a name.
+    /// Reads some of the files of a specification. `open` returns the content of the file with a name.
     ///
     /// # Errors
     /// Every fault of every file.
@@ -120,37 +119,22 @@ impl Records {
         files: &[String],
         rows: Rows,
         units: &mut Units,
-        open: &mut dyn FnMut(&str) -> Result<Source, Faults>,
+        open: &mut dyn FnMut(&str) -> Result<Content, Faults>,
     ) -> Result<Self, Refused> {
         let wanted = Self::wanted(specification, rows);
         let mut records = Self::without_rows(specification, &wanted);
         let mut refused = Vec::new();
         let mut runs: Vec<String> = Vec::new();
         for name in files {
-            let source = match open(name) {
-                Ok(source) => source,
-                Err(faults) => {
-                    refused.push(faults);
-                    continue;
-                }
-            };
-            let read = || Table::read(&source, &wanted);
-            let (table, sha256) = if source.text().len() < LONG {
-                (read(), hash(source.text()))
-            } else {
-                std::thread::scope(|scope| {
-                    let hash = scope.spawn(|| hash(source.text()));
-                    (read(), hash.join().expect("a hash is never a panic"))
-                })
-            };
-            let read = table.and_then(|table| {
+            let read = open(name).and_then(|content| content.table_and_sha256(&wanted));
+            let read = read.and_then(|(table, sha256)| {
                 let count = records.add(specification, &table, rows, units)?;
                 let of_run = |column: &&Column| is_run(&column.name) && column.labels.len() == table.rows();
                 runs.extend(table.columns.iter().find(of_run).into_iter().flat_map(|column| column.labels.iter().cloned()));
-                Ok(count)
+                Ok(DataFile { name: name.clone(), sha256, rows: count })
             });
             match read {
-                Ok(rows) => records.files.push(DataFile { name: name.clone(), sha256, rows }),
+                Ok(file) => records.files.push(file),
                 Err(faults) => refused.push(faults),
             }
         }
@@ -348,15 +332,4 @@ fn wanted(specification: &Specification, rows: Rows) -> Wanted {
         Missing::DropRow => MissingAs::Nan,
     };
     Wanted { numbers, labels, run: true, missing, categories: specification.categories.clone(), ..Wanted::default() }
-}
-
-/// SHA-256 in hexadecimal. A source keeps every byte of its file, so this is the output of `sha256sum`.
-#[must_use]
-pub fn hash(text: &str) -> String {
-    hexadecimal(&Sha256::digest(text.as_bytes()))
-}
-
-/// Bytes as two hexadecimal digits each.
-pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -5,9 +5,9 @@
 //! blanks around cells are accepted. Decimals are rounded once, to nearest. Other columns may contain anything. No unit is converted: a table has the
 //! units of its file.
 
+mod contrasts;
+pub(crate) mod header;
 mod plain;
-
-use std::collections::{BTreeMap, BTreeSet};
 
 use csv::{ReaderBuilder, StringRecord, Trim};
 use rsm_core::model::Category;
@@ -20,9 +20,6 @@ pub use crate::missing::MissingAs;
 
 /// The allowed magnitudes of a response: sums of 10^7 squares stay finite, and squares of a ten-thousandth of it keep their digits.
 pub const MAGNITUDES: [f64; 2] = [1e-140, 1e150];
-
-/// The largest number of columns named in a message.
-const MOST_NAMES: usize = 40;
 
 /// The largest number of faults reported for one file; the rest is counted. A wrong delimiter would otherwise give one for each line.
 const MOST_FAULTS: usize = 20;
@@ -43,24 +40,6 @@ pub struct Wanted {
     /// Categories whose contrasts are among `numbers`: computed from a column of text with the name of the category, unless the file has the
     /// contrasts themselves.
     pub categories: Vec<Category>,
-}
-
-impl Wanted {
-    /// The columns to read from a file with these columns: the texts of categories in place of their contrasts.
-    pub(crate) fn in_file(&self, has: impl Fn(&str) -> bool) -> Wanted {
-        let mut wanted = self.clone();
-        wanted.categories.retain(|category| {
-            let is_asked = category.inputs.iter().any(|name| self.numbers.contains(name));
-            is_asked && (has(&category.name) || !category.inputs.iter().all(|name| has(name)))
-        });
-        for category in &wanted.categories {
-            wanted.numbers.retain(|name| !category.inputs.contains(name));
-            if !wanted.labels.contains(&category.name) {
-                wanted.labels.push(category.name.clone());
-            }
-        }
-        wanted
-    }
 }
 
 /// Column names for a run number, in upper or lower case.
@@ -122,52 +101,6 @@ impl Table {
         let mut reader = Reader { source, faults: Vec::new(), hidden: 0, lines: Lines { text, offset: 0, line: 1 } };
         let table = reader.table(wanted);
         reader.finish(table)?.with_contrasts(wanted)
-    }
-
-    /// Adds the contrasts of categories, computed from their columns of text.
-    ///
-    /// # Errors
-    /// A text that is no level, once for each text; a missing cell, unless it is read as NaN.
-    pub(crate) fn with_contrasts(mut self, wanted: &Wanted) -> Result<Table, Faults> {
-        let mut faults = Collector::new();
-        for category in wanted.in_file(|name| self.column(name).is_some()).categories {
-            let Some(column) = self.column(&category.name).filter(|column| column.labels.len() == self.rows()) else {
-                continue;
-            };
-            let mut columns = vec![Vec::with_capacity(self.rows()); category.inputs.len()];
-            let mut told: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
-            for (label, line) in column.labels.iter().zip(&self.lines) {
-                let is_nan = wanted.missing == MissingAs::Nan && is_missing(label);
-                let values = if is_nan { None } else { category.contrasts(label) };
-                if values.is_none() && !is_nan {
-                    told.entry(label).or_insert((*line, 0)).1 += 1;
-                }
-                let values = values.unwrap_or_else(|| vec![f64::NAN; columns.len()]);
-                columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
-            }
-            let mut told: Vec<(&str, (usize, usize))> = told.into_iter().collect();
-            told.sort_by_key(|(_, (line, _))| *line);
-            for (text, (line, cells)) in told.into_iter().take(MOST_FAULTS) {
-                let found = if text.is_empty() { "an empty cell".to_string() } else { format!("`{text}`") };
-                let more = if cells > 1 { format!("; {cells} cells have it") } else { String::new() };
-                let levels: Vec<String> = category.levels.iter().map(|level| format!("`{level}`")).collect();
-                let expected = levels.join(", ");
-                let what =
-                    format!("column {} `{}`: found {found}, expected one of {expected}{more}", column.place, column.name);
-                let fault = Fault::at_line(&self.file, line, 0, what);
-                faults.push(match wanted.missing {
-                    MissingAs::Counted(help) if is_missing(text) => fault.help(help.to_string()),
-                    _ => fault,
-                });
-            }
-            let (place, unit) = (column.place, Some("1".to_string()));
-            // Columns of the file with these names are not used.
-            self.columns.retain(|column| !category.inputs.contains(&column.name));
-            for (name, values) in category.inputs.into_iter().zip(columns) {
-                self.columns.push(Column { name, unit: unit.clone(), place, values, labels: Vec::new() });
-            }
-        }
-        faults.finish(Some(self))
     }
 
     /// A table of columns in memory, without units in its header. `file` is its name in messages, and its rows are counted from 1.
@@ -263,6 +196,16 @@ impl Table {
     #[must_use]
     pub fn rows(&self) -> usize {
         self.lines.len()
+    }
+
+    /// Adds further rows of the same columns.
+    #[cfg_attr(not(any(feature = "parquet", feature = "arrow")), allow(dead_code, reason = "no file is read in batches"))]
+    pub(crate) fn append(&mut self, rows: Table) {
+        for (column, further) in self.columns.iter_mut().zip(rows.columns) {
+            column.values.extend(further.values);
+            column.labels.extend(further.labels);
+        }
+        self.lines.extend(rows.lines);
     }
 }
 
@@ -363,10 +306,10 @@ impl Reader<'_> {
             self.fault(fault.help("separate the cells by commas, with a point in decimals; `rsm import` does it"));
             return None;
         }
-        let columns = self.header(&header, header_line);
+        let columns = header::columns(header.iter(), &mut |what, help| self.header_fault(header_line, what, help));
         let mut table = Table { file: self.source.name().to_string(), header_line, columns, lines: Vec::new() };
         let wanted = &wanted.in_file(|name| table.columns.iter().any(|column| column.name == name));
-        let roles = self.roles(&table, wanted);
+        let roles = header::roles(&table.columns, wanted, &mut |what, help| self.header_fault(header_line, what, help));
         let behind_header = records.reader().position().byte() as usize;
         if self.faults.is_empty()
             && let Some(rows) = self.plain(behind_header, &roles, wanted.missing)
@@ -411,56 +354,10 @@ impl Reader<'_> {
         }
     }
 
-    fn header(&mut self, header: &StringRecord, line: usize) -> Vec<Column> {
-        let mut columns: Vec<Column> = Vec::new();
-        let mut places: BTreeMap<&str, usize> = BTreeMap::new();
-        for (k, cell) in header.iter().enumerate() {
-            let place = k + 1;
-            let (name, unit) = match cell.split_once('[') {
-                None => (cell, None),
-                Some((name, rest)) => match rest.strip_suffix(']').filter(|unit| !unit.contains(['[', ']'])) {
-                    Some(unit) => (name.trim_end(), Some(unit.trim().to_string())),
-                    None => {
-                        let what = format!("column {place} is headed `{cell}`, expected `name` or `name[unit]`");
-                        self.fault(self.at_line(line, what));
-                        (name, None)
-                    }
-                },
-            };
-            if name.is_empty() {
-                self.fault(self.at_line(line, format!("column {place} has no name")));
-            } else if let Some(first) = places.get(name) {
-                let what = format!("columns {first} and {place} are both named `{name}`");
-                self.fault(self.at_line(line, what).help("rename or remove one of them"));
-            } else {
-                places.insert(name, place);
-            }
-            columns.push(Column { name: name.to_string(), unit, place, values: Vec::new(), labels: Vec::new() });
-        }
-        columns
-    }
-
-    /// For every column of the file: requested as numbers, requested as labels. Reports missing ones.
-    fn roles(&mut self, table: &Table, wanted: &Wanted) -> Vec<(bool, bool)> {
-        let known: BTreeSet<&str> = table.columns.iter().map(|column| column.name.as_str()).collect();
-        for name in wanted.numbers.iter().chain(&wanted.labels) {
-            if !known.contains(name.as_str()) {
-                let mut names: Vec<String> =
-                    table.columns.iter().take(MOST_NAMES).map(|column| format!("`{}`", column.name)).collect();
-                if table.columns.len() > MOST_NAMES {
-                    names.push(format!("{} more", table.columns.len() - MOST_NAMES));
-                }
-                let names = names.join(", ");
-                self.fault(self.at_line(table.header_line, format!("there is no column `{name}`; the columns are {names}")));
-            }
-        }
-        let numbers: BTreeSet<&String> = wanted.numbers.iter().collect();
-        let labels: BTreeSet<&String> = wanted.labels.iter().collect();
-        let of = |column: &Column| {
-            let is_run = wanted.run && is_run(&column.name);
-            (wanted.every_number || numbers.contains(&column.name), is_run || labels.contains(&column.name))
-        };
-        table.columns.iter().map(of).collect()
+    /// Adds what a header says about its columns.
+    fn header_fault(&mut self, line: usize, what: String, help: Option<&'static str>) {
+        let fault = self.at_line(line, what);
+        self.fault(if let Some(help) = help { fault.help(help) } else { fault });
     }
 
     fn missing_cells(&self, first: &FirstMissing, column: &Column) -> Fault {

@@ -57,7 +57,7 @@ pub(crate) fn run() -> bool {
         // Whole diagnoses, pages in a browser, loops between processes and hosts.
         .command("slow tests", tests(&SLOW))
         .command("parquet and arrow", {
-            cargo_for_tests(&["test", "-p", "rsm-fit", "--features", "parquet,arrow", "--lib", "--", "partial"])
+            cargo_for_tests(&["test", "-p", "rsm-fit", "--features", "parquet,arrow", "--lib", "--", "partial", "columnar"])
         })
         .command("programs", programs())
         // The diagnosis on records of the independent simulation: a quick subset; all of it is `cargo xtask hidden-effects`.

@@ -37,8 +37,8 @@ impl Input {
         Input { name: Some(name.into()), ..Input::unnamed(values.as_ref().to_vec()) }
     }
 
-    /// A category, with one text for each row: an input for each level but the last, which is 1 at its level, -1 at the last level and 0 at the others.
-    /// Name them all in [`Response::inputs`], or none.
+    /// A category, with one text for each row: an input for each level but the last, which is 1 at its level, -1 at the last level and 0 at the
+    /// others. Name them all in [`Response::inputs`], or none.
     ///
     /// ```
     /// use rsm_fit::{Fit, Input};

@@ -31,8 +31,9 @@ pub use rows::{Inputs, Responses};
 pub use select::Select;
 
 use crate::fit::{Data, Outcome, Progress, fit_rows};
+use crate::hash::hexadecimal;
 use crate::missing::Missing;
-use crate::records::{DataFile, Records, Refused, Units, hexadecimal};
+use crate::records::{DataFile, Records, Refused, Units};
 use crate::spec::{IN_MEMORY, InputSpec, Specification, Split, Together, Validation};
 use crate::table::magnitude_fault;
 use columns::RowWeights;

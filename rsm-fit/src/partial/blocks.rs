@@ -8,7 +8,7 @@ use std::io::Read;
 
 use sha2::{Digest as _, Sha256};
 
-use crate::records::hexadecimal;
+use crate::hash::hexadecimal;
 
 /// The size of a block in bytes: some 20,000 rows. Larger ones are not faster.
 pub(super) const BLOCK: usize = 1 << 20;
@@ -156,8 +156,8 @@ mod tests {
     use rsm_core::source::Source;
 
     use super::*;
-    use crate::compressed::decoded;
-    use crate::records::hash;
+    use crate::content::decoded;
+    use crate::hash::hash;
     use crate::table::{Table, Wanted};
 
     fn blocks(text: &[u8], size: usize) -> (Vec<String>, String) {

@@ -13,9 +13,10 @@ use rsm_core::toml_reader::{self, TableReader, Value};
 
 use super::{Part, Sums, design_of, rules};
 use crate::dd::Dd;
+use crate::hash::hash;
 use crate::left_out::MissingCells;
 use crate::qr::Triangle;
-use crate::records::{DataFile, hash};
+use crate::records::DataFile;
 use crate::spec::Specification;
 
 /// The first line.

@@ -25,17 +25,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-#[cfg(feature = "arrow")]
-mod arrow;
 mod blocks;
 mod bound;
-mod columnar;
-#[cfg(any(feature = "parquet", feature = "arrow"))]
-mod columns;
 mod file;
 mod merge;
-#[cfg(feature = "parquet")]
-mod parquet;
 mod rules;
 
 use std::path::Path;
@@ -45,17 +38,19 @@ use std::sync::mpsc::sync_channel;
 use rsm_core::model::Input;
 use rsm_core::source::{Fault, Faults, Source};
 
-use crate::compressed::{self, Columnar};
+use crate::columnar::{self, Format};
+use crate::content::{self, Content};
 use crate::dd::Dd;
 use crate::dd::lanes::{LANES, Lanes};
 use crate::design::eight::Eight;
 use crate::design::{self, Design};
 use crate::fit::span;
+use crate::hash::{self, hash};
 use crate::left_out::{self, MissingCells};
 use crate::outcome::Progress;
 use crate::qr::Triangle;
 use crate::qr::table::{self, GROUP, Gathered};
-use crate::records::{DataFile, Records, Refused, Rows, Units, hash};
+use crate::records::{DataFile, Records, Refused, Rows, Units};
 use crate::selection::{self, Sample};
 use crate::spec::{Method, ResponseSpec, Specification};
 use crate::table::Table;
@@ -133,18 +128,14 @@ pub fn of_files(
     let in_blocks = |file: &String| std::fs::metadata(path_of(file)).is_ok_and(|found| found.is_file());
     if files.iter().all(in_blocks) {
         let mut builder = Builder::new(specification);
-        let mut refused: Option<Faults> = None;
         let all = files.iter().all(|file| {
             progress(Progress::Reading { file });
             let path = path_of(file);
-            if let Some(format) = Columnar::of_file(&path) {
-                return builder.read_columnar(format, file, &path).inspect_err(|faults| refused = Some(faults.clone())).is_ok();
+            match Format::of_file(&path) {
+                Some(format) => builder.read_columnar(format, file, &path).is_ok(),
+                None => builder.read(file, &path).is_some(),
             }
-            builder.read(file, &path).is_some()
         });
-        if let Some(faults) = refused {
-            return Err(faults.into());
-        }
         // A fault is found again below, with its line in the file and beside all others.
         if let Some(part) = all.then(|| builder.finish().ok()).flatten() {
             return Ok(part);
@@ -152,7 +143,7 @@ pub fn of_files(
     }
     of(specification, &files, &mut |file| {
         progress(Progress::Reading { file });
-        compressed::read(&path_of(file))
+        Content::read(&path_of(file))
     })
 }
 
@@ -164,14 +155,14 @@ pub fn of_sources(specification: &Specification, sources: &[Source]) -> Result<P
     let files: Vec<String> = sources.iter().map(|source| source.name().to_string()).collect();
     of(specification, &files, &mut |file| {
         let found = sources.iter().find(|source| source.name() == file).cloned();
-        found.ok_or_else(|| Faults::one(Fault::whole_file(file, "is not among the files in memory")))
+        found.map(Content::from).ok_or_else(|| Faults::one(Fault::whole_file(file, "is not among the files in memory")))
     })
 }
 
 fn of(
     specification: &Specification,
     files: &[String],
-    open: &mut dyn FnMut(&str) -> Result<Source, Faults>,
+    open: &mut dyn FnMut(&str) -> Result<Content, Faults>,
 ) -> Result<Part, Refused> {
     rules::check(specification)?;
     let mut builder = Builder::new(specification);
@@ -270,7 +261,7 @@ impl<'a> Builder<'a> {
         let sha256 = std::thread::scope(|scope| {
             let (send, receive) = sync_channel(AT_ONCE);
             let reader = scope.spawn(move || {
-                let mut blocks = Blocks::new(compressed::decoded(file).ok()?, blocks::BLOCK);
+                let mut blocks = Blocks::new(content::decoded(file).ok()?, blocks::BLOCK);
                 while let Some(block) = blocks.next().ok()? {
                     // A send fails if a block had a fault.
                     send.send(block).ok()?;
@@ -302,19 +293,16 @@ impl<'a> Builder<'a> {
     }
 
     /// Adds a file of numbered columns in batches of rows.
-    fn read_columnar(&mut self, format: Columnar, file: &str, path: &Path) -> Result<(), Faults> {
+    fn read_columnar(&mut self, format: Format, file: &str, path: &Path) -> Result<(), Faults> {
         let wanted = Records::wanted(self.specification, Rows::ToFit);
         let name = short(file);
         let rows = columnar::read(format, &name, path, &wanted, &mut |table| {
             let mut records = Records::without_rows(self.specification, &wanted);
-            let rows = records.add(self.specification, table, Rows::ToFit, &mut self.units)?;
+            let rows = records.add(self.specification, &table, Rows::ToFit, &mut self.units)?;
             records.files = vec![DataFile { name: name.clone(), sha256: String::new(), rows }];
             self.add(records)
         })?;
-        if rows == 0 {
-            return Err(Faults::one(Fault::whole_file(&name, "there is no row")));
-        }
-        let sha256 = compressed::hash(path)?;
+        let sha256 = hash::of_file(path)?;
         self.files.push(DataFile { name, sha256, rows });
         Ok(())
     }

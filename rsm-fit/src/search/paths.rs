@@ -1,7 +1,7 @@
 //! Paths of models, one for each size: stepwise, and the best of each size by branch and bound.
 //!
-//! In: a Gram matrix. Out: a [`Path`]: for each number of terms a model, or none. The constant and additive contrasts are in every model. With heredity, a term requires the
-//! terms with one power less (x^2 z requires x z and x^2), so that a shift of an input's zero gives the same model.
+//! In: a Gram matrix. Out: a [`Path`]: for each number of terms a model, or none. The constant and additive contrasts are in every model. With
+//! heredity, a term requires the terms with one power less (x^2 z requires x z and x^2), so that a shift of an input's zero gives the same model.
 //!
 //! Sources: Efroymson 1960 and Pudil, Novovicova, Kittler 1994 (steps in both directions); Furnival, Wilson 1974, Regressions by leaps and
 //! bounds (a subset leaves at least what its superset leaves).

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use rsm_core::model::Evidence;
+use rsm_fit::content::Content;
 use rsm_fit::records::{Records, Rows, Units};
 use rsm_fit::spec::Validation;
 use rsm_fit::split::{Sides, split};
@@ -32,7 +33,7 @@ fn text(validate: &str) -> String {
 fn sides(files: &Files, validate: &str) -> (Records, Sides) {
     let specification = specification(&text(validate), Path::new(""));
     let records = {
-        let mut open = |name: &str| Ok(files.get(name));
+        let mut open = |name: &str| Ok(Content::from(files.get(name)));
         Records::read(&specification, &specification.data, Rows::ToFit, &mut Units::of(&specification), &mut open).unwrap()
     };
     let Validation::Split(wanted) = &specification.validation else { panic!("a split was asked for") };
