@@ -84,8 +84,7 @@ pub struct Parts {
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[inputs.load]\nunit = \"t\"\nrange = [0.0, 2.0]\n\
-/// #     [surfaces.drag]\nunit = \"N\"\ninputs = [\"speed\", \"load\"]\nterms = [{ powers = [1, 0], coefficient = 35.0 }, { powers = [0, 1],
-/// coefficient = 30.0 }]\n";
+/// #     [surfaces.drag]\nunit = \"N\"\ninputs = [\"speed\", \"load\"]\nterms = [{ powers = [1, 0], coefficient = 35.0 }, { powers = [0, 1], coefficient = 30.0 }]\n";
 /// # let checked = rsm_core::check::Checked::read(&rsm_core::source::Source::new("car.toml", text))?;
 /// // A car is loaded before it drives.
 /// use rsm_core::{compile, compile::Parts, number::Precision};

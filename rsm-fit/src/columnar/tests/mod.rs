@@ -128,10 +128,17 @@ fn a_fit_of_columns_is_the_fit_of_the_same_csv() {
         let random = &mut Random::new(seed);
         let text = |data: &str, apart: &str| {
             let together = if seed % 2 == 0 { "rig" } else { "day" };
+            // Where the rig keeps no rows together it is an input.
+            let levels = "[\"north\", \"south\", \"east\", \"west\", \"a, b\"]";
+            let (category, of_category) = match seed % 4 {
+                1 => (format!("[inputs.rig]\ncategories = {levels}\nadditive = true\n"), ", \"rig\""),
+                3 => (format!("[inputs.rig]\ncategories = {levels}\n"), ", \"rig\""),
+                _ => (String::new(), ""),
+            };
             let validate = format!("{{ share = 0.3, seed = {seed}, keep_together = [\"{together}\"] }}");
             let text = format!(
                 "format = 1\nmodel = \"m\"\ndata = [{data}]\nmissing = \"drop-row\"\nvalidate = {validate}\ntest = [\"{apart}\"]\n[inputs.a]\n\
-                 unit = \"cm\"\n[inputs.k]\n[responses.y]\nunit = \"mV\"\ninputs = [\"a\", \"k\"]\nweights = \"w\"\n\
+                 unit = \"cm\"\n[inputs.k]\n{category}[responses.y]\nunit = \"mV\"\ninputs = [\"a\", \"k\"{of_category}]\nweights = \"w\"\n\
                  select = {{ method = \"ladder\", max_order = 3, confidence = 95.0 }}\n"
             );
             Specification::from_source(Source::new("fit.toml", text), folder.clone()).unwrap()
