@@ -46,6 +46,13 @@ pub struct BlocksReport {
 const MOST_NAMED: usize = 6;
 
 impl BlocksReport {
+    /// The effect of the block of a row; 0 for a block without fitted rows, and for rows of files that were read without blocks. `labels`: the columns of
+    /// [`Records::labels`].
+    pub(crate) fn effect_of(&self, labels: &[String], records: &Records, row: usize) -> f64 {
+        let level = cells(&self.columns, labels, records, row).map(|cells| cells.join(" / "));
+        self.effects.iter().find(|one| Some(&one.block) == level.as_ref()).map_or(0.0, |one| one.effect)
+    }
+
     /// The blocks with their effects, as a sentence.
     #[must_use]
     pub fn words(&self, unit: &str) -> String {
@@ -77,10 +84,11 @@ impl Blocks {
     /// A row without a block.
     pub(crate) fn of(specification: &Specification, fit: &Records) -> Result<Option<Self>, Faults> {
         let columns = specification.blocks.clone();
+        let labels: Vec<String> = specification.labels().into_iter().map(str::to_string).collect();
         let mut levels: Vec<String> = Vec::new();
         let mut seen = std::collections::BTreeSet::new();
         for row in 0..if columns.is_empty() { 0 } else { fit.rows() } {
-            let cells = cells(specification, fit, row).unwrap_or_default();
+            let cells = cells(&columns, &labels, fit, row).unwrap_or_default();
             if let Some((name, _)) = columns.iter().zip(&cells).find(|(_, cell)| is_missing(cell)) {
                 let what = format!("`blocks`: row {} of `data` has no cell in column `{name}`", row + 1);
                 let help = "fill the cell, or leave such rows out with `missing = \"drop-row\"`";
@@ -103,9 +111,10 @@ impl Blocks {
 
     /// The values of the contrasts in some rows. A row of an unknown block, or of a file without blocks, has the mean of all blocks.
     pub(crate) fn contrasts(&self, specification: &Specification, records: &Records) -> Vec<Vec<f64>> {
+        let labels: Vec<String> = specification.labels().into_iter().map(str::to_string).collect();
         let mut columns = vec![Vec::with_capacity(records.rows()); self.width()];
         for row in 0..records.rows() {
-            let level = cells(specification, records, row).map(|cells| cells.join(" / "));
+            let level = cells(&self.columns, &labels, records, row).map(|cells| cells.join(" / "));
             let values = level.and_then(|level| self.category.contrasts(&level)).unwrap_or_else(|| vec![0.0; self.width()]);
             columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
         }
@@ -181,9 +190,8 @@ impl Blocks {
 }
 
 /// The cells of a row in the columns of the blocks; `None` for rows of files that were read without them.
-fn cells(specification: &Specification, records: &Records, row: usize) -> Option<Vec<String>> {
-    let labels = specification.labels();
+fn cells(columns: &[String], labels: &[String], records: &Records, row: usize) -> Option<Vec<String>> {
     let place = |column: &String| labels.iter().position(|label| label == column);
     let cell = |column: &String| records.labels.get(place(column)?)?.get(row).cloned();
-    specification.blocks.iter().map(cell).collect()
+    columns.iter().map(cell).collect()
 }

@@ -46,9 +46,31 @@ pub struct Outcome {
     pub test: Option<Records>,
     /// For each response the rows that it leaves out because a cell is missing.
     pub left_out: Vec<Vec<LeftOut>>,
+    /// The columns of [`Records::labels`] of the rows to fit, and of rows that were set aside from them.
+    pub labels: Vec<String>,
 }
 
 impl Outcome {
+    /// The same outcome with rows whose responses have the effects of their blocks taken off, as a plot beside the surface needs them.
+    #[must_use]
+    pub fn without_blocks(&self) -> Cow<'_, Outcome> {
+        let has_blocks = |response: &ResponseOutcome| response.statistics.as_ref().is_some_and(|it| it.blocks.is_some());
+        if !self.responses.iter().any(has_blocks) {
+            return Cow::Borrowed(self);
+        }
+        let mut other = self.clone();
+        let rows = [Some(&mut other.fitted), other.validation.as_mut(), other.test.as_mut()];
+        for records in rows.into_iter().flatten() {
+            for (k, response) in self.responses.iter().enumerate() {
+                let Some(blocks) = response.statistics.as_ref().and_then(|it| it.blocks.as_ref()) else { continue };
+                for row in 0..records.rows() {
+                    records.responses[k][row] -= blocks.effect_of(&self.labels, records, row);
+                }
+            }
+        }
+        Cow::Owned(other)
+    }
+
     /// Whether every response was fitted and reached the required confidence.
     #[must_use]
     pub fn reached(&self) -> bool {
@@ -258,7 +280,8 @@ pub(crate) fn fit_rows(
     };
     let apart = [of_files(&data.validate, &specification.validation), of_files(&data.test, &specification.test)];
     let files = data.fit.files.iter().cloned().chain(apart.into_iter().flatten()).collect();
-    Ok(Outcome { model, responses, files, fitted: data.fit, validation: data.validate, test: data.test, left_out })
+    let labels = specification.labels().into_iter().map(str::to_string).collect();
+    Ok(Outcome { model, responses, files, fitted: data.fit, validation: data.validate, test: data.test, left_out, labels })
 }
 
 /// The rows of a response, with the contrasts of its blocks behind its inputs. Rows with the same values of its inputs stay together, as do the

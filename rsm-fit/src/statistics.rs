@@ -13,7 +13,6 @@ use serde::Serialize;
 
 use crate::analysis::Report;
 use crate::autoregressive::NoiseReport;
-use crate::blocks::BlocksReport;
 use crate::canonical::Canonical;
 use crate::constrain::ConstraintStatistics;
 use crate::dd::Dd;
@@ -31,6 +30,7 @@ use crate::threads;
 mod judged;
 pub(crate) mod serial;
 
+pub use crate::blocks::{BlockEffect, BlocksReport};
 pub use crate::observations::{Named, Observations, ValidationStatistics};
 pub use judged::Judged;
 pub use serial::Serial;

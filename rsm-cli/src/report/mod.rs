@@ -15,7 +15,7 @@ use rsm_fit::constrain::ConstraintStatistics;
 use rsm_fit::fit::{ChosenBy, Outcome, ResponseOutcome, Verdict};
 use rsm_fit::left_out::LeftOut;
 use rsm_fit::records::Records;
-use rsm_fit::statistics::{Named, ResponseStatistics, ValidationStatistics};
+use rsm_fit::statistics::{BlockEffect, BlocksReport, Named, ResponseStatistics, ValidationStatistics};
 
 use crate::commands::fit::verdict_in_words;
 
@@ -26,6 +26,7 @@ use crate::plot::{self, BLACK, BLUE, GREY, Mark, ORANGE, Series, Words};
 
 /// The report of a fit.
 pub fn fit(outcome: &Outcome) -> Result<String, Refusal> {
+    let outcome = &*outcome.without_blocks();
     let mut body = format!("<h1>Model <code>{}</code></h1>\n", escaped(&outcome.model.name));
     let reached = outcome.responses.iter().filter(|it| matches!(it.verdict, Verdict::Fitted | Verdict::Reached { .. })).count();
     if outcome.responses.len() > 1 {
@@ -280,7 +281,7 @@ fn of_the_fit(statistics: &ResponseStatistics, inputs: &[Input], has_rows_apart:
         row("noise", escaped(&noise.words()));
     }
     if let Some(blocks) = &statistics.blocks {
-        row("blocks", escaped(&blocks.words("")));
+        row(&format!("effects of {}", escaped(&blocks.columns.join(" / "))), effects(blocks));
     }
     row("confidence C on the fitted rows", figure(statistics.confidence_c) + " %");
     if let Some(lack) = &statistics.lack_of_fit {
@@ -303,6 +304,23 @@ fn of_the_fit(statistics: &ResponseStatistics, inputs: &[Input], has_rows_apart:
         }
     }
     rows(&list)
+}
+
+/// The most blocks that are listed.
+const MOST_BLOCKS: usize = 20;
+
+/// The effects of the blocks, each with its 95 % interval.
+fn effects(blocks: &BlocksReport) -> String {
+    let of_one = |one: &BlockEffect| {
+        let width = 2.0 * one.standard_error.unwrap_or(0.0);
+        let width_words = if width > 0.0 { format!(" &plusmn; {}", short(width)) } else { String::new() };
+        format!("{}: {}{width_words}", escaped(&one.block), known(one.effect, width))
+    };
+    let mut lines: Vec<String> = blocks.effects.iter().take(MOST_BLOCKS).map(of_one).collect();
+    if blocks.effects.len() > MOST_BLOCKS {
+        lines.push(format!("{} more", blocks.effects.len() - MOST_BLOCKS));
+    }
+    format!("standard deviation {}; {}. Plots show measured values less these effects.", short(blocks.sd), lines.join("; "))
 }
 
 fn terms(surface: &Surface, statistics: &ResponseStatistics, unit: &str) -> String {

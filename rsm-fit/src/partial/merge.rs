@@ -145,7 +145,8 @@ pub fn merge(parts: Vec<Part>) -> Result<Merged, Faults> {
         responses.push(outcome);
     }
     let files = records.files.clone();
-    let outcome = Outcome { model, responses, files, fitted: records, validation: None, test: None, left_out };
+    let outcome =
+        Outcome { model, responses, files, fitted: records, validation: None, test: None, left_out, labels: Vec::new() };
     let merge = MergeReport { parts: parts.len(), needs_rows: NEED_ROWS.to_vec(), largest_difference: Named(differences) };
     Ok(Merged { outcome, merge })
 }
