@@ -46,8 +46,8 @@ pub struct BlocksReport {
 const MOST_NAMED: usize = 6;
 
 impl BlocksReport {
-    /// The effect of the block of a row; 0 for a block without fitted rows, and for rows of files that were read without blocks. `labels`: the columns of
-    /// [`Records::labels`].
+    /// The effect of the block of a row; 0 for a block without fitted rows, and for rows of files that were read without blocks. `labels`: the
+    /// columns of [`Records::labels`].
     pub(crate) fn effect_of(&self, labels: &[String], records: &Records, row: usize) -> f64 {
         let level = cells(&self.columns, labels, records, row).map(|cells| cells.join(" / "));
         self.effects.iter().find(|one| Some(&one.block) == level.as_ref()).map_or(0.0, |one| one.effect)
