@@ -42,6 +42,9 @@ pub struct BlocksReport {
     pub effects: Vec<BlockEffect>,
 }
 
+/// The most blocks: each is a column of the fit, in every row.
+const MOST_BLOCKS: usize = 300;
+
 /// The most blocks that are named in a sentence.
 const MOST_NAMED: usize = 6;
 
@@ -97,6 +100,11 @@ impl Blocks {
             let level = cells.join(" / ");
             if seen.insert(level.clone()) {
                 levels.push(level);
+            }
+            if levels.len() > MOST_BLOCKS {
+                let what = format!("`blocks`: column `{}` tells more than {MOST_BLOCKS} blocks apart", columns.join(" / "));
+                let help = "a block is a day, a batch or a test rig with many rows; for many small groups use `keep_together`";
+                return Err(Faults::one(specification.fault("blocks", what).help(help)));
             }
         }
         let inputs = levels.iter().take(levels.len().saturating_sub(1)).map(|level| format!("{BLOCK}{level}")).collect();

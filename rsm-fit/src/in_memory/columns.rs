@@ -46,7 +46,7 @@ impl Input {
     /// let fuel = ["diesel", "petrol", "diesel", "petrol", "diesel", "petrol"];
     /// let mut inputs = Input::category("fuel", ["diesel", "petrol"], fuel);
     /// inputs.push(Input::new("torque", [0.0, 0.0, 1.0, 1.0, 2.0, 2.0]));
-    /// let outcome = Fit::new(inputs, &[12.0, 8.0, 15.0, 9.0, 18.0, 10.0]).order(2).terms([[0, 0], [1, 0], [0, 1], [1, 1]]).fit()?;
+    /// let outcome = Fit::new(inputs, &[12.0, 8.0, 15.0, 9.0, 18.0, 10.0]).terms([[0, 0], [1, 0], [0, 1], [1, 1]]).fit()?;
     /// assert_eq!(outcome.model.inputs[0].name, "fuel_diesel");
     /// // The slopes of diesel and petrol are 3 and 1: their mean is 2 for each unit, and 2 for the half range of 1.
     /// assert!((outcome.model.surfaces[0].terms[2].coefficient - 2.0).abs() < 1e-12);

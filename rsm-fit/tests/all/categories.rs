@@ -374,3 +374,40 @@ fn what_does_not_fit_is_refused() {
         assert!(found.contains(wanted), "{wanted}\n{found}");
     }
 }
+
+#[test]
+fn shards_with_a_category_are_the_whole_fit_and_blocks_need_all_rows() {
+    let rows = rows_of_days(7, 120, [1.0, 0.0, -1.0]);
+    let text = |keys: &str, input: &str| {
+        format!(
+            "format = 1\nmodel = \"m\"\ndata = [\"d.csv\"]\n{keys}{RANGES}{input}[responses.y]\n\
+             inputs = [\"a\", \"b\"{}]\nselect = {{ method = \"fixed\", order = 2 }}\n",
+            if input.is_empty() { "" } else { ", \"day\"" }
+        )
+    };
+    let category = "[inputs.day]\ncategories = [\"d0\", \"d1\", \"d2\"]\n";
+    let whole = fitted(&text("", category), &Files::of("d.csv", &rows));
+    let (head, lines) = rows.split_once('\n').unwrap();
+    let lines: Vec<&str> = lines.lines().collect();
+    let spec = specification(&text("", category), Path::new(""));
+    let part = |lines: &[&str]| {
+        let source = rsm_core::source::Source::new("d.csv", format!("{head}\n{}\n", lines.join("\n")));
+        rsm_fit::partial::of_sources(&spec, &[source]).unwrap()
+    };
+    // The second shard lacks the first day.
+    let merged = rsm_fit::partial::merge(vec![part(&lines[..50]), part(&lines[50..])]).unwrap();
+    for (one, other) in merged.outcome.model.surfaces[0].terms.iter().zip(&whole.model.surfaces[0].terms) {
+        assert_eq!(one.powers, other.powers);
+        near("merged", one.coefficient, other.coefficient, 1e-14);
+    }
+    assert_eq!(merged.outcome.model.surfaces[0].categories, whole.model.surfaces[0].categories);
+    let spec = specification(&text("blocks = [\"day\"]\n", ""), Path::new(""));
+    let source = rsm_core::source::Source::new("d.csv", rows.clone());
+    let refused = rsm_fit::partial::of_sources(&spec, &[source]).unwrap_err().to_string();
+    assert!(refused.contains("which blocks there are depends on the rows of all shards"), "{refused}");
+    // A number of the row is no block.
+    let many: String = rows.lines().skip(1).cycle().take(400).enumerate().map(|(k, line)| format!("{k}{line}\n")).collect();
+    let source = rsm_core::source::Source::new("d.csv", format!("{head}\n{many}"));
+    let refused = fit_sources(&spec, &[source], &mut |_| {}).unwrap_err().to_string();
+    assert!(refused.contains("tells more than 300 blocks apart"), "{refused}");
+}
