@@ -31,6 +31,8 @@ pub struct Wanted {
     pub numbers: Vec<String>,
     /// Columns whose cells are used unchanged.
     pub labels: Vec<String>,
+    /// A column of Parquet or Arrow whose type has no labels gets none; otherwise it is a fault.
+    pub any_label: bool,
     /// Every column of the file as numbers, whatever its name.
     pub every_number: bool,
     /// The run number as labels, if a column has a name that [`is_run`] accepts.

@@ -11,9 +11,9 @@ use rsm_core::lower;
 use rsm_core::model::{Input, Model, Surface};
 use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
-use rsm_core::source::Source;
 use rsm_core::tape::Tape;
-use rsm_fit::table::{Table, Wanted};
+use rsm_fit::content::Content;
+use rsm_fit::table::Wanted;
 use serde_json::json;
 
 use super::{PrecisionName, model_source, surface_index};
@@ -36,7 +36,7 @@ pub struct Arguments {
     /// One point, in the units of the model: a=1,b=2
     #[arg(long, required_unless_present_any = ["data", "compensator"], conflicts_with = "data", allow_hyphen_values = true)]
     at: Option<String>,
-    /// A CSV file of points (for a compensator: a sequence) whose columns have the names of the inputs
+    /// A file of points (for a compensator: a sequence) whose columns have the names of the inputs: CSV, or Parquet or Arrow as `rsm fit` reads them
     #[arg(long)]
     data: Option<PathBuf>,
     /// The precision of the evaluation
@@ -184,12 +184,12 @@ fn point(text: &str, surface: &Surface, precision: Precision) -> Result<Vec<f64>
     Ok(values.into_iter().flatten().collect())
 }
 
-/// The points of a CSV, in the units of the model. The signal of a compensator comes first and keeps its unit.
+/// The points of a file, in the units of the model. The signal of a compensator comes first and keeps its unit.
 fn table(path: &Path, signal: Option<&str>, (inputs, model): (&[Input], &Model)) -> Result<Vec<Vec<f64>>, Refusal> {
     let names = signal.into_iter().chain(inputs.iter().map(|input| input.name.as_str()));
     let categories = model.categories().into_iter().cloned().collect();
     let wanted = Wanted { numbers: names.map(str::to_string).collect(), categories, ..Wanted::default() };
-    let table = Table::read(&Source::read(path)?, &wanted)?;
+    let table = Content::read(path)?.table(&wanted)?;
     let mut columns = Vec::new();
     columns.extend(signal.and_then(|name| table.column(name)).map(|column| column.values.clone()));
     for input in inputs {

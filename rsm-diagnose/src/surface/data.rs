@@ -1,13 +1,14 @@
 //! New data for a model: which columns are its inputs and responses, and how the other columns are used.
 //!
-//! In: the sources of CSV files and a model. Out: [`NewData`], rows in run order in the units of the model, or every fault. A surface is compared if
+//! In: the contents of files and a model. Out: [`NewData`], rows in run order in the units of the model, or every fault. A surface is compared if
 //! its response is a column. Every other column is kept as numbers, kept as levels, or ignored with a reason. Never drops a row.
 
 use rsm_core::model::Model;
 use rsm_core::order;
-use rsm_core::source::{Collector, Fault, Faults, Source};
+use rsm_core::source::{Collector, Fault, Faults};
 
 use super::sample::ExtraColumn;
+use rsm_fit::content::Content;
 use rsm_fit::records::{DataFile, Refused, hash};
 use rsm_fit::table::{MissingAs, Table, Wanted, is_run};
 
@@ -20,6 +21,9 @@ const BLOCK: [&str; 15] = [
 /// The help at a missing cell of an input or a response.
 const MISSING: &str =
     "a diagnosis compares rows in their order and leaves none out: delete the rows from the file, or fill the cells";
+
+/// Why a column of Parquet or Arrow is ignored.
+const NO_LABELS: &str = "its type is neither number nor text nor boolean";
 
 /// A column of integers with more distinct values than this is a quantity, not a column of levels.
 const MOST_LEVELS: usize = 12;
@@ -48,8 +52,8 @@ impl NewData {
     ///
     /// # Errors
     /// Every fault of every file.
-    pub fn read(model: &Model, sources: &[Source], only: Option<&[usize]>) -> Result<Self, Refused> {
-        Self::read_as(model, &Origin::Files(sources), only, &[])
+    pub fn read(model: &Model, files: &[Content], only: Option<&[usize]>) -> Result<Self, Refused> {
+        Self::read_as(model, &Origin::Files(files), only, &[])
     }
 
     /// Rows in memory: columns by name, all of the same length, in the units of the model. A column that is neither input nor response is a further
@@ -87,9 +91,9 @@ impl NewData {
     ///
     /// # Errors
     /// Every fault of every file.
-    pub fn read_like(model: &Model, sources: &[Source], like: &NewData) -> Result<Self, Refused> {
+    pub fn read_like(model: &Model, files: &[Content], like: &NewData) -> Result<Self, Refused> {
         let compared: Vec<usize> = (0..model.surfaces.len()).filter(|index| like.responses[*index].is_some()).collect();
-        Self::read_as(model, &Origin::Files(sources), Some(&compared), &like.extras)
+        Self::read_as(model, &Origin::Files(files), Some(&compared), &like.extras)
     }
 
     fn read_as(model: &Model, origin: &Origin<'_>, only: Option<&[usize]>, known: &[ExtraColumn]) -> Result<Self, Refused> {
@@ -172,6 +176,11 @@ impl NewData {
             return Err(Refused(refused));
         }
         data.ignored = lacking;
+        // A type that holds no labels, in some of the files.
+        let (others, without): (Vec<_>, Vec<_>) =
+            others.into_iter().zip(cells).partition(|(_, cells)| cells.len() == data.rows());
+        data.ignored.extend(without.into_iter().map(|((name, _), _)| (name, NO_LABELS.to_string())));
+        let (others, cells): (Vec<_>, Vec<_>) = others.into_iter().unzip();
         data.classify_extra_columns(&others, cells, known);
         Ok(data)
     }
@@ -192,7 +201,8 @@ impl NewData {
         let labels = others.iter().map(|(name, _)| name.clone()).collect();
         let categories = model.categories().into_iter().cloned().collect();
         let missing = MissingAs::Counted(MISSING);
-        let table = origin.table(file, &Wanted { numbers, labels, missing, categories, ..Wanted::default() })?;
+        let table =
+            origin.table(file, &Wanted { numbers, labels, any_label: true, missing, categories, ..Wanted::default() })?;
         let mut faults = Collector::new();
         let mut take = |values: Result<(Vec<f64>, String), Fault>, target: &mut Vec<f64>| match values {
             Ok((values, _)) => target.extend(values),
@@ -211,7 +221,7 @@ impl NewData {
             cells.extend(table.column(name).into_iter().flat_map(|column| column.labels.iter().cloned()));
         }
         self.lines.extend(table.lines.iter().map(|line| (file, *line)));
-        self.files.push(DataFile { name: table.file.clone(), sha256: origin.hash(file), rows: table.rows() });
+        self.files.push(DataFile { name: table.file.clone(), sha256: origin.hash(file)?, rows: table.rows() });
         faults.finish(Some(()))
     }
 
@@ -274,8 +284,8 @@ impl NewData {
 
 /// The source of new data.
 enum Origin<'a> {
-    /// CSV files.
-    Files(&'a [Source]),
+    /// Files.
+    Files(&'a [Content]),
     /// Columns by name.
     Memory(&'a [(&'a str, &'a [f64])]),
 }
@@ -286,7 +296,7 @@ const IN_MEMORY: &str = "rows in memory";
 impl Origin<'_> {
     fn count(&self) -> usize {
         match self {
-            Origin::Files(sources) => sources.len(),
+            Origin::Files(files) => files.len(),
             Origin::Memory(_) => 1,
         }
     }
@@ -294,16 +304,16 @@ impl Origin<'_> {
     /// The requested columns of a file.
     fn table(&self, file: usize, wanted: &Wanted) -> Result<Table, Faults> {
         match self {
-            Origin::Files(sources) => Table::read(&sources[file], wanted),
+            Origin::Files(files) => files[file].table(wanted),
             Origin::Memory(columns) => Table::in_memory(IN_MEMORY, columns, wanted),
         }
     }
 
     /// SHA-256 of a file; for rows in memory, of their text as a table.
-    fn hash(&self, file: usize) -> String {
+    fn hash(&self, file: usize) -> Result<String, Faults> {
         match self {
-            Origin::Files(sources) => hash(sources[file].text()),
-            Origin::Memory(columns) => hash(&format!("{columns:?}")),
+            Origin::Files(files) => files[file].sha256(),
+            Origin::Memory(columns) => Ok(hash(&format!("{columns:?}"))),
         }
     }
 }

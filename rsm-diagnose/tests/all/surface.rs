@@ -6,12 +6,14 @@ use rsm_core::source::Source;
 use rsm_diagnose::surface::causes::Cause;
 use rsm_diagnose::surface::data::NewData;
 use rsm_diagnose::surface::{Diagnosis, Verdict, diagnose, diagnose_and_test};
+use rsm_fit::content::Content;
 
 use crate::folders::{nist, shared};
 
 fn diagnosed(model: &str, data: &[Source]) -> Diagnosis {
     let checked = Checked::read(&Source::new("model.toml", model)).unwrap_or_else(|faults| panic!("{faults}"));
-    let data = NewData::read(checked.model(), data, None).unwrap_or_else(|refused| panic!("{refused}"));
+    let data = NewData::read(checked.model(), &data.iter().cloned().map(Content::from).collect::<Vec<_>>(), None)
+        .unwrap_or_else(|refused| panic!("{refused}"));
     diagnose(&checked, &data, None, &mut |_| {}).unwrap()
 }
 
@@ -236,10 +238,10 @@ fn columns_that_judging_files_have_otherwise_lose_no_diagnosis() {
     let checked = Checked::read(&Source::new("bench.toml", BENCH)).unwrap();
     let number = |value: f64| format!("{value:?}");
     let varies = |row: usize| 30.0 + 20.0 * ((row as f64) * 0.7).sin();
-    let data = NewData::read(checked.model(), &[warm(",temperature[degC]", &varies, &number)], None).unwrap();
+    let data = NewData::read(checked.model(), &[warm(",temperature[degC]", &varies, &number).into()], None).unwrap();
     let still = |_: usize| 45.0;
     let judged = |source: Source| -> (bool, f64, f64) {
-        let judging = NewData::read_like(checked.model(), &[source], &data).unwrap();
+        let judging = NewData::read_like(checked.model(), &[source.into()], &data).unwrap();
         let found = diagnose_and_test(&checked, &data, Some(&judging), Some(&judging), &mut |_| {}).unwrap();
         assert_eq!((found.verdict, labels(&found)), (Verdict::Explained, vec!["missing-input:temperature"]));
         let response = &found.responses[0];
@@ -264,14 +266,14 @@ fn columns_that_judging_files_have_otherwise_lose_no_diagnosis() {
         assert!(!on_files && ratio < 1.5 && on_test.is_nan(), "{ratio} {on_test}");
     }
     // The opposite case: a column that is constant in the new data has no information there, and the reader is told the reason.
-    let quiet = NewData::read(checked.model(), &[warm(",temperature[degC]", &still, &number)], None).unwrap();
+    let quiet = NewData::read(checked.model(), &[warm(",temperature[degC]", &still, &number).into()], None).unwrap();
     assert_eq!(quiet.ignored, [("temperature".to_string(), "it has one value only".to_string())]);
-    let judging = NewData::read_like(checked.model(), &[warm(",temperature[degC]", &varies, &number)], &quiet).unwrap();
+    let judging = NewData::read_like(checked.model(), &[warm(",temperature[degC]", &varies, &number).into()], &quiet).unwrap();
     let found = diagnose(&checked, &quiet, Some(&judging), &mut |_| {}).unwrap();
     assert_eq!(labels(&found), ["sensor-bias:y"]);
     // One of two files of new data does not have it.
     let both = [warm(",temperature[degC]", &varies, &number), warm("", &varies, &number)];
-    let both = NewData::read(checked.model(), &both, None).unwrap();
+    let both = NewData::read(checked.model(), &both.map(Content::from), None).unwrap();
     assert_eq!(both.ignored[0], ("temperature".to_string(), "rows.csv does not have it".to_string()));
 }
 
@@ -282,8 +284,8 @@ fn an_offset_of_a_level_is_judged_on_a_file_of_that_level_alone() {
     let rig = |value: f64| if value > 30.0 { "b".to_string() } else { "a".to_string() };
     // Rig b, at 50 degC as computed in `warm`, reads 2 V too much.
     let data = warm(",rig", &|row| if row % 3 == 0 { 50.0 } else { 30.0 }, &rig);
-    let data = NewData::read(checked.model(), &[data], None).unwrap();
-    let only_b = NewData::read_like(checked.model(), &[warm(",rig", &|_| 50.0, &rig)], &data).unwrap();
+    let data = NewData::read(checked.model(), &[data.into()], None).unwrap();
+    let only_b = NewData::read_like(checked.model(), &[warm(",rig", &|_| 50.0, &rig).into()], &data).unwrap();
     let found = diagnose(&checked, &data, Some(&only_b), &mut |_| {}).unwrap();
     assert_eq!(labels(&found), ["block-offset:rig"]);
     let response = &found.responses[0];
@@ -299,7 +301,7 @@ fn an_offset_of_a_level_is_judged_on_a_file_of_that_level_alone() {
 #[test]
 fn test_rows_change_their_figures_and_nothing_else() {
     let checked = Checked::read(&Source::new("bench.toml", BENCH)).unwrap();
-    let read = |by: f64| NewData::read(checked.model(), &[grid(&|a, b| (a, b, bench(a, b) + by * a))], None).unwrap();
+    let read = |by: f64| NewData::read(checked.model(), &[grid(&|a, b| (a, b, bench(a, b) + by * a)).into()], None).unwrap();
     let data = read(0.3);
     let tested = |test: &NewData| {
         let mut found = diagnose_and_test(&checked, &data, None, Some(test), &mut |_| {}).unwrap();
@@ -325,10 +327,10 @@ fn magnitudes_without_squares_are_refused() {
     };
     let checked = |text: &str| Checked::read(&Source::new("m.toml", text)).unwrap_or_else(|faults| panic!("{faults}"));
     let sane = checked(&model("1.5"));
-    let refused = NewData::read(sane.model(), &[rows("1e308")], None).err().unwrap().to_string();
+    let refused = NewData::read(sane.model(), &[rows("1e308").into()], None).err().unwrap().to_string();
     assert!(refused.contains("new.csv:9") && refused.contains("found 1e308"), "{refused}");
     let huge = checked(&model("1e200"));
-    let data = NewData::read(huge.model(), &[rows("1.7")], None).unwrap_or_else(|refused| panic!("{refused}"));
+    let data = NewData::read(huge.model(), &[rows("1.7").into()], None).unwrap_or_else(|refused| panic!("{refused}"));
     let said = diagnose(&huge, &data, None, &mut |_| {}).err().unwrap();
     assert!(said.contains("the model gives 1e200"), "{said}");
     assert_eq!(diagnosed(&model("1.5"), &[rows("1.7")]).responses.len(), 1);

@@ -88,7 +88,7 @@ impl<'a> Columns<'a> {
                 tell(format!("column {} `{name}`: found a type that is not a number", place + 1), None);
             }
             // A column that only has the name of a run number may hold anything.
-            if kind == Kind::Other && wanted.labels.contains(name) {
+            if kind == Kind::Other && !wanted.any_label && wanted.labels.contains(name) {
                 let what = "found a type that is no label, expected text, numbers or booleans";
                 tell(format!("column {} `{name}`: {what}", place + 1), None);
             }

@@ -3,13 +3,13 @@
 //! In: a file, the wanted columns. Out: tables of some rows, in the order of the file. The memory depends on the size of a page, not on the number of
 //! rows. Needs the feature `parquet`, which is off by default.
 
-use parquet::basic::{ConvertedType, LogicalType, Type as Physical};
+use parquet::basic::{Compression, ConvertedType, LogicalType, Type as Physical};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::Result as ReadResult;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
-use rsm_core::source::{Faults, Source};
+use rsm_core::source::{Fault, Faults, Source};
 
 use std::path::Path;
 
@@ -26,6 +26,16 @@ pub(super) fn read(name: &str, path: &Path, wanted: &Wanted, act: Act<'_>) -> Re
     let mut columns = Columns::of(name, &headers, &|place| kind(&schema.column(place)), wanted)?;
     for group in 0..file.num_row_groups() {
         let group = guarded(name, || file.get_row_group(group))?;
+        for column in &columns.wanted {
+            let compression = group.metadata().column(column.place).compression();
+            if !matches!(compression, Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::ZSTD(_)) {
+                let compression = compression.to_string();
+                let found = compression.split('(').next().unwrap_or_default();
+                let what = format!("column {} `{}`: found the compression {found}", column.place + 1, headers[column.place]);
+                let fault = Fault::whole_file(name, format!("{what}, expected none, Snappy or Zstandard"));
+                return Err(Faults::one(fault.help("write the file with `snappy` or `zstd`")));
+            }
+        }
         let readers = columns.wanted.iter().map(|column| group.get_column_reader(column.place));
         let mut readers: Vec<ColumnReader> = guarded(name, || readers.collect::<ReadResult<_>>())?;
         let mut left = usize::try_from(group.metadata().num_rows()).unwrap_or(0);

@@ -414,7 +414,7 @@ fn simulate(plant: &PlantFile, text: &str) {
 
 /// `rsm diagnose` of a surface.
 fn new_data(ground: &Ground, text: &str, random: &mut Random) {
-    if let Ok(data) = NewData::read(ground.model.model(), &[Source::new("n.csv", text)], None)
+    if let Ok(data) = NewData::read(ground.model.model(), &[Source::new("n.csv", text).into()], None)
         && random.below(50) == 0
     {
         let _ = diagnose(&ground.model, &data, None, &mut |_| {});

@@ -16,6 +16,7 @@ use rsm_diagnose::surface::fault::Fault;
 use rsm_diagnose::surface::holdout::Errors;
 use rsm_diagnose::surface::regions::Region;
 use rsm_diagnose::surface::{Diagnosis, ResponseDiagnosis, Tested};
+use rsm_fit::content::Content;
 use serde_json::{Map, Value, json};
 
 use super::cause_json::{self, CauseJson};
@@ -42,14 +43,14 @@ pub struct Task<'a> {
 pub fn run(task: &Task<'_>) -> Outcome {
     let checked = Checked::read(task.model)?;
     let model = checked.model();
-    let sources = |paths: &[PathBuf]| paths.iter().map(|path| Source::read(path)).collect::<Result<Vec<_>, _>>();
+    let contents = |paths: &[PathBuf]| paths.iter().map(|path| Content::read(path)).collect::<Result<Vec<_>, _>>();
     let refusal = |refused: rsm_fit::records::Refused| Refusal::new(refused.to_string());
-    let data = NewData::read(model, &sources(task.data)?, None).map_err(refusal)?;
+    let data = NewData::read(model, &contents(task.data)?, None).map_err(refusal)?;
     let like = |paths: &[PathBuf]| -> Result<Option<NewData>, Refusal> {
         if paths.is_empty() {
             return Ok(None);
         }
-        NewData::read_like(model, &sources(paths)?, &data).map(Some).map_err(refusal)
+        NewData::read_like(model, &contents(paths)?, &data).map(Some).map_err(refusal)
     };
     let (unseen, test) = (like(task.validate)?, like(task.test)?);
     let bar = ProgressBar::new_spinner();

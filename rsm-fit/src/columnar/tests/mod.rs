@@ -318,6 +318,23 @@ fn what_a_file_does_not_hold_is_named() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
+#[test]
+fn a_type_without_labels_is_a_fault_unless_any_type_may_be_there() {
+    let headers = ["x".to_string(), "Run".to_string()];
+    let of = |wanted: &Wanted| {
+        let columns = super::columns::Columns::of("data", &headers, &|_| super::columns::Kind::Other, wanted);
+        columns.map(|it| it.wanted.len()).map_err(|faults| faults.to_string())
+    };
+    let labels = Wanted { labels: vec!["x".into()], ..Wanted::default() };
+    let said = of(&labels).unwrap_err();
+    assert_eq!(said, "data: column 1 `x`: found a type that is no label, expected text, numbers or booleans");
+    assert_eq!(of(&Wanted { any_label: true, ..labels }), Ok(0));
+    // Nobody has asked for this column by its name.
+    assert_eq!(of(&Wanted { run: true, ..Wanted::default() }), Ok(0));
+    let said = of(&Wanted { every_number: true, any_label: true, ..Wanted::default() }).unwrap_err();
+    assert!(said.contains("`x`: found a type that is not a number") && said.contains("column 2 `Run`"), "{said}");
+}
+
 /// Files that end too early, and files with changed bytes: an error or other numbers, and nothing worse.
 #[test]
 fn a_damaged_file_is_refused() {
