@@ -162,7 +162,10 @@ pub fn in_words(fitted: &Fitted) -> String {
             continue;
         };
         let unit = fitted.model.surface(&response.name).map_or("", |surface| surface.unit.as_str());
-        let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e} {unit}"));
+        // A share has no unit to print.
+        let unit = if unit == "1" { "" } else { unit };
+        let behind = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+        let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e}{behind}"));
         let what = match &statistics.spline {
             Some(spline) => spline.words(),
             None => format!("{} terms", statistics.terms.len()),
@@ -175,7 +178,7 @@ pub fn in_words(fitted: &Fitted) -> String {
         );
         let errors = |what: &str, errors: &ValidationStatistics, of: &str| {
             format!(
-                "  {what}: {} rows {of}, mean error {:.4e} {unit}, largest {:.4e} {unit}, root mean square {:.4e} {unit}\n",
+                "  {what}: {} rows {of}, mean error {:.4e}{behind}, largest {:.4e}{behind}, root mean square {:.4e}{behind}\n",
                 errors.rows, errors.mean_abs_error, errors.max_abs_error, errors.rmse
             )
         };
@@ -209,7 +212,7 @@ pub fn in_words(fitted: &Fitted) -> String {
             text += &format!("  form: {}\n", forms.words());
         }
         if let Some(constraints) = &statistics.constraints {
-            text += &in_words_of_constraints(constraints, unit);
+            text += &in_words_of_constraints(constraints, &behind);
         }
         if let Some(support) = &statistics.support {
             text += &format!(
@@ -242,8 +245,8 @@ fn warnings(fitted: &Fitted) -> String {
     fitted.responses.iter().map(of_one).collect()
 }
 
-/// The constraints that hold, and how much they increase the error.
-fn in_words_of_constraints(statistics: &ConstraintStatistics, unit: &str) -> String {
+/// The constraints that hold, and how much they increase the error. `behind`: the unit behind a number.
+fn in_words_of_constraints(statistics: &ConstraintStatistics, behind: &str) -> String {
     let mut text = String::new();
     for report in &statistics.constraints {
         let activity =
@@ -254,9 +257,9 @@ fn in_words_of_constraints(statistics: &ConstraintStatistics, unit: &str) -> Str
         let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e}"));
         let unseen = statistics.validation_without.as_ref();
         let unseen = unseen
-            .map_or(String::new(), |unseen| format!(", mean error on validation rows {:.4e} {unit}", unseen.mean_abs_error));
+            .map_or(String::new(), |unseen| format!(", mean error on validation rows {:.4e}{behind}", unseen.mean_abs_error));
         text += &format!(
-            "  without constraints: residual sd {} {unit}{unseen}; largest change {:.4e} {unit}\n",
+            "  without constraints: residual sd {}{behind}{unseen}; largest change {:.4e}{behind}\n",
             figure(statistics.residual_sd_without),
             change.value
         );
