@@ -180,8 +180,18 @@ pub fn order(powers: &[u32]) -> u32 {
 /// last, each by itself.
 #[must_use]
 pub fn terms_up_to(surface: &Surface, highest_order: u32) -> Vec<Vec<u32>> {
+    terms_with_hinges(surface, 0, highest_order)
+}
+
+/// The terms of [`terms_up_to`] if the data chose the last `chosen` knots: a term has at most one of these hinges for each input, to the first power.
+#[must_use]
+pub(crate) fn terms_with_hinges(surface: &Surface, chosen: usize, highest_order: u32) -> Vec<Vec<u32>> {
     let (contrasts, additive) = contrasts(surface);
-    let is_plain = |powers: &Vec<u32>| missing_odd_input(surface, powers).is_none() && has_plain_steps(surface, powers);
+    let is_plain = |powers: &Vec<u32>| {
+        missing_odd_input(surface, powers).is_none()
+            && has_plain_steps(surface, powers)
+            && has_plain_hinges(surface, chosen, powers)
+    };
     if contrasts.is_empty() && additive.is_empty() {
         let mut terms = monomials_up_to(surface.width(), highest_order);
         terms.retain(is_plain);
@@ -254,6 +264,19 @@ fn has_plain_steps(surface: &Surface, powers: &[u32]) -> bool {
     let is_periodic = |name: &String| surface.waves.iter().any(|wave| wave.input == *name);
     let own = surface.inputs.iter().zip(powers);
     surface.inputs.iter().all(|name| of(name) <= 1) && own.into_iter().all(|(name, power)| *power == 0 || !is_periodic(name))
+}
+
+/// Whether a term has at most one of the last `chosen` hinges of each input, to the first power: higher powers have no kink, and they are not what was
+/// looked for.
+fn has_plain_hinges(surface: &Surface, chosen: usize, powers: &[u32]) -> bool {
+    let given = surface.knots.len() - chosen;
+    let own: Vec<(&String, u32)> = surface.knots[given..]
+        .iter()
+        .map(|knot| &knot.input)
+        .zip(powers[surface.inputs.len() + given..].iter().copied())
+        .filter(|(_, power)| *power > 0)
+        .collect();
+    own.iter().enumerate().all(|(k, (name, power))| *power == 1 && own[..k].iter().all(|(other, _)| other != name))
 }
 
 fn push_terms_of_order(order: u32, width: usize, begun: &mut Vec<u32>, terms: &mut Vec<Vec<u32>>) {
