@@ -340,6 +340,8 @@ pub fn count_of_terms(width: usize, order: u32) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use rsm_core::model::Knot;
+
     use super::*;
 
     fn input(name: &str) -> Input {
@@ -357,6 +359,22 @@ mod tests {
             let surface = Surface { inputs: vec!["x".to_string(); width], ..Surface::default() };
             assert_eq!(terms_up_to(&surface, order).len(), count_of_terms(width, order));
         }
+    }
+
+    #[test]
+    fn hinges_that_the_data_chose_are_at_most_one_of_each_input_in_a_term() {
+        let knot = |input: &str, at: f64| Knot { input: input.into(), at };
+        let knots = vec![knot("a", 0.0), knot("a", 1.0), knot("a", 2.0), knot("b", 1.0)];
+        let surface = Surface { inputs: vec!["a".into(), "b".into()], knots, ..Surface::default() };
+        let terms = terms_with_hinges(&surface, 3, 2);
+        let has = |powers: [u32; 6]| terms.iter().any(|term| term[..] == powers);
+        // The first knot was given.
+        assert!(has([0, 0, 2, 0, 0, 0]) && has([0, 0, 1, 1, 0, 0]));
+        assert!(has([0, 0, 0, 1, 0, 1]) && has([1, 0, 0, 1, 0, 0]));
+        assert!(!has([0, 0, 0, 2, 0, 0]) && !has([0, 0, 0, 1, 1, 0]) && !has([0, 0, 0, 0, 0, 2]));
+        // Without the squares of three hinges and the product of the two of `a`.
+        assert_eq!(terms.len() + 4, terms_up_to(&surface, 2).len());
+        assert_eq!(terms_up_to(&surface, 2).len(), count_of_candidates(&surface, 2));
     }
 
     #[test]

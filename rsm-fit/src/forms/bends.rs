@@ -153,8 +153,14 @@ impl<K: Kind> Search<'_, K> {
         if !anyway && powers.square() <= negligible {
             return None;
         }
-        let found = K::orders(highest).into_iter().map(|order| (order, self.grown(&rows, order, negligible)));
-        let (order, (mut chosen, best)) = found.min_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+        let (mut order, mut chosen, mut best) = (highest, Vec::new(), f64::INFINITY);
+        for tried in K::orders(highest) {
+            let (steps, found) = self.grown(&rows, tried, negligible);
+            // A higher order must reduce the criterion by as much as a bend.
+            if found <= (1.0 - LEAST_GAIN) * best {
+                (order, chosen, best) = (tried, steps, found);
+            }
+        }
         if chosen.is_empty() || !(anyway || best <= (1.0 - LEAST_TOTAL_GAIN) * alone) {
             return None;
         }
