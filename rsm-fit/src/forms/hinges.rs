@@ -11,7 +11,8 @@ use crate::design;
 /// passes, so a longer step leaves the linear approximation.
 const LONGEST_MOVE: f64 = 0.1;
 
-/// A place keeps this distance to the ends of the range, as a share of it: a narrower kink is a jump at the end.
+/// A place keeps this distance to the ends of the range, as a share of it: a narrower kink is a jump at the end. Readings that are closer to each other
+/// are one value.
 const INSIDE: f64 = 1e-3;
 
 /// The probability with which a run of errors of one sign at an end may pass for a kink, in the number of rows that an end must have (Friedman's
@@ -33,13 +34,21 @@ impl Hinges {
     }
 }
 
-/// Whether an interval above `low` up to `high` has enough readings, and at `order` or more values: a hinge times powers up to order - 1 is a
-/// polynomial with `order` coefficients there.
-fn has_enough(sorted: &[f64], [low, high]: [f64; 2], least: usize, order: u32) -> bool {
+/// Whether an interval above `low` up to `high` has `least` readings, and `order` or more values that are at least `apart` from each other: a hinge
+/// times powers up to order - 1 is a polynomial with `order` coefficients there. Readings of one level differ by noise, and are one value.
+fn has_enough(sorted: &[f64], [low, high]: [f64; 2], [least, order]: [usize; 2], apart: f64) -> bool {
     let first = sorted.partition_point(|xi| *xi <= low);
     let within = &sorted[first..sorted.partition_point(|xi| *xi <= high).max(first)];
-    let values = within.windows(2).filter(|pair| pair[0] < pair[1]).count() + usize::from(!within.is_empty());
-    within.len() >= least && values >= order as usize
+    let (mut values, mut last) = (0, f64::NEG_INFINITY);
+    for xi in within.iter().filter(|_| within.len() >= least) {
+        if values == order {
+            break;
+        }
+        if *xi >= last + apart {
+            (values, last) = (values + 1, *xi);
+        }
+    }
+    within.len() >= least && values == order
 }
 
 impl Kind for Hinges {
@@ -86,8 +95,9 @@ impl Kind for Hinges {
             let found = steps.iter().filter(|step| step.input == *input).map(|step| side.low + step.place[0] * side.span);
             let mut ends: Vec<f64> = given.chain(found).chain([f64::NEG_INFINITY, f64::INFINITY]).collect();
             ends.sort_by(f64::total_cmp);
-            let least = Self::least_rows(search, *input, order);
-            ends.windows(2).all(|pair| has_enough(&rows.sorted[*input], [pair[0], pair[1]], least, order))
+            let least = [Self::least_rows(search, *input, order), order as usize];
+            let apart = INSIDE * side.span;
+            ends.windows(2).all(|pair| has_enough(&rows.sorted[*input], [pair[0], pair[1]], least, apart))
         })
     }
 
@@ -108,14 +118,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn readings_at_a_place_count_below_it_and_equal_ones_as_one_value() {
-        let sorted = [0.0, 1.0, 1.0, 2.0, 3.0];
-        assert!(has_enough(&sorted, [f64::NEG_INFINITY, 1.0], 3, 2));
-        assert!(!has_enough(&sorted, [f64::NEG_INFINITY, 1.0], 4, 2));
-        assert!(!has_enough(&sorted, [f64::NEG_INFINITY, 1.0], 3, 3));
-        assert!(has_enough(&sorted, [1.0, f64::INFINITY], 2, 2));
-        assert!(!has_enough(&sorted, [1.0, f64::INFINITY], 3, 1));
-        assert!(!has_enough(&sorted, [3.0, f64::INFINITY], 1, 1));
+    fn readings_at_a_place_count_below_it_and_near_ones_as_one_value() {
+        let sorted = [0.0, 1.0, 1.001, 2.0, 3.0];
+        let has = |low, high, least| has_enough(&sorted, [low, high], least, 0.01);
+        assert!(has(f64::NEG_INFINITY, 1.001, [3, 2]));
+        assert!(!has(f64::NEG_INFINITY, 1.001, [4, 2]));
+        assert!(!has(f64::NEG_INFINITY, 1.001, [3, 3]));
+        assert!(has(1.001, f64::INFINITY, [2, 2]));
+        assert!(!has(1.001, f64::INFINITY, [3, 1]));
+        assert!(!has(3.0, f64::INFINITY, [1, 1]));
     }
 
     #[test]
