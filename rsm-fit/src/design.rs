@@ -266,8 +266,8 @@ fn has_plain_steps(surface: &Surface, powers: &[u32]) -> bool {
     surface.inputs.iter().all(|name| of(name) <= 1) && own.into_iter().all(|(name, power)| *power == 0 || !is_periodic(name))
 }
 
-/// Whether a term has at most one of the last `chosen` hinges of each input, to the first power: higher powers have no kink, and they are not what was
-/// looked for.
+/// Whether a term has at most one of the last `chosen` hinges of each input, to the first power: higher powers have no kink, and they are not what
+/// was looked for.
 fn has_plain_hinges(surface: &Surface, chosen: usize, powers: &[u32]) -> bool {
     let given = surface.knots.len() - chosen;
     let own: Vec<(&String, u32)> = surface.knots[given..]

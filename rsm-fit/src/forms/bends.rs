@@ -1,9 +1,9 @@
 //! Finds where a response bends: the places of sigmoids or of hinges, by variable projection.
 //!
-//! In: rows to fit, the kind of bend. Out: bends, or none. For given places the coefficients are a linear problem, so the residual sum of squares is a
-//! function of the places alone, and only these are searched (G. Golub, V. Pereyra, 1973). Bends are added one at a time: candidate places are tried
-//! at every input, the best are refined by Levenberg-Marquardt with Kaufman's derivative (1975), all bends together. The search ends when generalised
-//! cross-validation (P. Craven, G. Wahba, 1979), which counts places as coefficients, no longer falls.
+//! In: rows to fit, the kind of bend. Out: bends, or none. For given places the coefficients are a linear problem, so the residual sum of squares is
+//! a function of the places alone, and only these are searched (G. Golub, V. Pereyra, 1973). Bends are added one at a time: candidate places are
+//! tried at every input, the best are refined by Levenberg-Marquardt with Kaufman's derivative (1975), all bends together. The search ends when
+//! generalised cross-validation (P. Craven, G. Wahba, 1979), which counts places as coefficients, no longer falls.
 
 use nalgebra::{DMatrix, DVector};
 use rsm_core::basis::Factor;

@@ -11,8 +11,8 @@ use crate::design;
 /// passes, so a longer step leaves the linear approximation.
 const LONGEST_MOVE: f64 = 0.1;
 
-/// A place keeps this distance to the ends of the range, as a share of it: a narrower kink is a jump at the end. Readings that are closer to each other
-/// are one value.
+/// A place keeps this distance to the ends of the range, as a share of it: a narrower kink is a jump at the end. Readings that are closer to each
+/// other are one value.
 const INSIDE: f64 = 1e-3;
 
 /// The probability with which a run of errors of one sign at an end may pass for a kink, in the number of rows that an end must have (Friedman's
@@ -101,7 +101,8 @@ impl Kind for Hinges {
         })
     }
 
-    /// Rounds to 10^-5 of the range or finer. The response changes there by 10^-5 of the change of slope times the range, far below errors of readings.
+    /// Rounds to 10^-5 of the range or finer. The response changes there by 10^-5 of the change of slope times the range, far below errors of
+    /// readings.
     fn bend(input: &str, side: &Side, place: Place) -> Knot {
         let unit = 10f64.powi((side.span.log10() - 5.0).floor() as i32);
         Knot { input: input.to_string(), at: rounded(side.low + place[0] * side.span, unit) }

@@ -1,9 +1,9 @@
 //! Chooses the form of a response: powers of its inputs, also sigmoids or hinges of them, or waves over a periodic input.
 //!
 //! In: a response, its rows, the method of choosing terms. Out: the bends or waves to add, if any, with a report of what was tried. Sigmoids and
-//! hinges are found on the rows to fit ([`bends`]), orders of waves too ([`waves`]). Each form is then fitted without each of five parts of the rows in
-//! turn: its places are refined, the terms are chosen again, and the errors on the omitted part are computed. A form is accepted if these errors are
-//! clearly smaller than those of powers. Of sigmoids and hinges the better one is taken. Test rows are not used.
+//! hinges are found on the rows to fit ([`bends`]), orders of waves too ([`waves`]). Each form is then fitted without each of five parts of the rows
+//! in turn: its places are refined, the terms are chosen again, and the errors on the omitted part are computed. A form is accepted if these errors
+//! are clearly smaller than those of powers. Of sigmoids and hinges the better one is taken. Test rows are not used.
 
 mod bends;
 mod hinges;

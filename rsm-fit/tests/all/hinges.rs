@@ -103,9 +103,10 @@ fn value(outcome: &Outcome, at: &[f64]) -> f64 {
 }
 
 /// The places of 40 drawn functions are found within 4 standard errors, which one of some 70 places misses by chance in 0.4 % of runs. The refinement
-/// ends where the sum of squares of 300 rows changes by less than 10^-4, which is (0.17 standard errors)^2, and a place is rounded to 10^-5: 4.3. A kink
-/// may pass for a curve where the noise is large, in at most a tenth of the functions. The median error is that of the true form, within its spread:
-/// with four to seven parameters one error has a relative standard deviation of about 0.3, the median of 40 of 0.06, so 1.3 is five of them above 1.
+/// ends where the sum of squares of 300 rows changes by less than 10^-4, which is (0.17 standard errors)^2, and a place is rounded to 10^-5: 4.3. A
+/// kink may pass for a curve where the noise is large, in at most a tenth of the functions. The median error is that of the true form, within its
+/// spread: with four to seven parameters one error has a relative standard deviation of about 0.3, the median of 40 of 0.06, so 1.3 is five of them
+/// above 1.
 #[test]
 fn kinks_are_found_within_a_few_standard_errors() {
     let mut ratios = Vec::new();
@@ -164,7 +165,8 @@ fn smooth_polynomials_get_no_hinge() {
     assert_eq!(taken, 0);
 }
 
-/// A dead band, a limit on both sides, and a torque that falls above a corner speed: the medians of the errors in percent of the spread, of three draws.
+/// A dead band, a limit on both sides, and a torque that falls above a corner speed: the medians of the errors in percent of the spread, of three
+/// draws.
 #[test]
 fn sharp_kinks_of_machines_have_smaller_errors_with_hinges_than_with_sigmoids() {
     let dead = |[x]: &[f64; 1]| (x - 0.15).max(0.0) + (x + 0.2).min(0.0);
@@ -231,7 +233,8 @@ fn knots_move_with_their_input() {
     }
 }
 
-/// With noise, the free fit of a limited response falls somewhere; a monotone one never does, on a grid of the evaluator. The tolerance is its rounding.
+/// With noise, the free fit of a limited response falls somewhere; a monotone one never does, on a grid of the evaluator. The tolerance is its
+/// rounding.
 #[test]
 fn a_constraint_holds_with_hinges() {
     let mut active = 0;
@@ -255,7 +258,8 @@ fn a_constraint_holds_with_hinges() {
     assert!(active > 0, "no constraint was active: the test shows nothing");
 }
 
-/// A hinge of a symmetric input is of its magnitude; inputs with a period or a reciprocal have none; knots that were given stay, with all their powers.
+/// A hinge of a symmetric input is of its magnitude; inputs with a period or a reciprocal have none; knots that were given stay, with all their
+/// powers.
 #[test]
 fn where_hinges_may_be() {
     let mut draws = Draws(Random::new(3));
