@@ -180,8 +180,18 @@ pub fn order(powers: &[u32]) -> u32 {
 /// last, each by itself.
 #[must_use]
 pub fn terms_up_to(surface: &Surface, highest_order: u32) -> Vec<Vec<u32>> {
+    terms_with_hinges(surface, 0, highest_order)
+}
+
+/// The terms of [`terms_up_to`] if the data chose the last `chosen` knots: a term has at most one of these hinges for each input, to the first power.
+#[must_use]
+pub(crate) fn terms_with_hinges(surface: &Surface, chosen: usize, highest_order: u32) -> Vec<Vec<u32>> {
     let (contrasts, additive) = contrasts(surface);
-    let is_plain = |powers: &Vec<u32>| missing_odd_input(surface, powers).is_none() && has_plain_steps(surface, powers);
+    let is_plain = |powers: &Vec<u32>| {
+        missing_odd_input(surface, powers).is_none()
+            && has_plain_steps(surface, powers)
+            && has_plain_hinges(surface, chosen, powers)
+    };
     if contrasts.is_empty() && additive.is_empty() {
         let mut terms = monomials_up_to(surface.width(), highest_order);
         terms.retain(is_plain);
@@ -256,6 +266,19 @@ fn has_plain_steps(surface: &Surface, powers: &[u32]) -> bool {
     surface.inputs.iter().all(|name| of(name) <= 1) && own.into_iter().all(|(name, power)| *power == 0 || !is_periodic(name))
 }
 
+/// Whether a term has at most one of the last `chosen` hinges of each input, to the first power: higher powers have no kink, and they are not what
+/// was looked for.
+fn has_plain_hinges(surface: &Surface, chosen: usize, powers: &[u32]) -> bool {
+    let given = surface.knots.len() - chosen;
+    let own: Vec<(&String, u32)> = surface.knots[given..]
+        .iter()
+        .map(|knot| &knot.input)
+        .zip(powers[surface.inputs.len() + given..].iter().copied())
+        .filter(|(_, power)| *power > 0)
+        .collect();
+    own.iter().enumerate().all(|(k, (name, power))| *power == 1 && own[..k].iter().all(|(other, _)| other != name))
+}
+
 fn push_terms_of_order(order: u32, width: usize, begun: &mut Vec<u32>, terms: &mut Vec<Vec<u32>>) {
     if begun.len() + 1 >= width {
         let mut powers = begun.clone();
@@ -317,6 +340,8 @@ pub fn count_of_terms(width: usize, order: u32) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use rsm_core::model::Knot;
+
     use super::*;
 
     fn input(name: &str) -> Input {
@@ -334,6 +359,22 @@ mod tests {
             let surface = Surface { inputs: vec!["x".to_string(); width], ..Surface::default() };
             assert_eq!(terms_up_to(&surface, order).len(), count_of_terms(width, order));
         }
+    }
+
+    #[test]
+    fn hinges_that_the_data_chose_are_at_most_one_of_each_input_in_a_term() {
+        let knot = |input: &str, at: f64| Knot { input: input.into(), at };
+        let knots = vec![knot("a", 0.0), knot("a", 1.0), knot("a", 2.0), knot("b", 1.0)];
+        let surface = Surface { inputs: vec!["a".into(), "b".into()], knots, ..Surface::default() };
+        let terms = terms_with_hinges(&surface, 3, 2);
+        let has = |powers: [u32; 6]| terms.iter().any(|term| term[..] == powers);
+        // The first knot was given.
+        assert!(has([0, 0, 2, 0, 0, 0]) && has([0, 0, 1, 1, 0, 0]));
+        assert!(has([0, 0, 0, 1, 0, 1]) && has([1, 0, 0, 1, 0, 0]));
+        assert!(!has([0, 0, 0, 2, 0, 0]) && !has([0, 0, 0, 1, 1, 0]) && !has([0, 0, 0, 0, 0, 2]));
+        // Without the squares of three hinges and the product of the two of `a`.
+        assert_eq!(terms.len() + 4, terms_up_to(&surface, 2).len());
+        assert_eq!(terms_up_to(&surface, 2).len(), count_of_candidates(&surface, 2));
     }
 
     #[test]

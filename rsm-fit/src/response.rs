@@ -8,6 +8,8 @@ mod noise;
 mod quality;
 mod spline;
 
+use std::cell::OnceCell;
+
 use rsm_core::model::{Input, Surface, Term};
 use rsm_core::source::Faults;
 
@@ -153,6 +155,7 @@ impl Task<'_> {
             validate: self.validate.as_ref(),
             periods,
             is_open: is_open(&self.response.method, &powers),
+            powers: OnceCell::new(),
         };
         let (taken, mut report) = of.choose(forms);
         if allowed.contains(&Form::Spline) {
@@ -170,7 +173,8 @@ impl Task<'_> {
             Some(taken) => {
                 let waves = [&empty.waves[..], &taken.waves].concat();
                 let sigmoids = [&empty.sigmoids[..], &taken.sigmoids].concat();
-                *surface = Surface { sigmoids, waves, ..empty };
+                let knots = [&empty.knots[..], &taken.knots].concat();
+                *surface = Surface { knots, sigmoids, waves, ..empty };
                 self.run_form(surface, Some(taken), progress)?
             }
         };
@@ -192,7 +196,8 @@ impl Task<'_> {
         progress: &mut dyn FnMut(Progress<'_>),
     ) -> Result<ResponseOutcome, Faults> {
         let method = &self.response.method;
-        let up_to = |order: u32| design::terms_up_to(surface, taken.map_or(order, |taken| taken.order));
+        let chosen_hinges = taken.map_or(0, |taken| taken.knots.len());
+        let up_to = |order: u32| design::terms_with_hinges(surface, chosen_hinges, taken.map_or(order, |taken| taken.order));
         let terms = match method {
             Method::Fixed(terms) => match self.blocks {
                 Some(blocks) => blocks.with_terms(terms, self.own_inputs().len()),

@@ -196,6 +196,8 @@ pub enum Form {
     Wave,
     /// A tensor spline over all inputs, in place of terms.
     Spline,
+    /// Also hinges, with places chosen by the data.
+    Hinge,
 }
 
 /// A spline as the whole surface.

@@ -155,6 +155,7 @@ impl FormsReport {
             Form::Sigmoid => "sigmoids and powers",
             Form::Wave => "waves and powers of the other inputs",
             Form::Spline => "a spline",
+            Form::Hinge => "hinges and powers",
         };
         format!("{form}: {}", self.why)
     }
@@ -206,6 +207,8 @@ pub struct Tried {
     pub form: Form,
     /// The number of its sigmoids.
     pub sigmoids: usize,
+    /// The number of its hinges.
+    pub hinges: usize,
     /// The orders of its waves.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub orders: Vec<u32>,

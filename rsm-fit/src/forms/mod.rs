@@ -1,16 +1,21 @@
-//! Chooses the form of a response: powers of its inputs, also sigmoids of them, or waves over a periodic input.
+//! Chooses the form of a response: powers of its inputs, also sigmoids or hinges of them, or waves over a periodic input.
 //!
-//! In: a response, its rows, the method of choosing terms. Out: the sigmoids to add, if any, with a report of what was tried. Sigmoids are found on
-//! the rows to fit ([`sigmoids`]), orders of waves too ([`waves`]). Both forms are then fitted without each of five parts of the rows in turn: the
-//! sigmoids are refined, the terms are chosen again, and the errors on the omitted part are computed. Sigmoids are accepted if these errors are
-//! clearly smaller. Test rows are not used.
+//! In: a response, its rows, the method of choosing terms. Out: the bends or waves to add, if any, with a report of what was tried. Sigmoids and
+//! hinges are found on the rows to fit ([`bends`]), orders of waves too ([`waves`]). Each form is then fitted without each of five parts of the rows
+//! in turn: its places are refined, the terms are chosen again, and the errors on the omitted part are computed. A form is accepted if these errors
+//! are clearly smaller than those of powers. Of sigmoids and hinges the better one is taken. Test rows are not used.
 
+mod bends;
+mod hinges;
 mod sigmoids;
 pub(crate) mod splines;
 mod waves;
 
+use std::cell::OnceCell;
+use std::marker::PhantomData;
+
 use nalgebra::DVector;
-use rsm_core::model::{Input, Sigmoid, Surface, Wave};
+use rsm_core::model::{Input, Knot, Sigmoid, Surface, Wave};
 
 use crate::dd::Dd;
 use crate::design::{self, Design};
@@ -41,6 +46,9 @@ const MOST_INPUTS: usize = 4;
 /// The largest number of candidate terms: two operations each, plus seven or eight for each sigmoid, are about 150.
 const MOST_CANDIDATES: usize = 52;
 
+/// Why a form without a gain is taken.
+const ONLY: &str = "it was the only requested form";
+
 /// A random sample of at most `most` rows, with the square roots of their weights, and their responses times these.
 fn drawn(sample: &Sample, most: usize) -> (Vec<usize>, Vec<f64>, DVector<f64>) {
     let mut picked: Vec<usize> = (0..sample.rows()).collect();
@@ -66,10 +74,13 @@ pub(crate) struct Forms<'a> {
     pub periods: Vec<Option<f64>>,
     /// Whether sigmoids may be tried without a request.
     pub is_open: bool,
+    /// The errors of powers alone on each part, once they are known.
+    pub powers: OnceCell<Option<Vec<Judged>>>,
 }
 
 /// The accepted form.
 pub(crate) struct Taken {
+    pub knots: Vec<Knot>,
     pub sigmoids: Vec<Sigmoid>,
     pub waves: Vec<Wave>,
     /// The highest order of a candidate term.
@@ -77,6 +88,22 @@ pub(crate) struct Taken {
     /// The errors on omitted rows, and the number of parts.
     pub judged: Option<(Judged, usize)>,
 }
+
+impl FormsReport {
+    /// The same with a further reason.
+    fn with(self, why: &str) -> Self {
+        let why = [&self.why[..], why].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ");
+        FormsReport { why, ..self }
+    }
+
+    /// The same with a first reason.
+    fn because(self, why: &str) -> Self {
+        FormsReport { why: why.to_string(), ..self.clone() }.with(&self.why)
+    }
+}
+
+/// The result of a search of sigmoids or hinges: their comparison with powers, or why there is none.
+type Attempt = Result<(Option<Taken>, FormsReport), String>;
 
 impl Forms<'_> {
     /// The form to add and the report; neither if no other form was tried.
@@ -96,29 +123,80 @@ impl Forms<'_> {
                 None => (None, self.kept(vec![], "no wave over an input with a period is above the noise".to_string())),
             };
             if taken.is_some() {
-                return (taken, Some(said));
+                return (taken, Some(if is_only { said.because(ONLY) } else { said }));
             }
             report = Some(said);
         }
-        if !may(Form::Sigmoid) || !may_be_constrained(Form::Sigmoid) || (wanted.is_none() && !self.is_open) {
+        let tries = |form| may(form) && may_be_constrained(form);
+        let mut attempts = Vec::new();
+        if tries(Form::Sigmoid) && (wanted.is_some() || self.is_open) {
+            attempts.push(self.sigmoids(has_rows, highest, is_only));
+        }
+        if tries(Form::Hinge) && wanted.is_some() {
+            attempts.push(self.hinges(has_rows, highest, is_only));
+        }
+        if attempts.is_empty() {
             return (None, report);
         }
-        let is_asked = wanted.is_some();
+        let (judged, missing): (Vec<_>, Vec<_>) = attempts.into_iter().partition(Result::is_ok);
+        let judged = judged.into_iter().flatten().reduce(better);
+        let missing: Vec<String> = missing.into_iter().filter_map(Result::err).collect();
+        match judged {
+            Some((taken, said)) => {
+                let said = missing.into_iter().fold(said, |said, why| said.with(&why));
+                let only = if tries(Form::Sigmoid) && tries(Form::Hinge) { "powers alone were not requested" } else { ONLY };
+                let said = if is_only && taken.is_some() { said.because(only) } else { said };
+                (taken, Some(said))
+            }
+            None => (None, report.or(wanted.map(|_| self.kept(vec![], missing.join("; "))))),
+        }
+    }
+
+    /// Looks for sigmoids and compares them with powers.
+    fn sigmoids(&self, has_rows: bool, highest: u32, is_only: bool) -> Attempt {
         if !has_rows || !self.surface.reciprocal.is_empty() {
             let why =
                 "there are too few rows, too many inputs, or inputs that enter by their reciprocal: no sigmoid was looked for";
-            return (None, report.or(is_asked.then(|| self.kept(vec![], why.to_string()))));
+            return Err(why.to_string());
         }
-        let search = sigmoids::Search { surface: self.surface, inputs: self.inputs, highest, most_candidates: MOST_CANDIDATES };
+        let search = self.search::<sigmoids::Sigmoids>(self.free_inputs(), highest);
         let Some(found) = search.run(self.fit, is_only) else {
-            let why = "no sigmoid explains clearly more of the fitted rows than powers do".to_string();
-            return (None, report.or(is_asked.then(|| self.kept(vec![], why))));
+            return Err("no sigmoid explains clearly more of the fitted rows than powers do".to_string());
         };
-        let order = found.order;
         let bent = |sigmoids: Vec<Sigmoid>| Surface { sigmoids, ..self.surface.clone() };
-        let again = |rest: &Sample| search.refined(rest, &found.sigmoids, order).map(bent);
-        let (taken, said) = self.compared(Form::Sigmoid, &bent(found.sigmoids.clone()), order, is_only, &again);
-        (taken, Some(said))
+        let again = |rest: &Sample| search.refined(rest, &found.bends, found.order).map(bent);
+        Ok(self.compared(Form::Sigmoid, &bent(found.bends.clone()), found.order, is_only, &again))
+    }
+
+    /// Looks for hinges and compares them with powers.
+    fn hinges(&self, has_rows: bool, highest: u32, is_only: bool) -> Attempt {
+        let is_open = |input: &usize| {
+            let name = &self.surface.inputs[*input];
+            self.periods.get(*input).is_none_or(Option::is_none) && !self.surface.reciprocal.contains(name)
+        };
+        let open: Vec<usize> = self.free_inputs().into_iter().filter(is_open).collect();
+        if !has_rows || open.is_empty() {
+            let why =
+                "there are too few rows, too many inputs, or only inputs that cannot have a hinge: no hinge was looked for";
+            return Err(why.to_string());
+        }
+        let search = self.search::<hinges::Hinges>(open, highest);
+        let Some(found) = search.run(self.fit, is_only) else {
+            return Err("no hinge explains clearly more of the fitted rows than powers do".to_string());
+        };
+        let bent = |knots: Vec<Knot>| Surface { knots: [&self.surface.knots[..], &knots].concat(), ..self.surface.clone() };
+        let again = |rest: &Sample| search.refined(rest, &found.bends, found.order).map(bent);
+        Ok(self.compared(Form::Hinge, &bent(found.bends.clone()), found.order, is_only, &again))
+    }
+
+    fn search<K: bends::Kind>(&self, open: Vec<usize>, highest: u32) -> bends::Search<'_, K> {
+        let (surface, inputs) = (self.surface, self.inputs);
+        bends::Search { surface, inputs, open, highest, most_candidates: MOST_CANDIDATES, kind: PhantomData }
+    }
+
+    /// The inputs that are no contrasts.
+    fn free_inputs(&self) -> Vec<usize> {
+        (0..self.inputs.len()).filter(|k| self.surface.category_of(&self.inputs[*k].name).is_none()).collect()
     }
 
     /// Compares a form with powers alone. `again` finds the same form from other rows.
@@ -131,12 +209,16 @@ impl Forms<'_> {
         again: &dyn Fn(&Sample) -> Option<Surface>,
     ) -> (Option<Taken>, FormsReport) {
         let orders: Vec<u32> = found.waves.iter().map(|wave| wave.order).collect();
-        let taken = |judged| Taken { sigmoids: found.sigmoids.clone(), waves: found.waves.clone(), order, judged };
-        let tried = |rmse| Tried { form, sigmoids: found.sigmoids.len(), orders: orders.clone(), cells: vec![], rmse };
+        let knots = &found.knots[self.surface.knots.len()..];
+        let taken = |judged| {
+            let (knots, sigmoids, waves) = (knots.to_vec(), found.sigmoids.clone(), found.waves.clone());
+            Taken { knots, sigmoids, waves, order, judged }
+        };
+        let (sigmoids, hinges) = (found.sigmoids.len(), knots.len());
+        let tried = |rmse| Tried { form, sigmoids, hinges, orders: orders.clone(), cells: vec![], rmse };
         let Some(parts) = self.judged(order, again) else {
             if is_only {
-                let why = "it was the only requested form".to_string();
-                return (Some(taken(None)), FormsReport { tried: vec![tried(None)], chosen: form, why });
+                return (Some(taken(None)), FormsReport { tried: vec![tried(None)], chosen: form, why: String::new() });
             }
             return (None, self.kept(vec![], "the rows are too few to leave parts of them out".to_string()));
         };
@@ -144,7 +226,7 @@ impl Forms<'_> {
         let rmse = |judged: Judged| judged.statistics().map(|statistics| statistics.rmse);
         let [powers, other] = [0, 1].map(|which| rmse(total(which)).unwrap_or(f64::INFINITY));
         let better = parts.iter().filter(|[powers, other]| rmse(*other) < rmse(*powers)).count();
-        let alone = Tried { form: Form::Polynomial, sigmoids: 0, orders: vec![], cells: vec![], rmse: Some(powers) };
+        let alone = Tried { form: Form::Polynomial, sigmoids: 0, hinges: 0, orders: vec![], cells: vec![], rmse: Some(powers) };
         let tried = vec![alone, tried(Some(other))];
         let percent = 100.0 * (1.0 - other / powers);
         let what = match (form, &orders[..]) {
@@ -153,16 +235,17 @@ impl Forms<'_> {
                 let orders: Vec<String> = orders.iter().map(u32::to_string).collect();
                 format!("waves of orders {} leave", orders.join(", "))
             }
-            _ if found.sigmoids.len() == 1 => "a sigmoid leaves".to_string(),
-            _ => format!("{} sigmoids leave", found.sigmoids.len()),
+            (Form::Hinge, _) if hinges == 1 => "a hinge leaves".to_string(),
+            (Form::Hinge, _) => format!("{hinges} hinges leave"),
+            _ if sigmoids == 1 => "a sigmoid leaves".to_string(),
+            _ => format!("{sigmoids} sigmoids leave"),
         };
         let count = parts.len();
         let gain = format!(
             "on rows left out in {count} parts in turn {what} {percent:.0} % less error than powers alone, better in {better} parts"
         );
         if is_only || (other <= CLEAR * powers && better >= MOST_PARTS.min(count)) {
-            let why = if is_only { format!("it was the only requested form; {gain}") } else { gain };
-            return (Some(taken(Some((total(1), count)))), FormsReport { tried, chosen: form, why });
+            return (Some(taken(Some((total(1), count)))), FormsReport { tried, chosen: form, why: gain });
         }
         let least = 100.0 * (1.0 - CLEAR);
         (None, self.kept(tried, format!("{gain}: a clear gain is {least:.0} % and {MOST_PARTS} parts")))
@@ -192,11 +275,18 @@ impl Forms<'_> {
         let better = spline.iter().zip(&powers).filter(|(spline, powers)| rmse(**spline) < rmse(**powers)).count();
         let mut tried = before.tried.clone();
         if tried.is_empty() {
-            tried.push(Tried { form: Form::Polynomial, sigmoids: 0, orders: vec![], cells: vec![], rmse: Some(alone) });
+            tried.push(Tried {
+                form: Form::Polynomial,
+                sigmoids: 0,
+                hinges: 0,
+                orders: vec![],
+                cells: vec![],
+                rmse: Some(alone),
+            });
         }
         let best = tried.iter().filter_map(|one| one.rmse).fold(f64::INFINITY, f64::min);
         let cells = search.run(self.fit).map_or_else(Vec::new, |(fitted, _)| fitted.spline.cells);
-        tried.push(Tried { form: Form::Spline, sigmoids: 0, orders: vec![], cells, rmse: Some(own) });
+        tried.push(Tried { form: Form::Spline, sigmoids: 0, hinges: 0, orders: vec![], cells, rmse: Some(own) });
         let count = spline.len();
         let percent = 100.0 * (1.0 - own / best);
         let gain = format!(
@@ -213,12 +303,16 @@ impl Forms<'_> {
 
     /// The errors of powers alone on each part.
     fn powers_left_out(&self) -> Option<Vec<Judged>> {
+        let errors = |rest: &Sample, out: &Sample| self.errors(self.surface, self.highest_order()?, rest, out);
+        self.powers.get_or_init(|| self.left_out(&errors)).clone()
+    }
+
+    /// Calls a function for each part, with the rows of the other parts and its own; `None` if there are too few parts, or if a call returns `None`.
+    fn left_out(&self, errors: &dyn Fn(&Sample, &Sample) -> Option<Judged>) -> Option<Vec<Judged>> {
         let part_of = split::parts(&self.fit.groups, PARTS, 3);
         let count = part_of.iter().max().map_or(0, |most| most + 1);
-        let round = |part: usize| {
-            let (rest, out) = (self.fit.chosen(|row| part_of[row] != part), self.fit.chosen(|row| part_of[row] == part));
-            self.errors(self.surface, self.highest_order()?, &rest, &out)
-        };
+        let round =
+            |part: usize| errors(&self.fit.chosen(|row| part_of[row] != part), &self.fit.chosen(|row| part_of[row] == part));
         if count < 2 { None } else { (0..count).map(round).collect() }
     }
 
@@ -237,24 +331,19 @@ impl Forms<'_> {
 
     /// The errors on each part, for powers alone and for the form found again without that part.
     fn judged(&self, order: u32, again: &dyn Fn(&Sample) -> Option<Surface>) -> Option<Vec<[Judged; 2]>> {
-        let part_of = split::parts(&self.fit.groups, PARTS, 3);
-        let count = part_of.iter().max().map_or(0, |most| most + 1);
-        if count < 2 {
-            return None;
-        }
-        let round = |part: usize| {
-            let (rest, out) = (self.fit.chosen(|row| part_of[row] != part), self.fit.chosen(|row| part_of[row] == part));
-            let powers = self.errors(self.surface, self.highest_order()?, &rest, &out)?;
+        let powers = self.powers_left_out()?;
+        let other = self.left_out(&|rest, out| {
             // Without the form, if these rows do not show it.
-            let other = again(&rest).unwrap_or_else(|| self.surface.clone());
-            Some([powers, self.errors(&other, order, &rest, &out)?])
-        };
-        (0..count).map(round).collect()
+            let other = again(rest).unwrap_or_else(|| self.surface.clone());
+            self.errors(&other, order, rest, out)
+        })?;
+        Some(powers.into_iter().zip(other).map(|(powers, other)| [powers, other]).collect())
     }
 
     /// The errors on some rows of a model chosen and fitted on others.
     fn errors(&self, surface: &Surface, order: u32, fit: &Sample, out: &Sample) -> Option<Judged> {
-        let all = Design::new(surface, self.inputs, design::terms_up_to(surface, order));
+        let chosen_hinges = surface.knots.len() - self.surface.knots.len();
+        let all = Design::new(surface, self.inputs, design::terms_with_hinges(surface, chosen_hinges, order));
         let (method, output_range) = (self.method, surface.output_range);
         let (design, coefficients) = if Searcher::is_for(method, all.width(), fit.rows()) {
             let searcher = Searcher { validate: self.validate, ..Searcher::of(&all, method, surface, fit) };
@@ -285,4 +374,23 @@ impl Forms<'_> {
         let mean = fit.mean();
         Some(out.observed(|rows| Judged::of(&design, &coefficients, output_range, Observations { weights: &[], ..rows }, mean)))
     }
+}
+
+/// Of two forms that were compared with powers, the accepted one, or the one with the smaller error if both were accepted. The report is of both.
+fn better(
+    (taken, said): (Option<Taken>, FormsReport),
+    (other_taken, other_said): (Option<Taken>, FormsReport),
+) -> (Option<Taken>, FormsReport) {
+    let error = |taken: &Option<Taken>| {
+        let (judged, _) = taken.as_ref()?.judged?;
+        Some(judged.statistics()?.rmse)
+    };
+    let is_other = match (&taken, &other_taken) {
+        (Some(_), Some(_)) => error(&other_taken).unwrap_or(f64::INFINITY) < error(&taken).unwrap_or(f64::INFINITY),
+        (first, _) => first.is_none(),
+    };
+    let mut tried = said.tried.clone();
+    tried.extend(other_said.tried.iter().filter(|one| !said.tried.iter().any(|known| known.form == one.form)).cloned());
+    let (taken, said, other) = if is_other { (other_taken, other_said, said) } else { (taken, said, other_said) };
+    (taken, FormsReport { tried, ..said.with(&other.why) })
 }

@@ -73,9 +73,10 @@ fn check_response(specification: &Specification, response: &ResponseSpec, faults
         // A search tries sigmoids without a request.
         None => form == Form::Sigmoid && matches!(response.method, Method::Search(_)),
     };
-    if tries(Form::Sigmoid) || tries(Form::Wave) || tries(Form::Spline) {
-        let what = "sigmoids, waves and splines are found on rows, and a part holds only sums".to_string();
-        faults.push(fault("forms", what).help("write `forms = [\"polynomial\"]`; `sigmoids` and `waves` may be given"));
+    if [Form::Hinge, Form::Sigmoid, Form::Wave, Form::Spline].into_iter().any(tries) {
+        let what = "hinges, sigmoids, waves and splines are found on rows, and a part holds only sums".to_string();
+        faults
+            .push(fault("forms", what).help("write `forms = [\"polynomial\"]`; `knots`, `sigmoids` and `waves` may be given"));
     }
     if response.noise.is_some() {
         let what = "autoregressive errors relate each row to the rows before, and a part holds only sums".to_string();

@@ -24,7 +24,7 @@ impl Task<'_> {
         if let Some(statistics) = &mut outcome.statistics {
             let cells = surface.spline.as_ref().map_or_else(Vec::new, |spline| spline.cells.clone());
             let rmse = statistics.cross_validation.as_ref().map(|cross| cross.errors.rmse);
-            let tried = vec![Tried { form: Form::Spline, sigmoids: 0, orders: vec![], cells, rmse }];
+            let tried = vec![Tried { form: Form::Spline, sigmoids: 0, hinges: 0, orders: vec![], cells, rmse }];
             let why = "it was the only requested form".to_string();
             statistics.forms = Some(FormsReport { tried, chosen: Form::Spline, why });
         }

@@ -249,10 +249,10 @@ fn check_loss(specification: &Specification, faults: &mut Collector) {
         if !response.constraints.is_empty() {
             fault("cannot be combined with `constraints`, which are proved for squared errors", "remove one of them");
         }
-        if searches_forms(specification, response) {
+        if let Some((forms, given)) = searched_forms(specification, response) {
             fault(
-                "cannot be combined with a search of sigmoids or waves, which compares squared errors",
-                "use `forms = [\"polynomial\"]`, and give `sigmoids` or `waves` if they are known",
+                &format!("cannot be combined with a search of {forms}, which compares squared errors"),
+                &format!("use `forms = [\"polynomial\"]`, and give {given} if they are known"),
             );
         }
     }
@@ -287,20 +287,25 @@ fn check_noise(specification: &Specification, faults: &mut Collector) {
         if response.loss != Loss::LeastSquares {
             fault("cannot be combined with a robust `loss`, whose weights take the rows as independent", "remove one of them");
         }
-        if searches_forms(specification, response) {
+        if let Some((forms, given)) = searched_forms(specification, response) {
             fault(
-                "cannot be combined with a search of sigmoids or waves, which compares errors of independent rows",
-                "use `forms = [\"polynomial\"]`, and give `sigmoids` or `waves` if they are known",
+                &format!("cannot be combined with a search of {forms}, which compares errors of independent rows"),
+                &format!("use `forms = [\"polynomial\"]`, and give {given} if they are known"),
             );
         }
     }
 }
 
-/// Whether the data choose sigmoids or waves, for a method that does not try them by itself.
-fn searches_forms(specification: &Specification, response: &ResponseSpec) -> bool {
+/// The forms that the data choose, for a method that does not try them by itself, and the keys by which they are given.
+fn searched_forms(specification: &Specification, response: &ResponseSpec) -> Option<(&'static str, &'static str)> {
     let is_periodic = |name: &String| specification.input(name).is_some_and(|input| input.period.is_some());
     let searches_waves = response.forms.is_none() && response.surface.inputs.iter().any(is_periodic);
-    response.forms.iter().flatten().any(|form| *form != Form::Polynomial) || searches_waves
+    let forms = response.forms.as_deref().unwrap_or_default();
+    if forms.contains(&Form::Hinge) {
+        return Some(("hinges, sigmoids or waves", "`knots`, `sigmoids` or `waves`"));
+    }
+    (searches_waves || forms.iter().any(|form| *form != Form::Polynomial))
+        .then_some(("sigmoids or waves", "`sigmoids` or `waves`"))
 }
 
 fn check_search(specification: &Specification, response: &ResponseSpec, search: &Search, faults: &mut Collector) {

@@ -167,9 +167,10 @@ pub(super) fn read_forms(
             "sigmoid" => forms.push(Form::Sigmoid),
             "wave" => forms.push(Form::Wave),
             "spline" => forms.push(Form::Spline),
+            "hinge" => forms.push(Form::Hinge),
             other => {
                 let fault = reader.fault(span, format!("`forms`: found \"{other}\""));
-                faults.push(fault.help("accepted: \"polynomial\", \"sigmoid\", \"wave\", \"spline\""));
+                faults.push(fault.help("accepted: \"polynomial\", \"sigmoid\", \"wave\", \"spline\", \"hinge\""));
                 return None;
             }
         }
@@ -385,13 +386,17 @@ pub(super) fn check(specification: &Specification, faults: &mut Collector) {
     }
 }
 
-/// A reason against sigmoids chosen by the data, and what to do.
+/// A reason against sigmoids or hinges chosen by the data, and what to do.
 fn unwanted_form(response: &ResponseSpec) -> Option<(String, &'static str)> {
-    response.forms.as_ref().filter(|forms| forms.contains(&Form::Sigmoid))?;
+    let asks = |form| response.forms.as_ref().is_some_and(|forms| forms.contains(&form));
+    if !asks(Form::Sigmoid) && !asks(Form::Hinge) {
+        return None;
+    }
     if let Method::Fixed(_) = response.method {
         return Some(("not accepted with `terms`: the given terms fix the form".to_string(), "leave `forms` out, or `terms`"));
     }
-    let reciprocal = response.surface.reciprocal.first();
+    // Hinges are looked for over the other inputs.
+    let reciprocal = response.surface.reciprocal.first().filter(|_| asks(Form::Sigmoid));
     reciprocal
         .map(|input| (format!("\"sigmoid\" cannot be combined with `reciprocal` of `{input}`"), "leave out one of the two"))
 }

@@ -78,20 +78,20 @@ fn smooth_steps_bring_the_measured_flux_map_to_the_error_of_a_gaussian_process()
 }
 
 /// Uniform and normal draws for rows in memory.
-struct Draws(Random);
+pub(crate) struct Draws(pub(crate) Random);
 
 impl Draws {
-    fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.0.share()
     }
 
-    fn noise(&mut self, sd: f64) -> f64 {
+    pub(crate) fn noise(&mut self, sd: f64) -> f64 {
         sd * self.0.normal()
     }
 }
 
 /// For a fit to `rows` rows with noise: its error on 500 new rows without noise, in percent of the sd of the response there; and the outcome.
-fn known<const N: usize>(
+pub(crate) fn known<const N: usize>(
     truth: impl Fn(&[f64; N]) -> f64,
     ranges: [[f64; 2]; N],
     (rows, sd): (usize, f64),
@@ -122,12 +122,12 @@ fn known<const N: usize>(
 }
 
 /// Coulomb, Stribeck and viscous friction in N over a speed in m/s.
-fn friction([v]: &[f64; 1]) -> f64 {
+pub(crate) fn friction([v]: &[f64; 1]) -> f64 {
     (20.0 + 9.0 * (-(v / 0.03) * (v / 0.03)).exp()) * (v / 0.004).tanh() + 180.0 * v
 }
 
 /// Torque in N*m over throttle (0 to 1) and speed in 1000 rpm. The air flow saturates with the throttle, earlier at low engine speed.
-fn engine([throttle, speed]: &[f64; 2]) -> f64 {
+pub(crate) fn engine([throttle, speed]: &[f64; 2]) -> f64 {
     let fill = 1.0 - (-throttle / (0.04 + 0.05 * speed)).exp();
     fill * (190.0 - 9.0 * (speed - 3.2) * (speed - 3.2)) - 12.0 - 2.2 * speed
 }

@@ -10,6 +10,7 @@ mod data;
 mod evaluation;
 mod folders;
 mod forms;
+mod hinges;
 mod honest;
 mod in_memory;
 mod ladder;

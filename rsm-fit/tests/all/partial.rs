@@ -336,6 +336,10 @@ fn what_needs_rows_is_refused_with_what_is_possible() {
             "sigmoids, waves and splines are found on rows",
         ),
         (
+            response(&format!("{fixed}forms = [\"polynomial\", \"hinge\"]")),
+            "hinges, sigmoids, waves and splines are found on rows",
+        ),
+        (
             response("select = { method = \"fixed\" }\nspline = { degree = 1, cells = [2, 2] }"),
             "the penalty of a spline is chosen on rows",
         ),
