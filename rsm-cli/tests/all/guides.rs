@@ -96,7 +96,7 @@ fn the_guides_to_fits_constraints_and_designs_do_what_they_say() {
     );
     // An engine with two fuels on two days, the second with an offset.
     let row = |row: usize| {
-        let (fuel, slope) = if row % 3 == 0 { ("diesel", 0.08) } else { ("petrol", 0.05) };
+        let (fuel, slope) = if row.is_multiple_of(3) { ("diesel", 0.08) } else { ("petrol", 0.05) };
         let (day, speed) = (row / 30, 100.0 + 7.0 * ((13 * row) % 60) as f64);
         let torque = 120.0 + slope * speed + 4.0 * day as f64 + 0.2 * ((11 * row) % 7) as f64;
         format!("d{day},{fuel},{speed},{torque}\n")
