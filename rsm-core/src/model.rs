@@ -115,10 +115,19 @@ impl Surface {
         self.terms.iter().any(|term| term.coefficient != 0.0 && term.powers.iter().skip(first).any(|power| *power > 0))
     }
 
-    /// The category that has an input as a contrast, and the place of the input in it.
+    /// Whether an input is the contrast of a category.
     #[must_use]
-    pub fn category_of(&self, input: &str) -> Option<(&Category, usize)> {
-        self.categories.iter().find_map(|one| Some((one, one.inputs.iter().position(|known| known == input)?)))
+    pub fn is_contrast(&self, input: &str) -> bool {
+        self.categories.iter().flat_map(|category| &category.inputs).any(|known| known == input)
+    }
+
+    /// Whether an input has `symmetry`, `knots`, `sigmoids`, `waves` or `reciprocal`.
+    #[must_use]
+    pub fn has_form(&self, input: &str) -> bool {
+        let knots = self.knots.iter().map(|knot| &knot.input);
+        let made =
+            knots.chain(self.sigmoids.iter().map(|sigmoid| &sigmoid.input)).chain(self.waves.iter().map(|wave| &wave.input));
+        self.is_symmetric(input) || self.reciprocal.iter().chain(made).any(|name| name == input)
     }
 
     /// Whether an input enters by its magnitude.
@@ -228,9 +237,37 @@ impl Category {
     #[must_use]
     pub fn contrasts(&self, level: &str) -> Option<Vec<f64>> {
         let place = self.levels.iter().position(|known| known == level)?;
-        let is_last = place + 1 == self.levels.len();
-        let of_one = |k: usize| if is_last { -1.0 } else { f64::from(u8::from(k == place)) };
-        Some((0..self.inputs.len()).map(of_one).collect())
+        Some((0..self.inputs.len()).map(|input| self.contrast(place, input)).collect())
+    }
+
+    /// The values of its inputs in rows with these levels, a column for each input; `otherwise` in a row whose level it does not have.
+    #[must_use]
+    pub fn columns<'a>(&self, rows: impl IntoIterator<Item = &'a str>, otherwise: f64) -> Vec<Vec<f64>> {
+        let mut columns = vec![Vec::new(); self.inputs.len()];
+        for level in rows {
+            let place = self.levels.iter().position(|known| known == level);
+            for (k, column) in columns.iter_mut().enumerate() {
+                column.push(place.map_or(otherwise, |place| self.contrast(place, k)));
+            }
+        }
+        columns
+    }
+
+    /// The value of an input at a level, both by their places.
+    fn contrast(&self, level: usize, input: usize) -> f64 {
+        if level + 1 == self.levels.len() { -1.0 } else { f64::from(u8::from(level == input)) }
+    }
+
+    /// Whether one of its inputs is among these names.
+    #[must_use]
+    pub fn is_in(&self, names: &[String]) -> bool {
+        self.inputs.iter().any(|input| names.contains(input))
+    }
+
+    /// The levels for a message: `` `diesel`, `petrol` ``.
+    #[must_use]
+    pub fn quoted_levels(&self) -> String {
+        self.levels.iter().map(|level| format!("`{level}`")).collect::<Vec<_>>().join(", ")
     }
 
     /// The meaning of one of its inputs in words: `1 for diesel, -1 for petrol, 0 for the other levels of fuel`.

@@ -16,7 +16,7 @@ use crate::design::BLOCK;
 use crate::missing::is_missing;
 use crate::qr::Growing;
 use crate::records::Records;
-use crate::spec::Specification;
+use crate::spec::{CONTRAST, Specification};
 
 /// The effect of one block.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -42,6 +42,9 @@ pub struct BlocksReport {
     pub effects: Vec<BlockEffect>,
 }
 
+/// What stands between the cells of several columns in the name of a block.
+const JOINT: &str = " / ";
+
 /// The most blocks: each is a column of the fit, in every row.
 const MOST_BLOCKS: usize = 300;
 
@@ -52,14 +55,14 @@ impl BlocksReport {
     /// The effect of the block of a row; 0 for a block without fitted rows, and for rows of files that were read without blocks. `labels`: the
     /// columns of [`Records::labels`].
     pub(crate) fn effect_of(&self, labels: &[String], records: &Records, row: usize) -> f64 {
-        let level = cells(&self.columns, labels, records, row).map(|cells| cells.join(" / "));
+        let level = cells(&self.columns, labels, records, row).map(|cells| cells.join(JOINT));
         self.effects.iter().find(|one| Some(&one.block) == level.as_ref()).map_or(0.0, |one| one.effect)
     }
 
     /// The blocks with their effects, as a sentence.
     #[must_use]
     pub fn words(&self, unit: &str) -> String {
-        let unit = if unit.is_empty() || unit == "1" { String::new() } else { format!(" {unit}") };
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
         let of_one = |one: &BlockEffect| {
             let error = one.standard_error.map_or(String::new(), |error| format!(" +- {error:.2e}"));
             format!("{} {:+.4e}{error}", one.block, one.effect)
@@ -68,7 +71,7 @@ impl BlocksReport {
         if self.effects.len() > MOST_NAMED {
             named.push(format!("{} more", self.effects.len() - MOST_NAMED));
         }
-        let columns = self.columns.join(" / ");
+        let columns = self.columns.join(JOINT);
         format!("{} of {columns}, effects{unit} with sd {:.4e}: {}", self.effects.len(), self.sd, named.join(", "))
     }
 }
@@ -97,18 +100,18 @@ impl Blocks {
                 let help = "fill the cell, or leave such rows out with `missing = \"drop-row\"`";
                 return Err(Faults::one(specification.fault("blocks", what).help(help)));
             }
-            let level = cells.join(" / ");
+            let level = cells.join(JOINT);
             if seen.insert(level.clone()) {
                 levels.push(level);
             }
             if levels.len() > MOST_BLOCKS {
-                let what = format!("`blocks`: column `{}` tells more than {MOST_BLOCKS} blocks apart", columns.join(" / "));
+                let what = format!("`blocks`: column `{}` tells more than {MOST_BLOCKS} blocks apart", columns.join(JOINT));
                 let help = "a block is a day, a batch or a test rig with many rows; for many small groups use `keep_together`";
                 return Err(Faults::one(specification.fault("blocks", what).help(help)));
             }
         }
         let inputs = levels.iter().take(levels.len().saturating_sub(1)).map(|level| format!("{BLOCK}{level}")).collect();
-        let category = Category { name: columns.join(" / "), levels, inputs, additive: true };
+        let category = Category { name: columns.join(JOINT), levels, inputs, additive: true };
         Ok((category.levels.len() > 1).then_some(Blocks { columns, category }))
     }
 
@@ -120,19 +123,16 @@ impl Blocks {
     /// The values of the contrasts in some rows. A row of an unknown block, or of a file without blocks, has the mean of all blocks.
     pub(crate) fn contrasts(&self, specification: &Specification, records: &Records) -> Vec<Vec<f64>> {
         let labels: Vec<String> = specification.labels().into_iter().map(str::to_string).collect();
-        let mut columns = vec![Vec::with_capacity(records.rows()); self.width()];
-        for row in 0..records.rows() {
-            let level = cells(&self.columns, &labels, records, row).map(|cells| cells.join(" / "));
-            let values = level.and_then(|level| self.category.contrasts(&level)).unwrap_or_else(|| vec![0.0; self.width()]);
-            columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
-        }
-        columns
+        // No level is empty: a row of the data without a block is refused.
+        let level = |row: usize| cells(&self.columns, &labels, records, row).map_or(String::new(), |cells| cells.join(JOINT));
+        let levels: Vec<String> = (0..records.rows()).map(level).collect();
+        self.category.columns(levels.iter().map(String::as_str), 0.0)
     }
 
     /// The contrasts as inputs of a surface.
     pub(crate) fn inputs(&self) -> impl Iterator<Item = Input> {
         let input =
-            |name: &String| Input { name: name.clone(), unit: "1".to_string(), range: [-1.0, 1.0], outside: Outside::Clamp };
+            |name: &String| Input { name: name.clone(), unit: "1".to_string(), range: CONTRAST, outside: Outside::Clamp };
         self.category.inputs.iter().map(input)
     }
 

@@ -56,10 +56,9 @@ impl Design {
     /// The terms that are in every model of a choice: the constant, and the contrasts of additive categories, the constant first.
     #[must_use]
     pub(crate) fn always(&self) -> Vec<usize> {
+        let (_, additive) = contrasts(&self.surface);
         let is_constant = |k: &usize| order(&self.terms[*k]) == 0;
-        let mut always: Vec<usize> = (0..self.terms.len()).filter(is_constant).collect();
-        always.extend((0..self.terms.len()).filter(|k| is_additive(&self.surface, &self.terms[*k])));
-        always
+        (0..self.terms.len()).filter(is_constant).chain(self.alone(&additive)).collect()
     }
 
     /// The terms of blocks: they explain differences between rows, and are no part of the surface.
@@ -79,16 +78,16 @@ impl Design {
 
     /// For each category the terms of its contrasts alone, with its name: first those of additive ones. Only categories with such terms.
     pub(crate) fn shifts(&self) -> Vec<(String, Vec<usize>)> {
-        let places = |category: &Category| -> Vec<usize> {
-            let inputs: Vec<usize> =
-                category.inputs.iter().filter_map(|name| self.surface.inputs.iter().position(|input| input == name)).collect();
-            let is_alone = |powers: &Vec<u32>| order(powers) == 1 && inputs.iter().any(|input| powers[*input] == 1);
-            (0..self.terms.len()).filter(|k| is_alone(&self.terms[*k])).collect()
-        };
         let mut categories: Vec<&Category> = self.surface.categories.iter().collect();
         categories.sort_by_key(|category| !category.additive);
-        let shifts = categories.into_iter().map(|category| (category.name.clone(), places(category)));
-        shifts.filter(|(_, terms)| !terms.is_empty()).collect()
+        let of_one = |category: &Category| (category.name.clone(), self.alone(&places(&self.surface, category)).collect());
+        categories.into_iter().map(of_one).filter(|(_, terms): &(String, Vec<usize>)| !terms.is_empty()).collect()
+    }
+
+    /// The terms of one of these factors alone, to the first power.
+    fn alone(&self, factors: &[usize]) -> impl Iterator<Item = usize> {
+        let is_alone = move |powers: &[u32]| order(powers) == 1 && factors.iter().any(|factor| powers[*factor] == 1);
+        (0..self.terms.len()).filter(move |k| is_alone(&self.terms[*k]))
     }
 
     /// The terms, as powers of the factors.
@@ -225,24 +224,15 @@ fn with_one(term: &[u32], place: usize) -> Vec<u32> {
 
 /// The factors that are contrasts: those of each category that may be in products, and those of all additive categories.
 fn contrasts(surface: &Surface) -> (Vec<Vec<usize>>, Vec<usize>) {
-    let places = |category: &Category| -> Vec<usize> {
-        category.inputs.iter().filter_map(|name| surface.inputs.iter().position(|input| input == name)).collect()
-    };
+    let places = |category: &Category| places(surface, category);
     let (additive, others): (Vec<&Category>, Vec<&Category>) =
         surface.categories.iter().partition(|category| category.additive);
     (others.into_iter().map(places).collect(), additive.into_iter().flat_map(places).collect())
 }
 
-/// Whether a term is one contrast of an additive category.
-fn is_additive(surface: &Surface, powers: &[u32]) -> bool {
-    let (_, additive) = contrasts(surface);
-    order(powers) == 1 && additive.iter().any(|place| powers[*place] == 1)
-}
-
-/// The variables of a surface that are no contrasts: as many as a search of other forms has to look at.
-#[must_use]
-pub(crate) fn free_inputs(surface: &Surface) -> usize {
-    surface.inputs.iter().filter(|input| surface.category_of(input).is_none()).count()
+/// The factors that are contrasts of a category.
+fn places(surface: &Surface, category: &Category) -> Vec<usize> {
+    category.inputs.iter().filter_map(|name| surface.inputs.iter().position(|input| input == name)).collect()
 }
 
 /// The powers of `width` factors in the order of [`terms_up_to`], without the restrictions of a surface.

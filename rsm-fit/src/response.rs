@@ -3,6 +3,7 @@
 //! In: the rows of a response, its specification. Out: the terms of the surface, the figures and the outcome. Linearly dependent columns and
 //! constraints that cannot be met are outcomes; too few rows and terms that are not finite are faults.
 
+mod blocks;
 mod loss;
 mod noise;
 mod quality;
@@ -14,8 +15,7 @@ use rsm_core::model::{Input, Surface, Term};
 use rsm_core::source::Faults;
 
 use crate::analysis;
-use crate::blocks::{Blocks, BlocksReport};
-use crate::canonical;
+use crate::blocks::Blocks;
 use crate::constrain::{self, Constrained, ConstraintStatistics};
 use crate::design::eight::Seen;
 use crate::design::{self, Design};
@@ -83,49 +83,7 @@ pub(crate) struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Chooses the form, fits, and sets the surface's sigmoids and terms. Blocks are further inputs of the fit, and no inputs of the surface.
-    pub(crate) fn run(&self, surface: &mut Surface, progress: &mut dyn FnMut(Progress<'_>)) -> Result<ResponseOutcome, Faults> {
-        let Some(blocks) = self.blocks else { return self.run_whole(surface, progress) };
-        let mut whole = blocks.with(surface);
-        let mut outcome = self.run_whole(&mut whole, progress)?;
-        *surface = self.own(&whole);
-        if let Some(statistics) = &mut outcome.statistics {
-            let inputs = surface.inputs.len();
-            statistics.keep_terms(&mut |powers| blocks.without(powers, inputs));
-        }
-        Ok(outcome)
-    }
-
-    /// The surface without the contrasts of blocks, which is its mean over the blocks.
-    fn own(&self, surface: &Surface) -> Surface {
-        let Some(blocks) = self.blocks else { return surface.clone() };
-        let mut own = surface.clone();
-        let inputs = own.inputs.len() - blocks.width();
-        own.inputs.truncate(inputs);
-        own.categories.pop();
-        let term = |term: &Term| Some(Term { powers: blocks.without(&term.powers, inputs)?, ..*term });
-        own.terms = surface.terms.iter().filter_map(term).collect();
-        own
-    }
-
-    /// The inputs without the contrasts of blocks.
-    fn own_inputs(&self) -> &[Input] {
-        &self.inputs[..self.inputs.len() - self.blocks.map_or(0, Blocks::width)]
-    }
-
-    /// The stationary point and the support of the surface itself.
-    fn add_shape(&self, surface: &Surface, statistics: &mut ResponseStatistics) {
-        let own = self.own(surface);
-        statistics.canonical = canonical::analyse(&own, self.own_inputs());
-        statistics.support = self.support(&own);
-    }
-
-    /// The effects of the blocks. `solution`: the solved terms with the residual mean square, if the coefficients have standard errors.
-    fn blocks_of(&self, terms: &[Term], solution: Option<(&Growing, f64)>) -> Option<BlocksReport> {
-        let inputs = self.own_inputs().len();
-        Some(self.blocks?.report(terms, inputs, solution, &self.fit.columns[inputs..]))
-    }
-
+    /// The fit of the surface with the contrasts of blocks as inputs.
     fn run_whole(&self, surface: &mut Surface, progress: &mut dyn FnMut(Progress<'_>)) -> Result<ResponseOutcome, Faults> {
         if let Some(wanted) = &self.response.spline {
             return self.run_spline(surface, wanted, None);

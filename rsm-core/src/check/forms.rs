@@ -309,12 +309,7 @@ pub(super) fn check_categories(context: &Context<'_>, faults: &mut Collector, su
                     );
                 }
             }
-            let has_form = surface.is_symmetric(name)
-                || surface.reciprocal.contains(name)
-                || surface.knots.iter().any(|knot| knot.input == *name)
-                || surface.sigmoids.iter().any(|sigmoid| sigmoid.input == *name)
-                || surface.waves.iter().any(|wave| wave.input == *name);
-            if has_form {
+            if surface.has_form(name) {
                 fault(
                     format!("`{name}` has `symmetry`, `knots`, `sigmoids`, `waves` or `reciprocal`"),
                     "a contrast has three values only",

@@ -100,7 +100,7 @@ const ROUNDING: f64 = 1e-9;
 impl Sample {
     /// Whether an input is the contrast of a category, which no sensor reads.
     pub(super) fn is_contrast(&self, input: usize) -> bool {
-        self.surface.category_of(&self.inputs[input].name).is_some()
+        self.surface.is_contrast(&self.inputs[input].name)
     }
 
     /// The sample for surface `index` of a model. `points`, the response and `extras` are of all rows. A row that is not `used` is neither in the

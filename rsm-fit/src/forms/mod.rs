@@ -97,8 +97,9 @@ impl FormsReport {
     }
 
     /// The same with a first reason.
-    fn because(self, why: &str) -> Self {
-        FormsReport { why: why.to_string(), ..self.clone() }.with(&self.why)
+    fn because(mut self, why: &str) -> Self {
+        let own = std::mem::replace(&mut self.why, why.to_string());
+        self.with(&own)
     }
 }
 
@@ -114,7 +115,7 @@ impl Forms<'_> {
         // Without a request, constraints keep the form that they were given for.
         let may_be_constrained = |form| !self.is_constrained || wanted.is_some_and(|forms| forms.contains(&form));
         let is_free = self.surface.width() == self.surface.inputs.len() + self.surface.knots.len();
-        let has_rows = is_free && self.fit.rows() >= LEAST_ROWS && design::free_inputs(self.surface) <= MOST_INPUTS;
+        let has_rows = is_free && self.fit.rows() >= LEAST_ROWS && self.free_inputs().len() <= MOST_INPUTS;
         let mut report = None;
         if has_rows && may(Form::Wave) && may_be_constrained(Form::Wave) && self.periods.iter().any(Option::is_some) {
             let search = waves::Search { surface: self.surface, inputs: self.inputs, periods: &self.periods, highest };
@@ -196,7 +197,7 @@ impl Forms<'_> {
 
     /// The inputs that are no contrasts.
     fn free_inputs(&self) -> Vec<usize> {
-        (0..self.inputs.len()).filter(|k| self.surface.category_of(&self.inputs[*k].name).is_none()).collect()
+        (0..self.inputs.len()).filter(|k| !self.surface.is_contrast(&self.inputs[*k].name)).collect()
     }
 
     /// Compares a form with powers alone. `again` finds the same form from other rows.
@@ -226,8 +227,7 @@ impl Forms<'_> {
         let rmse = |judged: Judged| judged.statistics().map(|statistics| statistics.rmse);
         let [powers, other] = [0, 1].map(|which| rmse(total(which)).unwrap_or(f64::INFINITY));
         let better = parts.iter().filter(|[powers, other]| rmse(*other) < rmse(*powers)).count();
-        let alone = Tried { form: Form::Polynomial, sigmoids: 0, hinges: 0, orders: vec![], cells: vec![], rmse: Some(powers) };
-        let tried = vec![alone, tried(Some(other))];
+        let tried = vec![without_bends(Form::Polynomial, vec![], powers), tried(Some(other))];
         let percent = 100.0 * (1.0 - other / powers);
         let what = match (form, &orders[..]) {
             (Form::Wave, [one]) => format!("a wave of order {one} leaves"),
@@ -259,10 +259,7 @@ impl Forms<'_> {
         report: Option<FormsReport>,
     ) -> (Option<Vec<Judged>>, FormsReport) {
         let before = report.unwrap_or_else(|| self.kept(vec![], String::new()));
-        let refused = |why: &str| {
-            let why = if before.why.is_empty() { why.to_string() } else { format!("{}; {why}", before.why) };
-            (None, FormsReport { why, ..before.clone() })
-        };
+        let refused = |why: &str| (None, before.clone().with(why));
         if self.fit.rows() < LEAST_ROWS {
             return refused(&format!("a spline is not tried with fewer than {LEAST_ROWS} rows"));
         }
@@ -275,18 +272,11 @@ impl Forms<'_> {
         let better = spline.iter().zip(&powers).filter(|(spline, powers)| rmse(**spline) < rmse(**powers)).count();
         let mut tried = before.tried.clone();
         if tried.is_empty() {
-            tried.push(Tried {
-                form: Form::Polynomial,
-                sigmoids: 0,
-                hinges: 0,
-                orders: vec![],
-                cells: vec![],
-                rmse: Some(alone),
-            });
+            tried.push(without_bends(Form::Polynomial, vec![], alone));
         }
         let best = tried.iter().filter_map(|one| one.rmse).fold(f64::INFINITY, f64::min);
         let cells = search.run(self.fit).map_or_else(Vec::new, |(fitted, _)| fitted.spline.cells);
-        tried.push(Tried { form: Form::Spline, sigmoids: 0, hinges: 0, orders: vec![], cells, rmse: Some(own) });
+        tried.push(without_bends(Form::Spline, cells, own));
         let count = spline.len();
         let percent = 100.0 * (1.0 - own / best);
         let gain = format!(
@@ -297,8 +287,7 @@ impl Forms<'_> {
         }
         let least = 100.0 * (1.0 - CLEAR);
         let why = format!("{gain}: a clear gain is {least:.0} % and {MOST_PARTS} parts");
-        let why = if before.why.is_empty() { why } else { format!("{}; {why}", before.why) };
-        (None, FormsReport { tried, chosen: before.chosen, why })
+        (None, FormsReport { tried, ..before }.with(&why))
     }
 
     /// The errors of powers alone on each part.
@@ -374,6 +363,11 @@ impl Forms<'_> {
         let mean = fit.mean();
         Some(out.observed(|rows| Judged::of(&design, &coefficients, output_range, Observations { weights: &[], ..rows }, mean)))
     }
+}
+
+/// A form that was tried and has neither bends nor waves.
+fn without_bends(form: Form, cells: Vec<u32>, rmse: f64) -> Tried {
+    Tried { form, sigmoids: 0, hinges: 0, orders: vec![], cells, rmse: Some(rmse) }
 }
 
 /// Of two forms that were compared with powers, the accepted one, or the one with the smaller error if both were accepted. The report is of both.

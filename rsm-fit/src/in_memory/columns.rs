@@ -59,23 +59,13 @@ impl Input {
         cells: impl IntoIterator<Item = C>,
     ) -> Vec<Self> {
         let category = Category::new(name, levels.into_iter().map(Into::into).collect());
-        let mut columns = vec![Vec::new(); category.inputs.len()];
-        let mut fault = None;
-        for (row, cell) in cells.into_iter().enumerate() {
-            let values = category.contrasts(cell.as_ref());
-            if values.is_none() && !is_missing(cell.as_ref()) {
-                let levels: Vec<String> = category.levels.iter().map(|level| format!("`{level}`")).collect();
-                fault.get_or_insert(format!(
-                    "category `{}`: row {}: found `{}`, expected one of {}",
-                    category.name,
-                    row + 1,
-                    cell.as_ref(),
-                    levels.join(", ")
-                ));
-            }
-            let values = values.unwrap_or_else(|| vec![f64::NAN; columns.len()]);
-            columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
-        }
+        let cells: Vec<C> = cells.into_iter().collect();
+        let columns = category.columns(cells.iter().map(AsRef::as_ref), f64::NAN);
+        let is_unknown = |cell: &C| !is_missing(cell.as_ref()) && !category.levels.iter().any(|level| level == cell.as_ref());
+        let fault = cells.iter().position(is_unknown).map(|row| {
+            let (found, expected) = (cells[row].as_ref(), category.quoted_levels());
+            format!("category `{}`: row {}: found `{found}`, expected one of {expected}", category.name, row + 1)
+        });
         let input = |(name, values): (&String, Vec<f64>)| Input {
             category: Some((category.clone(), fault.clone())),
             ..Input::new(name.clone(), values).range(CONTRAST)

@@ -348,7 +348,7 @@ impl Fit {
             }
         }
         for response in &mut responses {
-            let is_used = |category: &&Category| category.inputs.iter().any(|name| response.surface.inputs.contains(name));
+            let is_used = |category: &&Category| category.is_in(&response.surface.inputs);
             response.surface.categories = categories.iter().filter(is_used).cloned().collect();
         }
         let rows = (together, self.missing, series, blocks);

@@ -38,6 +38,17 @@ struct Solved {
     report: Option<SelectionReport>,
 }
 
+impl Solved {
+    fn freedom(&self, rows: usize) -> usize {
+        rows.saturating_sub(self.terms.len()).max(1)
+    }
+
+    /// The residual mean square of whitened rows.
+    fn mean_square(&self, rows: usize) -> f64 {
+        (self.growing.residual_square() / Dd::from(self.freedom(rows) as f64)).to_f64()
+    }
+}
+
 /// Why there is none.
 enum Unsolved {
     Dependent(Dependent),
@@ -76,9 +87,7 @@ impl Task<'_> {
         let mut statistics = self.with_apart(surface, &design, figures);
         surface.terms = terms_of(&statistics);
         self.add_shape(surface, &mut statistics);
-        let freedom = self.fit.rows().saturating_sub(design.width()).max(1);
-        let mean_square = (solved.growing.residual_square() / Dd::from(freedom as f64)).to_f64();
-        statistics.blocks = self.blocks_of(&surface.terms, Some((&solved.growing, mean_square)));
+        statistics.blocks = self.blocks_of(&surface.terms, Some((&solved.growing, solved.mean_square(self.fit.rows()))));
         let choice = Choice { terms: solved.terms.clone(), by, climb: None };
         let cross = || self.sections_left_out(surface, all, &solved);
         let quality: Quality = self.quality(surface, &design, &statistics, &choice, &cross);
@@ -152,8 +161,8 @@ impl Task<'_> {
         let Solved { estimate, growing, .. } = solved;
         let exact = growing.coefficients();
         let coefficients: Vec<f64> = exact.iter().map(|coefficient| coefficient.to_f64()).collect();
-        let (rows, freedom) = (self.fit.rows(), self.fit.rows().saturating_sub(coefficients.len()).max(1));
-        let mean_square = (growing.residual_square() / Dd::from(freedom as f64)).to_f64();
+        let rows = self.fit.rows();
+        let (freedom, mean_square) = (solved.freedom(rows), solved.mean_square(rows));
         let all = self.fit.observed(|rows| statistics::of_constrained(design, &coefficients, rows));
         let whitened: Vec<f64> = self.fit.observed(|fit| {
             let rows = estimate.whitening.rows(design, fit, self.sequence);

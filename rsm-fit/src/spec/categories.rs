@@ -100,13 +100,7 @@ fn check_use(specification: &Specification, category: &Category, response: &Resp
     if used < category.inputs.len() {
         fault("found some of its contrasts, expected all or none", "name the category itself in `inputs`");
     }
-    let is_own = |name: &String| category.inputs.contains(name);
-    let has_form = surface.symmetry.iter().any(|(name, _)| is_own(name))
-        || surface.knots.iter().any(|knot| is_own(&knot.input))
-        || surface.sigmoids.iter().any(|sigmoid| is_own(&sigmoid.input))
-        || surface.waves.iter().any(|wave| is_own(&wave.input))
-        || surface.reciprocal.iter().any(is_own);
-    if has_form {
+    if category.inputs.iter().any(|name| surface.has_form(name)) {
         fault("a category cannot have `symmetry`, `knots`, `sigmoids`, `waves` or `reciprocal`", "");
     }
     if uses_spline(response) {

@@ -282,8 +282,8 @@ fn read_response(
     let loss = reader.choice("loss", &losses, faults);
     let noise = shape::read_noise(path, reader, places, faults);
     let (unit, basis, inputs) = (unit?, basis?, inputs?);
-    let is_used = |(_, category): &&(String, Category)| category.inputs.iter().any(|name| inputs.contains(name));
-    let categories = categories.iter().filter(is_used).map(|(_, category)| category.clone()).collect();
+    let categories =
+        categories.iter().map(|(_, category)| category).filter(|category| category.is_in(&inputs)).cloned().collect();
     let surface = Surface {
         name: name.to_string(),
         unit: unit.clone().unwrap_or_default(),

@@ -16,8 +16,7 @@ impl Wanted {
     pub(crate) fn in_file(&self, has: impl Fn(&str) -> bool) -> Wanted {
         let mut wanted = self.clone();
         wanted.categories.retain(|category| {
-            let is_asked = category.inputs.iter().any(|name| self.numbers.contains(name));
-            is_asked && (has(&category.name) || !category.inputs.iter().all(|name| has(name)))
+            category.is_in(&self.numbers) && (has(&category.name) || !category.inputs.iter().all(|name| has(name)))
         });
         for category in &wanted.categories {
             wanted.numbers.retain(|name| !category.inputs.contains(name));
@@ -35,22 +34,21 @@ impl Table {
     /// # Errors
     /// A text that is no level, once for each text; a missing cell, unless it is read as NaN.
     pub(crate) fn with_contrasts(mut self, wanted: &Wanted) -> Result<Table, Faults> {
+        if wanted.categories.is_empty() {
+            return Ok(self);
+        }
         let mut faults = Collector::new();
         for category in wanted.in_file(|name| self.column(name).is_some()).categories {
             let Some(column) = self.column(&category.name).filter(|column| column.labels.len() == self.rows()) else {
                 continue;
             };
-            let mut columns = vec![Vec::with_capacity(self.rows()); category.inputs.len()];
+            let columns = category.columns(column.labels.iter().map(String::as_str), f64::NAN);
             // Of each text that is no level the first row, and how many cells have it.
             let mut told: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
-            for (label, line) in column.labels.iter().zip(&self.lines) {
-                let is_nan = wanted.missing == MissingAs::Nan && is_missing(label);
-                let values = if is_nan { None } else { category.contrasts(label) };
-                if values.is_none() && !is_nan {
-                    told.entry(label).or_insert((*line, 0)).1 += 1;
-                }
-                let values = values.unwrap_or_else(|| vec![f64::NAN; columns.len()]);
-                columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
+            let is_known =
+                |label: &String| wanted.missing == MissingAs::Nan && is_missing(label) || category.levels.contains(label);
+            for (label, line) in column.labels.iter().zip(&self.lines).filter(|(label, _)| !is_known(label)) {
+                told.entry(label).or_insert((*line, 0)).1 += 1;
             }
             let mut told: Vec<(&str, (usize, usize))> = told.into_iter().collect();
             told.sort_by_key(|(_, (line, _))| *line);
@@ -78,8 +76,7 @@ impl Table {
     ) -> Fault {
         let found = if text.is_empty() { "an empty cell".to_string() } else { format!("`{text}`") };
         let more = if cells > 1 { format!("; {cells} cells have it") } else { String::new() };
-        let levels: Vec<String> = category.levels.iter().map(|level| format!("`{level}`")).collect();
-        let what = format!("found {found}, expected one of {}{more}", levels.join(", "));
+        let what = format!("found {found}, expected one of {}{more}", category.quoted_levels());
         let who = format!("column {} `{}`", column.place, column.name);
         // A file that is no text has rows in place of lines.
         let fault = match self.header_line {
