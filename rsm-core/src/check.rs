@@ -160,6 +160,12 @@ impl Checked {
                     faults.push(at(places.first().copied().unwrap_or_default(), what));
                 }
             }
+            if surface.transform.is_some()
+                && let Err((what, help)) = forms::transform_fits(surface, &self.inputs_of(surface), precision)
+            {
+                let what = format!("surface `{}`: `transform`: {what}", surface.name);
+                faults.push(at(places.first().copied().unwrap_or_default(), what).help(help));
+            }
             for sigmoid in &surface.sigmoids {
                 if let Some(Input { range, .. }) = self.model.input(&sigmoid.input)
                     && !fits_sigmoid(precision, sigmoid, *range)

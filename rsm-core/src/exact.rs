@@ -11,10 +11,16 @@ use crate::model::{Input, Surface};
 use crate::number::{Precision, Rational, exact, integer};
 use crate::tape::{Op, Reg, Tape};
 
-/// The true polynomial at a point, with clamped inputs, before `output_range`. `None` at a pole (a reciprocal input at 0, which is possible only by
-/// extrapolation).
+/// The value of a surface at a point, with clamped inputs, before `output_range`: the true polynomial, or the response of its transform (for a
+/// logarithm with an error below 2^-500 of it). `None` at a pole (a reciprocal input at 0, which is possible only by extrapolation).
 #[must_use]
 pub fn polynomial(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Option<Rational> {
+    let terms = before_transform(surface, inputs, point)?;
+    Some(surface.transform.map_or(terms.clone(), |transform| transform.exact_response(terms)))
+}
+
+/// The value of the terms or of the spline.
+fn before_transform(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Option<Rational> {
     let zero = Rational::of(0.0);
     let seen: Vec<Rational> = inputs.iter().zip(point).map(|(input, xi)| basis::clamped(input, xi.clone())).collect();
     if surface.reciprocal.iter().any(|name| inputs.iter().zip(&seen).any(|(input, xi)| input.name == *name && *xi == zero)) {

@@ -66,6 +66,7 @@ pub mod elementary;
 pub mod held;
 pub mod series;
 pub mod tangent;
+pub mod transform;
 
 pub mod bernstein;
 pub mod interval;

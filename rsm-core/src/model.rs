@@ -64,6 +64,8 @@ pub struct Surface {
     pub reciprocal: Vec<String>,
     /// Categories, whose contrasts are inputs of this surface.
     pub categories: Vec<Category>,
+    /// The transform of the response that the terms or the spline describe; `None`: they describe the response itself.
+    pub transform: Option<Transform>,
     /// The polynomial. Empty if the surface is a spline.
     pub terms: Vec<Term>,
     /// The spline that is the whole surface, instead of `terms`.
@@ -154,6 +156,86 @@ pub enum Symmetry {
     Even,
     /// y(-xi) = -y(xi).
     Odd,
+}
+
+/// A transform of a response.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Transform {
+    /// The terms describe sqrt y.
+    SquareRoot,
+    /// The terms describe the cube root of y, which is negative for a negative y.
+    CubeRoot,
+    /// The terms describe y^(1/4).
+    FourthRoot,
+    /// The terms describe the natural logarithm of y.
+    Log,
+    /// The terms describe 1/sqrt y.
+    ReciprocalSquareRoot,
+    /// The terms describe 1/y.
+    Reciprocal,
+}
+
+impl Transform {
+    /// All of them, from weak to strong.
+    pub const ALL: [Transform; 6] = [
+        Transform::SquareRoot,
+        Transform::CubeRoot,
+        Transform::FourthRoot,
+        Transform::Log,
+        Transform::ReciprocalSquareRoot,
+        Transform::Reciprocal,
+    ];
+
+    /// The name in files.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Transform::SquareRoot => "square-root",
+            Transform::CubeRoot => "cube-root",
+            Transform::FourthRoot => "fourth-root",
+            Transform::Log => "log",
+            Transform::ReciprocalSquareRoot => "reciprocal-square-root",
+            Transform::Reciprocal => "reciprocal",
+        }
+    }
+
+    /// The power lambda of Box and Cox.
+    #[must_use]
+    pub fn lambda(self) -> f64 {
+        match self {
+            Transform::SquareRoot => 0.5,
+            Transform::CubeRoot => 1.0 / 3.0,
+            Transform::FourthRoot => 0.25,
+            Transform::Log => 0.0,
+            Transform::ReciprocalSquareRoot => -0.5,
+            Transform::Reciprocal => -1.0,
+        }
+    }
+
+    /// A quantity after the transform, in words: `log(torque)`.
+    #[must_use]
+    pub fn words(self, what: &str) -> String {
+        match self {
+            Transform::SquareRoot => format!("sqrt({what})"),
+            Transform::CubeRoot => format!("cbrt({what})"),
+            Transform::FourthRoot => format!("({what})^(1/4)"),
+            Transform::Log => format!("log({what})"),
+            Transform::ReciprocalSquareRoot => format!("1/sqrt({what})"),
+            Transform::Reciprocal => format!("1/({what})"),
+        }
+    }
+
+    /// Whether the response falls where P rises.
+    #[must_use]
+    pub fn is_falling(self) -> bool {
+        self.needs_positive()
+    }
+
+    /// Whether P must be above 0 in the whole box.
+    #[must_use]
+    pub fn needs_positive(self) -> bool {
+        matches!(self, Transform::ReciprocalSquareRoot | Transform::Reciprocal)
+    }
 }
 
 /// A hinge of an input at a natural value.

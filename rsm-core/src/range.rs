@@ -15,7 +15,7 @@ use crate::model::{Input, Surface, Symmetry};
 use crate::number::exact;
 use crate::pieces::{self, Piece};
 
-/// An enclosure of the true polynomial over the box.
+/// An enclosure of the true surface over the box, before `output_range`.
 ///
 /// ```
 /// # let text = "format = 1\nmodel = \"car\"\n[inputs.speed]\nunit = \"m/s\"\nrange = [0.0, 30.0]\n[surfaces.drag]\nunit = \"N\"\n\
@@ -45,10 +45,35 @@ pub(crate) struct Extent {
     pub greatest_at: Vec<f64>,
 }
 
-/// The extent of the true polynomial over the box. The box is divided at the knots: in each piece a hinge is 0 or a plain difference, so the surface
-/// is a polynomial there, unless it has sigmoids (`range/bent.rs`).
+/// The extent of the surface over the box, before `output_range`: that of its polynomial, or of the responses of its transform.
 #[must_use]
 pub(crate) fn extent(surface: &Surface, inputs: &[Input]) -> Extent {
+    let of_terms = extent_of_terms(surface, inputs);
+    let Some(transform) = surface.transform else { return of_terms };
+    let limits = transform.limits();
+    let within = |p: f64| p.clamp(limits.low, limits.high);
+    // A reciprocal whose terms may reach 0 is unbounded; no limit hides it.
+    let range = if transform.needs_positive() {
+        of_terms.range
+    } else {
+        Interval { low: within(of_terms.range.low), high: within(of_terms.range.high) }
+    };
+    let range = transform.over(range);
+    if transform.is_falling() {
+        return Extent { range, least_at: of_terms.greatest_at, greatest_at: of_terms.least_at };
+    }
+    Extent { range, ..of_terms }
+}
+
+/// The enclosure of the polynomial or the spline, before a transform.
+#[must_use]
+pub(crate) fn of_terms(surface: &Surface, inputs: &[Input]) -> Interval {
+    extent_of_terms(surface, inputs).range
+}
+
+/// The extent of the true polynomial over the box. The box is divided at the knots: in each piece a hinge is 0 or a plain difference, so the surface
+/// is a polynomial there, unless it has sigmoids (`range/bent.rs`).
+fn extent_of_terms(surface: &Surface, inputs: &[Input]) -> Extent {
     if let Some(spline) = &surface.spline {
         return spline::extent(spline, inputs);
     }

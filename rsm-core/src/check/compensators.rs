@@ -59,6 +59,11 @@ pub(super) fn check_scheduled(context: &Context<'_>, faults: &mut Collector, com
                 let help = "the proof of stability is about polynomials: give the surface terms";
                 faults.push(context.fault(&place, what).help(help));
             }
+            if let Some(transform) = context.model().surface(name).and_then(|surface| surface.transform) {
+                let what = format!("{who}: `{key}`: the surface `{name}` has the transform \"{}\"", transform.word());
+                let help = "the proof of stability is about polynomials: fit the surface without a transform";
+                faults.push(context.fault(&place, what).help(help));
+            }
             if context.model().surface(name).is_none() && context.knows_all("surfaces", name) {
                 faults.push(context.fault(&place, format!("{who}: `{key}`: there is no surface `{name}`")));
             }

@@ -6,7 +6,8 @@ use super::context::Context;
 use super::fits::{BEYOND, fits_sigmoid};
 use crate::model::{Coding, Input, Outside, Sigmoid, Surface, Symmetry, Wave};
 use crate::model_file;
-use crate::number::Precision;
+use crate::number::{Precision, exact};
+use crate::range;
 use crate::source::Collector;
 
 /// The most coefficients of a spline: an index is exact in f32, and a table of f64 is not larger than about 64 kB.
@@ -268,6 +269,49 @@ pub(super) fn check_waves(context: &Context<'_>, faults: &mut Collector, surface
         if surface.waves[..k].contains(wave) {
             faults.push(context.fault(&place, format!("{who}: occurs twice")));
         }
+    }
+}
+
+/// The fault of a transform of these inputs and with these values of the terms, and what to do.
+///
+/// # Errors
+/// If a reciprocal may reach 0, if an input of a reciprocal extrapolates, or if the responses exceed the precision.
+pub(crate) fn transform_fits(surface: &Surface, inputs: &[Input], precision: Precision) -> Result<(), (String, &'static str)> {
+    let Some(transform) = surface.transform else { return Ok(()) };
+    let terms = range::of_terms(surface, inputs);
+    if transform.needs_positive() && terms.low <= 0.0 {
+        let what = format!("the value of the terms reaches {:.4e} in the box, expected more than 0 everywhere", terms.low);
+        return Err((what, "give the inputs narrower ranges, a constraint on the response, or use another transform"));
+    }
+    if !precision.round(&exact(range::range(surface, inputs).magnitude().min(f64::MAX))).is_finite() {
+        return Err((format!("a response in the box is {BEYOND} {}", precision.name()), "use another unit of the response"));
+    }
+    Ok(())
+}
+
+pub(super) fn check_transform(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
+    let Some(transform) = surface.transform else { return };
+    let mut fault = |what: String, help: &'static str| {
+        let who = format!("surface `{}`: `transform` \"{}\"", surface.name, transform.word());
+        faults.push(context.fault(&format!("{path}.transform"), format!("{who}: {what}")).help(help));
+    };
+    if let Some((odd, _)) = surface.symmetry.iter().find(|(_, symmetry)| *symmetry == Symmetry::Odd) {
+        let help = "an odd response changes its sign, and a transform keeps it: use \"even\", or no transform";
+        return fault(format!("cannot be combined with the odd input `{odd}`"), help);
+    }
+    let inputs: Option<Vec<Input>> = surface.inputs.iter().map(|name| context.model().input(name).cloned()).collect();
+    // Unknown inputs are reported elsewhere.
+    let Some(inputs) = inputs else { return };
+    if let Some(input) = inputs.iter().find(|input| input.outside == Outside::Extrapolate && transform.needs_positive()) {
+        let what = format!("`{}` extrapolates, and nothing keeps the terms above 0 there", input.name);
+        return fault(what, "use outside = \"clamp\", or another transform");
+    }
+    if !faults.is_clean() {
+        return;
+    }
+    if let Err((what, help)) = transform_fits(surface, &inputs, Precision::F64) {
+        let who = format!("surface `{}`: `transform` \"{}\"", surface.name, transform.word());
+        faults.push(context.fault(&format!("{path}.transform"), format!("{who}: {what}")).help(help));
     }
 }
 

@@ -3,7 +3,7 @@
 //! In: the surfaces of a model. Out: faults at their parts.
 
 use super::context::{Context, any_under, check_range};
-use super::forms::{check_categories, check_knots, check_sigmoids, check_spline, check_symmetry, check_waves};
+use super::forms::{check_categories, check_knots, check_sigmoids, check_spline, check_symmetry, check_transform, check_waves};
 use crate::model::{Input, Surface};
 use crate::names;
 use crate::source::Collector;
@@ -25,6 +25,7 @@ pub(super) fn check_surfaces(context: &Context<'_>, faults: &mut Collector) {
             check_reciprocal,
             check_categories,
             check_support,
+            check_transform,
         ];
         for rule in rules {
             rule(context, faults, surface, &path);

@@ -7,7 +7,7 @@
 //! ```text
 //! argument -> clamp -> variable v, with x = v * scale -> nested sums over powers of v, each level in one of
 //!             two forms, scales folded into the coefficients
-//!          -> sign of odd inputs -> those bounds of output_range that a value can reach
+//!          -> sign of odd inputs -> response of a transform -> those bounds of output_range that a value can reach
 //! ```
 //!
 //! A compensator's surfaces are lowered into its tape by the same code, its filter by `compensator.rs`. A surface that follows measured responses has
@@ -23,6 +23,7 @@ mod recursive;
 mod saturation;
 mod scheme;
 mod spline;
+mod transform;
 mod variables;
 
 use crate::check::Checked;
@@ -81,8 +82,14 @@ fn unsaturated(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], argu
     polynomial_of(tape, surface, inputs, &mut Variables::new(surface, inputs, arguments))
 }
 
-/// The polynomial of these variables, with the sign of odd inputs.
+/// The value of these variables, before `output_range`.
 fn polynomial_of(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], variables: &mut Variables<'_>) -> Reg {
+    let terms = terms_of(tape, surface, inputs, variables);
+    surface.transform.map_or(terms, |transform| transform::lower(tape, transform, surface, inputs, terms))
+}
+
+/// The polynomial or spline of these variables, with the sign of odd inputs.
+fn terms_of(tape: &mut TapeBuilder, surface: &Surface, inputs: &[Input], variables: &mut Variables<'_>) -> Reg {
     if let Some(spline) = &surface.spline {
         return spline::lower(tape, variables, spline, inputs);
     }

@@ -109,6 +109,12 @@ impl Recursive {
         if surface.spline.is_some() {
             return Some("it is a spline, and only the coefficients of terms can follow measured responses".to_string());
         }
+        if let Some(transform) = surface.transform {
+            let word = transform.word();
+            return Some(format!(
+                "its terms describe the response after the transform \"{word}\", and a measured response cannot follow"
+            ));
+        }
         if surface.terms.is_empty() || surface.terms.len() > MOST_TERMS {
             return Some(format!("found {} terms, expected 1 to {MOST_TERMS}", surface.terms.len()));
         }

@@ -5,6 +5,7 @@ mod write;
 
 pub use read::{
     Basis, HIGHEST_ORDER, HIGHEST_POWER, Located, MOST_CELLS, read, read_basis, read_cells, read_degree, read_format,
+    read_transform,
 };
 pub use write::{quoted, write};
 

@@ -7,7 +7,7 @@ use toml::de::DeValue;
 use super::FORMAT;
 use crate::model::{
     Category, Coding, Compensator, Evidence, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Spline, Surface,
-    Symmetry, Term, Wave,
+    Symmetry, Term, Transform, Wave,
 };
 use crate::places::Places;
 use crate::source::{Collector, Source};
@@ -132,6 +132,8 @@ fn read_surface(name: &str, path: &str, reader: &mut TableReader<'_>, places: &m
         });
         surface.categories = places.part(path, "categories", categories).unwrap_or_default();
     }
+    let transform = read_transform(path, reader, places, faults);
+    surface.transform = places.part(path, "transform", transform).unwrap_or_default();
     let terms = match reader.optional("spline") {
         Some(value) => {
             places.note(format!("{path}.spline"), value.span());
@@ -168,6 +170,19 @@ fn read_surface(name: &str, path: &str, reader: &mut TableReader<'_>, places: &m
         }
     }
     surface
+}
+
+/// Reads `transform`. `Some(None)` if it is absent; `None` if it has no known name, of which there is a fault.
+pub fn read_transform(
+    path: &str,
+    reader: &mut TableReader<'_>,
+    places: &mut Places,
+    faults: &mut Collector,
+) -> Option<Option<Transform>> {
+    let Some((_, _, value)) = reader.entries().find(|(name, _, _)| *name == "transform") else { return Some(None) };
+    places.note(format!("{path}.transform"), value.span());
+    let names = Transform::ALL.map(|transform| (transform.word(), transform));
+    reader.choice("transform", &names, faults).map(Some)
 }
 
 /// The keys that define the variables of a surface's powers; the fit specification has the same.

@@ -97,6 +97,9 @@ fn write_surface(out: &mut String, surface: &Surface) {
         let entries: Vec<_> = surface.categories.iter().map(entry).collect();
         let _ = writeln!(out, "categories = [{}]", entries.join(", "));
     }
+    if let Some(transform) = surface.transform {
+        let _ = writeln!(out, "transform = {}", quoted(transform.word()));
+    }
     if let Some(Spline { degree, cells, coefficients }) = &surface.spline {
         let counts: Vec<_> = cells.iter().map(u32::to_string).collect();
         let _ = writeln!(out, "spline = {{ degree = {degree}, cells = [{}], coefficients = [", counts.join(", "));
@@ -193,7 +196,7 @@ pub fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{Input, Term};
+    use crate::model::{Input, Term, Transform};
     use crate::model_file::read;
     use crate::source::{Collector, Source};
 
@@ -216,6 +219,7 @@ mod tests {
                 Category::new("fuel", vec!["E10 \"plus\"".into(), "diesel".into()]),
                 Category { additive: true, ..Category::new("day", vec!["1".into(), "2".into(), "3".into()]) },
             ],
+            transform: Some(Transform::ReciprocalSquareRoot),
             terms: vec![
                 Term { powers: vec![0, 1, 0, 0, 0, 0], coefficient: -0.0 },
                 Term { powers: vec![3, 1, 2, 1, 0, 1], coefficient: 5e-324 },

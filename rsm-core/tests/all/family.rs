@@ -11,15 +11,15 @@ use rsm_core::run::Interpreter;
 use rsm_core::tape::{Op, Tape};
 
 /// Knuth's MMIX generator: sufficient for varied models.
-struct Random(u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    fn below(&mut self, limit: usize) -> usize {
+    pub(crate) fn below(&mut self, limit: usize) -> usize {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) as usize % limit
     }
 
-    fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         let share = self.below(1 << 30) as f64 / ((1u64 << 30) - 1) as f64;
         low * (1.0 - share) + high * share
     }
@@ -44,7 +44,7 @@ fn input(random: &mut Random, k: usize, coding: Coding) -> Input {
     Input { name: ["a", "b", "c"][k].to_string(), unit: "1".to_string(), range, outside }
 }
 
-fn model(random: &mut Random, index: usize) -> Model {
+pub(crate) fn model(random: &mut Random, index: usize) -> Model {
     let coding = if index % 4 == 3 { Coding::None } else { Coding::Range };
     let inputs: Vec<Input> = (0..1 + index % 3).map(|k| input(random, k, coding)).collect();
     let mut surface = Surface { name: "s".to_string(), unit: "1".to_string(), coding, ..Surface::default() };
@@ -116,7 +116,7 @@ fn each(mut visit: impl FnMut(&Checked, Precision, &mut Random)) {
 }
 
 /// Numbers of the type: ends, middle, knots and random ones, in the range and slightly outside.
-fn points(checked: &Checked, precision: Precision, random: &mut Random, count: usize, around: f64) -> Vec<Vec<f64>> {
+pub(crate) fn points(checked: &Checked, precision: Precision, random: &mut Random, count: usize, around: f64) -> Vec<Vec<f64>> {
     let surface = &checked.model().surfaces[0];
     let mut one = |input: &Input| {
         let [low, high] = input.range;
@@ -136,11 +136,11 @@ fn points(checked: &Checked, precision: Precision, random: &mut Random, count: u
     (0..count).map(|_| inputs.iter().map(&mut one).collect()).collect()
 }
 
-fn rational(point: &[f64]) -> Vec<Rational> {
+pub(crate) fn rational(point: &[f64]) -> Vec<Rational> {
     point.iter().map(|xi| exact(*xi)).collect()
 }
 
-fn run(tape: &Tape, point: &[f64]) -> f64 {
+pub(crate) fn run(tape: &Tape, point: &[f64]) -> f64 {
     match tape.precision {
         Precision::F64 => Interpreter::<f64>::new(tape).eval(point),
         Precision::F32 => {

@@ -15,3 +15,4 @@ mod refused;
 mod rejected;
 mod saturation;
 mod spline;
+mod transform;
