@@ -13,7 +13,7 @@ mod surfaces;
 use self::compensators::check_compensators;
 use self::context::{Context, any_under, check_range};
 use self::fits::{BEYOND, POLE_FREQUENCY, beyond_ratio, fits_fixed, fits_ratio, fits_sigmoid, schedule};
-pub use self::forms::{MOST_COEFFICIENTS, MOST_SPLINE_INPUTS, sigmoid_fits, spline_fits, wave_fits};
+pub use self::forms::{MOST_COEFFICIENTS, MOST_SPLINE_INPUTS, sigmoid_fits, spline_fits, transform_fits, wave_fits};
 use self::surfaces::check_surfaces;
 use crate::model::{Compensator, Input, Model, Surface};
 use crate::model_file;
@@ -161,7 +161,7 @@ impl Checked {
                 }
             }
             if surface.transform.is_some()
-                && let Err((what, help)) = forms::transform_fits(surface, &self.inputs_of(surface), precision)
+                && let Err((what, help)) = transform_fits(surface, &self.inputs_of(surface), precision)
             {
                 let what = format!("surface `{}`: `transform`: {what}", surface.name);
                 faults.push(at(places.first().copied().unwrap_or_default(), what).help(help));

@@ -135,6 +135,25 @@ impl Transform {
         .filter(|p| p.is_finite())
     }
 
+    /// The values of P for responses between two limits, in order; where a limit is no response, the nearest one.
+    ///
+    /// ```
+    /// use rsm_core::model::Transform;
+    ///
+    /// assert_eq!(Transform::SquareRoot.transformed_range([-1.0, 9.0]), [0.0, 3.0]);
+    /// assert_eq!(Transform::Reciprocal.transformed_range([0.5, 4.0]), [0.25, 2.0]);
+    /// assert_eq!(Transform::Reciprocal.transformed_range([0.0, 4.0]), [0.25, f64::MAX]);
+    /// ```
+    #[must_use]
+    pub fn transformed_range(self, range: [f64; 2]) -> [f64; 2] {
+        let limits = self.limits();
+        let (below, above) = (limits.low.max(f64::MIN), limits.high.min(f64::MAX));
+        // A limit that is no response is below or above all of them.
+        let outside = |y: f64| if (y <= 1.0) != self.is_falling() { below } else { above };
+        let [first, second] = range.map(|y| self.transformed(y).unwrap_or_else(|| outside(y)));
+        if self.is_falling() { [second, first] } else { [first, second] }
+    }
+
     fn accepts(self, y: f64) -> bool {
         match self {
             Transform::CubeRoot => y.is_finite(),

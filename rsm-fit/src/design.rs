@@ -5,7 +5,7 @@
 //! Powers are computed in double-double: in f64, NIST's Filip data would lose half of their digits. Responses are not used.
 
 use rsm_core::basis::{self, Factor};
-use rsm_core::model::{Category, Input, Spline, Surface, Symmetry};
+use rsm_core::model::{Category, Input, Spline, Surface, Symmetry, Transform};
 
 use crate::dd::Dd;
 
@@ -88,6 +88,11 @@ impl Design {
     fn alone(&self, factors: &[usize]) -> impl Iterator<Item = usize> {
         let is_alone = move |powers: &[u32]| order(powers) == 1 && factors.iter().any(|factor| powers[*factor] == 1);
         (0..self.terms.len()).filter(move |k| is_alone(&self.terms[*k]))
+    }
+
+    /// The transform of the response that the terms describe.
+    pub(crate) fn transform(&self) -> Option<Transform> {
+        self.surface.transform
     }
 
     /// The terms, as powers of the factors.

@@ -36,6 +36,10 @@ pub(crate) fn of(
     tell("specification", specification.source().map(file_of));
     let of_spline = statistics.spline.as_ref().map(|spline| spline.words());
     tell("method", Some(Evidence::Text(of_spline.unwrap_or_else(|| method(response)))));
+    if let Some(transform) = statistics.transform.as_ref().filter(|it| it.transform != "none") {
+        tell("transform", Some(Evidence::Text(transform.words())));
+        tell("rmse", transform.fitted.as_ref().map(|fitted| Evidence::Number(fitted.rmse)));
+    }
     tell(
         "weights",
         response.weights.as_ref().map(|weights| {

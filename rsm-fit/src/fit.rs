@@ -19,11 +19,12 @@ use crate::left_out::{self, LeftOut, OfResponse};
 use crate::points;
 use crate::records::{DataFile, Records, Refused, Rows, Units};
 use crate::response::Task;
-use crate::selection::Sample;
+use crate::selection::{Sample, relative};
 use crate::series;
 use crate::spec::{ResponseSpec, Specification, Validation, check_basis_against_ranges};
 use crate::split;
 use crate::statistics::{Named, ResponseStatistics};
+use crate::transformed;
 
 pub use crate::outcome::{Progress, ResponseOutcome};
 pub use crate::selection::ChosenBy;
@@ -63,8 +64,15 @@ impl Outcome {
         for records in rows.into_iter().flatten() {
             for (k, response) in self.responses.iter().enumerate() {
                 let Some(blocks) = response.statistics.as_ref().and_then(|it| it.blocks.as_ref()) else { continue };
+                let transform = self.model.surface(&response.name).and_then(|surface| surface.transform);
                 for row in 0..records.rows() {
-                    records.responses[k][row] -= blocks.effect_of(&self.labels, records, row);
+                    let effect = blocks.effect_of(&self.labels, records, row);
+                    let y = records.responses[k][row];
+                    // The effects are those of the terms.
+                    records.responses[k][row] = match transform {
+                        Some(transform) => transform.transformed(y).map_or(y, |p| transform.response(p - effect)),
+                        None => y - effect,
+                    };
                 }
             }
         }
@@ -266,7 +274,7 @@ pub(crate) fn fit_rows(
             copies: copies(specification, own),
             left_out: &left_out[k],
         };
-        let outcome = task.run(&mut surface, progress)?;
+        let outcome = transformed::run(&task, &mut surface, progress)?;
         if outcome.statistics.is_some() {
             let (validate, test) = (own.validate.as_deref(), own.test.as_deref());
             surface.evidence = evidence::of(specification, response, &outcome, &left_out[k], [Some(&own.fit), validate, test]);
@@ -408,12 +416,6 @@ pub(crate) fn inputs(specification: &Specification, units: &Units, spans: &[[f64
     }
     check_basis_against_ranges(specification, &from_data, &mut faults);
     faults.finish(Some(inputs))
-}
-
-/// Weights scaled to a mean of 1, so that the residual standard deviation is that of a row with mean weight.
-fn relative(weights: &[f64]) -> Vec<f64> {
-    let mean = weights.iter().sum::<f64>() / weights.len() as f64;
-    weights.iter().map(|weight| weight / mean).collect()
 }
 
 #[cfg(test)]

@@ -135,6 +135,8 @@ mod outcome;
 
 mod response;
 
+mod transformed;
+
 pub mod fit;
 
 pub mod in_memory;

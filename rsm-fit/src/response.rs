@@ -28,7 +28,7 @@ use crate::search::{Found, Searcher};
 use crate::selection::{Choice, ChosenBy, Sample, Selection};
 use crate::sequence::Sequence;
 use crate::spec::{Form, Loss, Method, ResponseSpec, Specification, SplineSpec, Validation};
-use crate::statistics::{self, CrossValidation, Judged, Observations, ResponseStatistics};
+use crate::statistics::{self, CrossValidation, Judged, Observations, ResponseStatistics, TransformReport};
 use crate::support::{self, Region, SupportStatistics};
 use crate::verdict::{self, Criterion, Verdict};
 use crate::warnings::{self, Noted, Notes};
@@ -358,6 +358,10 @@ impl Task<'_> {
     fn with_apart(&self, surface: &Surface, design: &Design, mut statistics: ResponseStatistics) -> ResponseStatistics {
         let judged = |rows: &Option<Sample>| self.judged(surface, design, &statistics, rows.as_ref()?)?.statistics();
         (statistics.validation, statistics.test) = (judged(&self.validate), judged(&self.test));
+        statistics.transform = surface.transform.map(|transform| {
+            let fitted = self.judged(surface, design, &statistics, &self.fit).and_then(|judged| judged.statistics());
+            TransformReport::given(transform, fitted)
+        });
         statistics
     }
 

@@ -32,6 +32,12 @@ pub(crate) struct Sample {
     pub groups: Vec<usize>,
 }
 
+/// Weights scaled to a mean of 1, so that the residual standard deviation is that of a row with mean weight.
+pub(crate) fn relative(weights: &[f64]) -> Vec<f64> {
+    let mean = weights.iter().sum::<f64>() / weights.len() as f64;
+    weights.iter().map(|weight| weight / mean).collect()
+}
+
 impl Sample {
     pub(crate) fn rows(&self) -> usize {
         self.response.len()

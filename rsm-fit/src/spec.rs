@@ -36,6 +36,12 @@
 //! categories = ["diesel", "petrol"]    # the model has an input `fuel_diesel`: 1 for diesel, -1 for petrol
 //! ```
 //!
+//! `transform` says what the terms of a response describe, and the model returns the response itself:
+//!
+//! ```toml
+//! transform = "log"                # or "square-root", "reciprocal" ...; "box-cox" chooses one
+//! ```
+//!
 //! `missing` is what to do with a row that lacks a number:
 //!
 //! ```toml
@@ -56,10 +62,11 @@ mod categories;
 mod read;
 mod rules;
 mod shape;
+mod transform;
 
 use std::path::{Path, PathBuf};
 
-use rsm_core::model::{Category, Outside, Surface};
+use rsm_core::model::{Category, Outside, Surface, Transform};
 use rsm_core::places::Places;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
@@ -182,6 +189,22 @@ pub struct ResponseSpec {
     pub forms: Option<Vec<Form>>,
     /// The spline that is the whole surface; `None` for terms.
     pub spline: Option<SplineSpec>,
+    /// The transform of the response that the terms describe; `None`: the response itself.
+    pub transform: Option<TransformSpec>,
+}
+
+/// The transform of a response.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TransformSpec {
+    /// This one.
+    Given(Transform),
+    /// The one with the largest likelihood, or none (Box, Cox 1964).
+    BoxCox,
+}
+
+impl TransformSpec {
+    /// The name of [`TransformSpec::BoxCox`] in a specification.
+    pub const BOX_COX: &str = "box-cox";
 }
 
 /// A form of a surface.

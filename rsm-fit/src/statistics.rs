@@ -8,7 +8,6 @@
 
 use std::ops::Range;
 
-use rsm_core::model::Spline;
 use serde::Serialize;
 
 use crate::analysis::Report;
@@ -23,15 +22,16 @@ use crate::distributions::{two_sided_t, upper_f};
 use crate::points::Groups;
 use crate::qr::{Growing, Triangle};
 use crate::robust::LossReport;
-use crate::spec::Form;
 use crate::support::SupportStatistics;
 use crate::threads;
 
+mod choices;
 mod judged;
 pub(crate) mod serial;
 
 pub use crate::blocks::{BlockEffect, BlocksReport};
 pub use crate::observations::{Named, Observations, ValidationStatistics};
+pub use choices::{FormsReport, SelectionReport, SizeReport, SplineReport, TransformReport, Tried, TriedCells, TriedTransform};
 pub use judged::Judged;
 pub use serial::Serial;
 
@@ -104,121 +104,6 @@ pub struct Warning {
     pub what: String,
 }
 
-/// How the terms were chosen, for `rsm fit --json`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SelectionReport {
-    /// "stepwise", "best-subset" or "lasso".
-    pub method: &'static str,
-    /// "press", "k-fold", "aicc" or "held-out".
-    pub criterion: &'static str,
-    /// Whether a term requires the terms with one power less.
-    pub heredity: bool,
-    /// Whether the smallest model within one standard error of the best was taken.
-    pub one_standard_error: bool,
-    /// The number of candidates.
-    pub candidates: usize,
-    /// For best subsets: whether it is proved that no better subset of its size exists. Null for other methods.
-    pub proved: Option<bool>,
-    /// For the LASSO: the weight of the penalised coefficients, from 0 (least squares on the chosen terms) to 1. Null for other methods.
-    pub shrinkage: Option<f64>,
-    /// The criterion for each number of terms: the root mean square error on rows left out or held out, that of PRESS, or AICc. For the LASSO the
-    /// smallest value of each number.
-    pub path: Vec<SizeReport>,
-}
-
-/// One size of a path.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SizeReport {
-    /// The number of terms.
-    pub terms: usize,
-    /// The criterion.
-    pub criterion: f64,
-}
-
-/// The forms of a response, for `rsm fit --json`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct FormsReport {
-    /// The tried forms, each with its cross-validation error.
-    pub tried: Vec<Tried>,
-    /// The accepted form.
-    pub chosen: Form,
-    /// The reason, in words.
-    pub why: String,
-}
-
-impl FormsReport {
-    /// The accepted form and the reason, in words.
-    #[must_use]
-    pub fn words(&self) -> String {
-        let form = match self.chosen {
-            Form::Polynomial => "powers alone",
-            Form::Sigmoid => "sigmoids and powers",
-            Form::Wave => "waves and powers of the other inputs",
-            Form::Spline => "a spline",
-            Form::Hinge => "hinges and powers",
-        };
-        format!("{form}: {}", self.why)
-    }
-}
-
-/// A spline that is the whole surface, for `rsm fit --json`. Its coefficients are in the model file.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SplineReport {
-    /// 1 or 3.
-    pub degree: u32,
-    /// The numbers of cells along each input.
-    pub cells: Vec<u32>,
-    /// The number of coefficients.
-    pub coefficients: usize,
-    /// How many free coefficients it is worth with its penalty.
-    pub effective: f64,
-    /// The penalty of second differences.
-    pub penalty: f64,
-    /// The number of cells without a row.
-    pub empty_cells: usize,
-    /// The numbers of cells that were tried, with their errors on rows left out.
-    pub tried: Vec<TriedCells>,
-}
-
-impl SplineReport {
-    /// Kind, size and penalty, in words.
-    #[must_use]
-    pub fn words(&self) -> String {
-        let shape = Spline { degree: self.degree, cells: self.cells.clone(), coefficients: vec![] };
-        format!("{}, {} coefficients, second differences penalised by {:e}", shape.words(), self.coefficients, self.penalty)
-    }
-}
-
-/// Numbers of cells with their error.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TriedCells {
-    /// The numbers of cells along each input.
-    pub cells: Vec<u32>,
-    /// The penalty with the smallest error.
-    pub penalty: f64,
-    /// The root mean square error on rows left out.
-    pub rmse: f64,
-}
-
-/// A form that was tried.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Tried {
-    /// The form.
-    pub form: Form,
-    /// The number of its sigmoids.
-    pub sigmoids: usize,
-    /// The number of its hinges.
-    pub hinges: usize,
-    /// The orders of its waves.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub orders: Vec<u32>,
-    /// The cells of its spline along each input.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub cells: Vec<u32>,
-    /// The root mean square error of cross-validation; null if it was not computed.
-    pub rmse: Option<f64>,
-}
-
 /// One response, with the keys of docs/book/src/reference/formats.md 4.1.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ResponseStatistics {
@@ -236,6 +121,9 @@ pub struct ResponseStatistics {
     pub r2_predicted: Option<f64>,
     /// The sum of squared errors of rows that are left out one at a time.
     pub press: Option<f64>,
+    /// The transform of the response that the terms describe, and the errors in the unit of the response. `None` without a transform.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transform: Option<TransformReport>,
     /// C of (14), (15) on the fitted data.
     pub confidence_c: Option<f64>,
     /// `None` without replicates.
@@ -397,6 +285,7 @@ pub(crate) fn of_fit_with_leverages(
     let points = observations.points();
     let lack = lack(observations, &points, |row| predictions[row]);
     let figures = ResponseStatistics {
+        transform: None,
         confidence_c: confidence(lack),
         lack_of_fit: lack_of_fit(observations, &points, lack.0, coefficients.len()),
         r2_predicted: share(press, Some(total)),
@@ -482,6 +371,7 @@ pub(crate) fn of_constrained(design: &Design, coefficients: &[f64], observations
     let lack_of_fit = lack_of_fit(observations, &points, lack.0, coefficients.len());
     let rows = observations.response.len();
     ResponseStatistics {
+        transform: None,
         confidence_c: confidence(lack),
         lack_of_fit: lack_of_fit.map(|lack| LackOfFit { p: None, ..lack }),
         ..figures(design, &exact, residual_square, total_square(design, observations), rows)
@@ -508,6 +398,7 @@ fn figures(design: &Design, coefficients: &[Dd], residual_square: Dd, total: Dd,
         r2_adjusted: share(unexplained, spread),
         r2_predicted: None,
         press: None,
+        transform: None,
         confidence_c: None,
         lack_of_fit: None,
         validation: None,

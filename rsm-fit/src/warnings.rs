@@ -332,8 +332,16 @@ impl Notes<'_> {
         let margin = HELD * spread;
         let held = residuals.predicted.iter().filter(|y| **y < low - margin || **y > high + margin).count();
         (held > 0).then(|| {
+            let [low, high] = self.in_response([low, high]);
             format!("the output range [{low}, {high}] limits the surface at {held} of {} fitted rows", self.fit.rows())
         })
+    }
+
+    /// Two values of the terms, in the unit of the response and in order.
+    fn in_response(&self, [low, high]: [f64; 2]) -> [f64; 2] {
+        let Some(transform) = self.surface.transform else { return [low, high] };
+        let [low, high] = [low, high].map(|end| transform.response(end));
+        [low.min(high), low.max(high)]
     }
 
     fn bounds_off_data(&self, low: f64, high: f64) -> Option<String> {
@@ -347,6 +355,8 @@ impl Notes<'_> {
         ranges.into_iter().find_map(|(least, most)| {
             let beyond = self.fit.response.iter().filter(|y| **y < least - far || **y > most + far).count();
             (2 * beyond > self.fit.rows()).then(|| {
+                let [least, most] = self.in_response([least, most]);
+                let [low, high] = self.in_response([low, high]);
                 format!(
                     "{beyond} of {} responses lie far beyond the bounds [{least}, {most}]; they run from {low} to {high}",
                     self.fit.rows()

@@ -276,7 +276,7 @@ pub(super) fn check_waves(context: &Context<'_>, faults: &mut Collector, surface
 ///
 /// # Errors
 /// If a reciprocal may reach 0, if an input of a reciprocal extrapolates, or if the responses exceed the precision.
-pub(crate) fn transform_fits(surface: &Surface, inputs: &[Input], precision: Precision) -> Result<(), (String, &'static str)> {
+pub fn transform_fits(surface: &Surface, inputs: &[Input], precision: Precision) -> Result<(), (String, &'static str)> {
     let Some(transform) = surface.transform else { return Ok(()) };
     let terms = range::of_terms(surface, inputs);
     if transform.needs_positive() && terms.low <= 0.0 {

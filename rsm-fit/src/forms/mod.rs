@@ -224,7 +224,7 @@ impl Forms<'_> {
             return (None, self.kept(vec![], "the rows are too few to leave parts of them out".to_string()));
         };
         let total = |which: usize| parts.iter().fold(Judged::NOTHING, |sum, part| sum.and(part[which]));
-        let rmse = |judged: Judged| judged.statistics().map(|statistics| statistics.rmse);
+        let rmse = |judged: Judged| judged.rmse_of_terms();
         let [powers, other] = [0, 1].map(|which| rmse(total(which)).unwrap_or(f64::INFINITY));
         let better = parts.iter().filter(|[powers, other]| rmse(*other) < rmse(*powers)).count();
         let tried = vec![without_bends(Form::Polynomial, vec![], powers), tried(Some(other))];
@@ -266,7 +266,7 @@ impl Forms<'_> {
         let (Some(spline), Some(powers)) = (search.left_out(self.fit), self.powers_left_out()) else {
             return refused("the rows are too few, or too much on a line, for a spline");
         };
-        let rmse = |judged: Judged| judged.statistics().map_or(f64::INFINITY, |statistics| statistics.rmse);
+        let rmse = |judged: Judged| judged.rmse_of_terms().unwrap_or(f64::INFINITY);
         let total = |parts: &[Judged]| rmse(parts.iter().fold(Judged::NOTHING, |sum, part| sum.and(*part)));
         let (own, alone) = (total(&spline), total(&powers));
         let better = spline.iter().zip(&powers).filter(|(spline, powers)| rmse(**spline) < rmse(**powers)).count();
@@ -377,7 +377,7 @@ fn better(
 ) -> (Option<Taken>, FormsReport) {
     let error = |taken: &Option<Taken>| {
         let (judged, _) = taken.as_ref()?.judged?;
-        Some(judged.statistics()?.rmse)
+        judged.rmse_of_terms()
     };
     let is_other = match (&taken, &other_taken) {
         (Some(_), Some(_)) => error(&other_taken).unwrap_or(f64::INFINITY) < error(&taken).unwrap_or(f64::INFINITY),

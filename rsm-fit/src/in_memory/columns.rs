@@ -2,13 +2,13 @@
 //!
 //! In: names, numbers and choices, one method for each. Out: the parts of a specification. They are checked together when the fit is started.
 
-use rsm_core::model::{Category, Coding, Knot, Outside, Sigmoid, Surface, Symmetry, Wave};
+use rsm_core::model::{Category, Coding, Knot, Outside, Sigmoid, Surface, Symmetry, Transform, Wave};
 
 use super::Select;
 use crate::missing::is_missing;
 use crate::spec::{
     CONTRAST, Constraint, FACES, Form, InputSpec, Loss, MOST_FACES, Method, NoiseOrder, ResponseSpec, SplineSpec, SupportSpec,
-    Weights,
+    TransformSpec, Weights,
 };
 
 /// An input: one value for each row, and its properties.
@@ -150,6 +150,7 @@ pub struct Response {
     support: Option<SupportSpec>,
     forms: Option<Vec<Form>>,
     spline: Option<SplineSpec>,
+    transform: Option<TransformSpec>,
     loss: Loss,
     noise: Option<NoiseOrder>,
 }
@@ -181,6 +182,7 @@ impl Response {
             support: None,
             forms: None,
             spline: None,
+            transform: None,
             loss: Loss::default(),
             noise: None,
         }
@@ -263,6 +265,32 @@ impl Response {
     #[must_use]
     pub fn spline(mut self, spline: SplineSpec) -> Self {
         self.spline = Some(spline);
+        self
+    }
+
+    /// The terms describe this transform of the response; the surface returns the response itself.
+    ///
+    /// ```
+    /// use rsm_core::model::Transform;
+    /// use rsm_fit::{Fit, Response};
+    ///
+    /// // A current that grows by the factor e for each volt.
+    /// let volts = [0.0, 1.0, 2.0, 3.0];
+    /// let current = volts.map(|u: f64| 0.1 * u.exp());
+    /// let outcome = Fit::new(&volts, Response::new("i", current).unit("A").transform(Transform::Log)).order(1).fit()?;
+    /// assert!((outcome.model.surfaces[0].terms[1].coefficient - 1.5).abs() < 1e-12); // 1 for each volt, 1.5 for the half range
+    /// # Ok::<(), rsm_fit::Refused>(())
+    /// ```
+    #[must_use]
+    pub fn transform(mut self, transform: Transform) -> Self {
+        self.transform = Some(TransformSpec::Given(transform));
+        self
+    }
+
+    /// The transform with the largest likelihood, or none (Box, Cox 1964). Every response must be above 0.
+    #[must_use]
+    pub fn box_cox(mut self) -> Self {
+        self.transform = Some(TransformSpec::BoxCox);
         self
     }
 
@@ -374,6 +402,7 @@ impl Response {
             support: self.support,
             forms: self.forms.clone(),
             spline: self.spline.clone(),
+            transform: self.transform,
         })
     }
 

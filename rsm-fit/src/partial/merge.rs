@@ -26,8 +26,9 @@ use crate::records::{Records, Units};
 use crate::response::{LEAST_FOR_SEARCH, terms_of};
 use crate::search::{Found, Searcher};
 use crate::selection::{ChosenBy, Sample};
-use crate::spec::{Method, ResponseSpec, Specification};
-use crate::statistics::{self, ResponseStatistics, RowsUsed, Warning};
+use crate::spec::{Method, ResponseSpec, Specification, TransformSpec};
+use crate::statistics::{self, ResponseStatistics, RowsUsed, TransformReport, Warning};
+use crate::transformed;
 use crate::verdict::Verdict;
 use crate::warnings;
 
@@ -118,10 +119,14 @@ pub fn merge(parts: Vec<Part>) -> Result<Merged, Faults> {
     let (mut responses, mut differences) = (Vec::new(), Vec::new());
     for (k, response) in specification.responses.iter().enumerate() {
         let sums: Vec<&Sums> = parts.iter().map(|part| &part.sums[k]).collect();
-        let (used, design) = design_of(specification, response, &inputs);
+        let of_terms = match response.transform {
+            Some(TransformSpec::Given(transform)) => transformed::of_terms(transform, response),
+            _ => response.clone(),
+        };
+        let (used, design) = design_of(specification, &of_terms, &inputs);
         let task = Task {
             specification,
-            response,
+            response: &of_terms,
             inputs: used,
             design,
             parts: parts.len(),
@@ -130,9 +135,10 @@ pub fn merge(parts: Vec<Part>) -> Result<Merged, Faults> {
             left_out: &left_out[k],
             all: All::of(&sums, &parts),
         };
-        let mut surface = response.surface.clone();
+        let mut surface = of_terms.surface.clone();
         surface.unit = first.units[specification.inputs.len() + k].clone();
-        let (outcome, difference) = task.run(&mut surface)?;
+        let (mut outcome, difference) = task.run(&mut surface)?;
+        transformed::finish(specification, [response, &of_terms], &task.inputs, &mut surface, &mut outcome)?;
         if outcome.statistics.is_some() {
             let mut evidence = evidence::of(specification, response, &outcome, &left_out[k], [Some(&records), None, None]);
             let place = evidence.iter().position(|(name, _)| name == "specification").unwrap_or(evidence.len());
@@ -369,6 +375,7 @@ impl Task<'_> {
                 Work { rows, reductions: self.all.reductions + reductions(rows), is_weighted: self.response.weights.is_some() };
             difference = bound::of(&solved.triangle, &solved.growing, &coefficients(&statistics), &work);
         }
+        statistics.transform = surface.transform.map(|transform| TransformReport::given(transform, None));
         statistics.selection = found.and_then(|found| found.report);
         statistics.rows_used = self.rows_used(chosen_by, triangle.rows());
         statistics.warnings = self.warnings(&statistics, chosen_by);

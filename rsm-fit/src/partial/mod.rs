@@ -52,9 +52,10 @@ use crate::qr::Triangle;
 use crate::qr::table::{self, GROUP, Gathered};
 use crate::records::{DataFile, Records, Refused, Rows, Units};
 use crate::selection::{self, Sample};
-use crate::spec::{Method, ResponseSpec, Specification};
+use crate::spec::{Method, ResponseSpec, Specification, TransformSpec};
 use crate::table::Table;
 use crate::threads;
+use crate::transformed;
 use blocks::Blocks;
 
 pub use merge::{MergeReport, Merged, MergedReport, combine, merge};
@@ -313,7 +314,7 @@ impl<'a> Builder<'a> {
             *span_of = both(*span_of, span(&left_out::used_values(self.specification, &records, k)));
         }
         for (k, (sums, counts)) in self.sums.iter_mut().zip(counts).enumerate() {
-            sums.add(self.specification, &records, k);
+            sums.add(self.specification, &records, k)?;
             for one in counts {
                 sums.left_out += one.rows;
                 for cells in one.cells {
@@ -362,17 +363,21 @@ fn design_of(specification: &Specification, response: &ResponseSpec, inputs: &[I
 }
 
 impl Open {
-    fn add(&mut self, specification: &Specification, records: &Records, k: usize) {
-        let used = left_out::inputs_of(specification, &specification.responses[k]);
+    fn add(&mut self, specification: &Specification, records: &Records, k: usize) -> Result<(), Faults> {
+        let response = &specification.responses[k];
+        let used = left_out::inputs_of(specification, response);
         let rows = records.complete(&used, k);
         let of = |column: &Vec<f64>| rows.iter().map(|row| column[*row]).collect::<Vec<f64>>();
         let weights = &records.weights[k];
-        let sample = Sample {
+        let mut sample = Sample {
             columns: used.iter().map(|input| of(&records.inputs[*input])).collect(),
             response: of(&records.responses[k]),
             weights: if weights.is_empty() { Vec::new() } else { of(weights) },
             groups: Vec::new(),
         };
+        if let Some(TransformSpec::Given(transform)) = response.transform {
+            transformed::of_sample(specification, response, transform, &mut sample, "to fit")?;
+        }
         self.span = both(self.span, span(&sample.response));
         self.rows_outside += sample.observed(|rows| rows.rows_outside(&self.design));
         for weight in &sample.weights {
@@ -385,6 +390,7 @@ impl Open {
         if self.pending.rows() >= AT_ONCE * GROUP {
             self.reduce_groups();
         }
+        Ok(())
     }
 
     /// Reduces all whole groups of the pending rows. The groups are those of all rows of the response, wherever blocks of a file end.

@@ -6,7 +6,7 @@ use rsm_core::model::Coding;
 use rsm_core::source::{Collector, Fault, Faults};
 
 use crate::left_out;
-use crate::spec::{Criterion, Form, Loss, Method, ResponseSpec, Specification, Validation};
+use crate::spec::{Criterion, Form, Loss, Method, ResponseSpec, Specification, TransformSpec, Validation};
 
 /// The methods that are possible.
 const METHODS: &str = "from sums the terms can be given, `select = { method = \"fixed\" }`, or chosen by `criterion = \"aicc\"` with the methods \
@@ -67,6 +67,10 @@ fn check_response(specification: &Specification, response: &ResponseSpec, faults
     if response.spline.is_some() {
         let what = "the penalty of a spline is chosen on rows, and a part holds only sums".to_string();
         faults.push(fault("spline", what).help("give `terms` or `order` with `select = { method = \"fixed\" }`"));
+    }
+    if response.transform == Some(TransformSpec::BoxCox) {
+        let what = "\"box-cox\" compares errors of rows, and a part holds only sums".to_string();
+        faults.push(fault("transform", what).help("give the transform, for example `transform = \"log\"`"));
     }
     let tries = |form| match &response.forms {
         Some(forms) => forms.contains(&form),

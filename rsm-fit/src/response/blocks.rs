@@ -39,7 +39,7 @@ impl Task<'_> {
     }
 
     /// The inputs without the contrasts of blocks.
-    pub(super) fn own_inputs(&self) -> &[Input] {
+    pub(crate) fn own_inputs(&self) -> &[Input] {
         &self.inputs[..self.inputs.len() - self.blocks.map_or(0, Blocks::width)]
     }
 

@@ -161,6 +161,7 @@ impl Task<'_> {
             residual_sd: None,
             r2: None,
             r2_adjusted: None,
+            transform: None,
             confidence_c: None,
             lack_of_fit: None,
             ..all

@@ -16,7 +16,7 @@ use crate::missing::Missing;
 
 use super::{
     Criterion, Direction, InputSpec, Loss, Method, ResponseSpec, Search, SearchBy, Split, Validation, Weights, categories,
-    shape,
+    shape, transform,
 };
 
 /// The parts of the text with the right shape.
@@ -261,6 +261,7 @@ fn read_response(
     let output_range = optional_range("output_range", path, reader, places, faults);
     let basis = model_file::read_basis(path, reader, places, faults);
     let spline = shape::read_spline(path, reader, places, faults);
+    let transform = transform::read(path, reader, places, faults);
     let terms = match reader.optional("terms") {
         None => Some(None),
         Some(value) => {
@@ -310,6 +311,7 @@ fn read_response(
         support: support?,
         forms: forms?,
         spline: spline?,
+        transform: transform?,
     })
 }
 

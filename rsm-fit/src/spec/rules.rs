@@ -9,7 +9,7 @@ use rsm_core::source::Collector;
 
 use super::{
     Criterion, Form, Loss, MOST_FOR_SUBSETS, MOST_TERMS, Method, ResponseSpec, Search, SearchBy, Specification, Validation,
-    categories, shape,
+    categories, shape, transform,
 };
 use crate::design::{count_of_candidates, missing_odd_input};
 use crate::units;
@@ -27,6 +27,7 @@ pub(super) fn check(specification: &Specification, faults: &mut Collector) {
         check_noise,
         shape::check,
         categories::check,
+        transform::check,
     ];
     for rule in rules {
         rule(specification, faults);

@@ -1,6 +1,8 @@
 //! Errors on rows that were not fitted, as sums that can be added over parts, and their figures.
 //!
-//! In: a model as written, with saturation, and rows. Out: [`Judged`]. A row is clamped to the range, as in an evaluator. Fits nothing.
+//! In: a model as written, with saturation, and rows. Out: [`Judged`]. A row is clamped to the range, as in an evaluator. The figures are in the unit
+//! of the response. With a transform the shares of the spread, and the error that choices compare, are of its terms: there the noise is even. Fits
+//! nothing.
 
 use super::{Observations, ValidationStatistics, lack};
 use crate::dd::Dd;
@@ -14,6 +16,7 @@ pub struct Judged {
     absolute: Dd,
     largest: f64,
     square: Dd,
+    square_of_terms: Dd,
     lack: Dd,
     about_zero: Dd,
     about_mean: Dd,
@@ -26,6 +29,7 @@ impl Judged {
         absolute: Dd::ZERO,
         largest: 0.0,
         square: Dd::ZERO,
+        square_of_terms: Dd::ZERO,
         lack: Dd::ZERO,
         about_zero: Dd::ZERO,
         about_mean: Dd::ZERO,
@@ -52,9 +56,14 @@ impl Judged {
         predictions.iter_mut().for_each(|prediction| *prediction = saturated(*prediction));
         let mut judged = Judged { rows: observations.response.len(), ..Judged::NOTHING };
         for (prediction, y) in predictions.iter().zip(observations.response) {
-            let error = (Dd::from(*y) - *prediction).abs();
+            let of_terms = (Dd::from(*y) - *prediction).abs();
+            let error = match design.transform() {
+                Some(transform) => (transform.response(Dd::from(*y)) - transform.response(*prediction)).abs(),
+                None => of_terms,
+            };
             judged.absolute += error;
             judged.square += error * error;
+            judged.square_of_terms += of_terms * of_terms;
             judged.largest = error.to_f64().max(judged.largest);
         }
         let points = observations.points();
@@ -85,6 +94,7 @@ impl Judged {
             absolute: self.absolute + other.absolute,
             largest: self.largest.max(other.largest),
             square: self.square + other.square,
+            square_of_terms: self.square_of_terms + other.square_of_terms,
             lack: self.lack + other.lack,
             about_zero: self.about_zero + other.about_zero,
             about_mean: self.about_mean + other.about_mean,
@@ -99,7 +109,13 @@ impl Judged {
         explained.is_finite().then_some(explained)
     }
 
-    /// The figures; `None` without rows.
+    /// The root mean square error of the terms, that of the response without a transform; `None` without rows.
+    #[must_use]
+    pub fn rmse_of_terms(&self) -> Option<f64> {
+        (self.rows > 0).then(|| (self.square_of_terms / Dd::from(self.rows as f64)).sqrt().to_f64())
+    }
+
+    /// The figures, in the unit of the response; `None` without rows.
     #[must_use]
     pub fn statistics(&self) -> Option<ValidationStatistics> {
         let count = Dd::from(self.rows as f64);
