@@ -117,6 +117,15 @@ impl Surface {
         self.terms.iter().any(|term| term.coefficient != 0.0 && term.powers.iter().skip(first).any(|power| *power > 0))
     }
 
+    /// The unit of the terms: that of the response, or of its transform, such as `log(N)`.
+    #[must_use]
+    pub fn unit_of_terms(&self) -> String {
+        match self.transform {
+            Some(transform) if !self.unit.is_empty() && self.unit != "1" => transform.words(&self.unit),
+            _ => self.unit.clone(),
+        }
+    }
+
     /// Whether an input is the contrast of a category.
     #[must_use]
     pub fn is_contrast(&self, input: &str) -> bool {

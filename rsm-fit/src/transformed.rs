@@ -86,6 +86,10 @@ pub(crate) fn finish(
     let (Some(transform), Some(statistics)) = (surface.transform, &mut outcome.statistics) else { return Ok(()) };
     // It is about the measured response.
     statistics.analysis.iter_mut().for_each(|analysis| analysis.box_cox = None);
+    if transform.is_falling() {
+        // A maximum of the terms is a minimum of the response.
+        statistics.canonical = None;
+    }
     check::transform_fits(surface, inputs, Precision::F64).map_err(|(what, help)| {
         let what = format!("response `{}`: `transform` \"{}\": {what}", surface.name, transform.word());
         Faults::one(fault(specification, response, what).help(help))

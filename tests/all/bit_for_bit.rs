@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock};
 
 use rsm_core::emit::Kind;
-use rsm_core::model::{Coding, Knot, Outside, Surface, Symmetry};
+use rsm_core::model::{Coding, Knot, Outside, Surface, Symmetry, Transform};
 use rsm_core::number::Precision;
 use rsm_tests::backend::{Backend, Linked, Loaded, Reference};
 use rsm_tests::cases::{self, Case};
@@ -186,6 +186,8 @@ fn the_random_models_cover_what_they_must() {
     assert!(symmetric(Symmetry::Odd) > 2 && symmetric(Symmetry::Even) > 2);
     assert!(count(&|surface| !surface.knots.is_empty()) > 5);
     assert!(count(&|surface| surface.is_bent()) > 5);
+    assert!(count(&|surface| surface.transform.is_some()) > 5);
+    assert!(count(&|surface| surface.transform == Some(Transform::Log)) > 0);
     assert!(count(&|surface| !surface.waves.is_empty()) > 5);
     assert!(count(&|surface| !surface.reciprocal.is_empty()) > 5);
     assert!(count(&|surface| surface.output_range.is_some()) > 5);

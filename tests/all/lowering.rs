@@ -3,7 +3,7 @@
 
 use rsm_core::emit::{Function, Kind};
 use rsm_core::exact;
-use rsm_core::model::{Input, Scheduled, Surface};
+use rsm_core::model::{Input, Scheduled, Surface, Transform};
 use rsm_core::number::{Precision, Rational, exact, integer};
 use rsm_core::range;
 use rsm_core::rounding;
@@ -67,7 +67,9 @@ fn is_in_box(point: &[f64], inputs: &[Input]) -> bool {
 fn without_rounding_a_tape_is_the_polynomial() {
     let mut compared = 0;
     for case in all() {
-        for (_, surface, function) in of_surfaces(&case) {
+        // An exact power of 64 has too many digits, and the reference rounds it: rsm-core compares both.
+        let is_rational = |surface: &Surface| surface.transform != Some(Transform::Log);
+        for (_, surface, function) in of_surfaces(&case).filter(|(_, surface, _)| is_rational(surface)) {
             for point in points_of(function, surface).into_iter().filter(|point| is_handy(point)) {
                 let at = rational(&point);
                 let Some(truth) = exact::value(surface, &function.inputs, &at) else { continue };

@@ -4,7 +4,8 @@
 //! ordinary, narrow, offset, tiny, huge, symmetric, negative; every option of the model file occurs. Every model passes the check.
 
 use rsm_core::model::{
-    Coding, Compensator, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Spline, Surface, Symmetry, Term, Wave,
+    Coding, Compensator, HalfSpace, Input, Knot, Model, Outside, Scheduled, Sigmoid, Spline, Surface, Symmetry, Term,
+    Transform, Wave,
 };
 
 /// More terms say nothing new and take long to compile 14 times.
@@ -26,6 +27,7 @@ pub(crate) fn models() -> Vec<Model> {
     let surfaces = shapes.chain(extra).enumerate();
     let mut models: Vec<Model> = surfaces.map(|(index, (inputs, order))| model(&mut random, index, inputs, order)).collect();
     models.extend((0..SPLINES).map(|index| splined(&mut random, index)));
+    models.extend(Transform::ALL.iter().enumerate().map(|(index, transform)| transformed(&mut random, index, *transform)));
     models.extend((0..COMPENSATORS).map(|index| compensated(&mut random, index)));
     models
 }
@@ -89,6 +91,34 @@ fn compensated(random: &mut Random, index: usize) -> Model {
         pole_frequency: (index % 2 == 1).then(|| Scheduled::Fixed(random.between(1.0, 1500.0))),
     };
     Model { name: format!("n{index:02}"), inputs, surfaces, compensators: vec![scheduled, fixed] }
+}
+
+/// A model whose terms describe a transform of the response: above 0 in the whole box, or not for those that need not be.
+fn transformed(random: &mut Random, index: usize, transform: Transform) -> Model {
+    let range = [[0.0, 40.0], [-1.5, 2.5]];
+    let outside = |k: usize| if k == 1 && !transform.needs_positive() { Outside::Extrapolate } else { Outside::Clamp };
+    let input = |k: usize| Input {
+        name: ["speed", "load"][k].to_string(),
+        unit: "1".to_string(),
+        range: range[k],
+        outside: outside(k),
+    };
+    let inputs: Vec<Input> = (0..1 + index % 2).map(input).collect();
+    let mut terms = vec![Term { powers: vec![0; inputs.len()], coefficient: random.between(2.5, 3.5) }];
+    for powers in monomials(inputs.len(), 2).into_iter().skip(1) {
+        let size = if transform.needs_positive() { 0.4 } else { 1.0 };
+        terms.push(Term { powers, coefficient: random.between(-size, size) });
+    }
+    let surface = Surface {
+        name: "s".to_string(),
+        unit: "W".to_string(),
+        inputs: inputs.iter().map(|input| input.name.clone()).collect(),
+        output_range: (index % 3 == 1).then_some([0.2, 30.0]),
+        transform: Some(transform),
+        terms,
+        ..Surface::default()
+    };
+    Model { name: format!("h{index:02}"), inputs, surfaces: vec![surface], compensators: vec![] }
 }
 
 /// A model with one spline; with three inputs the table of a cubic spline would be long, so it has few cells.

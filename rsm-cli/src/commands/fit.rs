@@ -161,11 +161,12 @@ pub fn in_words(fitted: &Fitted) -> String {
             text += "  no surface was written for this response\n";
             continue;
         };
-        let unit = fitted.model.surface(&response.name).map_or("", |surface| surface.unit.as_str());
+        let surface = fitted.model.surface(&response.name);
+        let (unit, of_terms) = surface.map_or_else(Default::default, |it| (it.unit.clone(), it.unit_of_terms()));
         // A share has no unit to print.
-        let unit = if unit == "1" { "" } else { unit };
-        let behind = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-        let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e}{behind}"));
+        let [unit, of_terms] = [unit, of_terms].map(|unit| if unit == "1" { String::new() } else { unit });
+        let [behind, behind_terms] = [&unit, &of_terms].map(|it| if it.is_empty() { String::new() } else { format!(" {it}") });
+        let figure = |value: Option<f64>| value.map_or("none".to_string(), |value| format!("{value:.4e}{behind_terms}"));
         let what = match &statistics.spline {
             Some(spline) => spline.words(),
             None => format!("{} terms", statistics.terms.len()),
@@ -182,6 +183,12 @@ pub fn in_words(fitted: &Fitted) -> String {
                 errors.rows, errors.mean_abs_error, errors.max_abs_error, errors.rmse
             )
         };
+        if let Some(transform) = &statistics.transform {
+            text += &format!("  transform: {}\n", transform.words());
+            if let Some(fitted) = &transform.fitted {
+                text += &errors("fitted rows", fitted, "(used for the fit)");
+            }
+        }
         if let Some(validation) = &statistics.validation {
             text += &match response.chosen_by {
                 ChosenBy::Validation => errors("validation", validation, "(these rows chose the terms)"),
@@ -200,19 +207,19 @@ pub fn in_words(fitted: &Fitted) -> String {
         );
         text += &format!("  error estimate: {}\n", statistics.rows_used.error);
         if let Some(loss) = &statistics.loss {
-            text += &format!("  loss: {}\n", loss.words(unit));
+            text += &format!("  loss: {}\n", loss.words(&of_terms));
         }
         if let Some(noise) = &statistics.noise {
             text += &format!("  noise: {}\n", noise.words());
         }
         if let Some(blocks) = &statistics.blocks {
-            text += &format!("  blocks: {}\n", blocks.words(unit));
+            text += &format!("  blocks: {}\n", blocks.words(&of_terms));
         }
         if let Some(forms) = &statistics.forms {
             text += &format!("  form: {}\n", forms.words());
         }
         if let Some(constraints) = &statistics.constraints {
-            text += &in_words_of_constraints(constraints, &behind);
+            text += &in_words_of_constraints(constraints, [&behind_terms, &behind]);
         }
         if let Some(support) = &statistics.support {
             text += &format!(
@@ -245,8 +252,8 @@ fn warnings(fitted: &Fitted) -> String {
     fitted.responses.iter().map(of_one).collect()
 }
 
-/// The constraints that hold, and how much they increase the error. `behind`: the unit behind a number.
-fn in_words_of_constraints(statistics: &ConstraintStatistics, behind: &str) -> String {
+/// The constraints that hold, and how much they increase the error. `[of_terms, behind]`: the units of the terms and of the response behind a number.
+fn in_words_of_constraints(statistics: &ConstraintStatistics, [of_terms, behind]: [&str; 2]) -> String {
     let mut text = String::new();
     for report in &statistics.constraints {
         let activity =
@@ -259,7 +266,7 @@ fn in_words_of_constraints(statistics: &ConstraintStatistics, behind: &str) -> S
         let unseen = unseen
             .map_or(String::new(), |unseen| format!(", mean error on validation rows {:.4e}{behind}", unseen.mean_abs_error));
         text += &format!(
-            "  without constraints: residual sd {}{behind}{unseen}; largest change {:.4e}{behind}\n",
+            "  without constraints: residual sd {}{of_terms}{unseen}; largest change {:.4e}{of_terms}\n",
             figure(statistics.residual_sd_without),
             change.value
         );

@@ -55,10 +55,10 @@ fn in_words(merged: &Merged) -> String {
     let mut text = fit::in_words(&merged.outcome);
     for (response, bounds) in &merged.merge.largest_difference.0 {
         if let Some(largest) = bounds.as_ref().and_then(|bounds| bounds.iter().copied().reduce(f64::max)) {
-            let unit = merged.outcome.model.surface(response).map_or("", |surface| surface.unit.as_str());
+            let unit = merged.outcome.model.surface(response).map_or_else(String::new, |surface| surface.unit_of_terms());
             text += &format!(
                 "{response}: coefficients of one fit of all rows differ by at most {}\n",
-                with_unit(&format!("{largest:.1e}"), unit)
+                with_unit(&format!("{largest:.1e}"), &unit)
             );
         }
     }

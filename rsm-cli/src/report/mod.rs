@@ -120,7 +120,8 @@ fn error_estimate(response: &ResponseOutcome, statistics: &ResponseStatistics) -
             if response.chosen_by == ChosenBy::Validation { "validation rows, which chose the terms" } else { "holdout rows" };
         on(it, of)
     });
-    let residual = statistics.residual_sd.map(|sd| (sd, format!("on the {} fitted rows", statistics.rows)));
+    let of_fit = statistics.transform.as_ref().and_then(|it| it.fitted.as_ref()).map(|fitted| fitted.rmse);
+    let residual = of_fit.or(statistics.residual_sd).map(|sd| (sd, format!("on the {} fitted rows", statistics.rows)));
     test.or(cross).or(validation).or(residual)
 }
 
@@ -211,7 +212,9 @@ fn of_response(
     text += &against_prediction(&fitted, &apart, &brackets)?;
     text += &over_rows(&fitted, &apart, &brackets)?;
     text += "</div>\n<div class=\"columns\">\n<div>\n<h3>Errors</h3>\n";
-    text += &errors(statistics, is_unseen, &unit);
+    let with_space = |unit: String| if unit == "1" { String::new() } else { format!(" {}", escaped(&unit)) };
+    let of_terms = with_space(surface.unit_of_terms());
+    text += &errors(statistics, is_unseen, [&unit, &of_terms]);
     text += "<h3>Statistics of the fit</h3>\n";
     text += &of_the_fit(statistics, &inputs, !apart.is_empty());
     text += "</div>\n<div>\n";
@@ -225,17 +228,17 @@ fn of_response(
         return Ok(text);
     }
     text += "<h3>Terms</h3>\n<p>Of variables that are coded to -1 and 1 at the ends of their ranges. Each coefficient is rounded to the digits that its 95 % interval supports; the model file has all digits.</p>\n";
-    text += &terms(surface, statistics, &unit);
+    text += &terms(surface, statistics, &of_terms);
     text += "</div>\n</div>\n";
     if let Some(constrained) = &statistics.constraints {
         text += "<h3>Constraints</h3>\n";
-        text += &constraints(constrained, &inputs, &unit);
+        text += &constraints(constrained, &inputs, [&unit, &of_terms]);
     }
     Ok(text)
 }
 
 /// Errors by the rows on which they are computed.
-fn errors(statistics: &ResponseStatistics, is_unseen: bool, unit: &str) -> String {
+fn errors(statistics: &ResponseStatistics, is_unseen: bool, [unit, of_terms]: [&str; 2]) -> String {
     let validation = if is_unseen { "holdout rows" } else { "validation rows, which chose the terms" };
     let cross = statistics.cross_validation.as_ref();
     let left_out = cross.map_or(String::new(), |cross| format!("rows left out in {} parts in turn", cross.parts));
@@ -244,7 +247,7 @@ fn errors(statistics: &ResponseStatistics, is_unseen: bool, unit: &str) -> Strin
         ("test rows, which were not used before", statistics.test.as_ref()),
         (left_out.as_str(), cross.map(|cross| &cross.errors)),
     ];
-    let line = |name: &str, rows: usize, errors: [Option<f64>; 3]| {
+    let line = |name: &str, rows: usize, errors: [Option<f64>; 3], unit: &str| {
         let number = |value: Option<f64>| value.map_or(String::new(), |value| short(value) + unit);
         let [mean, root, largest] = errors.map(number);
         format!(
@@ -254,16 +257,30 @@ fn errors(statistics: &ResponseStatistics, is_unseen: bool, unit: &str) -> Strin
     let mut text = String::from(
         "<table>\n<tr><th>on</th><th class=\"number\">rows</th><th class=\"number\">mean of magnitudes</th><th class=\"number\">root mean square</th><th class=\"number\">largest</th></tr>\n",
     );
-    text += &line("fitted rows (residual standard deviation)", statistics.rows, [None, statistics.residual_sd, None]);
+    let of_fit = statistics.transform.as_ref().and_then(|it| it.fitted.as_ref());
+    let of_residual = [None, statistics.residual_sd, None];
+    text += &line("fitted rows (residual standard deviation)", statistics.rows, of_residual, of_terms);
+    if let Some(errors) = of_fit {
+        let name = "fitted rows, in the unit of the response";
+        text += &line(name, errors.rows, [Some(errors.mean_abs_error), Some(errors.rmse), Some(errors.max_abs_error)], unit);
+    }
     for (name, errors) in lists {
         let Some(errors) = errors else { continue };
-        text += &line(name, errors.rows, [Some(errors.mean_abs_error), Some(errors.rmse), Some(errors.max_abs_error)]);
+        text += &line(name, errors.rows, [Some(errors.mean_abs_error), Some(errors.rmse), Some(errors.max_abs_error)], unit);
     }
     let mut sources = vec![
         ("terms chosen by".to_string(), escaped(&statistics.rows_used.terms)),
         ("error estimate".to_string(), escaped(&statistics.rows_used.error)),
     ];
     sources.extend(statistics.forms.as_ref().map(|forms| ("form".to_string(), escaped(&forms.words()))));
+    if let Some(transform) = &statistics.transform {
+        sources.push(("transform of the response".to_string(), escaped(&transform.words())));
+        if transform.transform != "none" {
+            let of =
+                "coefficients, residual standard deviation and the statistics of the fit are those of the transformed response";
+            sources.push(("its meaning".to_string(), of.to_string()));
+        }
+    }
     text + "</table>\n" + &rows(&sources)
 }
 
@@ -347,12 +364,12 @@ fn terms(surface: &Surface, statistics: &ResponseStatistics, unit: &str) -> Stri
 }
 
 /// The proved constraints, and the increase of the error that they cause.
-fn constraints(statistics: &ConstraintStatistics, inputs: &[Input], unit: &str) -> String {
+fn constraints(statistics: &ConstraintStatistics, inputs: &[Input], [unit, of_terms]: [&str; 2]) -> String {
     let mut text = String::from("<table>\n<tr><th>constraint</th><th>proved distance</th><th>active at</th></tr>\n");
     for report in &statistics.constraints {
         let places: Vec<String> = report.points.iter().map(|point| place(point, inputs)).collect();
         let places = if places.is_empty() { "nowhere".to_string() } else { places.join("; ") };
-        let distance = short(report.distance) + unit;
+        let distance = short(report.distance) + of_terms;
         text += &format!("<tr><td>{}</td><td>{distance}</td><td>{places}</td></tr>\n", escaped(&report.constraint));
     }
     text += "</table>\n";
@@ -363,7 +380,7 @@ fn constraints(statistics: &ConstraintStatistics, inputs: &[Input], unit: &str) 
                 format!(", mean error on validation rows {}{unit}", short(unseen.mean_abs_error))
             });
             text += &format!(
-                "<p>Without constraints: residual standard deviation {}{unit}{unseen}. The surface was changed most, by {}{unit}, at {}.</p>\n",
+                "<p>Without constraints: residual standard deviation {}{of_terms}{unseen}. The surface was changed most, by {}{of_terms}, at {}.</p>\n",
                 statistics.residual_sd_without.map_or("none".to_string(), short),
                 short(change.value),
                 place(&change.at, inputs)

@@ -283,12 +283,14 @@ pub fn transform_fits(surface: &Surface, inputs: &[Input], precision: Precision)
         let what = format!("the value of the terms reaches {:.4e} in the box, expected more than 0 everywhere", terms.low);
         return Err((what, "give the inputs narrower ranges, a constraint on the response, or use another transform"));
     }
-    if !precision.round(&exact(range::range(surface, inputs).magnitude().min(f64::MAX))).is_finite() {
+    let most = range::range(surface, inputs).magnitude();
+    if !most.is_finite() || !precision.round(&exact(most)).is_finite() {
         return Err((format!("a response in the box is {BEYOND} {}", precision.name()), "use another unit of the response"));
     }
     Ok(())
 }
 
+/// The surface itself is sound.
 pub(super) fn check_transform(context: &Context<'_>, faults: &mut Collector, surface: &Surface, path: &str) {
     let Some(transform) = surface.transform else { return };
     let mut fault = |what: String, help: &'static str| {
@@ -300,18 +302,14 @@ pub(super) fn check_transform(context: &Context<'_>, faults: &mut Collector, sur
         return fault(format!("cannot be combined with the odd input `{odd}`"), help);
     }
     let inputs: Option<Vec<Input>> = surface.inputs.iter().map(|name| context.model().input(name).cloned()).collect();
-    // Unknown inputs are reported elsewhere.
-    let Some(inputs) = inputs else { return };
+    // Unknown inputs and empty ranges are reported elsewhere.
+    let Some(inputs) = inputs.filter(|inputs| inputs.iter().all(|input| input.range[0] < input.range[1])) else { return };
     if let Some(input) = inputs.iter().find(|input| input.outside == Outside::Extrapolate && transform.needs_positive()) {
         let what = format!("`{}` extrapolates, and nothing keeps the terms above 0 there", input.name);
         return fault(what, "use outside = \"clamp\", or another transform");
     }
-    if !faults.is_clean() {
-        return;
-    }
     if let Err((what, help)) = transform_fits(surface, &inputs, Precision::F64) {
-        let who = format!("surface `{}`: `transform` \"{}\"", surface.name, transform.word());
-        faults.push(context.fault(&format!("{path}.transform"), format!("{who}: {what}")).help(help));
+        fault(what, help);
     }
 }
 

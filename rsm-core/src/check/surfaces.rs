@@ -6,7 +6,7 @@ use super::context::{Context, any_under, check_range};
 use super::forms::{check_categories, check_knots, check_sigmoids, check_spline, check_symmetry, check_transform, check_waves};
 use crate::model::{Input, Surface};
 use crate::names;
-use crate::source::Collector;
+use crate::source::{Collector, Faults};
 
 pub(super) fn check_surfaces(context: &Context<'_>, faults: &mut Collector) {
     for surface in &context.model().surfaces {
@@ -25,10 +25,15 @@ pub(super) fn check_surfaces(context: &Context<'_>, faults: &mut Collector) {
             check_reciprocal,
             check_categories,
             check_support,
-            check_transform,
         ];
+        let mut own = Collector::new();
         for rule in rules {
-            rule(context, faults, surface, &path);
+            rule(context, &mut own, surface, &path);
+        }
+        let is_sound = own.is_clean();
+        own.finish(Some(())).err().iter().flat_map(Faults::list).for_each(|fault| faults.push(fault.clone()));
+        if is_sound {
+            check_transform(context, faults, surface, &path);
         }
         if let Some(range) = surface.output_range {
             let who = format!("surface `{}`: `output_range`", surface.name);

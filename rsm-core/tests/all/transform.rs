@@ -98,6 +98,24 @@ fn with_rounding_a_tape_keeps_its_bound_and_its_range() {
 }
 
 #[test]
+fn the_tape_of_a_logarithm_without_rounding_is_the_reference_to_500_bits() {
+    // Few digits: the exact 64th power of a polynomial of order 11 has 700 times as many.
+    let checked = Checked::from_model(&one_input(Transform::Log, &[(0, 0.5), (1, 2.5), (2, -1.25)])).unwrap();
+    let surface = &checked.model().surfaces[0];
+    let inputs = checked.inputs_of(surface);
+    for precision in Precision::ALL {
+        let tape = lower::surface(&checked, 0, precision);
+        for x in [0.0, 0.25, 1.0, 1.5, 2.0, 3.0] {
+            let at = [exact(x)];
+            let (ideal, truth) = (exact::ideal(&tape, &at).unwrap(), exact::value(surface, &inputs, &at).unwrap());
+            let mut off = ideal / truth - integer(1);
+            (0..50).for_each(|_| off *= integer(1 << 10));
+            assert!(off < integer(1) && off > integer(-1), "{x}");
+        }
+    }
+}
+
+#[test]
 fn a_logarithm_is_near_the_exponential_of_its_terms() {
     each(Transform::Log, 24, |checked, precision, random| {
         let mut plain = checked.model().clone();

@@ -3,7 +3,7 @@
 //! In: the contents of files and a model. Out: [`NewData`], rows in run order in the units of the model, or every fault. A surface is compared if
 //! its response is a column. Every other column is kept as numbers, kept as levels, or ignored with a reason. Never drops a row.
 
-use rsm_core::model::Model;
+use rsm_core::model::{Model, Surface};
 use rsm_core::order;
 use rsm_core::source::{Collector, Fault, Faults};
 
@@ -37,7 +37,7 @@ pub struct NewData {
     pub lines: Vec<(usize, usize)>,
     /// The values of every input of the model; empty for inputs that no compared surface uses.
     pub inputs: Vec<Vec<f64>>,
-    /// The response of every surface; `None` if it is not a column.
+    /// The response of every surface after its transform, if it has one; `None` if it is not a column.
     pub responses: Vec<Option<Vec<f64>>>,
     /// Columns that are not in the model.
     pub extras: Vec<ExtraColumn>,
@@ -215,7 +215,7 @@ impl NewData {
         for k in compared {
             let target = self.responses[*k].as_mut().expect("a compared surface has a response");
             let surface = &model.surfaces[*k];
-            take(table.response_in(&surface.name, Some(&surface.unit)), target);
+            take(response_in(&table, surface), target);
         }
         for ((name, _), cells) in others.iter().zip(cells) {
             cells.extend(table.column(name).into_iter().flat_map(|column| column.labels.iter().cloned()));
@@ -280,6 +280,20 @@ impl NewData {
         let (file, line) = self.lines[row];
         format!("{}:{line}", self.files[file].name)
     }
+}
+
+/// The response of a surface in the unit of the model, after its transform.
+fn response_in(table: &Table, surface: &Surface) -> Result<(Vec<f64>, String), Fault> {
+    let (mut values, unit) = table.response_in(&surface.name, Some(&surface.unit))?;
+    let Some(transform) = surface.transform else { return Ok((values, unit)) };
+    for (row, value) in values.iter_mut().enumerate() {
+        *value = transform.transformed(*value).ok_or_else(|| {
+            let (name, word, accepted) = (&surface.name, transform.word(), transform.accepted());
+            let what = format!("column `{name}`: found {value}, expected {accepted} for `transform` \"{word}\" of the surface");
+            Fault::at_line(&table.file, table.lines[row], 0, what).help("delete the row from the file")
+        })?;
+    }
+    Ok((values, unit))
 }
 
 /// The source of new data.

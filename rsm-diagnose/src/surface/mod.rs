@@ -202,7 +202,8 @@ pub fn diagnose_and_test(
     test: Option<&NewData>,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, String> {
-    let model = checked.model();
+    let file = checked.model();
+    let model = &of_terms(file);
     let compared = (0..model.surfaces.len()).filter(|index| data.responses[*index].is_some());
     let mut compared: Vec<(usize, CheckedRows)> = compared.map(|index| (index, CheckedRows::new(model, index, data))).collect();
     // A sensor that reads one value leaves the other responses as they are.
@@ -224,7 +225,7 @@ pub fn diagnose_and_test(
                 add_input(&mut attempt, input);
             }
             // An extension that the compiler would reject (a knot that moved out of the range, the name of a compensator's argument) is not written.
-            match Checked::from_model(&attempt) {
+            match Checked::from_model(&with_transforms(&attempt, file)) {
                 Ok(_) => extended = attempt,
                 Err(faults) => {
                     let mut response = response;
@@ -252,7 +253,33 @@ pub fn diagnose_and_test(
         responses.iter().map(of).map(|it| it.rows as f64 / rows * it.excess()).sum()
     };
     let gain = holdout::removed_share(mean(|it| &it.nominal), mean(|it| &it.extended));
+    let extended = with_transforms(&extended, file);
     Ok(Diagnosis { verdict, responses, constant, extended, gain })
+}
+
+/// The model whose surfaces return the values of their terms. [`NewData`] has responses after their transforms, so causes are linear.
+fn of_terms(model: &Model) -> Model {
+    let mut of_terms = model.clone();
+    for surface in &mut of_terms.surfaces {
+        surface.unit = surface.unit_of_terms();
+        if let Some(transform) = surface.transform.take() {
+            surface.output_range = surface.output_range.map(|range| transform.transformed_range(range));
+        }
+    }
+    of_terms
+}
+
+/// The model with the transforms, units and output ranges of the surfaces of the file.
+fn with_transforms(of_terms: &Model, file: &Model) -> Model {
+    let mut model = of_terms.clone();
+    for (surface, own) in model.surfaces.iter_mut().zip(&file.surfaces) {
+        surface.transform = own.transform;
+        surface.unit.clone_from(&own.unit);
+        if own.transform.is_some() {
+            surface.output_range = own.output_range;
+        }
+    }
+    model
 }
 
 /// Two surfaces may lack the same input. The file then contains it once, with its range in all the data.

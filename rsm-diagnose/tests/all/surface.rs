@@ -355,3 +355,53 @@ fn errors_that_follow_each_other_are_structure_where_a_wave_over_an_input_predic
     let slow = swept(0.0, 0.3);
     assert_eq!((slow.verdict, labels(&slow)), (Verdict::Explained, vec!["correlated-errors"]));
 }
+
+/// Terms that describe the logarithm of a response: the rows of a surface with one more term and with a factor from a run on.
+fn of_logarithm(rows: usize, seed: u64, p: impl Fn(usize, [f64; 2]) -> f64) -> Source {
+    let mut random = rsm_fit::random::Random::new(seed);
+    let mut share = || 2.0 * ((random.below(1 << 20) as f64) / f64::from(1 << 20)) - 1.0;
+    let mut text = "x[1],z[1],eta[mPa*s]\n".to_string();
+    for row in 0..rows {
+        let at = [share(), share()];
+        // The sum of twelve has nearly a normal distribution with a variance of 4.
+        let noise = 0.01 * (0..12).map(|_| share()).sum::<f64>();
+        text += &format!("{},{},{}\n", at[0], at[1], (p(row, at) + noise).exp());
+    }
+    Source::new("new.csv", text)
+}
+
+#[test]
+fn a_surface_of_a_logarithm_is_diagnosed_by_its_terms() {
+    let model = "format = 1\nmodel = \"oil\"\n[inputs.x]\nunit = \"1\"\nrange = [-1.0, 1.0]\n[inputs.z]\nunit = \"1\"\nrange = [-1.0, 1.0]\n\
+        [surfaces.eta]\nunit = \"mPa*s\"\ninputs = [\"x\", \"z\"]\ntransform = \"log\"\noutput_range = [1e-3, 1e6]\n\
+        terms = [{ powers = [0, 0], coefficient = 3.0 }, { powers = [1, 0], coefficient = -2.0 }, { powers = [0, 1], coefficient = 1.0 }]\n\
+        [surfaces.eta.evidence]\nrows = 200\nresidual_sd = 0.02\n";
+    let truth = |[x, z]: [f64; 2]| 3.0 - 2.0 * x + z;
+    for seed in 0..4 {
+        let none = diagnosed(model, &[of_logarithm(120, seed, |_, at| truth(at))]);
+        assert_eq!(none.verdict, Verdict::NoDiscrepancy, "{seed}: {:?}", labels(&none));
+        let term = diagnosed(model, &[of_logarithm(120, seed, |_, at| truth(at) + 0.1 * at[0] * at[1])]);
+        assert_eq!(term.verdict, Verdict::Explained);
+        let found = &cause(&term, "missing-term:x*z").parameters[0];
+        assert!(found.low <= 0.1 && 0.1 <= found.high && found.unit == "log(mPa*s)", "{seed}: {found:?}");
+        // The extended file returns the response.
+        let extended = Checked::from_model(&term.extended).unwrap();
+        let surface = &extended.model().surfaces[0];
+        assert_eq!((surface.unit.as_str(), surface.output_range), ("mPa*s", Some([1e-3, 1e6])));
+        let tape = rsm_core::lower::surface(&extended, 0, rsm_core::number::Precision::F64);
+        let at = [0.8, -0.9];
+        let value = rsm_core::run::Interpreter::<f64>::new(&tape).eval(&at);
+        assert!((value / (truth(at) + 0.1 * at[0] * at[1]).exp() - 1.0).abs() < 0.02, "{seed}: {value}");
+        // A factor of 1.1 is an offset of the logarithm.
+        let factor =
+            diagnosed(model, &[of_logarithm(120, seed, |row, at| truth(at) + if row < 60 { 0.0 } else { 1.1f64.ln() })]);
+        let step = cause(&factor, "drift");
+        assert_eq!(step.parameters[0].name, "step");
+        assert!((step.parameters[0].value - 1.1f64.ln()).abs() < 0.02, "{seed}: {:?}", step.parameters);
+    }
+    // A response without a logarithm is named with its line.
+    let checked = Checked::read(&Source::new("model.toml", model)).unwrap();
+    let data = Source::new("new.csv", "x[1],z[1],eta[mPa*s]\n0,0,1\n0.5,0,-3\n");
+    let refused = NewData::read(checked.model(), &[Content::from(data)], None).unwrap_err().to_string();
+    assert!(refused.contains("new.csv:3") && refused.contains("found -3, expected from e^-32 to e^32"), "{refused}");
+}

@@ -47,7 +47,7 @@ fn check_response(specification: &Specification, response: &ResponseSpec, faults
         if response.noise.is_some() || response.loss != Loss::LeastSquares {
             let help = "give the transform, or fit by least squares without `noise`";
             fault(
-                "\"box-cox\" compares squared errors of independent rows: it needs `loss` and `noise` by default".into(),
+                "\"box-cox\" compares squared errors of independent rows: it needs the default `loss` and no `noise`".into(),
                 help,
             );
         }

@@ -33,5 +33,6 @@ mod splines;
 mod splits;
 mod support;
 mod textbook;
+mod transforms;
 mod truth;
 mod weights;

@@ -117,7 +117,7 @@ fn print(model: &Model, data: &NewData, found: &Diagnosis) {
     stderr_line!("{}", found.verdict.name());
     for response in &found.responses {
         let surface = &model.surfaces[response.surface];
-        let unit = &surface.unit;
+        let unit = surface.unit_of_terms();
         stderr_line!("{}: {}, {} rows compared", surface.name, response.verdict.name(), response.rows);
         if !response.outside.is_empty() {
             let places: Vec<String> = response.outside.iter().take(5).map(|row| data.place_of(*row)).collect();

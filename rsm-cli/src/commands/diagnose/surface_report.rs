@@ -60,7 +60,7 @@ fn of_response(body: &mut String, model: &Model, data: &NewData, response: &Resp
         "<p>{} rows were compared. {of_file}. Noise of one row: {} {} (standard deviation, from {}).</p>",
         response.rows,
         short(response.floor.sd),
-        escaped(&surface.unit),
+        escaped(&surface.unit_of_terms()),
         escaped(&response.floor.from)
     );
     if !response.outside.is_empty() {
@@ -307,7 +307,7 @@ fn errors(body: &mut String, surface: &Surface, response: &ResponseDiagnosis) {
         response.nominal.rows,
         escaped(&response.holdout_source),
         gain,
-        escaped(&surface.unit)
+        escaped(&surface.unit_of_terms())
     );
     let mut rows = vec![("the file", &response.nominal)];
     if !is_as_it_was {
