@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use rsm_core::check::Checked;
 use rsm_core::lower;
-use rsm_core::model::{Input, Surface};
+use rsm_core::model::{Input, Surface, Transform};
 use rsm_core::number::Precision;
 use rsm_core::run::Interpreter;
 use rsm_fit::constrain::ConstraintStatistics;
@@ -210,7 +210,9 @@ fn of_response(
     }
     text += "<h3>Measured and predicted</h3>\n<div class=\"plots\">\n";
     text += &against_prediction(&fitted, &apart, &brackets)?;
-    text += &over_rows(&fitted, &apart, &brackets)?;
+    let of_terms = surface.unit_of_terms();
+    let of_residuals = if of_terms == "1" { String::new() } else { format!(" [{of_terms}]") };
+    text += &over_rows(&fitted, &apart, (surface.transform, &of_residuals))?;
     text += "</div>\n<div class=\"columns\">\n<div>\n<h3>Errors</h3>\n";
     let with_space = |unit: String| if unit == "1" { String::new() } else { format!(" {}", escaped(&unit)) };
     let of_terms = with_space(surface.unit_of_terms());
@@ -417,10 +419,19 @@ fn against_prediction(fitted: &Pairs, apart: &[(&str, Pairs)], brackets: &str) -
     )
 }
 
-fn over_rows(fitted: &Pairs, apart: &[(&str, Pairs)], brackets: &str) -> Result<String, Refusal> {
+/// Measured minus predicted; with a transform those of the terms, where the noise is even.
+fn over_rows(
+    fitted: &Pairs,
+    apart: &[(&str, Pairs)],
+    (transform, brackets): (Option<Transform>, &str),
+) -> Result<String, Refusal> {
+    // The evaluator may saturate at a value that has no transform; such a row has no mark.
+    let of_terms = |y: f64| transform.map_or(y, |transform| transform.transformed(y).unwrap_or(f64::NAN));
     let residuals = |pairs: &Pairs| {
         let each = pairs.measured.iter().zip(&pairs.predicted).enumerate();
-        each.map(|(row, (measured, predicted))| (row as f64 + 1.0, measured - predicted)).collect::<Vec<_>>()
+        let residual = |measured: f64, predicted: f64| of_terms(measured) - of_terms(predicted);
+        let points = each.map(|(row, (measured, predicted))| (row as f64 + 1.0, residual(*measured, *predicted)));
+        points.filter(|(_, residual)| residual.is_finite()).collect::<Vec<_>>()
     };
     let apart: NamedPoints<'_> = apart.iter().map(|(name, pairs)| (*name, residuals(pairs))).collect();
     let fitted = residuals(fitted);

@@ -23,7 +23,7 @@ const PAGES: [(&str, &[&str]); 15] = [
     // `the_guide_to_federations_does_what_it_says`, without the installation; `the_guide_to_streams_does_what_it_says`.
     ("federation.md", &["sh", "sh", "sh", "sh", "sh"]),
     // Its last block is run in `fit_partial.rs`.
-    ("fit.md", &["toml", "sh", "toml", "toml", "c", "toml", "rust", "rust", "toml", "sh", "sh"]),
+    ("fit.md", &["toml", "sh", "toml", "toml", "toml", "c", "toml", "rust", "rust", "toml", "sh", "sh"]),
     ("import.md", &["sh"]),
     ("optimise.md", &["toml", "sh", "sh", "rust"]),
     ("own-plant.md", &["modelica", "toml", "sh", "sh", "toml", "toml", "sh", "sh", "c", "sh"]),
@@ -77,8 +77,8 @@ fn the_guides_to_fits_constraints_and_designs_do_what_they_say() {
     for (name, rows) in [("monday.csv", &rows[..4]), ("tuesday.csv", &rows[4..])] {
         write(name, &format!("{header}\n{}\n", rows.join("\n")));
     }
-    write("shards.toml", &block("fit.md", 8));
-    let text = run(&block("fit.md", 9), folder.path());
+    write("shards.toml", &block("fit.md", 9));
+    let text = run(&block("fit.md", 10), folder.path());
     assert!(text.contains("3 terms from 9 rows") && text.contains("2 parts"), "{text}");
     // Two recordings of a coasting car, with errors that change slowly.
     let row = |row: usize| {
@@ -94,6 +94,23 @@ fn the_guides_to_fits_constraints_and_designs_do_what_they_say() {
     assert!(
         std::fs::read_to_string(folder.path().join("coast-report/report.html")).unwrap().contains("autoregressive of order ")
     );
+    // A viscosity over two decades, by Vogel's equation.
+    let row = |row: usize| {
+        let (t, p) = (20.0 + ((37 * row) % 81) as f64, 20.0 * ((11 * row) % 101) as f64);
+        let eta = 0.05 * (1000.0 / (t + 90.0) + 0.0012 * p).exp() * (1.0 + 0.01 * (((7 * row) % 5) as f64 - 2.0));
+        format!("{t},{p},{eta}\n")
+    };
+    write("oil.csv", &format!("temperature[degC],pressure[bar],eta[mPa*s]\n{}", (0..120).map(row).collect::<String>()));
+    let head = "format = 1\nmodel = \"oil\"\ndata = [\"oil.csv\"]\n[inputs.temperature]\n[inputs.pressure]\n";
+    for (name, response) in [("oil", block("fit.md", 3)), ("chosen", block("fit.md", 3).replace("\"log\"", "\"box-cox\""))] {
+        write("oil-fit.toml", &format!("{head}{response}"));
+        let text = run(&format!("rsm fit oil-fit.toml --out {name}.toml\nrsm check {name}.toml"), folder.path());
+        assert!(text.contains("  transform: log: ") && text.contains(" log(mPa*s), R2 0.999"), "{text}");
+        assert!(
+            text.contains("  fitted rows: 120 rows (used for the fit), mean error ")
+                && text.contains("f32: rounding error at most")
+        );
+    }
     // An engine with two fuels on two days, the second with an offset.
     let row = |row: usize| {
         let (fuel, slope) = if row.is_multiple_of(3) { ("diesel", 0.08) } else { ("petrol", 0.05) };
@@ -102,12 +119,12 @@ fn the_guides_to_fits_constraints_and_designs_do_what_they_say() {
         format!("d{day},{fuel},{speed},{torque}\n")
     };
     write("engine.csv", &format!("day,fuel,speed[rad/s],torque[N*m]\n{}", (0..60).map(row).collect::<String>()));
-    let head = format!("format = 1\nmodel = \"engine\"\ndata = [\"engine.csv\"]\n{}[inputs.speed]\n", block("fit.md", 5));
-    write("engine-fit.toml", &format!("{head}{}", block("fit.md", 3)));
+    let head = format!("format = 1\nmodel = \"engine\"\ndata = [\"engine.csv\"]\n{}[inputs.speed]\n", block("fit.md", 6));
+    write("engine-fit.toml", &format!("{head}{}", block("fit.md", 4)));
     let text = run("rsm fit engine-fit.toml --out engine.toml\nrsm emit engine.toml --lang c --out engine-src", folder.path());
     assert!(text.contains("  blocks: 2 of day, effects N*m with sd "), "{text}");
     let header = std::fs::read_to_string(folder.path().join("engine-src/engine.h")).unwrap();
-    assert!(header.contains(&block("fit.md", 4)), "{header}");
+    assert!(header.contains(&block("fit.md", 5)), "{header}");
     // The response of the guide to constraints, within a specification.
     let inputs = "format = 1\nmodel = \"constrained\"\ndata = [\"dyno.csv\"]\n[inputs.torque]\n[inputs.speed]\n\n";
     write("constrained.toml", &format!("{inputs}{}", block("constrain.md", 0)));
