@@ -192,7 +192,7 @@ impl Task<'_> {
             surface.support = self.fit.observed(|fitted| support::of_data(&own, self.own_inputs(), fitted, wanted));
         }
         if !self.response.constraints.is_empty()
-            && let Some(count) = constrain::too_many_parts(surface, &self.inputs)
+            && let Some(count) = constrain::too_many_parts(&self.own(surface), self.own_inputs())
         {
             let place = format!("responses.{}.constraints.0", surface.name);
             let most = constrain::MOST_PARTS;
@@ -286,9 +286,10 @@ impl Task<'_> {
             surface.terms = terms_of(&statistics);
         }
         self.add_shape(surface, &mut statistics);
-        let mean_square = statistics.residual_sd.filter(|_| shrunk.is_none()).map(|sd| sd * sd);
+        let has_errors = shrunk.is_none() && !is_held(&statistics);
+        let mean_square = statistics.residual_sd.filter(|_| has_errors).map(|sd| sd * sd);
         statistics.blocks = self.blocks_of(&surface.terms, mean_square.map(|square| (&growing, square)));
-        if shrunk.is_none() && !is_held(&statistics) {
+        if has_errors {
             statistics.analysis = self.fit.observed(|rows| analysis::report(&design, rows, self.sequence));
         }
         statistics.selection = found.as_ref().and_then(|found| found.report.clone());
@@ -420,7 +421,9 @@ impl Task<'_> {
         let high = self.fit.response.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         // For a constant response its magnitude, or 1 if that is 0.
         let spread = [high - low, high.abs()].into_iter().find(|spread| *spread > 0.0).unwrap_or(1.0);
-        let task = constrain::Task { surface, inputs: &self.inputs, constraints, problem, spread };
+        let own = self.own(surface);
+        let places = self.own_places(surface);
+        let task = constrain::Task { surface: &own, inputs: self.own_inputs(), constraints, problem, places: &places, spread };
         let (mut statistics, told) = match task.run() {
             Constrained::Inactive { constraints } => {
                 let told = ConstraintStatistics {

@@ -28,6 +28,7 @@ use rsm_core::interval::Interval;
 use rsm_core::model::{Input, Surface};
 use serde::Serialize;
 
+use crate::dd::Dd;
 use crate::design::Coded;
 use crate::observations::{Named, ValidationStatistics};
 use crate::qr::Growing;
@@ -122,7 +123,7 @@ pub enum Constrained {
     },
     /// Changed coefficients meet the constraints.
     Active {
-        /// The changed coefficients.
+        /// The changed coefficients, of all columns of the problem.
         coefficients: Vec<f64>,
         /// The report of every constraint.
         constraints: Vec<ConstraintReport>,
@@ -150,8 +151,10 @@ pub struct Task<'a> {
     pub inputs: &'a [Input],
     /// The constraints.
     pub constraints: &'a [Constraint],
-    /// The solved problem, with the terms in the order of the surface.
+    /// The solved problem.
     pub problem: &'a Growing,
+    /// The place of each term of the surface in the problem. Other columns of the problem, such as those of blocks, are not constrained.
+    pub places: &'a [usize],
     /// The largest minus the smallest measured response.
     pub spread: f64,
 }
@@ -181,7 +184,8 @@ impl Task<'_> {
             return Constrained::Inactive { constraints: self.reports(&claims, &found, &[]) };
         }
         let free = self.problem.coefficients();
-        let mut points = Points { task: self, free: &free, claims: &claims, lengths: Vec::new(), points: Vec::new() };
+        let own: Vec<Dd> = self.own(&free);
+        let mut points = Points { task: self, free: &own, claims: &claims, lengths: Vec::new(), points: Vec::new() };
         if let Err(constraint) = points.first() {
             return Constrained::Infeasible { constraints: vec![self.constraints[constraint].to_string()] };
         }
@@ -191,7 +195,7 @@ impl Task<'_> {
         let mut is_complete = false;
         let mut stopped_by = Stop::LargestShift;
         while let Some(shift) = rounds.next(is_complete) {
-            let (c, active) = match program::shortest(&points.rows(shift), free.len()) {
+            let (c, active) = match program::shortest(&points.rows(shift), self.problem.chosen().len()) {
                 Solution::Shortest { c, active } => (c, active),
                 Solution::Infeasible => match self.contradiction(&points) {
                     Some(constraints) => return Constrained::Infeasible { constraints },
@@ -206,7 +210,8 @@ impl Task<'_> {
                 }
             };
             let step = self.problem.coefficients_of(c);
-            coefficients = free.iter().zip(&step).map(|(free, step)| (*free + *step).to_f64()).collect();
+            let all: Vec<f64> = free.iter().zip(&step).map(|(free, step)| (*free + *step).to_f64()).collect();
+            coefficients = self.own(&all);
             found = self.search(&claims, &coefficients);
             let mut local_minima = Vec::new();
             if !self.is_proven(&found) {
@@ -224,7 +229,7 @@ impl Task<'_> {
                     .collect();
                 let constraints = self.reports(&claims, &found, &held);
                 let largest_change = self.largest_change(&coefficients);
-                return Constrained::Active { coefficients, constraints, rounds: rounds.count, shift, largest_change };
+                return Constrained::Active { coefficients: all, constraints, rounds: rounds.count, shift, largest_change };
             }
             rounds.note(-found.iter().map(|found| found.seen).fold(f64::INFINITY, f64::min));
             match points.exchange(&active, &found, &local_minima) {
@@ -239,13 +244,25 @@ impl Task<'_> {
         Constrained::NotProven(NotProven::new(self, &claims, &found, &rounds, spent, stopped_by))
     }
 
+    /// Of numbers for each column of the problem, those of the terms of the surface.
+    fn own<T: Copy>(&self, all: &[T]) -> Vec<T> {
+        self.places.iter().map(|place| all[*place]).collect()
+    }
+
+    /// A row for the terms of the surface as a row for the columns of the problem.
+    fn in_problem(&self, row: &[Dd]) -> Vec<Dd> {
+        let mut all = vec![Dd::ZERO; self.problem.chosen().len()];
+        self.places.iter().zip(row).for_each(|(place, x)| all[*place] = *x);
+        all
+    }
+
     /// A set of constraints that contradict one another at these points, such that without any one of them the others do not. `None` if they
     /// contradict only with a grown shift, because the constraints may then be feasible.
     fn contradiction(&self, points: &Points<'_>) -> Option<Vec<String>> {
         let contradict = |constraints: &[usize]| {
             let is_asked = |k: &usize| constraints.contains(&points.claims[points.points[*k].claim].constraint);
             let rows = points.rows(SHIFT).into_iter().enumerate().filter(|(k, _)| is_asked(k)).map(|(_, row)| row);
-            matches!(program::shortest(&rows.collect::<Vec<_>>(), points.free.len()), Solution::Infeasible)
+            matches!(program::shortest(&rows.collect::<Vec<_>>(), self.problem.chosen().len()), Solution::Infeasible)
         };
         let mut kept: Vec<usize> = (0..self.constraints.len()).collect();
         if !contradict(&kept) {

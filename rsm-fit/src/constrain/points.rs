@@ -38,6 +38,7 @@ const NEAR_ZERO: f64 = 100.0;
 /// The points at which claims are enforced.
 pub(super) struct Points<'a> {
     pub task: &'a Task<'a>,
+    /// The coefficients of the terms without constraints.
     pub free: &'a [Dd],
     pub claims: &'a [Claim],
     /// The longest row of each claim among its first points.
@@ -156,7 +157,7 @@ impl Points<'_> {
         // Where a claim hardly depends on the coefficients (for example near the origin, for a surface without constant term), the shift is reduced
         // in proportion.
         let share = (NEAR_ZERO * norm(&row) / self.lengths[k]).min(1.0);
-        let projected = self.task.problem.projected(row);
+        let projected = self.task.problem.projected(self.task.in_problem(&row));
         let length = projected.iter().map(|x| *x * *x).sum::<Dd>().sqrt();
         if length == Dd::ZERO {
             // The claim does not depend on the coefficients here: it is met or not.

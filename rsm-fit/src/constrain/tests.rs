@@ -13,6 +13,7 @@ pub(super) struct Case {
     pub surface: Surface,
     pub inputs: Vec<Input>,
     pub problem: Growing,
+    pub places: Vec<usize>,
     pub constraints: Vec<Constraint>,
     pub spread: f64,
 }
@@ -42,12 +43,12 @@ impl Case {
             terms.iter().zip(coefficients).map(|(powers, b)| Term { powers: powers.to_vec(), coefficient: b }).collect();
         let (low, high) =
             rows.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (_, y)| (low.min(*y), high.max(*y)));
-        Case { surface, inputs, problem, constraints: constraints.to_vec(), spread: high - low }
+        Case { surface, inputs, problem, places: all, constraints: constraints.to_vec(), spread: high - low }
     }
 
     pub(super) fn task(&self) -> Task<'_> {
-        let Case { surface, inputs, problem, constraints, spread } = self;
-        Task { surface, inputs, constraints, problem, spread: *spread }
+        let Case { surface, inputs, problem, places, constraints, spread } = self;
+        Task { surface, inputs, constraints, problem, places, spread: *spread }
     }
 
     pub(super) fn claims(&self) -> Vec<Claim> {

@@ -424,7 +424,9 @@ impl Task<'_> {
         // For a constant response its magnitude, or 1 if that is 0, as in a fit.
         let spread = [high - low, high.abs()].into_iter().find(|spread| *spread > 0.0).unwrap_or(1.0);
         let constraints = &self.response.constraints;
-        let task = constrain::Task { surface, inputs: &self.inputs, constraints, problem: &solved.growing, spread };
+        let places: Vec<usize> = (0..solved.chosen.len()).collect();
+        let problem = &solved.growing;
+        let task = constrain::Task { surface, inputs: &self.inputs, constraints, problem, places: &places, spread };
         let residual_sd_without = free.residual_sd;
         let told = |active, constraints, shift, rounds, largest_change| ConstraintStatistics {
             active,

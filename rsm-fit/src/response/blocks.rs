@@ -38,6 +38,13 @@ impl Task<'_> {
         own
     }
 
+    /// The places of the terms of [`Task::own`] among those of the surface.
+    pub(super) fn own_places(&self, surface: &Surface) -> Vec<usize> {
+        let Some(blocks) = self.blocks else { return (0..surface.terms.len()).collect() };
+        let inputs = surface.inputs.len() - blocks.width();
+        (0..surface.terms.len()).filter(|k| blocks.without(&surface.terms[*k].powers, inputs).is_some()).collect()
+    }
+
     /// The inputs without the contrasts of blocks.
     pub(crate) fn own_inputs(&self) -> &[Input] {
         &self.inputs[..self.inputs.len() - self.blocks.map_or(0, Blocks::width)]

@@ -135,10 +135,6 @@ fn check_blocks(specification: &Specification, faults: &mut Collector) {
     }
     for response in specification.responses.iter().filter(|_| !blocks.is_empty()) {
         let name = &response.surface.name;
-        if !response.constraints.is_empty() {
-            let help = "remove `blocks`, or make the column an input with `categories` and `additive = true`";
-            fault(format!("response `{name}` has `constraints`, which are proved for every row of the data"), help);
-        }
         if uses_spline(response) {
             fault(format!("response `{name}` is a spline, which has no terms for blocks"), "use terms, or remove `blocks`");
         }

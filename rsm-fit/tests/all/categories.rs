@@ -7,6 +7,8 @@ use rsm_core::{lower, number::Precision, run::Interpreter};
 use rsm_fit::design::{count_of_candidates, terms_up_to};
 use rsm_fit::fit::{Outcome, fit_sources};
 use rsm_fit::random::Random;
+use rsm_fit::spec::Constraint;
+use rsm_fit::{Fit, Input, Response};
 use serde_json::Value;
 
 use crate::data::{Files, fitted, specification};
@@ -359,12 +361,6 @@ fn what_does_not_fit_is_refused() {
         ),
         (
             "blocks = [\"day\"]",
-            two,
-            "inputs = [\"a\"]\nconstraints = [{ kind = \"bounds\", min = 0.0 }]\nselect = { method = \"fixed\", order = 1 }",
-            "has `constraints`",
-        ),
-        (
-            "blocks = [\"day\"]",
             "column = \"a\"",
             "inputs = [\"a\"]\nselect = { method = \"fixed\", order = 1 }",
             "row 3 of `data` has no cell in column `day`",
@@ -410,4 +406,83 @@ fn shards_with_a_category_are_the_whole_fit_and_blocks_need_all_rows() {
     let source = rsm_core::source::Source::new("d.csv", format!("{head}\n{many}"));
     let refused = fit_sources(&spec, &[source], &mut |_| {}).unwrap_err().to_string();
     assert!(refused.contains("tells more than 300 blocks apart"), "{refused}");
+}
+
+/// Rows of three days on which y = 10 + 4 x - 6 x^2, shifted by the day, with noise: the data rise above 10.
+fn of_days(seed: u64) -> (Vec<f64>, Vec<String>, Vec<f64>) {
+    let mut random = Random::new(seed);
+    let mut share = || random.below(1 << 20) as f64 / f64::from(1 << 20);
+    let (mut x, mut day, mut y) = (vec![], vec![], vec![]);
+    for row in 0..48 {
+        let (at, of) = (2.0 * share() - 1.0, [0, 0, 1, 2][row % 4]);
+        x.push(at);
+        day.push(format!("d{of}"));
+        y.push(10.0 + 4.0 * at - 6.0 * at * at + [-1.5, 0.5, 2.0][of] + 0.4 * (share() - 0.5));
+    }
+    (x, day, y)
+}
+
+/// The reference alternates between the surface for known effects and the effects for a known surface. It ends at the least sum of squares, because
+/// the problem is convex and the constraints are on the surface alone.
+#[test]
+fn constraints_hold_on_the_mean_over_the_blocks_at_the_least_error() {
+    for (seed, constraint) in [
+        Constraint::Bounds { min: None, max: Some(10.2) },
+        Constraint::Monotone { input: "x".into(), increasing: false },
+        Constraint::Bounds { min: Some(-80.0), max: Some(50.0) },
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let (x, day, y) = of_days(seed as u64);
+        let fit = |y: &[f64], has_blocks: bool, has_constraint: bool| {
+            let response = Response::new("y", y);
+            let response = if has_constraint { response.constraint(constraint.clone()) } else { response };
+            let fit = Fit::new([Input::new("x", &x).range([-1.0, 1.0])], response).order(3);
+            let outcome = if has_blocks { fit.blocks(&day).fit() } else { fit.fit() }.unwrap();
+            let tape = lower::surface(&outcome.checked().unwrap(), 0, Precision::F64);
+            let value = move |at: f64| Interpreter::<f64>::new(&tape).eval(&[at]);
+            (outcome, value)
+        };
+        let (outcome, value) = fit(&y, true, true);
+        let statistics = outcome.responses[0].statistics.as_ref().unwrap();
+        let is_active = statistics.constraints.as_ref().unwrap().active;
+        assert_eq!(is_active, seed < 2);
+        let effects = &statistics.blocks.as_ref().unwrap().effects;
+        assert!(effects.iter().all(|one| one.standard_error.is_some() != is_active));
+        let along: Vec<f64> = (0..=100).map(|k| value(f64::from(k) / 50.0 - 1.0)).collect();
+        match &constraint {
+            Constraint::Bounds { min, max } => {
+                let (min, max) = (min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY));
+                assert!(along.iter().all(|y| min - 1e-9 <= *y && *y <= max + 1e-9), "{along:?}");
+            }
+            _ => assert!(along.windows(2).all(|two| two[1] <= two[0] + 1e-9), "{along:?}"),
+        }
+        if !is_active {
+            let (free, of_free) = fit(&y, true, false);
+            assert_eq!(free.model.surfaces[0].terms, outcome.model.surfaces[0].terms);
+            assert_eq!(value(0.3).to_bits(), of_free(0.3).to_bits());
+            continue;
+        }
+        let mut shifts = [0.0; 3];
+        let place = |row: usize| day[row][1..].parse::<usize>().unwrap();
+        let mut alternating = along.clone();
+        for _ in 0..40 {
+            let less: Vec<f64> = (0..48).map(|row| y[row] - shifts[place(row)]).collect();
+            let (_, known) = fit(&less, false, true);
+            for (k, shift) in shifts.iter_mut().enumerate() {
+                let own: Vec<f64> = (0..48).filter(|row| place(*row) == k).map(|row| y[row] - known(x[row])).collect();
+                *shift = own.iter().sum::<f64>() / own.len() as f64;
+            }
+            let mean = shifts.iter().sum::<f64>() / 3.0;
+            shifts.iter_mut().for_each(|shift| *shift -= mean);
+            alternating = (0..=100).map(|k| known(f64::from(k) / 50.0 - 1.0)).collect();
+        }
+        // The exchange stops within 1e-4 of the spread of some 10.
+        let far = along.iter().zip(&alternating).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(far < 5e-3, "{constraint}: {far}");
+        for (one, shift) in effects.iter().zip(&shifts) {
+            near("effect", one.effect, *shift, 5e-3);
+        }
+    }
 }
