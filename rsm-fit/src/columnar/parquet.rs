@@ -28,12 +28,13 @@ pub(super) fn read(name: &str, path: &Path, wanted: &Wanted, act: Act<'_>) -> Re
         let group = guarded(name, || file.get_row_group(group))?;
         for column in &columns.wanted {
             let compression = group.metadata().column(column.place).compression();
-            if !matches!(compression, Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::ZSTD(_)) {
+            let known = [Compression::UNCOMPRESSED, Compression::SNAPPY];
+            if !known.contains(&compression) && !matches!(compression, Compression::GZIP(_) | Compression::ZSTD(_)) {
                 let compression = compression.to_string();
                 let found = compression.split('(').next().unwrap_or_default();
                 let what = format!("column {} `{}`: found the compression {found}", column.place + 1, headers[column.place]);
-                let fault = Fault::whole_file(name, format!("{what}, expected none, Snappy or Zstandard"));
-                return Err(Faults::one(fault.help("write the file with `snappy` or `zstd`")));
+                let fault = Fault::whole_file(name, format!("{what}, expected none, Snappy, gzip or Zstandard"));
+                return Err(Faults::one(fault.help("write the file with `snappy`, `gzip` or `zstd`")));
             }
         }
         let readers = columns.wanted.iter().map(|column| group.get_column_reader(column.place));

@@ -5,7 +5,7 @@ mod written;
 use std::path::{Path, PathBuf};
 
 use arrow_ipc::CompressionType;
-use parquet::basic::{Compression, ZstdLevel};
+use parquet::basic::{Compression, GzipLevel, ZstdLevel};
 use parquet::file::properties::WriterVersion;
 use rsm_core::source::Source;
 
@@ -44,11 +44,11 @@ const PLAIN: Parquet = Parquet {
 const FILE: Arrow = Arrow { rows_of_batch: 1 << 20, compression: None, is_stream: false };
 
 fn any_parquet(random: &mut Random) -> Parquet {
-    let zstd = Compression::ZSTD(ZstdLevel::default());
+    let (zstd, gzip) = (Compression::ZSTD(ZstdLevel::default()), Compression::GZIP(GzipLevel::default()));
     Parquet {
         rows_of_group: 1 + random.below(300) as usize,
         rows_of_page: 1 + random.below(100) as usize,
-        compression: [Compression::UNCOMPRESSED, Compression::SNAPPY, zstd][random.below(3) as usize],
+        compression: [Compression::UNCOMPRESSED, Compression::SNAPPY, zstd, gzip][random.below(4) as usize],
         has_dictionary: random.below(2) == 0,
         version: [WriterVersion::PARQUET_1_0, WriterVersion::PARQUET_2_0][random.below(2) as usize],
     }
