@@ -4,6 +4,7 @@
 //! constraints that cannot be met are outcomes; too few rows and terms that are not finite are faults.
 
 mod blocks;
+mod constrained;
 mod loss;
 mod noise;
 mod quality;
@@ -16,7 +17,7 @@ use rsm_core::source::Faults;
 
 use crate::analysis;
 use crate::blocks::Blocks;
-use crate::constrain::{self, Constrained, ConstraintStatistics};
+use crate::constrain;
 use crate::design::eight::Seen;
 use crate::design::{self, Design};
 use crate::forms::{Forms, Taken, splines};
@@ -32,12 +33,8 @@ use crate::statistics::{self, CrossValidation, Judged, Observations, ResponseSta
 use crate::support::{self, Region, SupportStatistics};
 use crate::verdict::{self, Criterion, Verdict};
 use crate::warnings::{self, Noted, Notes};
+use constrained::is_held;
 use quality::Quality;
-
-/// Whether a constraint is active.
-fn is_held(statistics: &ResponseStatistics) -> bool {
-    statistics.constraints.as_ref().is_some_and(|constraints| constraints.active)
-}
 
 /// The result of a search as a choice.
 fn choice_of(found: &Found) -> Choice {
@@ -406,55 +403,6 @@ impl Task<'_> {
             quality.explained = quality.explained.zip(statistics.r2).map(|(free, held)| free.min(held));
         }
         quality
-    }
-
-    /// The figures with constraints on the chosen terms; unchanged if the constraints are inactive.
-    fn constrained(
-        &self,
-        surface: &Surface,
-        design: &Design,
-        problem: &Growing,
-        free: ResponseStatistics,
-    ) -> Result<ResponseStatistics, Verdict> {
-        let constraints = &self.response.constraints;
-        let low = self.fit.response.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = self.fit.response.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        // For a constant response its magnitude, or 1 if that is 0.
-        let spread = [high - low, high.abs()].into_iter().find(|spread| *spread > 0.0).unwrap_or(1.0);
-        let own = self.own(surface);
-        let places = self.own_places(surface);
-        let task = constrain::Task { surface: &own, inputs: self.own_inputs(), constraints, problem, places: &places, spread };
-        let (mut statistics, told) = match task.run() {
-            Constrained::Inactive { constraints } => {
-                let told = ConstraintStatistics {
-                    active: false,
-                    constraints,
-                    shift: constrain::SHIFT * spread,
-                    rounds: 0,
-                    residual_sd_without: free.residual_sd,
-                    validation_without: free.validation.clone(),
-                    largest_change: None,
-                };
-                (free, told)
-            }
-            Constrained::Active { coefficients, constraints, rounds, shift, largest_change } => {
-                let statistics = self.fit.observed(|fitted| statistics::of_constrained(design, &coefficients, fitted));
-                let told = ConstraintStatistics {
-                    active: true,
-                    constraints,
-                    shift: shift * spread,
-                    rounds,
-                    residual_sd_without: free.residual_sd,
-                    validation_without: free.validation,
-                    largest_change: Some(largest_change),
-                };
-                (self.with_apart(surface, design, statistics), told)
-            }
-            Constrained::Infeasible { constraints } => return Err(Verdict::Infeasible { constraints }),
-            Constrained::NotProven(why) => return Err(Verdict::NotProven(why)),
-        };
-        statistics.constraints = Some(told);
-        Ok(statistics)
     }
 
     fn fault(&self, what: String) -> rsm_core::source::Fault {

@@ -59,20 +59,25 @@
 //! sign of those named by `mirror` (a map with mirrored halves).
 
 mod categories;
+mod method;
 mod read;
+mod response;
 mod rules;
 mod shape;
 mod transform;
 
 use std::path::{Path, PathBuf};
 
-use rsm_core::model::{Category, Outside, Surface, Transform};
+use rsm_core::model::{Category, Outside};
 use rsm_core::places::Places;
 use rsm_core::source::{Collector, Fault, Faults, Source};
 
 use crate::missing::Missing;
 
 pub(crate) use categories::CONTRAST;
+pub use method::{Criterion, Direction, Method, Search, SearchBy};
+pub(crate) use method::{MOST_FOR_SUBSETS, PARTS};
+pub use response::{Form, Loss, NoiseOrder, ResponseSpec, SplineSpec, TransformSpec, Weights};
 pub(crate) use rules::check_basis_against_ranges;
 pub use shape::{Constraint, SupportSpec};
 pub(crate) use shape::{FACES, MOST_FACES};
@@ -163,259 +168,6 @@ pub struct InputSpec {
     /// Its period: readings are converted to one period, from the lower end of the range or from 0.
     pub period: Option<f64>,
 }
-
-/// A response of the model.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ResponseSpec {
-    /// The column of the data.
-    pub column: String,
-    /// Its unit; `None` for that of the data's header.
-    pub unit: Option<String>,
-    /// Name, inputs, coding, symmetry, knots, sigmoids, waves, reciprocal and output range; without terms, and with the unit if it is given.
-    pub surface: Surface,
-    /// How the terms are chosen.
-    pub method: Method,
-    /// The weights of the rows; `None` if all count equally.
-    pub weights: Option<Weights>,
-    /// The loss that the coefficients minimise.
-    pub loss: Loss,
-    /// The order of autoregressive errors; `None` if errors are independent.
-    pub noise: Option<NoiseOrder>,
-    /// The constraints, over its whole supported region.
-    pub constraints: Vec<Constraint>,
-    /// Whether the model contains the region supported by the data.
-    pub support: Option<SupportSpec>,
-    /// The allowed forms; `None`: powers, and sigmoids if they are clearly better.
-    pub forms: Option<Vec<Form>>,
-    /// The spline that is the whole surface; `None` for terms.
-    pub spline: Option<SplineSpec>,
-    /// The transform of the response that the terms describe; `None`: the response itself.
-    pub transform: Option<TransformSpec>,
-}
-
-/// The transform of a response.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TransformSpec {
-    /// This one.
-    Given(Transform),
-    /// The one with the largest likelihood, or none (Box, Cox 1964).
-    BoxCox,
-}
-
-impl TransformSpec {
-    /// The name of [`TransformSpec::BoxCox`] in a specification.
-    pub const BOX_COX: &str = "box-cox";
-}
-
-/// A form of a surface.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Form {
-    /// Powers of the inputs, and of the variables in the specification.
-    Polynomial,
-    /// Also sigmoids, with centres chosen by the data.
-    Sigmoid,
-    /// Cosines and sines of a periodic input, with orders chosen by the data.
-    Wave,
-    /// A tensor spline over all inputs, in place of terms.
-    Spline,
-    /// Also hinges, with places chosen by the data.
-    Hinge,
-}
-
-/// A spline as the whole surface.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SplineSpec {
-    /// 1, a table with linear interpolation, or 3.
-    pub degree: u32,
-    /// The numbers of cells along each input; `None`: chosen by cross-validation.
-    pub cells: Option<Vec<u32>>,
-    /// The penalty of second differences; `None`: chosen by cross-validation.
-    pub penalty: Option<f64>,
-}
-
-impl Default for SplineSpec {
-    fn default() -> Self {
-        SplineSpec { degree: 3, cells: None, penalty: None }
-    }
-}
-
-/// The loss that coefficients minimise.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Loss {
-    /// The sum of squared errors.
-    #[default]
-    LeastSquares,
-    /// Huber's: squares up to 1.345 scales, then lines.
-    Huber,
-    /// The sum of absolute errors.
-    L1,
-}
-
-impl Loss {
-    /// The name in a specification.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Loss::LeastSquares => "least-squares",
-            Loss::Huber => "huber",
-            Loss::L1 => "l1",
-        }
-    }
-}
-
-/// The order of autoregressive errors: the number of rows before on which an error depends.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum NoiseOrder {
-    /// This order.
-    Given(usize),
-    /// The order with the smallest AICc, from 0 to this one.
-    UpTo(usize),
-}
-
-impl NoiseOrder {
-    /// The default of a specification: errors of a slow sensor or of a control loop have order 1 or 2.
-    pub const DEFAULT: NoiseOrder = NoiseOrder::UpTo(4);
-
-    /// The largest order: each one takes several fits of all rows.
-    pub const MOST: usize = 12;
-}
-
-/// A column of the data with the weights of the rows.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Weights {
-    /// The weight itself, proportional to 1/sigma^2 of the row.
-    Weight(String),
-    /// The standard error sigma of the row's response, in any unit or none: only ratios matter.
-    StandardError(String),
-}
-
-impl Weights {
-    /// The column.
-    #[must_use]
-    pub fn column(&self) -> &str {
-        match self {
-            Weights::Weight(column) | Weights::StandardError(column) => column,
-        }
-    }
-}
-
-/// How the terms of a response are chosen.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Method {
-    /// Figure 1 of the paper: add terms until the confidence C is reached.
-    Ladder {
-        /// The highest order of a candidate.
-        max_order: u32,
-        /// C in percent.
-        confidence: f64,
-    },
-    /// Exactly these terms.
-    Fixed(Vec<Vec<u32>>),
-    /// All terms up to an order.
-    FixedOrder(u32),
-    /// A search among all terms up to an order, by a criterion.
-    Search(Search),
-}
-
-/// The number of parts of cross-validation: each fit has nine tenths of the rows, and its error is slightly too large (by 1 % in the median over
-/// random surfaces).
-pub(crate) const PARTS: usize = 10;
-
-/// A search among all terms up to an order.
-///
-/// ```
-/// use rsm_fit::spec::{Criterion, Direction, Search, SearchBy};
-///
-/// let search = Search { criterion: Some(Criterion::Aicc), ..Search::new(SearchBy::Stepwise(Direction::Both), 3) };
-/// assert_eq!(search.parts, 10);
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Search {
-    /// The method.
-    pub by: SearchBy,
-    /// The highest order of a candidate.
-    pub max_order: u32,
-    /// The criterion for the number of terms. `None`: validation rows if there are any, otherwise cross-validation on the fitted rows.
-    pub criterion: Option<Criterion>,
-    /// Whether a term requires the terms with one power less.
-    pub heredity: bool,
-    /// Whether to take the fewest terms within one standard error of the best.
-    pub one_standard_error: bool,
-    /// The number of parts of cross-validation, from 3 to 100.
-    pub parts: usize,
-}
-
-impl Search {
-    /// A search with cross-validation in ten parts, or with validation rows if there are any.
-    #[must_use]
-    pub fn new(by: SearchBy, max_order: u32) -> Self {
-        Search { by, max_order, criterion: None, heredity: false, one_standard_error: false, parts: PARTS }
-    }
-}
-
-/// How terms are searched.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SearchBy {
-    /// Term by term.
-    Stepwise(Direction),
-    /// The best model of each size, by branch and bound.
-    BestSubset,
-    /// The path of the LASSO, and of least squares on its terms.
-    Lasso,
-}
-
-impl SearchBy {
-    /// The name in a specification.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            SearchBy::Stepwise(_) => "stepwise",
-            SearchBy::BestSubset => "best-subset",
-            SearchBy::Lasso => "lasso",
-        }
-    }
-}
-
-/// The direction of stepwise selection.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Direction {
-    /// Terms are added.
-    Forward,
-    /// Terms are removed from the largest model.
-    Backward,
-    /// Terms are added, and removed again if that gives a better model of the same size.
-    Both,
-}
-
-/// The criterion for the number of terms, or for the penalty.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Criterion {
-    /// Leave-one-out errors of models that were chosen with all rows.
-    Press,
-    /// Cross-validation errors, with the choice repeated without each part.
-    KFold,
-    /// Akaike's criterion with its correction for few rows.
-    Aicc,
-    /// Errors on validation rows.
-    HeldOut,
-}
-
-impl Criterion {
-    /// The name in a specification.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Criterion::Press => "press",
-            Criterion::KFold => "k-fold",
-            Criterion::Aicc => "aicc",
-            Criterion::HeldOut => "held-out",
-        }
-    }
-}
-
-/// The largest number of candidates for best subsets. With more, branch and bound takes too long for a proof.
-pub(crate) const MOST_FOR_SUBSETS: usize = 40;
 
 impl Specification {
     /// Reads a specification from a file.

@@ -470,12 +470,12 @@ fn constraints_hold_on_the_mean_over_the_blocks_at_the_least_error() {
         for _ in 0..40 {
             let less: Vec<f64> = (0..48).map(|row| y[row] - shifts[place(row)]).collect();
             let (_, known) = fit(&less, false, true);
-            for (k, shift) in shifts.iter_mut().enumerate() {
-                let own: Vec<f64> = (0..48).filter(|row| place(*row) == k).map(|row| y[row] - known(x[row])).collect();
-                *shift = own.iter().sum::<f64>() / own.len() as f64;
-            }
-            let mean = shifts.iter().sum::<f64>() / 3.0;
-            shifts.iter_mut().for_each(|shift| *shift -= mean);
+            // The effects of the least sum of squares that add up to 0: each mean less a share that falls with the number of rows.
+            let of_block = |k: usize| (0..48).filter(move |row| place(*row) == k);
+            let counts = [0, 1, 2].map(|k| of_block(k).count() as f64);
+            let means = [0, 1, 2].map(|k| of_block(k).map(|row| y[row] - known(x[row])).sum::<f64>() / counts[k]);
+            let share = means.iter().sum::<f64>() / counts.iter().map(|count| 1.0 / count).sum::<f64>();
+            shifts = [0, 1, 2].map(|k| means[k] - share / counts[k]);
             alternating = (0..=100).map(|k| known(f64::from(k) / 50.0 - 1.0)).collect();
         }
         // The exchange stops within 1e-4 of the spread of some 10.
