@@ -11,7 +11,7 @@ use rsm_core::source::Source;
 use rsm_fit::fit::{Outcome, fit_sources};
 use rsm_fit::partial::{merge, of_sources};
 use rsm_fit::random::Random;
-use rsm_fit::spec::{Constraint, Loss, NoiseOrder};
+use rsm_fit::spec::{Constraint, Form, Loss, NoiseOrder};
 use rsm_fit::statistics::{ResponseStatistics, TransformReport};
 use rsm_fit::{Fit, Input, Response, Select};
 
@@ -392,6 +392,24 @@ fn methods_and_losses_work_on_the_terms() {
         // Iterations end within their own tolerances.
         assert!((one / other - 1.0).abs() < 1e-7, "{place}: {one} {other}");
         assert_eq!(figures(&found).terms.len(), figures(&expected).terms.len());
+    }
+    // The errors that choices of a form compare are those of the terms.
+    let bent: Vec<f64> = rows.p.iter().zip(&rows.x).map(|(p, x)| p + (6.0 * x).tanh()).collect();
+    let measured: Vec<f64> = bent.iter().map(|p| response(Some(Transform::Log), *p)).collect();
+    let tried = [Response::new("y", &measured).transform(Transform::Log), Response::new("y", &bent)].map(|response| {
+        let response = response.forms([Form::Polynomial, Form::Sigmoid]);
+        let outcome = Fit::new(rows.inputs(), response).select(Select::stepwise(3)).fit().unwrap();
+        figures(&outcome).forms.as_ref().unwrap().tried.clone()
+    });
+    assert_eq!(tried[0].len(), 2);
+    for (one, other) in tried[0].iter().zip(&tried[1]) {
+        assert!((one.rmse.unwrap() / other.rmse.unwrap() - 1.0).abs() < 1e-6, "{one:?} {other:?}");
+    }
+    // A stationary point of the terms is one of the response, but a minimum of 1/y is a maximum of y.
+    for transform in Transform::ALL {
+        let response = Response::new("y", rows.measured(Some(transform))).transform(transform);
+        let found = Fit::new(rows.inputs(), response).order(2).fit().unwrap();
+        assert_eq!(figures(&found).canonical.is_some(), !transform.is_falling(), "{transform:?}");
     }
 }
 
