@@ -347,6 +347,7 @@ impl Task<'_> {
             highest_order: all.terms().iter().map(|powers| design::order(powers)).max().unwrap_or(0),
             explained: quality.explained,
             copies: &self.copies,
+            is_grouped: !self.specification.groups().is_empty(),
             triangle: None,
             leverages: None,
         }

@@ -79,6 +79,8 @@ pub(crate) struct Notes<'a> {
     /// The explained share of the spread on rows that were not used for any choice.
     pub explained: Option<f64>,
     pub copies: &'a [(&'static str, usize)],
+    /// Whether the rows have groups that stay together.
+    pub is_grouped: bool,
     /// The triangle of the terms of `design`, if it is known, and the leverages of the rows, times their weights.
     pub triangle: Option<&'a Triangle>,
     pub leverages: Option<&'a [f64]>,
@@ -321,8 +323,15 @@ impl Notes<'_> {
                 "errors of neighbouring rows are correlated ({correlation:.2}) after the noise is whitened: give `noise` a higher order, or the surface has an error that neighbouring rows share"
             );
         }
+        // A row that is left out at random has its neighbours among the fitted rows.
+        let is_at_random = self.statistics.cross_validation.is_some() && !self.is_grouped && serial.order == "rows";
+        let of_left_out = if is_at_random {
+            ". Errors on rows left out at random are those of the same recording: if there are several, give the column that tells them apart in `keep_together` of a split"
+        } else {
+            ""
+        };
         format!(
-            "errors of neighbouring {who} are correlated ({correlation:.2}, p = {}): {why}. The standard errors are too small{known}",
+            "errors of neighbouring {who} are correlated ({correlation:.2}, p = {}): {why}. The standard errors are too small{known}{of_left_out}",
             if p < 1e-3 { format!("{p:.1e}") } else { format!("{p:.3}") }
         )
     }

@@ -1,7 +1,10 @@
 //! Correlated errors of neighbouring rows: the warning, and intervals that contain the truth.
 
+use rsm_core::lower;
+use rsm_core::number::Precision;
+use rsm_core::run::Interpreter;
 use rsm_fit::random::Random;
-use rsm_fit::{Fit, Outcome};
+use rsm_fit::{Fit, Outcome, Select};
 
 const ROWS: usize = 400;
 
@@ -50,4 +53,55 @@ fn white_noise_has_no_second_standard_errors() {
     let alarms = (0..100).filter(|seed| recording(*seed, 0.0).responses[0].statistics.as_ref().unwrap().serial.is_some());
     // 1 % of 100, plus four standard deviations.
     assert!(alarms.count() <= 5);
+}
+
+/// Five recordings of 100 rows, each with a slow input and slow noise; with or without their names. The reported error of rows left out, that on new
+/// recordings, and the words of the warning.
+fn of_recordings(seed: u64, is_named: bool) -> (f64, f64, String) {
+    let mut random = Random::new(seed);
+    let (mut rows, mut fresh) = ((vec![], vec![], vec![]), (vec![], vec![]));
+    for run in 0..25 {
+        let (mut x, mut noise) = (random.normal(), random.normal());
+        for _ in 0..100 {
+            let mut next = |now: f64| 0.97 * now + (1.0f64 - 0.97 * 0.97).sqrt() * random.normal();
+            (x, noise) = (next(x), next(noise));
+            let y = 10.0 + 3.0 * x + noise;
+            if run < 5 {
+                rows.0.push(x);
+                rows.1.push(y);
+                rows.2.push(run.to_string());
+            } else {
+                fresh.0.push(x);
+                fresh.1.push(y);
+            }
+        }
+    }
+    let fit = Fit::new(&rows.0, &rows.1).select(Select::stepwise(8));
+    let outcome = if is_named { fit.groups(&rows.2) } else { fit }.fit().unwrap();
+    let tape = lower::surface(&outcome.checked().unwrap(), 0, Precision::F64);
+    let mut surface = Interpreter::<f64>::new(&tape);
+    let square: f64 = fresh.0.iter().zip(&fresh.1).map(|(x, y)| (surface.eval(&[*x]) - y).powi(2)).sum();
+    let statistics = outcome.responses[0].statistics.as_ref().unwrap();
+    let warned = statistics.warnings.iter().find(|warning| warning.kind == "correlated-residuals");
+    let reported = statistics.cross_validation.as_ref().unwrap().errors.rmse;
+    (reported, (square / fresh.0.len() as f64).sqrt(), warned.map_or(String::new(), |warning| warning.what.clone()))
+}
+
+#[test]
+fn rows_left_out_at_random_are_those_of_the_same_recording() {
+    for (is_named, [low, high]) in [(false, [0.6, 0.84]), (true, [0.8, 1.1])] {
+        let all: Vec<(f64, f64, String)> = (0..12).map(|seed| of_recordings(seed, is_named)).collect();
+        let mut shares: Vec<f64> = all.iter().map(|(reported, truth, _)| reported / truth).collect();
+        shares.sort_by(f64::total_cmp);
+        println!(
+            "recordings {}: reported error over that on new ones {:.2} ({shares:.2?})",
+            if is_named { "named" } else { "not named" },
+            shares[6]
+        );
+        assert!((low..high).contains(&shares[6]), "{shares:?}");
+        for (_, _, words) in &all {
+            assert_eq!(words.contains("left out at random"), !is_named && !words.is_empty(), "{words}");
+        }
+        assert!(all.iter().filter(|it| !it.2.is_empty()).count() > 8);
+    }
 }
