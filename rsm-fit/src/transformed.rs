@@ -108,7 +108,9 @@ pub(crate) fn of_terms(transform: Transform, response: &ResponseSpec) -> Respons
         *constraint = match constraint.clone() {
             Constraint::Bounds { min, max } => {
                 let at = |bound: Option<f64>| bound.and_then(|bound| transform.transformed(bound));
-                let (min, max) = ordered(at(min), at(max));
+                // The formula of a response is below the exact one, never above.
+                let min = at(min).map(|p| p + transform.shortfall());
+                let (min, max) = ordered(min, at(max));
                 Constraint::Bounds { min, max }
             }
             Constraint::Monotone { input, increasing } => {
@@ -241,16 +243,19 @@ fn box_cox(task: &Task<'_>, surface: &mut Surface, progress: &mut dyn FnMut(Prog
     let value = |fitted: &Fitted| fitted.likelihood.unwrap_or(f64::NEG_INFINITY);
     let best = (0..tried.len()).max_by(|a, b| value(&tried[*a]).total_cmp(&value(&tried[*b]))).unwrap_or(0);
     let (none, most) = (value(&tried[0]), value(&tried[best]));
-    let is_taken = tried[best].transform.is_some() && most - none > DROP;
+    // Without a residual the likelihood is infinite: nothing is better than that.
+    let is_taken = tried[best].transform.is_some() && none < f64::INFINITY && most - none > DROP;
     let best_word = tried[best].word();
     let why = match (tried[best].transform, is_taken) {
+        _ if none == f64::INFINITY => "without a transform there is no residual".to_string(),
         (None, _) => "no transform has a larger likelihood".to_string(),
+        (Some(_), true) if most == f64::INFINITY => "\"box-cox\" chose it: it leaves no residual".to_string(),
         (Some(_), true) if none.is_finite() => {
             format!(
                 "\"box-cox\" chose it: the log likelihood of the measured responses is {most:.1}, {none:.1} without a transform"
             )
         }
-        (Some(_), true) => "\"box-cox\" chose it: without a transform there is no surface with a residual".to_string(),
+        (Some(_), true) => "\"box-cox\" chose it: without a transform there is no surface".to_string(),
         (Some(_), false) => format!(
             "the largest log likelihood, {most:.1} with \"{best_word}\", is not clearly above {none:.1} without a transform: expected more than {DROP:.2} above"
         ),
@@ -269,7 +274,7 @@ fn box_cox(task: &Task<'_>, surface: &mut Surface, progress: &mut dyn FnMut(Prog
 }
 
 /// The log likelihood of the measured responses for normal noise of the transformed ones, without the constant of the normal density. The variance is
-/// that of rows left out one at a time: with few rows, residuals favour the transform with the most terms.
+/// that of rows left out one at a time: with few rows, residuals favour the transform with the most terms. Infinite without an error.
 fn likelihood(task: &Task<'_>, transform: Option<Transform>, outcome: &ResponseOutcome) -> Option<f64> {
     let statistics = outcome.statistics.as_ref()?;
     let rows = statistics.rows as f64;
@@ -283,11 +288,11 @@ fn likelihood(task: &Task<'_>, transform: Option<Transform>, outcome: &ResponseO
     let weights: Vec<f64> = task.fit.weights.iter().zip(&task.fit.response).map(of_row).collect();
     let weights: f64 = relative(&weights).iter().map(|weight| 0.5 * weight.ln()).sum();
     let value = slopes + weights - 0.5 * rows * square.ln();
-    value.is_finite().then_some(value)
+    (!value.is_nan()).then_some(value)
 }
 
 /// The sum of squared errors of rows left out one at a time; without it, for a spline or active constraints, of the residual mean square.
 fn square_of_errors(statistics: &ResponseStatistics) -> Option<f64> {
     let rows = statistics.rows as f64;
-    statistics.press.or_else(|| statistics.residual_sd.map(|sd| sd * sd * rows)).filter(|square| *square > 0.0)
+    statistics.press.or_else(|| statistics.residual_sd.map(|sd| sd * sd * rows))
 }
