@@ -28,4 +28,5 @@ mod splines;
 mod streams;
 mod sweep;
 mod track;
+mod transforms;
 mod tutorial;
