@@ -81,7 +81,11 @@ fn every_command_works_with_a_transform_or_refuses_it() {
     let causes = json(&diagnosed)["causes"].clone();
     assert_eq!((causes[0]["kind"].as_str(), causes.as_array().map(Vec::len)), (Some("drift"), Some(1)), "{causes}");
     assert!(text(&diagnosed.stderr).contains("From run 61 on, eta is higher by 0.095"), "{}", text(&diagnosed.stderr));
-    assert!(std::fs::read_to_string(here.path().join("diagnosis/report.html")).unwrap().contains("log(mPa*s)"));
+    assert!(
+        std::fs::read_to_string(here.path().join("diagnosis/report.html"))
+            .unwrap()
+            .contains("measured minus computed [log(mPa*s)]")
+    );
 
     let refusals: [(&[&str], &str); 2] = [
         (&["emit", "oil.toml", "--lang", "c", "--out", "code", "--recursive"], "after the transform \"log\""),

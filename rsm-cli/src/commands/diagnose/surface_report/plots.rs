@@ -79,7 +79,7 @@ impl Plots<'_> {
 
     fn residuals(&self, of: &str, title: &str, x_title: &str, x: &dyn Fn(usize) -> f64) -> Result<String, Refusal> {
         let shown = &self.response.shown;
-        let y = format!("measured minus computed [{}]", self.surface().unit);
+        let y = format!("measured minus computed [{}]", self.surface().unit_of_terms());
         let points = |computed: &[f64], counts: bool| -> Vec<(f64, f64)> {
             let rows = (0..shown.measured.len()).filter(|row| shown.counts[*row] == counts);
             rows.map(|row| (x(row), shown.measured[row] - computed[row])).collect()
