@@ -160,9 +160,7 @@ impl Checked {
                     faults.push(at(places.first().copied().unwrap_or_default(), what));
                 }
             }
-            if surface.transform.is_some()
-                && let Err((what, help)) = transform_fits(surface, &self.inputs_of(surface), precision)
-            {
+            if let Err((what, help)) = transform_fits(surface, &self.inputs_of(surface), precision) {
                 let what = format!("surface `{}`: `transform`: {what}", surface.name);
                 faults.push(at(places.first().copied().unwrap_or_default(), what).help(help));
             }

@@ -16,7 +16,10 @@ use crate::tape::{Op, Reg, Tape};
 #[must_use]
 pub fn polynomial(surface: &Surface, inputs: &[Input], point: &[Rational]) -> Option<Rational> {
     let terms = before_transform(surface, inputs, point)?;
-    Some(surface.transform.map_or(terms.clone(), |transform| transform.exact_response(terms)))
+    Some(match surface.transform {
+        Some(transform) => transform.exact_response(terms),
+        None => terms,
+    })
 }
 
 /// The value of the terms or of the spline.

@@ -50,15 +50,7 @@ pub(crate) struct Extent {
 pub(crate) fn extent(surface: &Surface, inputs: &[Input]) -> Extent {
     let of_terms = extent_of_terms(surface, inputs);
     let Some(transform) = surface.transform else { return of_terms };
-    let limits = transform.limits();
-    let within = |p: f64| p.clamp(limits.low, limits.high);
-    // A reciprocal whose terms may reach 0 is unbounded; no limit hides it.
-    let range = if transform.needs_positive() {
-        of_terms.range
-    } else {
-        Interval { low: within(of_terms.range.low), high: within(of_terms.range.high) }
-    };
-    let range = transform.over(range);
+    let range = transform.over(of_terms.range);
     if transform.is_falling() {
         return Extent { range, least_at: of_terms.greatest_at, greatest_at: of_terms.least_at };
     }

@@ -103,10 +103,12 @@ impl Transform {
         if self == Transform::Log { 6e-11 } else { 0.0 }
     }
 
-    /// The responses for an interval of P. Unbounded where a reciprocal may reach 0.
+    /// The responses for an interval of P, limited to [`Transform::limits`]. Unbounded where a reciprocal may reach 0: no limit hides that.
     #[must_use]
     pub fn over(self, p: Interval) -> Interval {
+        let limits = self.limits();
         let end = |p: f64| {
+            let p = if self.needs_positive() { p } else { p.clamp(limits.low, limits.high) };
             if !p.is_finite() || self.needs_positive() && p <= 0.0 {
                 return Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
             }
@@ -209,7 +211,7 @@ fn cube_root(y: f64) -> f64 {
 }
 
 /// The coefficient of P^k in the Taylor polynomial of e^(P/64), by its reciprocal k! 64^k: a number of f64.
-pub(crate) fn divisor(k: u32) -> f64 {
+fn divisor(k: u32) -> f64 {
     (1..=k).map(f64::from).product::<f64>() * 2f64.powi((SQUARINGS * k) as i32)
 }
 

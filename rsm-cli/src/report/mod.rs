@@ -191,8 +191,10 @@ fn of_response(
         .filter_map(|(name, records)| Some((name, pairs(records.as_ref()?))))
         .collect();
 
-    let unit = if surface.unit == "1" { String::new() } else { format!(" {}", escaped(&surface.unit)) };
-    let brackets = if unit.is_empty() { String::new() } else { format!(" [{}]", surface.unit) };
+    let behind = |unit: &str| if unit == "1" { String::new() } else { format!(" {}", escaped(unit)) };
+    let in_brackets = |unit: &str| if unit == "1" { String::new() } else { format!(" [{unit}]") };
+    let of_terms = surface.unit_of_terms();
+    let (unit, behind_terms) = (behind(&surface.unit), behind(&of_terms));
     let mut text = numbers(response, statistics, &surface.unit);
     text += &surface::figure(&surface::Shown {
         outcome,
@@ -209,14 +211,10 @@ fn of_response(
         text += &format!("<h3>Warnings</h3>\n<ul class=\"warnings\">\n{lines}</ul>\n");
     }
     text += "<h3>Measured and predicted</h3>\n<div class=\"plots\">\n";
-    text += &against_prediction(&fitted, &apart, &brackets)?;
-    let of_terms = surface.unit_of_terms();
-    let of_residuals = if of_terms == "1" { String::new() } else { format!(" [{of_terms}]") };
-    text += &over_rows(&fitted, &apart, (surface.transform, &of_residuals))?;
+    text += &against_prediction(&fitted, &apart, &in_brackets(&surface.unit))?;
+    text += &over_rows(&fitted, &apart, (surface.transform, &in_brackets(&of_terms)))?;
     text += "</div>\n<div class=\"columns\">\n<div>\n<h3>Errors</h3>\n";
-    let with_space = |unit: String| if unit == "1" { String::new() } else { format!(" {}", escaped(&unit)) };
-    let of_terms = with_space(surface.unit_of_terms());
-    text += &errors(statistics, is_unseen, [&unit, &of_terms]);
+    text += &errors(statistics, is_unseen, [&unit, &behind_terms]);
     text += "<h3>Statistics of the fit</h3>\n";
     text += &of_the_fit(statistics, &inputs, !apart.is_empty());
     text += "</div>\n<div>\n";
@@ -230,11 +228,11 @@ fn of_response(
         return Ok(text);
     }
     text += "<h3>Terms</h3>\n<p>Of variables that are coded to -1 and 1 at the ends of their ranges. Each coefficient is rounded to the digits that its 95 % interval supports; the model file has all digits.</p>\n";
-    text += &terms(surface, statistics, &of_terms);
+    text += &terms(surface, statistics, &behind_terms);
     text += "</div>\n</div>\n";
     if let Some(constrained) = &statistics.constraints {
         text += "<h3>Constraints</h3>\n";
-        text += &constraints(constrained, &inputs, [&unit, &of_terms]);
+        text += &constraints(constrained, &inputs, [&unit, &behind_terms]);
     }
     Ok(text)
 }
@@ -245,6 +243,7 @@ fn errors(statistics: &ResponseStatistics, is_unseen: bool, [unit, of_terms]: [&
     let cross = statistics.cross_validation.as_ref();
     let left_out = cross.map_or(String::new(), |cross| format!("rows left out in {} parts in turn", cross.parts));
     let lists = [
+        ("fitted rows, in the unit of the response", statistics.transform.as_ref().and_then(|it| it.fitted.as_ref())),
         (validation, statistics.validation.as_ref()),
         ("test rows, which were not used before", statistics.test.as_ref()),
         (left_out.as_str(), cross.map(|cross| &cross.errors)),
@@ -259,13 +258,8 @@ fn errors(statistics: &ResponseStatistics, is_unseen: bool, [unit, of_terms]: [&
     let mut text = String::from(
         "<table>\n<tr><th>on</th><th class=\"number\">rows</th><th class=\"number\">mean of magnitudes</th><th class=\"number\">root mean square</th><th class=\"number\">largest</th></tr>\n",
     );
-    let of_fit = statistics.transform.as_ref().and_then(|it| it.fitted.as_ref());
     let of_residual = [None, statistics.residual_sd, None];
     text += &line("fitted rows (residual standard deviation)", statistics.rows, of_residual, of_terms);
-    if let Some(errors) = of_fit {
-        let name = "fitted rows, in the unit of the response";
-        text += &line(name, errors.rows, [Some(errors.mean_abs_error), Some(errors.rmse), Some(errors.max_abs_error)], unit);
-    }
     for (name, errors) in lists {
         let Some(errors) = errors else { continue };
         text += &line(name, errors.rows, [Some(errors.mean_abs_error), Some(errors.rmse), Some(errors.max_abs_error)], unit);

@@ -272,10 +272,10 @@ pub(super) fn check_waves(context: &Context<'_>, faults: &mut Collector, surface
     }
 }
 
-/// The fault of a transform of these inputs and with these values of the terms, and what to do.
+/// The fault of a surface's transform over the box of these inputs, and what to do. No fault without a transform.
 ///
 /// # Errors
-/// If a reciprocal may reach 0, if an input of a reciprocal extrapolates, or if the responses exceed the precision.
+/// If a reciprocal may reach 0, or if the responses exceed the precision.
 pub fn transform_fits(surface: &Surface, inputs: &[Input], precision: Precision) -> Result<(), (String, &'static str)> {
     let Some(transform) = surface.transform else { return Ok(()) };
     let terms = range::of_terms(surface, inputs);
@@ -283,7 +283,7 @@ pub fn transform_fits(surface: &Surface, inputs: &[Input], precision: Precision)
         let what = format!("the value of the terms reaches {:.4e} in the box, expected more than 0 everywhere", terms.low);
         return Err((what, "give the inputs narrower ranges, a constraint on the response, or use another transform"));
     }
-    let most = range::range(surface, inputs).magnitude();
+    let most = transform.over(terms).magnitude();
     if !most.is_finite() || !precision.round(&exact(most)).is_finite() {
         return Err((format!("a response in the box is {BEYOND} {}", precision.name()), "use another unit of the response"));
     }

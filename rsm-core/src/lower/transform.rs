@@ -2,7 +2,7 @@
 //!
 //! In: the register of the terms' value P. Out: that of the response. P is first limited to its proved range over the box, or to the limits of the
 //! transform if an input extrapolates. This changes no true value. It limits a rounding error at the edge of the range, so that a root is not below 0
-//! and a reciprocal has no pole, and it gives the bound of rounding errors the range in which the powers are taken.
+//! and a reciprocal has no pole and thus a bound of its rounding error.
 
 use crate::elementary;
 use crate::model::{Input, Surface, Transform};

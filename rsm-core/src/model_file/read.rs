@@ -132,7 +132,8 @@ fn read_surface(name: &str, path: &str, reader: &mut TableReader<'_>, places: &m
         });
         surface.categories = places.part(path, "categories", categories).unwrap_or_default();
     }
-    let transform = read_transform(path, reader, places, faults);
+    let names = Transform::ALL.map(|transform| (transform.word(), transform));
+    let transform = read_transform(path, &names, reader, places, faults);
     surface.transform = places.part(path, "transform", transform).unwrap_or_default();
     let terms = match reader.optional("spline") {
         Some(value) => {
@@ -172,17 +173,17 @@ fn read_surface(name: &str, path: &str, reader: &mut TableReader<'_>, places: &m
     surface
 }
 
-/// Reads `transform`. `Some(None)` if it is absent; `None` if it has no known name, of which there is a fault.
-pub fn read_transform(
+/// Reads `transform`, which is one of these names. `Some(None)` if it is absent; `None` if it has another name, of which there is a fault.
+pub fn read_transform<T: Copy>(
     path: &str,
+    names: &[(&str, T)],
     reader: &mut TableReader<'_>,
     places: &mut Places,
     faults: &mut Collector,
-) -> Option<Option<Transform>> {
+) -> Option<Option<T>> {
     let Some((_, _, value)) = reader.entries().find(|(name, _, _)| *name == "transform") else { return Some(None) };
     places.note(format!("{path}.transform"), value.span());
-    let names = Transform::ALL.map(|transform| (transform.word(), transform));
-    reader.choice("transform", &names, faults).map(Some)
+    reader.choice("transform", names, faults).map(Some)
 }
 
 /// The keys that define the variables of a surface's powers; the fit specification has the same.

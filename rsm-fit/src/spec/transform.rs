@@ -3,6 +3,7 @@
 //! In: the table of a response. Out: a [`TransformSpec`]; then, with the response, faults if they do not fit together. Data are not used.
 
 use rsm_core::model::{Outside, Symmetry, Transform};
+use rsm_core::model_file;
 use rsm_core::places::Places;
 use rsm_core::source::Collector;
 use rsm_core::toml_reader::TableReader;
@@ -20,11 +21,9 @@ pub(super) fn read(
     places: &mut Places,
     faults: &mut Collector,
 ) -> Option<Option<TransformSpec>> {
-    let Some((_, _, value)) = reader.entries().find(|(name, _, _)| *name == "transform") else { return Some(None) };
-    places.note(format!("{path}.transform"), value.span());
     let given = Transform::ALL.map(|transform| (transform.word(), TransformSpec::Given(transform)));
     let names = [&given[..], &[(TransformSpec::BOX_COX, TransformSpec::BoxCox)]].concat();
-    reader.choice("transform", &names, faults).map(Some)
+    model_file::read_transform(path, &names, reader, places, faults)
 }
 
 /// A transform must have the constraints and inputs of its response; "box-cox" compares squared errors of independent rows.
