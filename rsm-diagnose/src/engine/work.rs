@@ -34,6 +34,11 @@ impl WorkCount {
         self.end.store(end, Ordering::Relaxed);
     }
 
+    /// A separate count, limited to what is left of this one.
+    pub(crate) fn remaining(&self) -> Self {
+        WorkCount::within(self.end.load(Ordering::Relaxed).saturating_sub(self.done()))
+    }
+
     /// Whether the limit is used up. Call this between jobs, never in parallel with them: then the answer does not depend on the number of threads.
     pub(crate) fn is_limit_reached(&self) -> bool {
         self.done() >= self.end.load(Ordering::Relaxed)

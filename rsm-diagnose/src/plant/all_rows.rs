@@ -9,14 +9,14 @@ use rsm_sim::equations::Setting;
 use rsm_sim::kind::OUTPUTS;
 use std::fmt;
 
-use super::checks;
-use super::levenberg::Fit;
+use super::checks::{self, Finding};
+use super::levenberg::{self, Fit};
 use super::octave_spectrum::{OCTAVES, Octave};
 use super::posterior::Posterior;
 use super::prepared::Piece;
-use super::row_share;
+use super::row_share::{self, RowShare};
 use super::whitened_residuals::WhitenedResiduals;
-use super::{outlier_correction, own_noise, regions, validation, whiteness};
+use super::{alignment, outlier_correction, own_noise, regions, validation, whiteness};
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
@@ -51,6 +51,21 @@ pub struct AllRows {
     pub not_simulated: Vec<String>,
     /// The energy above the noise divided by the noise energy: of the worst window or of all windows together, whichever is larger.
     pub excess: f64,
+    /// What is wrong with the data in rows that the search did not use.
+    pub findings: Vec<Finding>,
+}
+
+impl AllRows {
+    /// Whether all rows were tested and hold only noise. A fault of the data is no objection, unless it takes whole rows or a channel: then the rest
+    /// of a window was not tested.
+    #[must_use]
+    pub fn is_only_noise(&self) -> bool {
+        let takes_more = |it: &Finding| ["row", "time"].contains(&it.channel.as_str()) || it.what == checks::CONSTANT;
+        self.rows == self.total_rows
+            && self.not_simulated.is_empty()
+            && !self.findings.iter().any(takes_more)
+            && self.excess <= 0.0
+    }
 }
 
 /// The number of windows that a sentence names.
@@ -110,9 +125,55 @@ fn windows<'a>(record: &'a Record, file: &PlantFile) -> Box<dyn ExactSizeIterato
     Box::new(order.into_iter().map(one))
 }
 
-/// Tests all rows. `whitened` has the noise and the work limit of the search.
+/// The file of a record or a part of it.
+fn file_of(record: &str) -> &str {
+    record.split(", rows ").next().unwrap_or(record)
+}
+
+/// Whether two findings are about the same fault: the windows and the search cut the records at other rows.
+fn is_same(a: &Finding, b: &Finding) -> bool {
+    file_of(&a.record) == file_of(&b.record)
+        && (&a.channel, a.what) == (&b.channel, b.what)
+        && a.rows.0 <= b.rows.1
+        && b.rows.0 <= a.rows.1
+}
+
+/// Steps of a fit that starts near its minimum.
+const STEPS: usize = 4;
+
+/// A plant whose numbers are fitted to more rows than its causes were searched on, with these records.
+#[derive(Debug, Clone)]
+pub struct FitToMoreRows {
+    /// The training records.
+    pub whitened: WhitenedResiduals,
+    /// The fit to them.
+    pub fit: Fit,
+}
+
+/// Fits the numbers of a plant to as many rows of the training records as a whole search uses. The noise is that of the search. `None` if the plant
+/// cannot be simulated.
 #[must_use]
-pub fn check(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals, fit: &Fit) -> AllRows {
+pub fn fit_to_more_rows(
+    training: &[Record],
+    share: RowShare,
+    file: &PlantFile,
+    whitened: &WhitenedResiduals,
+    fit: &Fit,
+) -> Option<FitToMoreRows> {
+    let (prepared, _) = checks::prepared(training.iter().flat_map(|record| share.pieces(record, file)), file);
+    let there = outlier_correction::corrected(whitened.with_records(prepared), &fit.model);
+    let started = validation::fit_initial_states(&there, &fit.model)?;
+    let mut model = fit.model.clone();
+    let records: Vec<&Record> = there.records.iter().map(|it| &it.record).collect();
+    model.take_starts(&records, there.floors.map(|floor| floor.sd));
+    model.starts = started.model.starts;
+    let fit = levenberg::fit(&there, model, STEPS)?;
+    Some(FitToMoreRows { whitened: there, fit })
+}
+
+/// Tests all rows. `whitened` has the noise and the work limit of the search, `known` what the search found in the data.
+#[must_use]
+pub fn check(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals, fit: &Fit, known: &[Finding]) -> AllRows {
     let mut by_record: Vec<_> = records.iter().map(|it| windows(it, file)).collect();
     let tests: usize = by_record.iter().map(|it| it.len()).sum();
     let sds = Posterior::of(fit).deviations().to_vec();
@@ -123,6 +184,7 @@ pub fn check(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals
         beyond_noise: Vec::new(),
         not_simulated: Vec::new(),
         excess: 0.0,
+        findings: Vec::new(),
     };
     let mut sums = [[Octave::default(); OCTAVES]; OUTPUTS];
     let begun = whitened.work.done();
@@ -131,14 +193,23 @@ pub fn check(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals
         for piece in by_record.iter_mut().filter_map(Iterator::next) {
             let counted = piece.record.rows() - piece.settling;
             let name = piece.record.file.clone();
-            let (prepared, _) = checks::prepared([piece], file);
-            if prepared.iter().all(|it| it.outputs.is_empty()) {
+            let (prepared, mut findings) = checks::prepared([piece], file);
+            let is_empty = prepared.iter().all(|it| it.outputs.is_empty());
+            let mut there = outlier_correction::corrected(whitened.with_records(prepared), &fit.model);
+            // First a quick start from the first readings. If that leaves an error, the start is fitted as for a holdout record.
+            let mut quick = if is_empty { None } else { validation::one_step(&there, &fit.model) };
+            if let Some(started) = quick.as_ref().filter(|_| !findings.is_empty()) {
+                let before = findings.len();
+                alignment::remove_motion_findings(&mut there.records, &started.simulated, file.kind, &mut findings);
+                if findings.len() < before {
+                    quick = validation::one_step(&there, &fit.model);
+                }
+            }
+            found.findings.extend(findings.into_iter().filter(|it| !known.iter().any(|known| is_same(known, it))));
+            if is_empty {
                 continue;
             }
-            let there = outlier_correction::corrected(whitened.with_records(prepared), &fit.model);
-            // First a quick start from the first readings. If that leaves an error, the start is fitted as for a holdout record.
-            let quick =
-                validation::one_step(&there, &fit.model).map(|started| own_noise::remaining_structure(&there, started, tests));
+            let quick = quick.map(|started| own_noise::remaining_structure(&there, started, tests));
             let left = quick.filter(|it| it.excess <= 0.0).or_else(|| {
                 let started = validation::fit_initial_states(&there, &fit.model)?;
                 let left = own_noise::remaining_structure(&there, started.clone(), tests);
@@ -181,7 +252,6 @@ fn together(whitened: &WhitenedResiduals, sums: &[[Octave; OCTAVES]; OUTPUTS]) -
 
 #[cfg(test)]
 mod tests {
-    use super::super::levenberg;
     use super::super::model::Model;
     use super::super::noise::NoiseFloor;
     use super::super::whitened_residuals::Prepared;
@@ -212,7 +282,7 @@ mod tests {
         let first = record.piece(0..4000);
         let whitened = WhitenedResiduals::new(vec![Prepared::new(first.clone(), 3)], sds.map(NoiseFloor::white), 2);
         let fit = levenberg::fit(&whitened, Model::nominal(&file, &[&first], sds), 4).unwrap();
-        check(&[&record], &file, &whitened, &fit)
+        check(&[&record], &file, &whitened, &fit, &[])
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::levenberg::{self, Fit};
 use super::model::{InitialMotion, Model};
 use super::noise::NoiseFloor;
 use super::outlier_correction::{self, RecordedReadings};
-use super::row_share::RowShare;
+use super::row_share::{RowShare, Searched};
 use super::whitened_residuals::WhitenedResiduals;
 use super::{Options, Refused, alignment, bursts, gaps, initial_motion, regions, survey, validation};
 use rsm_sim::effect::Survey;
@@ -64,9 +64,10 @@ impl CalibratedRecords {
         training: &[Record],
         validation: &[Record],
         tails: HeavyTails,
+        searched: Searched,
         options: &Options<'_>,
     ) -> Result<Self, Refused> {
-        let mut share = RowShare::of_rows(training, validation);
+        let mut share = RowShare::of_rows(training, validation, searched);
         let prepare = |records: &[Record]| checks::prepared(records.iter().flat_map(|record| share.pieces(record, file)), file);
         let ((trained, mut findings), (judging, more)) = (prepare(training), prepare(validation));
         findings.extend(more);
@@ -113,7 +114,7 @@ impl CalibratedRecords {
             }
         }
         if let Some((records, fit)) = gaps::corrected(&whitened, &calibrated) {
-            whitened.records = records;
+            whitened.records = records.into();
             whitened.floors = floors(&whitened, &fit, file);
             calibrated = levenberg::fit(&whitened, fit.model, STEPS).ok_or(Refused::CannotSimulate)?;
             unseen.floors = whitened.floors;
@@ -168,7 +169,7 @@ impl CalibratedRecords {
         self.correct_unseen(&fit.model);
         let any = corrected.is_some();
         if let Some((records, _)) = corrected {
-            self.whitened.records = records;
+            self.whitened.records = records.into();
         }
         any
     }
@@ -195,7 +196,7 @@ fn correct_unseen(unseen: &mut WhitenedResiduals, model: &Model) {
     }
     let there = validation::fit_initial_states(unseen, model);
     if let Some((records, _)) = there.and_then(|there| gaps::corrected(unseen, &there)) {
-        unseen.records = records;
+        unseen.records = records.into();
     }
 }
 

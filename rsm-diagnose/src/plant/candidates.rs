@@ -150,17 +150,17 @@ pub fn leading<T>(list: Vec<T>, forms: usize, each: usize, form: impl Fn(&T) -> 
 impl Search<'_> {
     /// Refines the best guesses of the screen, fits the best of them in full, and evaluates them. The best comes first.
     pub(super) fn fit_candidates(&self, fit: &Fit, screened: &[Screened], threshold: f64) -> Vec<Candidate> {
-        let mut candidates = Vec::new();
         let split = split_duplicates(screened, self.deciding_difference(fit, threshold));
-        for it in self.refined(fit, &split.kept, threshold) {
+        let fitted = self.side_by_side(&self.refined(fit, &split.kept, threshold), |search, it| {
             (self.progress)(&format!("fitting {}", self.hypotheses[it.hypothesis].label()));
-            let mut found = self.fitted(fit, &it.entry);
-            if let (Some(found), Some(group)) = (found.as_mut(), group_of(&split.kept, it.form())) {
+            let mut found = search.fitted(fit, &it.entry)?;
+            if let Some(group) = group_of(&split.kept, it.form()) {
                 let same = split.duplicates.iter().filter(|it| it.0 == group);
                 found.aliases_not_fitted = same.map(|it| self.hypotheses[it.1].label()).collect();
             }
-            candidates.extend(found);
-        }
+            Some(found)
+        });
+        let mut candidates: Vec<Candidate> = fitted.into_iter().flatten().collect();
         order::ascending(&mut candidates, |it| it.score);
         // The best candidate is fitted until it converges. Otherwise the rest of its error would look like one more cause.
         if let Some(best) = candidates.first_mut()
@@ -240,25 +240,27 @@ impl Search<'_> {
         let rest = self.limits.profile_steps.saturating_sub(ROUNDS.iter().sum()).max(1);
         let mut starts = STARTS;
         for steps in ROUNDS.into_iter().chain([rest]) {
-            let mut next = Vec::new();
-            for it in pool {
+            let refined = self.side_by_side(&pool, |search, it| {
                 if waves::is_wave(it.entry.description, kind) {
                     // A guess taken from the record is already the first-order optimum.
                     let joint = it
                         .cost
                         .is_infinite()
-                        .then(|| waves::joint_fit(self.whitened, fit, self.nominal, &it.entry, &[]))
+                        .then(|| waves::joint_fit(search.whitened, fit, self.nominal, &it.entry, &[]))
                         .flatten();
                     let entry = joint.and_then(|(model, cost)| Some((model.file.effects.last()?.clone(), cost)));
-                    next.push(entry.map_or(it.clone(), |(entry, cost)| Projected { hypothesis: it.hypothesis, entry, cost }));
-                    continue;
+                    return Some(entry.map_or(it.clone(), |(entry, cost)| Projected {
+                        hypothesis: it.hypothesis,
+                        entry,
+                        cost,
+                    }));
                 }
                 let model = fit.model.joined(self.nominal, it.entry.clone());
                 let place = model.file.effects.len() - 1;
-                if let Some((model, cost)) = project(self.whitened, &nuisance, model, place, steps) {
-                    next.push(Projected { hypothesis: it.hypothesis, entry: model.file.effects[place].clone(), cost });
-                }
-            }
+                let (model, cost) = project(search.whitened, &nuisance, model, place, steps)?;
+                Some(Projected { hypothesis: it.hypothesis, entry: model.file.effects[place].clone(), cost })
+            });
+            let mut next: Vec<Projected> = refined.into_iter().flatten().collect();
             order::ascending(&mut next, |it| it.cost);
             starts = starts.div_ceil(2);
             pool = leading(next, forms, starts, |it| it.form());

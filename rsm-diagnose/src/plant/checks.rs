@@ -43,6 +43,9 @@ const ENOUGH_BESIDE: usize = 50;
 /// The text of a finding for exchanged column headers.
 pub const SWAPPED: &str = "swapped with another column";
 
+/// The text of a finding for a channel with one value in all rows.
+pub const CONSTANT: &str = "constant";
+
 /// What was found in a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
@@ -232,7 +235,7 @@ fn without_constant(prepared: &mut Prepared, file: &PlantFile) -> Vec<Finding> {
             findings.push(Finding {
                 record: prepared.record.file.clone(),
                 channel,
-                what: "constant",
+                what: CONSTANT,
                 rows: (0, values.len() - 1),
             });
             prepared.outputs.remove(k);

@@ -13,6 +13,7 @@ use super::diagnosis::Diagnosis;
 use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::prepared::Piece;
+use super::row_share::Searched;
 use super::search::AcceptedCause;
 use super::verdict::{self, LEAST_CONFIDENCE};
 use super::whitened_residuals::WhitenedResiduals;
@@ -106,9 +107,9 @@ fn test_claims(
     if filed.given.is_empty() {
         return None;
     }
-    // Uses the same rows, noise and initial states as the search.
+    // Uses the rows, noise and initial states of a whole search.
     let CalibratedRecords { whitened, nominal, calibrated, .. } =
-        CalibratedRecords::of(filed, training, validation, tails, options).ok()?;
+        CalibratedRecords::of(filed, training, validation, tails, Searched::Most, options).ok()?;
     let without = |model: &Model| {
         let mut model = model.clone();
         model.file.given.clear();

@@ -215,7 +215,7 @@ pub fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(Vec<Prepare
         best = Some(levenberg::fit(&other, from.model.clone(), STEPS)?);
     }
     let best = best.filter(|best| best.cost < NOISE_IS_LEFT * best.residual.len() as f64)?;
-    Some((other.records, best))
+    Some((other.records.into(), best))
 }
 
 /// Moves the inputs in gaps once, to first order. All gaps of a record are solved together with the nuisance parameters. Returns whether that gained
@@ -270,7 +270,7 @@ fn correct_one(whitened: &mut WhitenedResiduals, fit: &Fit, nuisance: &Nuisance<
             return;
         }
         let gain = cost - left;
-        if let Some(tried) = other.records.into_iter().next() {
+        if let Some(tried) = Vec::from(other.records).into_iter().next() {
             whitened.records[record] = tried;
         }
         (*residual, cost) = (moved, left);
@@ -384,14 +384,14 @@ mod tests {
         let model = Model::nominal(&file, &records, [noise; OUTPUTS]);
         let before = levenberg::fit(&whitened, model, 8).unwrap();
         let (records, after) = corrected(&whitened, &before).unwrap();
-        whitened.records = records;
+        whitened.records = records.into();
         let offsets: Vec<f64> = whitened.records[0].filled_gaps.iter().map(|it| it.offsets[0]).collect();
         // Half of 5 V up.
         assert!((offsets[0] - 2.5).abs() < 0.05 && (offsets[1] - 2.5).abs() < 0.05, "{offsets:?}");
         // Of a plant that is wrong otherwise nothing is asked.
         let mut wrong = before.model.clone();
         wrong.file.parameters.set("force_gain", 3.0);
-        let records: Vec<Prepared> = whitened.records.clone();
+        let records: Vec<Prepared> = whitened.records.to_vec();
         let there = levenberg::linearised(&whitened.with_records(records), wrong).unwrap();
         assert!(corrected(&whitened, &there).is_none());
         // 398 readings: four standard deviations of their squared noise, 4 sqrt(2 * 398), and what the priors of two offsets leave.

@@ -201,13 +201,13 @@ impl Search<'_> {
         let mut found = there.fit_candidates(&base.fit, &screened, threshold);
         found.retain(|it| base.fit.cost - it.fit.cost > threshold);
         found.truncate(MOST_HYPOTHESES);
-        let mut candidates = Vec::new();
-        for it in found {
+        let followed = self.side_by_side(&found, |search, it| {
             (self.progress)(&format!("following {}", it.label));
-            let whole = followed_to_end(self.whitened, it.fit.model, base.ends.clone(), limits.fit_steps, threshold);
-            candidates.extend(whole.and_then(|whole| self.evaluated(fit, whole)));
-        }
-        candidates
+            let model = it.fit.model.clone();
+            let whole = followed_to_end(search.whitened, model, base.ends.clone(), limits.fit_steps, threshold)?;
+            search.evaluated(fit, whole)
+        });
+        followed.into_iter().flatten().collect()
     }
 }
 

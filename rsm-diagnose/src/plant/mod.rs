@@ -99,6 +99,7 @@ mod whole_numbers;
 // Shared with surfaces.
 use crate::engine::normal;
 use calibrated_records::HeavyTails;
+use row_share::Searched;
 pub use rsm_fit::random;
 use search_rounds::diagnose_records;
 
@@ -259,11 +260,19 @@ fn of_nominal(
     test: &[Record],
     options: &Options<'_>,
 ) -> Result<Diagnosis, Refused> {
-    let found = diagnose_records(file, training, validation, test, options, HeavyTails::Corrected)?;
+    let diagnosed = |tails, searched| diagnose_records(file, training, validation, test, options, tails, searched);
+    if row_share::has_enough_for_a_part(training, validation) {
+        if let Some(found) = diagnosed(HeavyTails::Corrected, Searched::Part)? {
+            return Ok(found);
+        }
+        (options.progress)("a part of the rows does not give the whole answer: searching with more rows");
+    }
+    let of_most = |tails| Ok(diagnosed(tails, Searched::Most)?.unwrap_or_else(|| unreachable!("most rows give an answer")));
+    let found = of_most(HeavyTails::Corrected)?;
     if !found.has_uneven_noise() || found.verdict != Verdict::Unexplained {
         return Ok(found);
     }
     // If the records are explained without a change of the noise model, the heavy tails and bursts were structure, not noise.
-    let plain = diagnose_records(file, training, validation, test, options, HeavyTails::Ignored)?;
+    let plain = of_most(HeavyTails::Ignored)?;
     Ok(if plain.verdict == Verdict::Unexplained { found } else { plain })
 }

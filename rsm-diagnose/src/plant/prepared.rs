@@ -4,7 +4,8 @@
 
 use rsm_sim::equations::Setting;
 use rsm_sim::kind::OUTPUTS;
-use std::ops::Range;
+use std::ops::{Deref, DerefMut, Range};
+use std::sync::Arc;
 
 use rsm_sim::record::{Drive, Record};
 
@@ -51,6 +52,54 @@ pub struct Prepared {
     pub filled_gaps: Vec<FilledGap>,
     /// For each of `outputs`, which of the first rows counted before they were set aside to let the simulation settle. Empty if none were set aside.
     pub(super) used_before_settling: Vec<Vec<bool>>,
+}
+
+/// Several records. Clones share them until one of them is changed, so jobs side by side need little memory.
+#[derive(Debug, Clone, Default)]
+pub struct PreparedRecords(Arc<Vec<Prepared>>);
+
+impl From<Vec<Prepared>> for PreparedRecords {
+    fn from(records: Vec<Prepared>) -> Self {
+        PreparedRecords(Arc::new(records))
+    }
+}
+
+impl From<PreparedRecords> for Vec<Prepared> {
+    fn from(records: PreparedRecords) -> Self {
+        Arc::unwrap_or_clone(records.0)
+    }
+}
+
+impl Deref for PreparedRecords {
+    type Target = Vec<Prepared>;
+
+    fn deref(&self) -> &Vec<Prepared> {
+        &self.0
+    }
+}
+
+impl DerefMut for PreparedRecords {
+    fn deref_mut(&mut self) -> &mut Vec<Prepared> {
+        Arc::make_mut(&mut self.0)
+    }
+}
+
+impl<'a> IntoIterator for &'a PreparedRecords {
+    type Item = &'a Prepared;
+    type IntoIter = std::slice::Iter<'a, Prepared>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.iter()
+    }
+}
+
+impl<'a> IntoIterator for &'a mut PreparedRecords {
+    type Item = &'a mut Prepared;
+    type IntoIter = std::slice::IterMut<'a, Prepared>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.iter_mut()
+    }
 }
 
 /// The permitted error of a step of a simulation as a share of the noise. If a thousand steps have the largest permitted error with one sign, the

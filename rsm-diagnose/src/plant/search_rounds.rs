@@ -10,23 +10,29 @@ use super::equations::EquationScreen;
 use super::law::{self, Law};
 use super::levenberg::{self, Fit};
 use super::model::Model;
+use super::noise::NoiseFloor;
+use super::row_share::{RowShare, Searched};
 use super::search::{Search, WorkLimits};
 use super::selection::Selection;
 use super::verdict;
 use super::whitened_residuals::WhitenedResiduals;
 use super::{
     Options, Refused, all_rows, by_configuration, calibration, configurations, effect_size, equations, experiment, final_fit,
-    growth, hypotheses, initial_motion, known_loop, open_numbers, tested, waves,
+    growth, hypotheses, initial_motion, known_loop, open_numbers, tested, waves, whiteness,
 };
 use rsm_sim::effect::{Role, Survey};
 use rsm_sim::equation_plant::added;
 use rsm_sim::equations::Setting;
+use rsm_sim::kind::OUTPUTS;
 use rsm_sim::plant_file::{Entry, PlantFile};
 use rsm_sim::record::Record;
 
 /// The work limit of a search, in runs of the calibrated plant: half a minute on two cores for three records of 8000 rows. Finding a single cause
 /// takes 500 to 1000. If a search needs more, the cause is probably not in the catalogue and the search only combines helpers.
 const MOST_RUNS: u64 = 4000;
+
+/// The work limit of a search on a part of the rows, in runs along this part: enough for one cause. Two causes are searched on more rows.
+const RUNS_ON_A_PART: u64 = 1000;
 
 /// The smallest work per row that a run counts as: four steps of the series. A plant with fewer gets a limit of more than 4,000 runs, which searches
 /// for two and three causes need.
@@ -57,7 +63,12 @@ struct SearchInput<'a> {
 
 impl<'a> SearchInput<'a> {
     /// The hypotheses that the records can show. Also measures the work of one run of the calibrated plant, the unit of the work limit.
-    fn of(prepared: &mut CalibratedRecords, file: &PlantFile, options: &Options<'a>) -> Result<Self, Refused> {
+    fn of(
+        prepared: &mut CalibratedRecords,
+        file: &PlantFile,
+        searched: Searched,
+        options: &Options<'a>,
+    ) -> Result<Self, Refused> {
         let mut present: Vec<usize> = prepared.whitened.records.iter().flat_map(|it| it.outputs.clone()).collect();
         present.sort_unstable();
         present.dedup();
@@ -78,6 +89,7 @@ impl<'a> SearchInput<'a> {
         prepared.unseen.work = whitened.work.clone();
         // For long records, the final check on all rows takes work too.
         let most = if prepared.share.unused_rows().is_some() { MOST_WORK / 2 } else { MOST_WORK };
+        let runs = if searched == Searched::Part { RUNS_ON_A_PART } else { MOST_RUNS };
         // Wave lengths are the best of many, and so are the terms and orders of the equations.
         let waves = if waves::has_waves(file.kind) { 2 * waves::MOST } else { 0 };
         let terms =
@@ -86,7 +98,7 @@ impl<'a> SearchInput<'a> {
             hypotheses,
             survey: prepared.survey.clone(),
             rounded: prepared.rounded.clone(),
-            limits: WorkLimits::within((MOST_RUNS * run.max(LEAST_WORK_A_ROW * rows as u64)).min(most)),
+            limits: WorkLimits::within((runs * run.max(LEAST_WORK_A_ROW * rows as u64)).min(most)),
             equation_errors,
             further_guesses: waves + terms,
             progress: options.progress,
@@ -115,7 +127,7 @@ impl<'a> SearchInput<'a> {
     }
 }
 
-/// Diagnoses a plant with given effects, if it has any.
+/// Diagnoses a plant with given effects, if it has any. `None` if a part of the rows does not give an answer that holds on all of them.
 pub(super) fn diagnose_records(
     file: &PlantFile,
     training: &[Record],
@@ -123,9 +135,10 @@ pub(super) fn diagnose_records(
     test: &[Record],
     options: &Options<'_>,
     tails: HeavyTails,
-) -> Result<Diagnosis, Refused> {
-    let mut prepared = CalibratedRecords::of(file, training, validation, tails, options)?;
-    let input = SearchInput::of(&mut prepared, file, options)?;
+    searched: Searched,
+) -> Result<Option<Diagnosis>, Refused> {
+    let mut prepared = CalibratedRecords::of(file, training, validation, tails, searched, options)?;
+    let input = SearchInput::of(&mut prepared, file, searched, options)?;
     // A known control law shows a wrong sensor before friction and mass are estimated.
     let known_loop = known_loop::check(&prepared.whitened.records, file);
     let entries = known_loop.as_ref().map_or_else(Vec::new, |it| it.entries(file));
@@ -141,6 +154,9 @@ pub(super) fn diagnose_records(
     if prepared.rounded.is_empty() && seed.is_none() {
         let floors = |whitened: &WhitenedResiduals, fit: &Fit| calibration::floors(whitened, fit, file);
         if let Some(own) = configurations::separate_record(&prepared.whitened, &prepared.unseen, &prepared.nominal, &floors) {
+            if searched == Searched::Part {
+                return Ok(None);
+            }
             let none = own.alone.with_records(Vec::new());
             let search = input.search(&own.alone, &none, &own.nominal, &[]);
             (options.progress)(&format!("diagnosing {} alone", own.alone.records[0].record.file));
@@ -152,11 +168,15 @@ pub(super) fn diagnose_records(
                 let mut whole = of_one_record(file, &own, &search, its, prepared.findings, test);
                 whole.unused_rows = prepared.share.unused_rows();
                 whole.equations = input.equation_errors;
-                return Ok(whole);
+                return Ok(Some(whole));
             }
         }
     }
-    let mut selection = in_rounds(&mut prepared, &input, seed, file, tails).ok_or(Refused::CannotSimulate)?;
+    let selection = in_rounds(&mut prepared, &input, seed, file, (tails, searched));
+    let mut selection = match (selection, searched) {
+        (None, Searched::Part) => return Ok(None),
+        (selection, _) => selection.ok_or(Refused::CannotSimulate)?,
+    };
     loop {
         selection.fit = final_fit::final_fit(&mut prepared.whitened, selection.fit, |whitened, fit| {
             calibration::with_rounding(whitened, fit, calibration::floors(whitened, fit, file), &prepared.rounded)
@@ -172,19 +192,36 @@ pub(super) fn diagnose_records(
     }
     let CalibratedRecords { whitened, mut unseen, nominal, findings, share, rounded, .. } = prepared;
     unseen.floors = whitened.floors;
+    if searched == Searched::Part {
+        (options.progress)("fitting the numbers to more rows");
+        let share = RowShare::of_rows(training, validation, Searched::Most);
+        let Some(fit) = all_rows::fit_to_more_rows(training, share, file, &whitened, &selection.fit) else { return Ok(None) };
+        selection.numbers = Some(fit);
+    }
     open_numbers::settle(&unseen, &mut selection.fit);
+    selection.numbers.iter_mut().for_each(|it| open_numbers::settle(&unseen, &mut it.fit));
     selection.known_loop = known_loop;
     if share.unused_rows().is_some() {
         (options.progress)("testing all rows");
         let all: Vec<&Record> = training.iter().chain(validation).collect();
-        selection.all_rows = Some(all_rows::check(&all, file, &whitened, &selection.fit));
+        let checked = all_rows::check(&all, file, &whitened, selection.final_fit(), &findings);
+        if searched == Searched::Part && !checked.is_only_noise() {
+            return Ok(None);
+        }
+        selection.all_rows = Some(checked);
     }
-    let mut fit = selection.fit.clone();
+    // What is wrong with the data in rows that the search did not use.
+    let beside: Vec<_> = selection.all_rows.iter().flat_map(|it| it.findings.clone()).collect();
+    let fit = selection.fit.clone();
+    let mut final_model = selection.final_fit().model.clone();
     // A law can be found for a plant with sites only.
     let for_a_law = (!added::balances(file.kind).is_empty()).then(|| selection.clone());
     let concluded =
         |selection: Selection| verdict::conclude(file, &whitened, &unseen, &nominal, selection, findings.clone(), &rounded);
     let mut found = concluded(selection);
+    if searched == Searched::Part && found.verdict == Verdict::Unexplained {
+        return Ok(None);
+    }
     found.next = experiment::next(&whitened, &fit, &found.aliases, found.verdict, options.progress);
     if found.verdict == Verdict::Unexplained
         && let Some(selection) = &for_a_law
@@ -194,16 +231,17 @@ pub(super) fn diagnose_records(
         // What helped without the law is listed as before, and so is a cause that is not sure beside it.
         let doubtful = found.causes.into_iter().filter(|it| it.confidence < SURE_BESIDE_A_LAW);
         let helpers = doubtful.chain(found.helpers).collect();
-        fit = with_law.fit.clone();
+        final_model = with_law.fit.model.clone();
         found = concluded(with_law);
         // A law names no cause.
         found.verdict = Verdict::Unexplained;
         (found.next, found.helpers, found.law) = (next, helpers, Some(law));
     }
-    found.tested = tested::tested(file, test, &whitened, &nominal, &fit.model);
+    found.tested = tested::tested(file, test, &whitened, &nominal, &final_model);
+    found.findings.extend(beside);
     found.unused_rows = share.unused_rows();
     found.equations = input.equation_errors;
-    Ok(found)
+    Ok(Some(found))
 }
 
 /// A law for what the named causes leave, and the selection with these causes and the law in the plant.
@@ -223,28 +261,51 @@ fn with_law(
     let effects = selection.fit.model.file.effects.iter().zip(&selection.causes).filter(|(entry, _)| is_named(entry));
     let (entries, causes): (Vec<Entry>, Vec<_>) = effects.map(|(entry, cause)| (entry.clone(), cause.clone())).unzip();
     let law = law::find(whitened, unseen, nominal, &selection.fit, &entries, options.progress)?;
-    let with = Selection { fit: law.fit.clone(), causes, ..selection.clone() };
+    let with = Selection { fit: law.fit.clone(), causes, numbers: None, ..selection.clone() };
     Some((law, with))
 }
 
-/// Searches, and searches again if the causes of the first round show that noise, initial states or gaps were wrong with the calibrated plant.
+/// Whether a search ended by itself and left only noise. If it did not on a part of the rows, it is not continued there.
+fn is_whole(whitened: &WhitenedResiduals, found: &Selection) -> bool {
+    found.stopped.is_none() && whiteness::test(whitened, &found.fit).excess <= 0.0
+}
+
+/// Searches, and searches again if the causes of the first round show that noise, initial states or gaps were wrong with the calibrated plant. `None`
+/// if a search on a part of the rows has no whole answer.
 fn in_rounds(
     prepared: &mut CalibratedRecords,
     input: &SearchInput<'_>,
     mut seed: Option<Fit>,
     file: &PlantFile,
-    tails: HeavyTails,
+    (tails, searched): (HeavyTails, Searched),
 ) -> Option<Selection> {
     let mut equation_error_fits =
         input.equation_errors.as_ref().map_or_else(Vec::new, |it| it.fitted(&prepared.whitened, &prepared.calibrated));
     let mut selection = None;
-    for round in 1..=ROUNDS {
+    let mut has_restarted = false;
+    let mut round = 0;
+    while round < ROUNDS {
         let search = input.search(&prepared.whitened, &prepared.unseen, &prepared.nominal, &equation_error_fits);
-        let found = selection.insert(search.run_from(prepared.calibrated.clone(), seed.clone()));
-        if found.causes.is_empty() {
-            break;
-        }
-        let fit = &found.fit;
+        // A first cause that explains the records shows whether the noise was wrong. Then the search begins again at once; the next one is whole.
+        let is_wrong = |fit: &Fit| !has_restarted && have_moved(&prepared.floors(fit, file), &prepared.whitened.floors);
+        let fit = match search.run_until(prepared.calibrated.clone(), seed.clone(), &is_wrong) {
+            Err(first_cause) => {
+                has_restarted = true;
+                first_cause
+            }
+            Ok(found) => {
+                round += 1;
+                let found = selection.insert(found);
+                if searched == Searched::Part && !is_whole(&prepared.whitened, found) {
+                    return None;
+                }
+                if found.causes.is_empty() {
+                    break;
+                }
+                Box::new(found.fit.clone())
+            }
+        };
+        let fit = &fit;
         if round == ROUNDS {
             prepared.correct_unseen(&fit.model);
             break;
@@ -254,11 +315,7 @@ fn in_rounds(
         let tailed = tails == HeavyTails::Corrected && prepared.correct_hidden_tails(fit);
         let burst = tails == HeavyTails::Corrected && prepared.leave_out_hidden_bursts(fit);
         let floors = prepared.floors(fit, file);
-        let moved = floors.iter().zip(&prepared.whitened.floors).any(|(new, old)| {
-            (new.sd / old.sd - 1.0).abs() > 0.1
-                || new.rounding.is_some() != old.rounding.is_some()
-                || growth::differ(new.growth, old.growth)
-        });
+        let moved = have_moved(&floors, &prepared.whitened.floors);
         // With causes in the plant, the readings after a gap give better estimates of the inputs in the gap.
         let corrected = prepared.correct_gaps(fit);
         if !(moved || tailed || burst || begun || corrected) {
@@ -280,6 +337,15 @@ fn in_rounds(
             input.equation_errors.as_ref().map_or_else(Vec::new, |it| it.fitted(&prepared.whitened, &prepared.calibrated));
     }
     selection
+}
+
+/// Whether the noise differs by more than a tenth, or in its kind.
+fn have_moved(floors: &[NoiseFloor; OUTPUTS], before: &[NoiseFloor; OUTPUTS]) -> bool {
+    floors.iter().zip(before).any(|(new, old)| {
+        (new.sd / old.sd - 1.0).abs() > 0.1
+            || new.rounding.is_some() != old.rounding.is_some()
+            || growth::differ(new.growth, old.growth)
+    })
 }
 
 /// The fitted plant with causes known before the search; `None` if there are none, or if the calibrated plant fits as well without them.
@@ -316,6 +382,7 @@ fn of_one_record(
         stopped,
         known_loop: None,
         all_rows: None,
+        numbers: None,
     };
     let records: Vec<&Record> = own.whitened.records.iter().map(|it| &it.record).collect();
     let nominal = Model::with_initial_motion(file, own.fit.model.at_start, &records, own.whitened.floors.map(|floor| floor.sd));

@@ -5,7 +5,7 @@
 //! give the gain that a cause needs. In a tie the simpler cause wins. Validation records take part in decisions; only numbers on
 //! which no training row depends are fitted to them (`open_numbers.rs`).
 
-use super::all_rows::AllRows;
+use super::all_rows::{AllRows, FitToMoreRows};
 use super::candidates::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
 use super::final_test::Refusal;
 use super::hypotheses::label_of;
@@ -14,7 +14,7 @@ use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::nuisance::Nuisance;
 use super::screen::{Pair, Screened, null, pairs, screen};
-use super::search::{AcceptedCause, Search};
+use super::search::{AcceptedCause, Search, WorkLimits};
 use super::search_history::{Limit, SearchHistory};
 use super::variable_projection::project;
 use super::{waves, whiteness};
@@ -61,6 +61,16 @@ pub struct Selection {
     pub known_loop: Option<KnownLoop>,
     /// The check of the result on all rows of records that are too long for the search.
     pub all_rows: Option<AllRows>,
+    /// The plant with its numbers fitted to more rows, if the search used only a part of them.
+    pub numbers: Option<FitToMoreRows>,
+}
+
+impl Selection {
+    /// The fit with the numbers of the answer.
+    #[must_use]
+    pub fn final_fit(&self) -> &Fit {
+        self.numbers.as_ref().map_or(&self.fit, |it| &it.fit)
+    }
 }
 
 impl Search<'_> {
@@ -73,6 +83,19 @@ impl Search<'_> {
     /// The same, from fitted causes that are known beforehand. They may be exchanged and removed like all others.
     #[must_use]
     pub fn run_from(&self, calibrated: Fit, seed: Option<Fit>) -> Selection {
+        self.run_until(calibrated, seed, &|_| false).unwrap_or_else(|_| unreachable!("no fit ends this search"))
+    }
+
+    /// The same, unless a first cause alone leaves only noise, and its fit shows that the noise of this search is wrong.
+    ///
+    /// # Errors
+    /// The fit with that cause: a search with other noise must begin.
+    pub fn run_until(
+        &self,
+        calibrated: Fit,
+        seed: Option<Fit>,
+        noise_is_wrong: &dyn Fn(&Fit) -> bool,
+    ) -> Result<Selection, Box<Fit>> {
         (self.progress)("screening the catalogue");
         let mut screened = screen(self.whitened, &calibrated, self.nominal, self.hypotheses);
         let least_effect = LEAST_EFFECT * calibrated.residual.len() as f64;
@@ -94,7 +117,14 @@ impl Search<'_> {
         let first = seed.as_ref().map_or(Some(screened), |_| None);
         let begin = seed.unwrap_or_else(|| calibrated.clone());
         path.visit(labels(&begin.model));
-        let mut stages = self.forward_selection(begin.clone(), first, threshold, &mut competed, &mut remaining, &mut path);
+        let one = Search { limits: WorkLimits { causes: begin.model.file.effects.len() + 1, ..self.limits }, ..*self };
+        let mut stages = one.forward_selection(begin.clone(), first, threshold, &mut competed, &mut remaining, &mut path);
+        if let Some(one) = stages.last().cloned() {
+            if self.leaves_noise(&one, threshold) && noise_is_wrong(&one) {
+                return Err(Box::new(one));
+            }
+            stages.extend(self.forward_selection(one, None, threshold, &mut competed, &mut remaining, &mut path));
+        }
         let mut fit = stages.last().cloned().unwrap_or(begin);
         let alone = fit.model.file.effects.len() <= 1 && self.leaves_noise(&fit, threshold);
         let most = if alone { count(&fit.model) } else { usize::MAX };
@@ -140,7 +170,19 @@ impl Search<'_> {
         if let Some(limit) = stopped {
             (self.progress)(&format!("the search stopped {limit}"));
         }
-        Selection { calibrated, fit, causes, refused, threshold, ranking, remaining, stopped, known_loop: None, all_rows: None }
+        Ok(Selection {
+            calibrated,
+            fit,
+            causes,
+            refused,
+            threshold,
+            ranking,
+            remaining,
+            stopped,
+            known_loop: None,
+            all_rows: None,
+            numbers: None,
+        })
     }
 
     /// Adds causes one at a time while they gain enough. Returns the fit after each addition; empty if none gains enough.
@@ -233,8 +275,7 @@ impl Search<'_> {
     ) -> Option<Fit> {
         let nuisance = Nuisance::new(calibrated);
         let kind = calibrated.model.file.kind;
-        let mut tried: Vec<Vec<String>> = Vec::new();
-        let mut best: Option<Fit> = None;
+        let mut tried: Vec<(Vec<String>, Model)> = Vec::new();
         for pair in pairs {
             if tried.len() == self.limits.fitted || !self.has_work_left(path) {
                 break;
@@ -245,24 +286,22 @@ impl Search<'_> {
             }
             let mut names = labels(&model);
             names.sort_unstable();
-            if count(&model) >= most || path.has_visited(&names) || tried.contains(&names) || !model.is_possible() {
-                continue;
+            let is_known = path.has_visited(&names) || tried.iter().any(|it| it.0 == names);
+            if count(&model) < most && !is_known && model.is_possible() {
+                tried.push((names, model));
             }
+        }
+        let fitted = self.side_by_side(&tried, |search, (names, model)| {
             (self.progress)(&format!("fitting {}", names.join(" with ")));
-            tried.push(names);
-            let Some((model, _)) = project(self.whitened, &nuisance, model, 0, self.limits.profile_steps) else { continue };
-            let Some(fit) = levenberg::refit(self.whitened, model, self.limits.fit_steps, Some(calibrated)) else { continue };
+            let (model, _) = project(search.whitened, &nuisance, model.clone(), 0, self.limits.profile_steps)?;
+            let fit = levenberg::refit(search.whitened, model, self.limits.fit_steps, Some(calibrated))?;
             let sound = |it: &Entry| {
                 !within_tolerance(self.nominal, it) && self.is_plausible(it) && waves::has_whole_period(self.whitened, it)
             };
-            if !fit.model.file.effects.iter().all(sound) {
-                continue;
-            }
-            if best.as_ref().is_none_or(|best| self.prefers(&fit, best, calibrated, threshold)) {
-                best = Some(fit);
-            }
-        }
-        best
+            fit.model.file.effects.iter().all(sound).then_some(fit)
+        });
+        let better = |best: Fit, fit: Fit| if self.prefers(&fit, &best, calibrated, threshold) { fit } else { best };
+        fitted.into_iter().flatten().reduce(better)
     }
 
     fn ranking(&self, screened: &[Screened]) -> Vec<(String, f64)> {

@@ -92,13 +92,16 @@ pub fn conclude(
         stopped,
         known_loop,
         all_rows: everywhere,
+        numbers,
     } = selection;
+    // Causes have the evidence of the search. Their numbers may come from more rows.
+    let (fitted, numbers) = numbers.as_ref().map_or((whitened, &fit), |it| (&it.whitened, &it.fit));
     let judged = if unseen.records.is_empty() { whitened } else { unseen };
     let before = validation::fit_initial_states(judged, nominal);
     // From the calibrated plant's initial states or from first readings, whichever fits better.
-    let plain = validation::fit_initial_states(judged, &fit.model);
+    let plain = validation::fit_initial_states(judged, &numbers.model);
     let guided = validation::fit_initial_states(judged, &calibrated.model);
-    let guided = guided.and_then(|calibrated| validation::fit_from_starts_of(judged, &fit.model, &calibrated));
+    let guided = guided.and_then(|calibrated| validation::fit_from_starts_of(judged, &numbers.model, &calibrated));
     let after = plain.into_iter().chain(guided).min_by(|a, b| a.cost.total_cmp(&b.cost));
     let (nominal_errors, extended_errors) = (
         before.as_ref().map_or_else(Vec::new, |fit| validation::errors(judged, fit)),
@@ -109,8 +112,9 @@ pub fn conclude(
     let left = whiteness::test(whitened, &fit);
     // On holdout records the parameters of the plant may move within their uncertainty.
     let moved = after.as_ref().filter(|_| !unseen.records.is_empty());
-    let moved =
-        moved.and_then(|after| validation::fit_within_uncertainty(unseen, &fit.model, Posterior::of(&fit).deviations(), after));
+    let moved = moved.and_then(|after| {
+        validation::fit_within_uncertainty(unseen, &numbers.model, Posterior::of(numbers).deviations(), after)
+    });
     let there = moved.map(|moved| by_own_noise(unseen, moved));
     let left_unseen = there.as_ref().map(|(there, fit)| whiteness::test(there, fit));
     let predicts = there
@@ -156,7 +160,7 @@ pub fn conclude(
         };
         let by_law = known_loop.as_ref().is_some_and(|it| it.identifies(file, &fit.model.file.effects[place]));
         let confidence = with_known_law(confidence::confidence(&judged), by_law);
-        causes.push(cause(&fit, place, one, alike, confidence, contributions.get(place).cloned().flatten()));
+        causes.push(cause(numbers, place, one, alike, confidence, contributions.get(place).cloned().flatten()));
     }
     let present = outputs(whitened);
     let coarse = resolution::reported_as_causes(rounded, present.len(), &whitened.floors);
@@ -178,7 +182,7 @@ pub fn conclude(
     order::descending(&mut aliases, |it| it.0);
     let verdict = verdict_of(structure, stopped, causes.is_empty());
     let (causes, helpers): (Vec<Cause>, Vec<Cause>) = causes.into_iter().partition(|it| is_named(verdict, it.confidence));
-    let mut plant = final_fit::extended_plant_file(file, whitened, nominal, &fit);
+    let mut plant = final_fit::extended_plant_file(file, fitted, nominal, numbers);
     replace(&mut plant.effects, by_law, |it| (it.description.kind, it.arguments.subject.clone()));
     for (output, step) in coarse {
         plant.effects.extend(rounding_entry(file.kind, output, step));

@@ -5,7 +5,7 @@
 
 use super::model::{Model, Place};
 use super::noise::NoiseFloor;
-pub use super::prepared::Prepared;
+pub use super::prepared::{Prepared, PreparedRecords};
 use super::tails::Tails;
 use crate::engine::columns::dot;
 use crate::engine::work::WorkCount;
@@ -83,7 +83,7 @@ impl Column {
 #[derive(Debug, Clone)]
 pub struct WhitenedResiduals {
     /// The records.
-    pub records: Vec<Prepared>,
+    pub records: PreparedRecords,
     /// Noise of each output of the plant.
     pub floors: [NoiseFloor; OUTPUTS],
     /// The distributions by which readings were corrected for heavy tails.
@@ -133,6 +133,18 @@ impl SimulationWork {
     #[must_use]
     pub fn is_limit_reached(&self) -> bool {
         self.count.is_limit_reached()
+    }
+
+    /// A separate count for one of several jobs side by side, with what is left of the limit. Then it does not depend on the other jobs when this one
+    /// ends.
+    #[must_use]
+    pub fn for_one_job(&self) -> Self {
+        SimulationWork { count: self.count.remaining(), ..self.clone() }
+    }
+
+    /// Adds the work of such a job.
+    pub fn add_job(&self, job: &Self) {
+        self.count.add(job.done());
     }
 
     /// The limits for candidates, relative to a plant whose run over this many rows took this work; and the permitted error of their steps.
@@ -194,13 +206,19 @@ impl WhitenedResiduals {
     /// Records without a simulation yet.
     #[must_use]
     pub fn new(records: Vec<Prepared>, floors: [NoiseFloor; OUTPUTS], threads: usize) -> Self {
-        WhitenedResiduals { records, floors, tails: [None; OUTPUTS], threads, work: SimulationWork::default() }
+        WhitenedResiduals { records: records.into(), floors, tails: [None; OUTPUTS], threads, work: SimulationWork::default() }
     }
 
     /// The same for other records, with a shared count of work.
     #[must_use]
     pub fn with_records(&self, records: Vec<Prepared>) -> Self {
-        WhitenedResiduals { records, floors: self.floors, tails: self.tails, threads: self.threads, work: self.work.clone() }
+        WhitenedResiduals { records: records.into(), work: self.work.clone(), ..*self }
+    }
+
+    /// The same records for one of several jobs side by side, on this number of threads, with a count of its own.
+    #[must_use]
+    pub fn for_one_job(&self, threads: usize) -> Self {
+        WhitenedResiduals { threads, work: self.work.for_one_job(), ..self.clone() }
     }
 
     /// Runs jobs on all threads; `None` for a job whose simulation failed.

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use rsm_core::source::Source;
 use rsm_diagnose::plant::calibrated_records::{CalibratedRecords, HeavyTails};
 use rsm_diagnose::plant::checks::SWAPPED;
+use rsm_diagnose::plant::row_share::Searched;
 use rsm_diagnose::plant::{Diagnosis, Options, Verdict, diagnose, hypotheses};
 use rsm_sim::equation_plant;
 use rsm_sim::plant_file::PlantFile;
@@ -117,7 +118,8 @@ fn a_number_that_the_file_calls_exact_is_no_hypothesis() {
     let record = Record::read(&source(name, "record.csv"), &file).unwrap().piece(0..600);
     let errors = |file: &PlantFile| {
         let options = Options { threads: 1, progress: &|_| {} };
-        let prepared = CalibratedRecords::of(file, std::slice::from_ref(&record), &[], HeavyTails::Ignored, &options).unwrap();
+        let records = std::slice::from_ref(&record);
+        let prepared = CalibratedRecords::of(file, records, &[], HeavyTails::Ignored, Searched::Most, &options).unwrap();
         let all = hypotheses::all(file.kind, &prepared.survey, &[0]);
         all.iter().filter(|it| it.description.kind == "parameter-error").filter_map(|it| it.subject).collect::<Vec<_>>()
     };
@@ -134,7 +136,7 @@ fn every_effect_of_every_place_has_a_first_guess() {
         let file = plant(name);
         let record = Record::read(&source(name, "record.csv"), &file).unwrap().piece(0..1000);
         let options = Options { threads: 2, progress: &|_| {} };
-        let prepared = CalibratedRecords::of(&file, &[record], &[], HeavyTails::Ignored, &options).unwrap();
+        let prepared = CalibratedRecords::of(&file, &[record], &[], HeavyTails::Ignored, Searched::Most, &options).unwrap();
         let outputs: Vec<usize> = (0..file.kind.outputs().len()).collect();
         let all = hypotheses::all(file.kind, &prepared.survey, &outputs);
         let mut without = Vec::new();

@@ -5,6 +5,7 @@ mod equals;
 #[expect(dead_code, reason = "certified results are for surfaces")]
 #[path = "../../../rsm-fit/tests/all/folders.rs"]
 mod folders;
+mod long_records;
 mod measured;
 mod next_experiment;
 #[path = "../all/random.rs"]

@@ -32,6 +32,7 @@ fn selection(whitened: &WhitenedResiduals, nominal: &Model, effects: &str, cause
         stopped: None,
         known_loop: None,
         all_rows: None,
+        numbers: None,
     }
 }
 
