@@ -119,20 +119,15 @@ fn windows<'a>(record: &'a Record, file: &PlantFile) -> Box<dyn ExactSizeIterato
         let end = (k + 1) * rows / count;
         let mut piece = row_share::piece(record, kind, from..end, start - from);
         // Messages name the rows that count.
-        piece.record.file = format!("{}, rows {} to {end}", record.file, start + 1);
+        piece.record.file = row_share::name_of(record, start..end);
         piece
     };
     Box::new(order.into_iter().map(one))
 }
 
-/// The file of a record or a part of it.
-fn file_of(record: &str) -> &str {
-    record.split(", rows ").next().unwrap_or(record)
-}
-
 /// Whether two findings are about the same fault: the windows and the search cut the records at other rows.
 fn is_same(a: &Finding, b: &Finding) -> bool {
-    file_of(&a.record) == file_of(&b.record)
+    row_share::file_of(&a.record) == row_share::file_of(&b.record)
         && (&a.channel, a.what) == (&b.channel, b.what)
         && a.rows.0 <= b.rows.1
         && b.rows.0 <= a.rows.1

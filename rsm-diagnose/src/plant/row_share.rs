@@ -183,13 +183,28 @@ pub fn settling(beginning: &Record, file: &PlantFile) -> Option<usize> {
     checks::settling_rows(&prepared, file, 0..beginning.rows())
 }
 
+/// The name of some rows of a record in messages.
+#[must_use]
+pub fn name_of(record: &Record, rows: Range<usize>) -> String {
+    format!("{}{PART}{} to {}", record.file, rows.start + 1, rows.end)
+}
+
+/// What separates the file from the rows in such a name.
+const PART: &str = ", rows ";
+
+/// The file of a record, from its name or that of a part of it.
+#[must_use]
+pub fn file_of(name: &str) -> &str {
+    name.split(PART).next().unwrap_or(name)
+}
+
 /// Some rows of a record, which its name states. A position that is not read, such as the angle of a rotor, starts at its value in the record plus
 /// the integral of the measured speed.
 #[must_use]
 pub fn piece(record: &Record, kind: PlantKind, rows: Range<usize>, settling: usize) -> Piece {
     let mut part = record.piece(rows.clone());
     if rows.len() < record.rows() {
-        part.file = format!("{}, rows {} to {}", record.file, rows.start + 1, rows.end);
+        part.file = name_of(record, rows.clone());
     }
     for body in bodies(kind).iter().filter(|_| rows.start > 0) {
         let start = kind.start_columns().iter().find(|it| Some(it.name) == body.position);
@@ -256,6 +271,41 @@ mod tests {
         assert!(pieces[1].record.file.ends_with("rows 58251 to 61250") && pieces[1].record.time[0] == 58.25);
         let (prepared, _) = checks::prepared(pieces.clone(), &file);
         assert_eq!(prepared[1].file_row(0), 58_250);
+    }
+
+    #[test]
+    fn a_part_is_a_third_of_three_records_of_8000_rows_and_nothing_of_short_ones() {
+        let mut file = axis_under_steps::file("mass = 0.1", "");
+        file.parameters.set("viscous_friction", 60.0);
+        let long: Vec<Record> = (0..3).map(|_| record(&file, 8000)).collect();
+        let short = [record(&file, 16_000)];
+        assert!(
+            has_enough_for_a_part(&long, &[]) && has_enough_for_a_part(&short, &long) && !has_enough_for_a_part(&short, &short)
+        );
+        let used = |pieces: Vec<Piece>| pieces.iter().map(|it| (it.from, it.record.rows() - it.settling)).collect::<Vec<_>>();
+        let part = RowShare::of_rows(&long, &[], Searched::Part);
+        let pieces = used(part.pieces(&long[0], &file));
+        // Half of 2666 rows are the beginning, the rest are two pieces: four would be shorter than the rows that settle (0.23 s) and 400 more.
+        assert_eq!(pieces, [(0, 1333), (4333, 435), (7334, 435)]);
+        assert_eq!(used(RowShare::of_rows(&short, &[], Searched::Part).pieces(&short[0], &file)), [(0, 16_000)]);
+        assert_eq!(used(RowShare::of_rows(&long, &[], Searched::Most).pieces(&long[0], &file)), [(0, 8000)]);
+    }
+
+    #[test]
+    fn a_part_of_a_motors_record_is_its_beginning() {
+        let text = include_str!("../../../rsm-sim/plants/pmac.toml");
+        let file = PlantFile::read(&Source::new("pmac.toml", text)).unwrap();
+        let mut csv = "time[s],v_d[V],v_q[V],load_torque[N*m],i_d[A],i_q[A],speed[rad/s]\n".to_string();
+        for k in 0..20_000 {
+            csv += &format!("{},0,{},0,0,0,0\n", f64::from(k) / 1000.0, if k % 400 < 200 { 5.0 } else { 2.0 });
+        }
+        let long = [Record::read(&Source::new("r.csv", csv), &file).unwrap()];
+        let rows = |searched| {
+            let pieces = RowShare::of_rows(&long, &[], searched).pieces(&long[0], &file);
+            pieces.iter().map(|it| it.record.rows()).collect::<Vec<_>>()
+        };
+        assert_eq!(rows(Searched::Part), [8000]);
+        assert_eq!(rows(Searched::Most), [20_000]);
     }
 
     #[test]

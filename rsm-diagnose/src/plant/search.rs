@@ -23,6 +23,8 @@ pub struct WorkLimits {
     pub fit_steps: usize,
     /// The largest number of causes.
     pub causes: usize,
+    /// Whether the search ends without a result if one cause does not leave only noise.
+    pub one_cause: bool,
     /// The work of simulations after which no further cause is added.
     pub work: u64,
     /// The further work reserved for tests of rivals.
@@ -38,8 +40,26 @@ impl WorkLimits {
     #[must_use]
     pub fn within(work: u64) -> Self {
         let work_for_rivals = (SHARE_FOR_RIVALS * work as f64) as u64;
-        WorkLimits { profiled: 12, profile_steps: 5, fitted: 5, fit_steps: 8, causes: 4, work, work_for_rivals }
+        WorkLimits {
+            profiled: 12,
+            profile_steps: 5,
+            fitted: 5,
+            fit_steps: 8,
+            causes: 4,
+            one_cause: false,
+            work,
+            work_for_rivals,
+        }
     }
+}
+
+/// Why a search ended without a result.
+#[derive(Debug)]
+pub enum Ended {
+    /// A first cause alone leaves only noise, and its fit shows that the noise of this search is wrong: a search with other noise must begin.
+    WrongNoise(Box<Fit>),
+    /// One cause does not leave only noise, and the search was for one cause.
+    SeveralCauses,
 }
 
 /// An accepted cause.

@@ -12,13 +12,13 @@ use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::noise::NoiseFloor;
 use super::row_share::{RowShare, Searched};
-use super::search::{Search, WorkLimits};
+use super::search::{Ended, Search, WorkLimits};
 use super::selection::Selection;
 use super::verdict;
 use super::whitened_residuals::WhitenedResiduals;
 use super::{
     Options, Refused, all_rows, by_configuration, calibration, configurations, effect_size, equations, experiment, final_fit,
-    growth, hypotheses, initial_motion, known_loop, open_numbers, tested, waves, whiteness,
+    growth, hypotheses, initial_motion, known_loop, open_numbers, row_share, tested, waves, whiteness,
 };
 use rsm_sim::effect::{Role, Survey};
 use rsm_sim::equation_plant::added;
@@ -31,7 +31,7 @@ use rsm_sim::record::Record;
 /// takes 500 to 1000. If a search needs more, the cause is probably not in the catalogue and the search only combines helpers.
 const MOST_RUNS: u64 = 4000;
 
-/// The work limit of a search on a part of the rows, in runs along this part: enough for one cause. Two causes are searched on more rows.
+/// The work limit of a search on a part of the rows, in runs along this part: enough for one cause.
 const RUNS_ON_A_PART: u64 = 1000;
 
 /// The smallest work per row that a run counts as: four steps of the series. A plant with fewer gets a limit of more than 4,000 runs, which searches
@@ -98,7 +98,10 @@ impl<'a> SearchInput<'a> {
             hypotheses,
             survey: prepared.survey.clone(),
             rounded: prepared.rounded.clone(),
-            limits: WorkLimits::within((runs * run.max(LEAST_WORK_A_ROW * rows as u64)).min(most)),
+            limits: WorkLimits {
+                one_cause: searched == Searched::Part,
+                ..WorkLimits::within((runs * run.max(LEAST_WORK_A_ROW * rows as u64)).min(most))
+            },
             equation_errors,
             further_guesses: waves + terms,
             progress: options.progress,
@@ -239,6 +242,8 @@ pub(super) fn diagnose_records(
     }
     found.tested = tested::tested(file, test, &whitened, &nominal, &final_model);
     found.findings.extend(beside);
+    // Their rows are those of the file.
+    found.findings.iter_mut().for_each(|it| it.record = row_share::file_of(&it.record).to_string());
     found.unused_rows = share.unused_rows();
     found.equations = input.equation_errors;
     Ok(Some(found))
@@ -265,9 +270,9 @@ fn with_law(
     Some((law, with))
 }
 
-/// Whether a search ended by itself and left only noise. If it did not on a part of the rows, it is not continued there.
+/// Whether a search ended by itself with at most one cause, and left only noise. If it did not on a part of the rows, it is not continued there.
 fn is_whole(whitened: &WhitenedResiduals, found: &Selection) -> bool {
-    found.stopped.is_none() && whiteness::test(whitened, &found.fit).excess <= 0.0
+    found.stopped.is_none() && found.causes.len() <= 1 && whiteness::test(whitened, &found.fit).excess <= 0.0
 }
 
 /// Searches, and searches again if the causes of the first round show that noise, initial states or gaps were wrong with the calibrated plant. `None`
@@ -289,7 +294,8 @@ fn in_rounds(
         // A first cause that explains the records shows whether the noise was wrong. Then the search begins again at once; the next one is whole.
         let is_wrong = |fit: &Fit| !has_restarted && have_moved(&prepared.floors(fit, file), &prepared.whitened.floors);
         let fit = match search.run_until(prepared.calibrated.clone(), seed.clone(), &is_wrong) {
-            Err(first_cause) => {
+            Err(Ended::SeveralCauses) => return None,
+            Err(Ended::WrongNoise(first_cause)) => {
                 has_restarted = true;
                 first_cause
             }

@@ -14,7 +14,7 @@ use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::nuisance::Nuisance;
 use super::screen::{Pair, Screened, null, pairs, screen};
-use super::search::{AcceptedCause, Search, WorkLimits};
+use super::search::{AcceptedCause, Ended, Search, WorkLimits};
 use super::search_history::{Limit, SearchHistory};
 use super::variable_projection::project;
 use super::{waves, whiteness};
@@ -83,19 +83,20 @@ impl Search<'_> {
     /// The same, from fitted causes that are known beforehand. They may be exchanged and removed like all others.
     #[must_use]
     pub fn run_from(&self, calibrated: Fit, seed: Option<Fit>) -> Selection {
-        self.run_until(calibrated, seed, &|_| false).unwrap_or_else(|_| unreachable!("no fit ends this search"))
+        let whole = Search { limits: WorkLimits { one_cause: false, ..self.limits }, ..*self };
+        whole.run_until(calibrated, seed, &|_| false).unwrap_or_else(|_| unreachable!("nothing ends this search early"))
     }
 
-    /// The same, unless a first cause alone leaves only noise, and its fit shows that the noise of this search is wrong.
+    /// The same, unless it ends early.
     ///
     /// # Errors
-    /// The fit with that cause: a search with other noise must begin.
+    /// The reason: `noise_is_wrong` holds for the fit of a first cause that leaves only noise, or the search is for one cause.
     pub fn run_until(
         &self,
         calibrated: Fit,
         seed: Option<Fit>,
         noise_is_wrong: &dyn Fn(&Fit) -> bool,
-    ) -> Result<Selection, Box<Fit>> {
+    ) -> Result<Selection, Ended> {
         (self.progress)("screening the catalogue");
         let mut screened = screen(self.whitened, &calibrated, self.nominal, self.hypotheses);
         let least_effect = LEAST_EFFECT * calibrated.residual.len() as f64;
@@ -121,12 +122,15 @@ impl Search<'_> {
         let mut stages = one.forward_selection(begin.clone(), first, threshold, &mut competed, &mut remaining, &mut path);
         if let Some(one) = stages.last().cloned() {
             if self.leaves_noise(&one, threshold) && noise_is_wrong(&one) {
-                return Err(Box::new(one));
+                return Err(Ended::WrongNoise(Box::new(one)));
             }
             stages.extend(self.forward_selection(one, None, threshold, &mut competed, &mut remaining, &mut path));
         }
         let mut fit = stages.last().cloned().unwrap_or(begin);
         let alone = fit.model.file.effects.len() <= 1 && self.leaves_noise(&fit, threshold);
+        if self.limits.one_cause && !alone {
+            return Err(Ended::SeveralCauses);
+        }
         let most = if alone { count(&fit.model) } else { usize::MAX };
         if most > 2 {
             // If one cause is not sufficient, or has more parameters than two causes together, a pair is tried. Two causes that mask each other may

@@ -104,6 +104,7 @@ fn a_fault_of_the_data_in_the_other_rows_is_reported() {
     assert!(found.unused_rows.is_some());
     force(&found);
     let [fault] = found.findings.as_slice() else { panic!("{:?}", found.findings) };
+    assert_eq!(fault.record, "record-1.csv");
     assert_eq!((fault.what, fault.channel.as_str(), fault.rows), ("stuck", "position", (place.start, place.end - 1)));
 }
 
