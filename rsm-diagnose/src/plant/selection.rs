@@ -124,7 +124,9 @@ impl Search<'_> {
             if self.leaves_noise(&one, threshold) && noise_is_wrong(&one) {
                 return Err(Ended::WrongNoise(Box::new(one)));
             }
-            stages.extend(self.forward_selection(one, None, threshold, &mut competed, &mut remaining, &mut path));
+            if path.stopped().is_none() {
+                stages.extend(self.forward_selection(one, None, threshold, &mut competed, &mut remaining, &mut path));
+            }
         }
         let mut fit = stages.last().cloned().unwrap_or(begin);
         let alone = fit.model.file.effects.len() <= 1 && self.leaves_noise(&fit, threshold);

@@ -88,6 +88,29 @@ fn every_guess_of_every_effect_has_a_value() {
     }
 }
 
+/// A screen is of first order about a guess. If a number scales the effect, this is exact for any size. Otherwise one guess sees only effects of its
+/// own size, so there are several.
+#[test]
+fn an_effect_without_a_number_that_scales_it_has_guesses_of_several_sizes() {
+    let mut several = 0;
+    for effect in Catalogue::shipped().effects() {
+        // A rounding step is read off the record, and a wrong parameter is near its nominal value.
+        if ["sensor-quantisation", "parameter-error"].contains(&effect.kind.as_str()) {
+            continue;
+        }
+        for kind in &effect.sites {
+            let roles = kind.roles().iter().map(|it| (it.0, 0.5));
+            let scales: Vec<(&str, f64)> = super::SCALES.iter().map(|it| (*it, 1.5)).chain(roles).collect();
+            let starts = effect.starts(*kind, &scales).unwrap_or_else(|faults| panic!("{}: {faults}", effect.kind));
+            if starts.iter().all(|it| it.neutral.is_none() && !it.numbers.is_empty()) {
+                assert!(starts.len() > 1, "{} on {kind:?}: {starts:?}", effect.kind);
+                several += 1;
+            }
+        }
+    }
+    assert!(several > 5, "{several}");
+}
+
 /// An effect with its place and its numbers.
 type Wanted<'w> = (&'w str, Option<&'w str>, &'w [(&'w str, f64)]);
 
