@@ -11,6 +11,7 @@ use std::fmt;
 
 use super::checks::{self, Finding};
 use super::levenberg::{self, Fit};
+use super::model::Model;
 use super::octave_spectrum::{OCTAVES, Octave};
 use super::posterior::Posterior;
 use super::prepared::Piece;
@@ -158,12 +159,20 @@ pub fn fit_to_more_rows(
     let (prepared, _) = checks::prepared(training.iter().flat_map(|record| share.pieces(record, file)), file);
     let there = outlier_correction::corrected(whitened.with_records(prepared), &fit.model);
     let started = validation::fit_initial_states(&there, &fit.model)?;
-    let mut model = fit.model.clone();
-    let records: Vec<&Record> = there.records.iter().map(|it| &it.record).collect();
-    model.take_starts(&records, there.floors.map(|floor| floor.sd));
-    model.starts = started.model.starts;
-    let fit = levenberg::fit(&there, model, STEPS)?;
+    let fit = levenberg::fit(&there, validation::with_starts_of(&fit.model, &started), STEPS)?;
     Some(FitToMoreRows { whitened: there, fit })
+}
+
+/// The plant on a window after one step from its first readings. A jump that the simulation has too is motion: its finding is removed, and its row
+/// counts again.
+fn quick_start(there: &mut WhitenedResiduals, model: &Model, findings: &mut Vec<Finding>) -> Option<Fit> {
+    let started = validation::one_step(there, model)?;
+    let before = findings.len();
+    if before == 0 {
+        return Some(started);
+    }
+    alignment::remove_motion_findings(&mut there.records, &started.simulated, model.file.kind, findings);
+    if findings.len() < before { validation::one_step(there, model) } else { Some(started) }
 }
 
 /// Tests all rows. `whitened` has the noise and the work limit of the search, `known` what the search found in the data.
@@ -189,19 +198,12 @@ pub fn check(records: &[&Record], file: &PlantFile, whitened: &WhitenedResiduals
             let counted = piece.record.rows() - piece.settling;
             let name = piece.record.file.clone();
             let (prepared, mut findings) = checks::prepared([piece], file);
-            let is_empty = prepared.iter().all(|it| it.outputs.is_empty());
+            let has_outputs = prepared.iter().any(|it| !it.outputs.is_empty());
             let mut there = outlier_correction::corrected(whitened.with_records(prepared), &fit.model);
             // First a quick start from the first readings. If that leaves an error, the start is fitted as for a holdout record.
-            let mut quick = if is_empty { None } else { validation::one_step(&there, &fit.model) };
-            if let Some(started) = quick.as_ref().filter(|_| !findings.is_empty()) {
-                let before = findings.len();
-                alignment::remove_motion_findings(&mut there.records, &started.simulated, file.kind, &mut findings);
-                if findings.len() < before {
-                    quick = validation::one_step(&there, &fit.model);
-                }
-            }
+            let quick = if has_outputs { quick_start(&mut there, &fit.model, &mut findings) } else { None };
             found.findings.extend(findings.into_iter().filter(|it| !known.iter().any(|known| is_same(known, it))));
-            if is_empty {
+            if !has_outputs {
                 continue;
             }
             let quick = quick.map(|started| own_noise::remaining_structure(&there, started, tests));
@@ -247,7 +249,6 @@ fn together(whitened: &WhitenedResiduals, sums: &[[Octave; OCTAVES]; OUTPUTS]) -
 
 #[cfg(test)]
 mod tests {
-    use super::super::model::Model;
     use super::super::noise::NoiseFloor;
     use super::super::whitened_residuals::Prepared;
     use super::*;

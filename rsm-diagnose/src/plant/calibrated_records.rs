@@ -114,7 +114,7 @@ impl CalibratedRecords {
             }
         }
         if let Some((records, fit)) = gaps::corrected(&whitened, &calibrated) {
-            whitened.records = records.into();
+            whitened.records = records;
             whitened.floors = floors(&whitened, &fit, file);
             calibrated = levenberg::fit(&whitened, fit.model, STEPS).ok_or(Refused::CannotSimulate)?;
             unseen.floors = whitened.floors;
@@ -169,7 +169,7 @@ impl CalibratedRecords {
         self.correct_unseen(&fit.model);
         let any = corrected.is_some();
         if let Some((records, _)) = corrected {
-            self.whitened.records = records.into();
+            self.whitened.records = records;
         }
         any
     }
@@ -196,7 +196,7 @@ fn correct_unseen(unseen: &mut WhitenedResiduals, model: &Model) {
     }
     let there = validation::fit_initial_states(unseen, model);
     if let Some((records, _)) = there.and_then(|there| gaps::corrected(unseen, &there)) {
-        unseen.records = records.into();
+        unseen.records = records;
     }
 }
 

@@ -9,7 +9,7 @@ use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::nuisance::Nuisance;
 pub use super::prepared::FilledGap;
-use super::prepared::Prepared;
+use super::prepared::{Prepared, PreparedRecords};
 use super::whitened_residuals::{Column, WhitenedResiduals};
 use crate::engine::columns::dot;
 use crate::engine::normal::{Normal, symmetric};
@@ -201,7 +201,7 @@ fn significant(whitened: &WhitenedResiduals, fit: &Fit, record: usize) -> Vec<Ga
 /// Records with estimated gap inputs, and the fit to them. `None` if that gains nothing, or if more than noise is left afterwards: then the gap
 /// inputs would compensate for another error of the plant.
 #[must_use]
-pub fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(Vec<Prepared>, Fit)> {
+pub fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(PreparedRecords, Fit)> {
     if whitened.records.iter().all(|it| it.filled_gaps.is_empty()) {
         return None;
     }
@@ -215,7 +215,7 @@ pub fn corrected(whitened: &WhitenedResiduals, fit: &Fit) -> Option<(Vec<Prepare
         best = Some(levenberg::fit(&other, from.model.clone(), STEPS)?);
     }
     let best = best.filter(|best| best.cost < NOISE_IS_LEFT * best.residual.len() as f64)?;
-    Some((other.records.into(), best))
+    Some((other.records, best))
 }
 
 /// Moves the inputs in gaps once, to first order. All gaps of a record are solved together with the nuisance parameters. Returns whether that gained
@@ -384,7 +384,7 @@ mod tests {
         let model = Model::nominal(&file, &records, [noise; OUTPUTS]);
         let before = levenberg::fit(&whitened, model, 8).unwrap();
         let (records, after) = corrected(&whitened, &before).unwrap();
-        whitened.records = records.into();
+        whitened.records = records;
         let offsets: Vec<f64> = whitened.records[0].filled_gaps.iter().map(|it| it.offsets[0]).collect();
         // Half of 5 V up.
         assert!((offsets[0] - 2.5).abs() < 0.05 && (offsets[1] - 2.5).abs() < 0.05, "{offsets:?}");

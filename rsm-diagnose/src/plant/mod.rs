@@ -267,7 +267,7 @@ fn of_nominal(
         }
         (options.progress)("a part of the rows does not give the whole answer: searching with more rows");
     }
-    let of_most = |tails| Ok(diagnosed(tails, Searched::Most)?.unwrap_or_else(|| unreachable!("most rows give an answer")));
+    let of_most = |tails| diagnosed(tails, Searched::Most)?.ok_or(Refused::CannotSimulate);
     let found = of_most(HeavyTails::Corrected)?;
     if !found.has_uneven_noise() || found.verdict != Verdict::Unexplained {
         return Ok(found);

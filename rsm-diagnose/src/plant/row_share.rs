@@ -291,15 +291,22 @@ mod tests {
         assert_eq!(used(RowShare::of_rows(&long, &[], Searched::Most).pieces(&long[0], &file)), [(0, 8000)]);
     }
 
-    #[test]
-    fn a_part_of_a_motors_record_is_its_beginning() {
+    /// A motor's record with a voltage and a speed for each row.
+    fn motor(rows: u32, voltage: impl Fn(u32) -> f64, speed: impl Fn(u32) -> f64) -> (PlantFile, Record) {
         let text = include_str!("../../../rsm-sim/plants/pmac.toml");
         let file = PlantFile::read(&Source::new("pmac.toml", text)).unwrap();
         let mut csv = "time[s],v_d[V],v_q[V],load_torque[N*m],i_d[A],i_q[A],speed[rad/s]\n".to_string();
-        for k in 0..20_000 {
-            csv += &format!("{},0,{},0,0,0,0\n", f64::from(k) / 1000.0, if k % 400 < 200 { 5.0 } else { 2.0 });
+        for k in 0..rows {
+            csv += &format!("{},0,{},0,0,0,{}\n", f64::from(k) / 1000.0, voltage(k), speed(k));
         }
-        let long = [Record::read(&Source::new("r.csv", csv), &file).unwrap()];
+        let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
+        (file, record)
+    }
+
+    #[test]
+    fn a_part_of_a_motors_record_is_its_beginning() {
+        let (file, record) = motor(20_000, |k| if k % 400 < 200 { 5.0 } else { 2.0 }, |_| 0.0);
+        let long = [record];
         let rows = |searched| {
             let pieces = RowShare::of_rows(&long, &[], searched).pieces(&long[0], &file);
             pieces.iter().map(|it| it.record.rows()).collect::<Vec<_>>()
@@ -310,13 +317,7 @@ mod tests {
 
     #[test]
     fn a_piece_of_a_motors_record_begins_at_the_angle_that_its_speed_has_made() {
-        let text = include_str!("../../../rsm-sim/plants/pmac.toml");
-        let file = PlantFile::read(&Source::new("pmac.toml", text)).unwrap();
-        let mut csv = "time[s],v_d[V],v_q[V],load_torque[N*m],i_d[A],i_q[A],speed[rad/s]\n".to_string();
-        for k in 0..300 {
-            csv += &format!("{},0,5,0,0,0,{}\n", f64::from(k) / 1000.0, f64::from(k));
-        }
-        let record = Record::read(&Source::new("r.csv", csv), &file).unwrap();
+        let (file, record) = motor(300, |_| 5.0, f64::from);
         // The integral of 1000 t from 0 to 0.2 s, less the last half row: 199^2/2 ms.
         let angle = piece(&record, file.kind, 200..300, 0).record.start("angle").unwrap();
         assert!((angle - 19.8005).abs() < 1e-9, "{angle}");

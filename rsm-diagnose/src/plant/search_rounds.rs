@@ -130,7 +130,8 @@ impl<'a> SearchInput<'a> {
     }
 }
 
-/// Diagnoses a plant with given effects, if it has any. `None` if a part of the rows does not give an answer that holds on all of them.
+/// Diagnoses a plant with given effects, if it has any. `None` if a part of the rows does not give an
+/// answer that holds on all of them, or if the plant cannot be simulated with the noise of its causes.
 pub(super) fn diagnose_records(
     file: &PlantFile,
     training: &[Record],
@@ -175,11 +176,7 @@ pub(super) fn diagnose_records(
             }
         }
     }
-    let selection = in_rounds(&mut prepared, &input, seed, file, (tails, searched));
-    let mut selection = match (selection, searched) {
-        (None, Searched::Part) => return Ok(None),
-        (selection, _) => selection.ok_or(Refused::CannotSimulate)?,
-    };
+    let Some(mut selection) = in_rounds(&mut prepared, &input, seed, file, (tails, searched)) else { return Ok(None) };
     loop {
         selection.fit = final_fit::final_fit(&mut prepared.whitened, selection.fit, |whitened, fit| {
             calibration::with_rounding(whitened, fit, calibration::floors(whitened, fit, file), &prepared.rounded)
@@ -213,8 +210,6 @@ pub(super) fn diagnose_records(
         }
         selection.all_rows = Some(checked);
     }
-    // What is wrong with the data in rows that the search did not use.
-    let beside: Vec<_> = selection.all_rows.iter().flat_map(|it| it.findings.clone()).collect();
     let fit = selection.fit.clone();
     let mut final_model = selection.final_fit().model.clone();
     // A law can be found for a plant with sites only.
@@ -241,7 +236,9 @@ pub(super) fn diagnose_records(
         (found.next, found.helpers, found.law) = (next, helpers, Some(law));
     }
     found.tested = tested::tested(file, test, &whitened, &nominal, &final_model);
-    found.findings.extend(beside);
+    if let Some(it) = &found.all_rows {
+        found.findings.extend_from_slice(&it.findings);
+    }
     // Their rows are those of the file.
     found.findings.iter_mut().for_each(|it| it.record = row_share::file_of(&it.record).to_string());
     found.unused_rows = share.unused_rows();

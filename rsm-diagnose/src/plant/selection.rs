@@ -74,20 +74,14 @@ impl Selection {
 }
 
 impl Search<'_> {
-    /// Searches from the calibrated plant.
+    /// Searches from the calibrated plant, to the end.
     #[must_use]
     pub fn run(&self, calibrated: Fit) -> Selection {
-        self.run_from(calibrated, None)
-    }
-
-    /// The same, from fitted causes that are known beforehand. They may be exchanged and removed like all others.
-    #[must_use]
-    pub fn run_from(&self, calibrated: Fit, seed: Option<Fit>) -> Selection {
         let whole = Search { limits: WorkLimits { one_cause: false, ..self.limits }, ..*self };
-        whole.run_until(calibrated, seed, &|_| false).unwrap_or_else(|_| unreachable!("nothing ends this search early"))
+        whole.run_until(calibrated, None, &|_| false).unwrap_or_else(|_| unreachable!("nothing ends this search early"))
     }
 
-    /// The same, unless it ends early.
+    /// Searches from the calibrated plant, or from fitted causes that are known beforehand. They may be exchanged and removed like all others.
     ///
     /// # Errors
     /// The reason: `noise_is_wrong` holds for the fit of a first cause that leaves only noise, or the search is for one cause.

@@ -41,6 +41,18 @@ fn with_free_starts(whitened: &WhitenedResiduals, model: &Model) -> Model {
     other
 }
 
+/// The unknown initial states of the records of a fit.
+fn starts_of(fit: &levenberg::Fit) -> impl Iterator<Item = Unknown> + '_ {
+    fit.model.unknowns.iter().filter(|it| matches!(it.place, Place::Start { .. })).cloned()
+}
+
+/// A model with all its unknowns, on the records of a fit and from its initial states.
+#[must_use]
+pub fn with_starts_of(model: &Model, there: &levenberg::Fit) -> Model {
+    let own = model.unknowns.iter().filter(|it| !matches!(it.place, Place::Start { .. })).cloned();
+    Model { starts: there.model.starts.clone(), unknowns: own.chain(starts_of(there)).collect(), ..model.clone() }
+}
+
 /// The model on other records, after one step of the initial states from the first readings. Enough if these are nearly right.
 #[must_use]
 pub fn one_step(whitened: &WhitenedResiduals, model: &Model) -> Option<levenberg::Fit> {
@@ -85,8 +97,7 @@ fn fit_unknowns(whitened: &WhitenedResiduals, model: Model) -> Option<levenberg:
 /// first readings may be too inaccurate.
 #[must_use]
 pub fn fit_from_starts_of(whitened: &WhitenedResiduals, model: &Model, earlier: &levenberg::Fit) -> Option<levenberg::Fit> {
-    let starts = earlier.model.unknowns.iter().filter(|unknown| matches!(unknown.place, Place::Start { .. }));
-    let unknowns = model.unknowns.iter().filter(|it| it.open).chain(starts).cloned().collect();
+    let unknowns = model.unknowns.iter().filter(|it| it.open).cloned().chain(starts_of(earlier)).collect();
     let other = Model { starts: earlier.model.starts.clone(), unknowns, ..model.clone() };
     fit_unknowns(whitened, other)
 }
@@ -114,7 +125,7 @@ pub fn fit_within_uncertainty(
         let sd = unknown.deviation(value, sd);
         other.unknowns.push(Unknown { prior: Some((value, sd)), ..unknown.clone() });
     }
-    other.unknowns.extend(earlier.model.unknowns.iter().filter(|it| matches!(it.place, Place::Start { .. })).cloned());
+    other.unknowns.extend(starts_of(earlier));
     fit_unknowns(whitened, other)
 }
 

@@ -5,7 +5,8 @@
 
 use super::model::{Model, Place};
 use super::noise::NoiseFloor;
-pub use super::prepared::{Prepared, PreparedRecords};
+pub use super::prepared::Prepared;
+use super::prepared::PreparedRecords;
 use super::tails::Tails;
 use crate::engine::columns::dot;
 use crate::engine::work::WorkCount;
