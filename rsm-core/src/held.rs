@@ -4,8 +4,6 @@
 //! further inputs. Together they give the bits of the original tape. [`turned`] first replaces a division by a held number by a product with its
 //! reciprocal; that may change the last bit.
 
-use std::collections::HashMap;
-
 use crate::elementary::Computed;
 use crate::number::integer;
 use crate::tape::{Op, Reg, Tape, TapeBuilder};
@@ -115,8 +113,13 @@ pub fn divided(tape: &Tape, is_held: &[bool]) -> Divided {
     let mut once = TapeBuilder::sharing(tape.precision);
     let inputs: Vec<Reg> = (0..tape.inputs.len() as u32).map(|port| once.input(port)).collect();
     let once_places = once.transcribe(tape, &inputs, &[]);
-    let mut parts =
-        Parts { tape, held: &held, rest: TapeBuilder::sharing(tape.precision), places: HashMap::new(), carried: Vec::new() };
+    let mut parts = Parts {
+        tape,
+        held: &held,
+        rest: TapeBuilder::sharing(tape.precision),
+        places: vec![None; tape.ops.len()],
+        carried: Vec::new(),
+    };
     let rows: Vec<&Computed> = tape.computed.iter().filter(|row| !held[row.result.0 as usize]).collect();
     // Unused operations are not written.
     let mut needed: Vec<bool> = vec![false; tape.ops.len()];
@@ -157,7 +160,8 @@ struct Parts<'t> {
     tape: &'t Tape,
     held: &'t [bool],
     rest: TapeBuilder,
-    places: HashMap<Reg, Reg>,
+    /// The register on the tape of the rest, of each register of the tape.
+    places: Vec<Option<Reg>>,
     /// The registers that the rest takes from the held part.
     carried: Vec<Reg>,
 }
@@ -165,8 +169,8 @@ struct Parts<'t> {
 impl Parts<'_> {
     /// The register on the tape of the rest.
     fn place(&mut self, reg: Reg) -> Reg {
-        if let Some(place) = self.places.get(&reg) {
-            return *place;
+        if let Some(place) = self.places[reg.0 as usize] {
+            return place;
         }
         let op = self.tape.op(reg);
         let place = match op {
@@ -178,12 +182,11 @@ impl Parts<'_> {
                 self.rest.input((self.tape.inputs.len() + self.carried.len() - 1) as u32)
             }
             _ => {
-                let operands: HashMap<Reg, Reg> =
-                    op.operands().into_iter().map(|operand| (operand, self.place(operand))).collect();
-                self.rest.push(op.with_operands(|operand| operands[&operand]))
+                let op = op.with_operands(|operand| self.place(operand));
+                self.rest.push(op)
             }
         };
-        self.places.insert(reg, place);
+        self.places[reg.0 as usize] = Some(place);
         place
     }
 }

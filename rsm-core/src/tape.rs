@@ -322,9 +322,9 @@ impl Op {
         }
     }
 
-    /// The same operation with other registers.
+    /// The same operation with other registers, asked for in the order of the operands.
     #[must_use]
-    pub fn with_operands(&self, place: impl Fn(Reg) -> Reg) -> Op {
+    pub fn with_operands(&self, mut place: impl FnMut(Reg) -> Reg) -> Op {
         match *self {
             Op::Constant(_) | Op::Input(_) | Op::State(_) => self.clone(),
             Op::Negate(a) => Op::Negate(place(a)),

@@ -16,6 +16,8 @@ mod tests;
 
 use std::collections::HashMap;
 
+use foldhash::fast::FixedState;
+
 use crate::elementary::Computed;
 use crate::number::{exact, integer};
 use crate::tape::{Op, Reg, Tape, TapeBuilder};
@@ -71,7 +73,7 @@ pub struct Series {
     /// Values of which every order is needed later.
     is_kept: Vec<bool>,
     /// The coefficient of each value and order.
-    coefficients: HashMap<(Value, usize), Coefficient>,
+    coefficients: HashMap<(Value, usize), Coefficient, FixedState>,
     /// Helpers of functions, by the result of the function and a name.
     helpers: HashMap<(Reg, &'static str), Value>,
     values: Value,
@@ -90,7 +92,7 @@ struct Writing<'s> {
     series: &'s mut Series,
     builder: TapeBuilder,
     arguments: Vec<Slot>,
-    ports: HashMap<Slot, Reg>,
+    ports: HashMap<Slot, Reg, FixedState>,
 }
 
 impl Series {
@@ -116,7 +118,7 @@ impl Series {
             rates: rates.clone(),
             arguments: arguments.to_vec(),
             step,
-            coefficients: HashMap::new(),
+            coefficients: HashMap::default(),
             helpers: HashMap::new(),
             next: free + states.len() as Slot,
             order: 0,
@@ -149,7 +151,7 @@ impl Series {
             builder: TapeBuilder::sharing(self.rates.precision),
             series: self,
             arguments: Vec::new(),
-            ports: HashMap::new(),
+            ports: HashMap::default(),
         };
         let (first, count) = (writing.series.order, writing.series.states.len());
         let mut terms: Vec<Vec<Option<Reg>>> = Vec::new();
@@ -315,12 +317,8 @@ impl Writing<'_> {
                 Argument::Held(slot) | Argument::Time(slot) | Argument::State(slot, _) => self.slot(slot),
             },
             other => {
-                let place: HashMap<Reg, Reg> = other
-                    .operands()
-                    .into_iter()
-                    .map(|operand| (operand, self.get(operand.0, 0).expect("an earlier value")))
-                    .collect();
-                self.builder.push(other.with_operands(|operand| place[&operand]))
+                let op = other.with_operands(|operand| self.get(operand.0, 0).expect("an earlier value"));
+                self.builder.push(op)
             }
         })
     }

@@ -5,6 +5,8 @@
 
 use std::collections::HashMap;
 
+use foldhash::fast::FixedState;
+
 use crate::number::{Precision, Rational, integer};
 
 use super::{Computed, Constant, Named, Note, Op, Port, Reg, Seam, State, Tape};
@@ -37,7 +39,7 @@ pub struct TapeBuilder {
     ops: Vec<Op>,
     shares: bool,
     /// The registers of constants and, on a sharing tape, of all other operations.
-    places: HashMap<Key, Reg>,
+    places: HashMap<Key, Reg, FixedState>,
     notes: Vec<(Reg, Note)>,
     computed: Vec<Computed>,
     seams: Vec<Seam>,
@@ -46,8 +48,8 @@ pub struct TapeBuilder {
 /// The identity of an operation.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 enum Key {
-    /// The bits of the value, and the number before rounding.
-    Constant(u64, Rational),
+    /// The bits of the value, and how many constants with these bits and another number before rounding came first.
+    Constant(u64, u32),
     /// The address of the table, the index and the offset.
     Load(usize, u32, u32),
     /// The kind of the operation, and its operands, port or state; 0 for those that it has not.
@@ -55,10 +57,11 @@ enum Key {
 }
 
 impl Key {
+    /// The key of an operation; of a constant, as the first with its bits.
     fn of(op: &Op) -> Key {
         let numbers = match *op {
             // -0 and +0 with the same rational are one constant.
-            Op::Constant(ref constant) => return Key::Constant((constant.value + 0.0).to_bits(), constant.exact.clone()),
+            Op::Constant(ref constant) => return Key::Constant((constant.value + 0.0).to_bits(), 0),
             Op::Input(port) => [port.0, 0, 0],
             Op::State(state) => [state.0, 0, 0],
             // One table is one allocation: two equal tables only lose the sharing of their loads.
@@ -73,6 +76,11 @@ impl Key {
     }
 }
 
+/// Whether an operation is a constant with this number before rounding. Rationals are kept reduced, so equal ones have equal parts.
+fn is_constant(op: &Op, exact: &Rational) -> bool {
+    matches!(op, Op::Constant(it) if it.exact.numer() == exact.numer() && it.exact.denom() == exact.denom())
+}
+
 impl TapeBuilder {
     /// An empty tape.
     #[must_use]
@@ -81,7 +89,7 @@ impl TapeBuilder {
             precision,
             ops: Vec::new(),
             shares: false,
-            places: HashMap::new(),
+            places: HashMap::default(),
             notes: Vec::new(),
             computed: Vec::new(),
             seams: Vec::new(),
@@ -132,18 +140,35 @@ impl TapeBuilder {
         debug_assert!(op.operands().iter().all(|operand| (operand.0 as usize) < self.ops.len()), "operands come first");
         let next = Reg(self.ops.len() as u32);
         if self.shares || matches!(op, Op::Constant(_)) {
-            let place = *self.places.entry(Key::of(&op)).or_insert(next);
-            if self.shares && place != next {
-                return place;
+            match self.place(&op) {
+                Ok(place) if self.shares => return place,
+                Ok(_) => {}
+                Err(key) => {
+                    self.places.insert(key, next);
+                }
             }
         }
         self.ops.push(op);
         next
     }
 
+    /// The register of an operation that is already on the tape, or the key for a new one.
+    fn place(&self, op: &Op) -> Result<Reg, Key> {
+        let mut key = Key::of(op);
+        while let Some(&place) = self.places.get(&key) {
+            match (op, &mut key) {
+                (Op::Constant(constant), Key::Constant(_, earlier)) if !is_constant(self.op(place), &constant.exact) => {
+                    *earlier += 1
+                }
+                _ => return Ok(place),
+            }
+        }
+        Err(key)
+    }
+
     /// The register of a constant that is already on the tape.
     fn known(&self, constant: &Op) -> Option<Reg> {
-        self.places.get(&Key::of(constant)).copied()
+        self.place(constant).ok()
     }
 
     /// A constant, rounded here, once, to the precision of the tape.

@@ -83,6 +83,14 @@ fn a_sharing_tape_writes_an_operation_once() {
         assert_eq!(tape.len(), expected);
         assert_ne!(tape.add(x, two), first);
     }
+    // Numbers that round to one value are as many constants; +0 and -0 are one.
+    let mut tape = TapeBuilder::new(Precision::F64);
+    let (tenth, value) = (integer(1) / integer(10), exact(0.1));
+    let both = [tape.constant(tenth.clone()), tape.constant(value.clone())];
+    assert!(both[0] != both[1] && tape.op(both[0]) != tape.op(both[1]));
+    assert_eq!([tape.constant(tenth), tape.constant(value)], both);
+    let zero = [0.0, -0.0].map(|value| tape.rounded_constant(value, integer(0)));
+    assert!(zero[0] == zero[1] && tape.len() == 3);
     // An input and a state with the same number are two operations.
     let mut tape = TapeBuilder::sharing(Precision::F32);
     assert_ne!(tape.input(0), tape.state(0));
