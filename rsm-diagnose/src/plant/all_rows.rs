@@ -10,12 +10,12 @@ use rsm_sim::kind::OUTPUTS;
 use std::fmt;
 
 use super::checks::{self, Finding};
-use super::levenberg::{self, Fit};
+use super::levenberg::Fit;
 use super::model::Model;
 use super::octave_spectrum::{OCTAVES, Octave};
 use super::posterior::Posterior;
 use super::prepared::Piece;
-use super::row_share::{self, RowShare};
+use super::row_share;
 use super::whitened_residuals::WhitenedResiduals;
 use super::{alignment, outlier_correction, own_noise, regions, validation, whiteness};
 use rsm_sim::plant_file::PlantFile;
@@ -134,35 +134,6 @@ fn is_same(a: &Finding, b: &Finding) -> bool {
         && b.rows.0 <= a.rows.1
 }
 
-/// Steps of a fit that starts near its minimum.
-const STEPS: usize = 4;
-
-/// A plant whose numbers are fitted to more rows than its causes were searched on, with these records.
-#[derive(Debug, Clone)]
-pub struct FitToMoreRows {
-    /// The training records.
-    pub whitened: WhitenedResiduals,
-    /// The fit to them.
-    pub fit: Fit,
-}
-
-/// Fits the numbers of a plant to as many rows of the training records as a whole search uses. The noise is that of the search. `None` if the plant
-/// cannot be simulated.
-#[must_use]
-pub fn fit_to_more_rows(
-    training: &[Record],
-    share: RowShare,
-    file: &PlantFile,
-    whitened: &WhitenedResiduals,
-    fit: &Fit,
-) -> Option<FitToMoreRows> {
-    let (prepared, _) = checks::prepared(training.iter().flat_map(|record| share.pieces(record, file)), file);
-    let there = outlier_correction::corrected(whitened.with_records(prepared), &fit.model);
-    let started = validation::fit_initial_states(&there, &fit.model)?;
-    let fit = levenberg::fit(&there, validation::with_starts_of(&fit.model, &started), STEPS)?;
-    Some(FitToMoreRows { whitened: there, fit })
-}
-
 /// The plant on a window after one step from its first readings. A jump that the simulation has too is motion: its finding is removed, and its row
 /// counts again.
 fn quick_start(there: &mut WhitenedResiduals, model: &Model, findings: &mut Vec<Finding>) -> Option<Fit> {
@@ -249,6 +220,7 @@ fn together(whitened: &WhitenedResiduals, sums: &[[Octave; OCTAVES]; OUTPUTS]) -
 
 #[cfg(test)]
 mod tests {
+    use super::super::levenberg;
     use super::super::noise::NoiseFloor;
     use super::super::whitened_residuals::Prepared;
     use super::*;

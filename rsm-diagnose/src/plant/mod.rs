@@ -49,6 +49,7 @@ pub mod known_loop;
 pub mod law;
 pub mod levenberg;
 pub mod model;
+pub mod more_rows;
 pub mod multistart;
 pub mod nested_models;
 pub mod noise;

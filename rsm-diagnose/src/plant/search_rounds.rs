@@ -18,7 +18,7 @@ use super::verdict;
 use super::whitened_residuals::WhitenedResiduals;
 use super::{
     Options, Refused, all_rows, by_configuration, calibration, configurations, effect_size, equations, experiment, final_fit,
-    growth, hypotheses, initial_motion, known_loop, open_numbers, row_share, tested, waves, whiteness,
+    growth, hypotheses, initial_motion, known_loop, more_rows, open_numbers, row_share, tested, waves, whiteness,
 };
 use rsm_sim::effect::{Role, Survey};
 use rsm_sim::equation_plant::added;
@@ -195,8 +195,9 @@ pub(super) fn diagnose_records(
     if searched == Searched::Part {
         (options.progress)("fitting the numbers to more rows");
         let share = RowShare::of_rows(training, validation, Searched::Most);
-        let Some(fit) = all_rows::fit_to_more_rows(training, share, file, &whitened, &selection.fit) else { return Ok(None) };
-        selection.numbers = Some(fit);
+        let found = more_rows::fit_to_more_rows(training, share, file, &whitened, &selection);
+        let Some((numbers, causes)) = found else { return Ok(None) };
+        (selection.numbers, selection.causes) = (Some(numbers), causes);
     }
     open_numbers::settle(&unseen, &mut selection.fit);
     selection.numbers.iter_mut().for_each(|it| open_numbers::settle(&unseen, &mut it.fit));

@@ -5,13 +5,14 @@
 //! give the gain that a cause needs. In a tie the simpler cause wins. Validation records take part in decisions; only numbers on
 //! which no training row depends are fitted to them (`open_numbers.rs`).
 
-use super::all_rows::{AllRows, FitToMoreRows};
+use super::all_rows::AllRows;
 use super::candidates::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
 use super::final_test::Refusal;
 use super::hypotheses::label_of;
 use super::known_loop::KnownLoop;
 use super::levenberg::{self, Fit};
 use super::model::Model;
+use super::more_rows::FitToMoreRows;
 use super::nuisance::Nuisance;
 use super::screen::{Pair, Screened, null, pairs, screen};
 use super::search::{AcceptedCause, Ended, Search, WorkLimits};

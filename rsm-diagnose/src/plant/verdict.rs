@@ -4,7 +4,7 @@
 
 mod cause_report;
 mod resolution;
-mod rivals;
+pub(super) mod rivals;
 
 use rsm_core::order;
 use std::collections::BTreeSet;

@@ -10,7 +10,7 @@ use super::super::search::AcceptedCause;
 const EQUAL: f64 = 1e-5;
 
 /// The limit below which a rival counts as equal; `decides` is the deciding difference between two explanations.
-pub(super) fn same(decides: f64, gain: f64) -> f64 {
+pub(in super::super) fn same(decides: f64, gain: f64) -> f64 {
     decides.max(EQUAL * gain)
 }
 
