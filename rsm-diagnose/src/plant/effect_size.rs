@@ -29,6 +29,15 @@ pub fn tie(tie: f64, squared: f64, rows: usize) -> f64 {
     if squared > 2.0 * rows as f64 { tie.min(least_gain(squared, rows)) } else { tie }
 }
 
+/// Rivals are equal if they fit worse by less than this share of the gain. Different integrators and smoothings of one formula differ by that much.
+const EQUAL: f64 = 1e-5;
+
+/// The limit below which a rival of a cause with this gain counts as equal; `decides` is the deciding difference between two explanations.
+#[must_use]
+pub fn equal(decides: f64, gain: f64) -> f64 {
+    decides.max(EQUAL * gain)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

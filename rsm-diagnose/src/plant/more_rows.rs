@@ -15,9 +15,7 @@ use super::model::Model;
 use super::outlier_correction;
 use super::row_share::RowShare;
 use super::search::AcceptedCause;
-use super::selection::Selection;
 use super::validation;
-use super::verdict::rivals;
 use super::whitened_residuals::WhitenedResiduals;
 
 /// Steps of a fit that starts near its minimum.
@@ -33,23 +31,23 @@ pub struct FitToMoreRows {
 }
 
 /// Fits the plant of a search, and the rivals of its causes, to as many rows of the training records as a whole search uses. The noise is that of the
-/// search. Returns the causes too, each with the differences of its rivals: from more rows if these distinguish what the part did not. `None` if the plant cannot be simulated, or if a rival explains these rows
-/// better.
+/// search. `threshold` is the gain by chance. Returns the causes too, each with the differences of its rivals: from more rows if these distinguish what
+/// the part did not. `None` if the plant cannot be simulated, or if a rival explains these rows better.
 #[must_use]
 pub fn fit_to_more_rows(
     training: &[Record],
     share: RowShare,
     file: &PlantFile,
     whitened: &WhitenedResiduals,
-    selection: &Selection,
+    (fit, causes): (&Fit, &[AcceptedCause]),
+    threshold: f64,
 ) -> Option<(FitToMoreRows, Vec<AcceptedCause>)> {
-    let Selection { fit, causes, threshold, .. } = selection;
     let (prepared, _) = checks::prepared(training.iter().flat_map(|record| share.pieces(record, file)), file);
     let there = outlier_correction::corrected(whitened.with_records(prepared), &fit.model);
-    let decides = |fit: &Fit| effect_size::deciding_difference(*threshold, fit.cost, fit.residual.len());
+    let decides = |fit: &Fit| effect_size::deciding_difference(threshold, fit.cost, fit.residual.len());
     let times = there.rows() as f64 / fit.residual.len() as f64;
     let equal_rivals = |(cause, one): (usize, &AcceptedCause)| {
-        let same = rivals::same(decides(fit), one.gain);
+        let same = effect_size::equal(decides(fit), one.gain);
         let rivals = one.rivals.iter().enumerate().filter(move |it| it.1.1 < same);
         rivals.map(|(rival, _)| (cause, rival)).collect::<Vec<_>>()
     };
@@ -66,7 +64,7 @@ pub fn fit_to_more_rows(
         fit
     });
     let fit = fits.next().flatten()?;
-    let mut causes = causes.clone();
+    let mut causes = causes.to_vec();
     for ((cause, rival), other) in equal.into_iter().zip(fits) {
         let AcceptedCause { gain, rivals, rival_models, .. } = &mut causes[cause];
         // A rival that cannot be simulated along more rows does not explain them.
@@ -74,7 +72,7 @@ pub fn fit_to_more_rows(
         if worse < -decides(&fit) {
             return None;
         }
-        if worse >= rivals::same(decides(&fit), *gain * times) {
+        if worse >= effect_size::equal(decides(&fit), *gain * times) {
             rivals[rival].1 = worse;
         }
         if let Some(other) = other {
@@ -152,22 +150,9 @@ mod tests {
             rivals_tested: true,
             without: calibrated.model.clone(),
         };
-        let selection = Selection {
-            calibrated,
-            fit,
-            causes: vec![cause],
-            refused: Vec::new(),
-            threshold: THRESHOLD,
-            ranking: Vec::new(),
-            remaining: Vec::new(),
-            stopped: None,
-            known_loop: None,
-            all_rows: None,
-            numbers: None,
-        };
         let records = [record];
         let share = RowShare::of_rows(&records, &[], Searched::Most);
-        let (numbers, causes) = fit_to_more_rows(&records, share, &nominal, &whitened, &selection)?;
+        let (numbers, causes) = fit_to_more_rows(&records, share, &nominal, &whitened, (&fit, &[cause]), THRESHOLD)?;
         assert_eq!(numbers.whitened.rows(), ROWS);
         Some((on_the_part, causes[0].rivals[0].1))
     }

@@ -195,7 +195,8 @@ pub(super) fn diagnose_records(
     if searched == Searched::Part {
         (options.progress)("fitting the numbers to more rows");
         let share = RowShare::of_rows(training, validation, Searched::Most);
-        let found = more_rows::fit_to_more_rows(training, share, file, &whitened, &selection);
+        let answer = (&selection.fit, selection.causes.as_slice());
+        let found = more_rows::fit_to_more_rows(training, share, file, &whitened, answer, selection.threshold);
         let Some((numbers, causes)) = found else { return Ok(None) };
         (selection.numbers, selection.causes) = (Some(numbers), causes);
     }

@@ -4,7 +4,7 @@
 
 mod cause_report;
 mod resolution;
-pub(super) mod rivals;
+mod rivals;
 
 use rsm_core::order;
 use std::collections::BTreeSet;
@@ -144,7 +144,7 @@ pub fn conclude(
     let mut causes: Vec<Cause> = Vec::new();
     for (place, one) in accepted.iter().enumerate() {
         let decides = effect_size::deciding_difference(threshold, fit.cost, fit.residual.len());
-        let same = rivals::same(decides, one.gain);
+        let same = effect_size::equal(decides, one.gain);
         let one = &rivals::without_general(one);
         aliases.extend(rivals::aliases(one, same).into_iter().map(|it| (one.gain, it)));
         let alike = rivals::equal_rivals(one, same);

@@ -6,14 +6,6 @@ use super::super::experiment::Alias;
 use super::super::hypotheses::generalises;
 use super::super::search::AcceptedCause;
 
-/// Rivals are equal if they fit worse by less than this share of the gain. Different integrators and smoothings of one formula differ by that much.
-const EQUAL: f64 = 1e-5;
-
-/// The limit below which a rival counts as equal; `decides` is the deciding difference between two explanations.
-pub(in super::super) fn same(decides: f64, gain: f64) -> f64 {
-    decides.max(EQUAL * gain)
-}
-
 /// The cause without those rivals that contain it as a special case.
 pub(super) fn without_general(one: &AcceptedCause) -> AcceptedCause {
     let rivals = one.rivals.iter().filter(|it| !generalises(&it.0, &one.label)).cloned().collect();

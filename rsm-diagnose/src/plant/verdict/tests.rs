@@ -235,7 +235,7 @@ fn accepted(label: &str, gain: f64, rivals: &[(&str, f64)], model: &Model) -> Ac
 #[test]
 fn rivals_are_alike_that_do_worse_by_less_than_decides() {
     // What decides, or a hundred-thousandth of the gain.
-    assert_eq!([rivals::same(30.0, 1e6), rivals::same(30.0, 5e6)], [30.0, 1e-5 * 5e6]);
+    assert_eq!([effect_size::equal(30.0, 1e6), effect_size::equal(30.0, 5e6)], [30.0, 1e-5 * 5e6]);
     let (_, nominal) = axis_under_steps::whitened(&axis_under_steps::file("", ""), &axis_under_steps::file("", ""), false);
     let fitted = [("asymmetric-friction", 1.0), ("near", 29.0), ("at the limit", 30.0), ("far", 900.0), ("nearer", 2.0)];
     let mut one = accepted("coulomb-friction", 1e6, &fitted, &nominal);
