@@ -66,17 +66,14 @@ pub fn fit_to_more_rows(
     let fit = fits.next().flatten()?;
     let mut causes = causes.to_vec();
     for ((cause, rival), other) in equal.into_iter().zip(fits) {
-        let AcceptedCause { gain, rivals, rival_models, .. } = &mut causes[cause];
+        let AcceptedCause { gain, rivals, .. } = &mut causes[cause];
         // A rival that cannot be simulated along more rows does not explain them.
-        let worse = other.as_ref().map_or(f64::INFINITY, |other| other.cost - fit.cost);
+        let worse = other.map_or(f64::INFINITY, |other| other.cost - fit.cost);
         if worse < -decides(&fit) {
             return None;
         }
         if worse >= effect_size::equal(decides(&fit), *gain * times) {
             rivals[rival].1 = worse;
-        }
-        if let Some(other) = other {
-            rival_models[rival].1 = other.model;
         }
     }
     for one in &mut causes {

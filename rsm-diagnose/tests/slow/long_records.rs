@@ -81,6 +81,18 @@ fn a_cause_that_a_part_of_the_rows_shows_gets_its_numbers_from_all_rows() {
 }
 
 #[test]
+fn a_rival_that_no_row_distinguishes_stays_equal() {
+    // In open loop the gain of the command and the force per volt are one factor.
+    let long = records(&axis("[[effects]]\nkind = \"input-gain\"\nparameters = { gain = 0.8 }\n"), 4);
+    let found = diagnosed(&long);
+    assert!(found.unused_rows.is_some() && found.verdict == Verdict::Explained, "{:?}", found.verdict);
+    let [cause] = found.causes.as_slice() else { panic!("{:?}", found.causes) };
+    assert!(["input-gain", "parameter-error"].contains(&cause.kind), "{}", cause.kind);
+    assert!(cause.confidence < 0.6 && found.aliases.iter().any(|it| it.rival.contains("gain")), "{cause:?}");
+    assert!(found.next.is_some());
+}
+
+#[test]
 fn an_error_that_only_the_other_rows_show_is_not_missed() {
     let mut long = records(&friction(), 2);
     // The sensor is displaced for a while.
