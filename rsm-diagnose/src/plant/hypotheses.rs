@@ -41,6 +41,12 @@ pub fn label_of(entry: &Entry) -> String {
     configurations::name_in(&name, &entry.acts_in().join(","))
 }
 
+/// The names of a model's causes.
+#[must_use]
+pub(super) fn labels(model: &Model) -> Vec<String> {
+    model.file.effects.iter().map(label_of).collect()
+}
+
 /// Whether one cause contains another as a special case, by kinds or by names in lists. It then always fits at least as well, which is no evidence.
 /// If both name a parameter or output, it must be the same, and so must be the configuration in which both act.
 #[must_use]

@@ -32,6 +32,7 @@ pub mod diagnosis;
 pub mod effect_size;
 pub mod equations;
 pub mod error_breakdown;
+mod exchange;
 pub mod excitations;
 pub mod experiment;
 pub mod final_fit;

@@ -1,5 +1,4 @@
-//! The selection of causes: a cause is added while it is significant, exchanged if another one fits better, and removed if it is no longer
-//! significant.
+//! The selection of causes: a cause is added while it is significant, and removed if it is no longer significant. `exchange` then tests its rivals.
 //!
 //! In: whitened residuals, the calibrated plant, hypotheses. Out: the causes, with the rivals of each. Null simulations and the smallest effect size
 //! give the gain that a cause needs. In a tie the simpler cause wins. Validation records take part in decisions; only numbers on
@@ -8,7 +7,7 @@
 use super::all_rows::AllRows;
 use super::candidates::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
 use super::final_test::Refusal;
-use super::hypotheses::label_of;
+use super::hypotheses::{Hypothesis, labels};
 use super::known_loop::KnownLoop;
 use super::levenberg::{self, Fit};
 use super::model::Model;
@@ -21,6 +20,7 @@ use super::variable_projection::project;
 use super::{waves, whiteness};
 use crate::engine::significance::best_gain_by_chance;
 use rsm_core::order;
+use rsm_sim::effect::Subject;
 use rsm_sim::plant_file::Entry;
 
 /// A cause must remove this share of the noise energy. For one output with 24,000 residuals that is 36 squared standard deviations, less than a tenth
@@ -29,12 +29,6 @@ const LEAST_EFFECT: f64 = 0.0015;
 
 /// The number of guesses of each hypothesis used in pairs.
 const PAIR_GUESSES: usize = 2;
-
-/// A single cause may replace two if its predicted gain is at least this share of their joint gain, because the first order sees most of it.
-const LEAST_SHARE_OF_PAIR: f64 = 0.8;
-
-/// The number of hypotheses tried in place of two causes.
-const MOST_MERGE_TRIALS: usize = 2;
 
 /// The number of draws of the null simulation: 60 give the mean of the largest gain to an eighth of its standard deviation, and that to a tenth.
 const DRAWS: usize = 60;
@@ -208,6 +202,7 @@ impl Search<'_> {
             self.add_equation_error_cause(&fit, &mut candidates, threshold);
             if !self.winner(&fit, &candidates, threshold).is_some_and(|it| self.leaves_noise(&it.fit, threshold)) {
                 self.add_from_first_horizon(&fit, &mut candidates, threshold);
+                self.add_other_places(&fit, &mut candidates, threshold);
             }
             self.keep_plausible(&mut candidates);
             let Some(winner) = self.winner(&fit, &candidates, threshold) else { break };
@@ -233,13 +228,30 @@ impl Search<'_> {
             self.equation_error_fits.first().filter(|it| it.model.file.effects.len() == 1 && fit.model.file.effects.is_empty());
         let Some(mut from_equations) = alone.and_then(|it| self.evaluated(fit, it.clone())) else { return };
         self.separate_numbers(fit, &mut from_equations, threshold);
-        match candidates.iter_mut().find(|it| it.label == from_equations.label) {
-            Some(known) if from_equations.score < known.score => {
-                *known = Candidate { aliases_not_fitted: std::mem::take(&mut known.aliases_not_fitted), ..from_equations }
-            }
-            Some(_) => {}
-            None => candidates.push(from_equations),
-        }
+        compete(candidates, from_equations);
+        order::ascending(candidates, |it| it.score);
+    }
+
+    /// If the best candidate leaves structure, its effect at other places competes. Where it changes the motion much, a guess of the catalogue is too far
+    /// off for a fit, so each fit begins with the numbers that were found at the first place.
+    fn add_other_places(&self, fit: &Fit, candidates: &mut Vec<Candidate>, threshold: f64) {
+        let Some(best) = self.winner(fit, candidates, threshold).filter(|it| !self.leaves_noise(&it.fit, threshold)) else {
+            return;
+        };
+        let Some(entry) = best.fit.model.file.effects.last().filter(|it| it.description.subject == Subject::Site) else {
+            return;
+        };
+        let number = |name: &str| entry.arguments.numbers.iter().find(|it| it.0 == name).map_or(f64::NAN, |it| it.1);
+        let elsewhere = |it: &&Hypothesis| {
+            let is_free = !fit.model.file.effects.iter().any(|there| it.describes(there));
+            it.description.kind == entry.description.kind && it.configuration.is_none() && !it.describes(entry) && is_free
+        };
+        let there = self.hypotheses.iter().filter(elsewhere).map(|it| {
+            let values: Vec<f64> = it.description.arguments.iter().map(|argument| number(argument.name)).collect();
+            it.entry(fit.model.file.kind, &values)
+        });
+        let fitted = self.side_by_side(&there.collect::<Vec<Entry>>(), |search, entry| search.fitted(fit, entry));
+        fitted.into_iter().flatten().for_each(|it| compete(candidates, it));
         order::ascending(candidates, |it| it.score);
     }
 
@@ -314,7 +326,7 @@ impl Search<'_> {
     }
 
     /// Removes causes that no longer gain enough.
-    fn backward_elimination(&self, mut fit: Fit, threshold: f64) -> Fit {
+    pub(super) fn backward_elimination(&self, mut fit: Fit, threshold: f64) -> Fit {
         'again: loop {
             let count = fit.model.file.effects.len();
             // The last one has just gained enough.
@@ -330,185 +342,15 @@ impl Search<'_> {
             return fit;
         }
     }
-
-    /// Tests the rivals of each cause. A better rival replaces the cause; an equal one is listed as its rival.
-    fn exchanged(
-        &self,
-        calibrated: &Fit,
-        mut fit: Fit,
-        competed: &[(String, Vec<Candidate>)],
-        threshold: f64,
-        path: &mut SearchHistory,
-    ) -> (Fit, Vec<AcceptedCause>) {
-        let mut drops = 0;
-        'again: loop {
-            let mut causes = Vec::new();
-            let entries = fit.model.file.effects.clone();
-            for (place, entry) in entries.iter().enumerate() {
-                let name = label_of(entry);
-                let (base, rivals_tested) = if entries.len() == 1 {
-                    // The first competition was for the place of a single cause, so its result can be used again.
-                    let known = competed.first().filter(|(_, list)| list.iter().all(|it| it.fit.model.file.effects.len() == 1));
-                    match known {
-                        Some((_, list)) => (calibrated.clone(), Some(list.clone())),
-                        None => (calibrated.clone(), self.new_candidates(calibrated, threshold, path)),
-                    }
-                } else {
-                    (self.progress)(&format!("testing alternatives to {name}"));
-                    let without = fit.model.without_cause(self.nominal, place);
-                    let Some(base) = levenberg::refit(self.whitened, without, self.limits.fit_steps, Some(&fit)) else {
-                        continue;
-                    };
-                    if base.cost - fit.cost < self.deciding_difference(&fit, threshold) && drops < self.limits.causes {
-                        // The cause gained enough only while the others were not yet fitted well.
-                        fit = base;
-                        drops += 1;
-                        continue 'again;
-                    }
-                    let rivals_tested = self.new_candidates(&base, threshold, path);
-                    (base, rivals_tested)
-                };
-                let (rivals_tested, candidates) = (rivals_tested.is_some(), rivals_tested.unwrap_or_default());
-                let least = self.deciding_difference(&fit, threshold);
-                let simpler = |it: &Candidate| it.numbers < entry.arguments.numbers.len() && it.fit.cost < fit.cost + least;
-                if let Some(winner) = self.winner(&base, &candidates, threshold)
-                    && winner.label != name
-                    && (winner.fit.cost < fit.cost - least || simpler(winner))
-                    && path.may_exchange()
-                {
-                    let other = self.backward_elimination(winner.fit.clone(), threshold);
-                    if path.visit(labels(&other.model)) {
-                        (self.progress)(&format!("{} in place of {name}", winner.label));
-                        fit = other;
-                        continue 'again;
-                    }
-                }
-                let mut rivals: Vec<(String, f64, Model)> = candidates
-                    .iter()
-                    .filter(|it| it.label != name)
-                    .map(|it| (it.label.clone(), it.fit.cost - fit.cost, it.fit.model.clone()))
-                    .collect();
-                order::ascending(&mut rivals, |it| it.1);
-                let mut alike =
-                    candidates.iter().find(|it| it.label == name).map_or_else(Vec::new, |it| it.aliases_not_fitted.clone());
-                if !rivals_tested {
-                    // Even at the work limit, the answer lists the hypotheses with the same trace.
-                    alike = self.aliases_of(&base, entry, least);
-                }
-                causes.push(AcceptedCause {
-                    label: name,
-                    aliases_not_fitted: alike,
-                    gain: base.cost - fit.cost,
-                    rivals_tested,
-                    rival_models: rivals.iter().map(|it| (it.0.clone(), it.2.clone())).collect(),
-                    rivals: rivals.into_iter().map(|it| (it.0, it.1)).collect(),
-                    without: base.model,
-                });
-            }
-            return (fit, causes);
-        }
-    }
-
-    /// Two of three or more causes may be one cause in another form: if all forces of an axis are wrong by the same factor, the mass is wrong. Tries
-    /// one hypothesis in place of any two, and keeps it if it fits as well.
-    fn merged(&self, mut fit: Fit, threshold: f64, path: &mut SearchHistory) -> Fit {
-        'again: loop {
-            let count = fit.model.file.effects.len();
-            if count < 3 {
-                return fit;
-            }
-            for (a, b) in (1..count).flat_map(|b| (0..b).map(move |a| (a, b))) {
-                if !path.has_work_left_for_rivals(self.whitened.work.done()) {
-                    return fit;
-                }
-                let without = fit.model.without_cause(self.nominal, b).without_cause(self.nominal, a);
-                let Some(base) = levenberg::refit(self.whitened, without, self.limits.fit_steps, Some(&fit)) else { continue };
-                let screened = screen(self.whitened, &base, self.nominal, self.hypotheses);
-                // A hypothesis is tried if its predicted gain is a sufficient share of the joint gain of the two causes.
-                let promising =
-                    best_guesses(&screened, 1).into_iter().filter(|it| it.gain > LEAST_SHARE_OF_PAIR * (base.cost - fit.cost));
-                let promising: Vec<Entry> = promising
-                    .take(MOST_MERGE_TRIALS)
-                    .map(|it| self.hypotheses[it.hypothesis].entry(fit.model.file.kind, &it.values))
-                    .collect();
-                for entry in promising {
-                    let enough = fit.cost + self.deciding_difference(&fit, threshold);
-                    let Some(one) = self.fitted(&base, &entry).filter(|it| it.fit.cost < enough) else { continue };
-                    if count_of(&one.fit) <= count_of(&fit) && path.visit(labels(&one.fit.model)) {
-                        (self.progress)(&format!("{} in place of two", one.label));
-                        fit = one.fit;
-                        continue 'again;
-                    }
-                }
-            }
-            return fit;
-        }
-    }
-
-    /// Hypotheses whose trace on a plant without the cause is the same, and whose predicted gain is as large, up to the deciding difference.
-    fn aliases_of(&self, base: &Fit, entry: &Entry, least: f64) -> Vec<String> {
-        let screened = screen(self.whitened, base, self.nominal, self.hypotheses);
-        let best = best_guesses(&screened, 1);
-        let Some(own) = best.iter().find(|it| self.hypotheses[it.hypothesis].describes(entry) && it.group.is_some()) else {
-            return Vec::new();
-        };
-        let mut labels: Vec<String> = Vec::new();
-        for it in best.iter().filter(|it| it.group == own.group && it.gain > own.gain - least) {
-            let label = self.hypotheses[it.hypothesis].label();
-            if it.hypothesis != own.hypothesis && !labels.contains(&label) {
-                labels.push(label);
-            }
-        }
-        labels
-    }
-
-    /// The candidates for a place; `None` after the work limit is reached.
-    fn new_candidates(&self, base: &Fit, threshold: f64, path: &mut SearchHistory) -> Option<Vec<Candidate>> {
-        if !path.has_work_left_for_rivals(self.whitened.work.done()) || !path.may_compete() {
-            return None;
-        }
-        let mut screened = screen(self.whitened, base, self.nominal, self.hypotheses);
-        screened.iter_mut().for_each(Screened::without_traces);
-        Some(self.fit_candidates(base, &screened, threshold))
-    }
 }
 
-/// The number of parameters of all causes of a fit.
-fn count_of(fit: &Fit) -> usize {
-    count(&fit.model)
-}
-
-/// The names of a model's causes.
-fn labels(model: &Model) -> Vec<String> {
-    let entries = model.file.effects.iter();
-    entries.map(label_of).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::whitened_residuals::WhitenedResiduals;
-    use super::super::{axis_under_steps, hypotheses, survey};
-    use super::*;
-
-    #[test]
-    fn a_cause_about_which_no_rival_was_asked_lists_what_leaves_its_trace() {
-        // From rest and in open loop the gain of the command, the force per volt and the gain of the position are one thing.
-        let gain = "[[effects]]\nkind = \"input-gain\"\nparameters = { gain = 0.9 }\n";
-        let file = |effects: &str| axis_under_steps::file("viscous_friction = 0.02", effects);
-        let (whitened, nominal) = axis_under_steps::whitened(&file(""), &file(gain), true);
-        let calibrated = levenberg::fit(&whitened, nominal.clone(), 8).unwrap();
-        let survey = survey::survey(&whitened, &calibrated);
-        let all = hypotheses::all(nominal.file.kind, &survey, &[0]);
-        let unseen = WhitenedResiduals::new(Vec::new(), whitened.floors, 1);
-        let search = axis_under_steps::search(&whitened, &unseen, &nominal, &all, &survey);
-        let fit = levenberg::fit(&whitened, nominal.with_effects(&nominal, file(gain).effects), 20).unwrap();
-        // All work is spent.
-        let mut path = SearchHistory::until(0, 0);
-        let (_, causes) = search.exchanged(&calibrated, fit, &[], 30.0, &mut path);
-        assert!(!causes[0].rivals_tested && path.stopped() == Some(Limit::Work));
-        for name in ["parameter-error:force_gain", "sensor-gain:position"] {
-            assert!(causes[0].aliases_not_fitted.iter().any(|it| it == name), "{name}: {:?}", causes[0].aliases_not_fitted);
+/// Adds a candidate to a competition, or replaces a worse fit of the same cause.
+fn compete(candidates: &mut Vec<Candidate>, found: Candidate) {
+    match candidates.iter_mut().find(|it| it.label == found.label) {
+        Some(known) if found.score < known.score => {
+            *known = Candidate { aliases_not_fitted: std::mem::take(&mut known.aliases_not_fitted), ..found }
         }
-        assert!(!causes[0].aliases_not_fitted.iter().any(|it| it.contains("friction")), "{:?}", causes[0].aliases_not_fitted);
+        Some(_) => {}
+        None => candidates.push(found),
     }
 }
