@@ -2,7 +2,7 @@
 //!
 //! In: a loop. Out: its result, from code for AVX2 or AVX-512 if the machine has them, otherwise for the oldest machine of its kind. The bits are the
 //! same: every operation is one of IEEE 754 for each number, in the same order, and a compiler for Rust joins no product and sum to a fused
-//! operation.
+//! operation. A loop that wants fused operations has a text of its own for machines with them ([`Work::run_fused`]).
 #![allow(unsafe_code)] // A function for instructions that the machine may not have is called, which is not possible in safe code.
 
 /// A loop over numbers. `run` and everything that it calls on them must have the attribute `inline(always)`: only inlined code becomes vector
@@ -31,12 +31,28 @@ pub trait Work {
 
     /// The loop.
     fn run(self) -> Self::Found;
+
+    /// The loop for a machine where `f64::mul_add` is one instruction, not a call of a function. It must have the bits of `run`.
+    #[inline(always)]
+    fn run_fused(self) -> Self::Found
+    where
+        Self: Sized,
+    {
+        self.run()
+    }
 }
 
+// AVX-512 contains AVX2 and FMA.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f")]
 fn with_avx512<W: Work>(work: W) -> W::Found {
-    work.run()
+    work.run_fused()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn with_avx2_and_fma<W: Work>(work: W) -> W::Found {
+    work.run_fused()
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -50,10 +66,15 @@ fn with_avx2<W: Work>(work: W) -> W::Found {
 pub fn vectorised<W: Work>(work: W) -> W::Found {
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") {
+        if std::arch::is_x86_feature_detected!("fma") {
+            // SAFETY: the machine has the instructions.
+            return unsafe { with_avx2_and_fma(work) };
+        }
         // SAFETY: the machine has the instructions.
         return unsafe { with_avx2(work) };
     }
-    work.run()
+    // Every 64-bit Arm has fused operations.
+    if cfg!(target_arch = "aarch64") { work.run_fused() } else { work.run() }
 }
 
 /// Runs a loop with the widest registers of this machine, up to eight numbers in a register.

@@ -6,6 +6,7 @@
 
 use rsm_core::basis::{self, Factor};
 use rsm_core::model::{Category, Input, Spline, Surface, Symmetry, Transform};
+use rsm_core::order;
 
 use crate::dd::Dd;
 
@@ -112,6 +113,14 @@ impl Design {
     #[must_use]
     pub fn row_as_measured(&self, point: &[Physical]) -> Vec<Dd> {
         self.terms_at(&point.iter().map(|value| Dd::from(value.0)).collect::<Vec<Dd>>())
+    }
+
+    /// Whether every value of every input is in its range. `columns`: without NaN.
+    pub(crate) fn holds_all(&self, columns: &[&[f64]]) -> bool {
+        self.inputs.iter().zip(columns).all(|(input, column)| {
+            let (low, high) = order::ends(*column);
+            input.range[0] <= low && high <= input.range[1]
+        })
     }
 
     /// Whether a value is outside of the range of its input.

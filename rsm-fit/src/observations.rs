@@ -78,6 +78,10 @@ impl Observations<'_> {
 
     /// The number of rows with an input outside of its range.
     pub(crate) fn rows_outside(&self, design: &Design) -> usize {
+        // Most files have no such row.
+        if design.holds_all(self.inputs) {
+            return 0;
+        }
         let is_outside = |row: &usize| design.has_outside(self.inputs.iter().map(|column| column[*row]));
         (0..self.response.len()).filter(is_outside).count()
     }
@@ -87,7 +91,7 @@ impl Observations<'_> {
         let mut found = false;
         let of_range = |range: Range<usize>| {
             let mut terms = Eight::new(design);
-            range.step_by(LANES).any(|first| !terms.rows(self.inputs, first, seen).iter().all(Lanes::is_finite))
+            range.step_by(LANES).any(|first| !lanes::are_finite(terms.rows(self.inputs, first, seen)))
         };
         threads::over_rows(self.response.len(), of_range, |is_found| found |= is_found);
         found
@@ -112,12 +116,12 @@ impl Observations<'_> {
 
     /// The numbers of some rows, one in each lane; the last one again beyond the end.
     pub(crate) fn responses(&self, first: usize) -> Lanes {
-        Lanes::of(eight(self.response, first, |y| y))
+        Lanes::of(eight(self.response, first))
     }
 
     /// The weights of some rows.
     pub(crate) fn weights(&self, first: usize) -> Lanes {
-        if self.weights.is_empty() { Lanes::ONE } else { Lanes::of(eight(self.weights, first, |weight| weight)) }
+        if self.weights.is_empty() { Lanes::ONE } else { Lanes::of(eight(self.weights, first)) }
     }
 
     /// The point of a row.

@@ -9,8 +9,7 @@
 //! Problems, chapter 27 (sequential accumulation).
 
 use crate::dd::Dd;
-use crate::dd::lanes::{self, Lanes};
-use rsm_core::vector::{Work, widest};
+use crate::dd::lanes::{self, Lanes, Work, widest};
 
 pub(crate) mod table;
 
@@ -457,14 +456,14 @@ impl Work for Projected<'_> {
     type Found = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn compute<const FUSED: bool>(self) {
         let Projected(solved, row) = self;
         for place in 0..row.len() {
             let column = &solved.columns[solved.chosen[place]];
             let (before, from) = row.split_at_mut(place);
             let mut known = Lanes::ZERO;
             for (x, r) in before.iter().zip(column) {
-                known = known.add(x.mul(Lanes::splat(*r)));
+                known = known.add(x.times::<FUSED>(Lanes::splat(*r)));
             }
             from[0] = from[0].sub(known).div(Lanes::splat(column[place]));
         }

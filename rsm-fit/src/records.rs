@@ -206,7 +206,11 @@ impl Records {
                 if k < inputs { table.values_in(name, unit.as_deref()) } else { table.response_in(name, unit.as_deref()) };
             match read {
                 Ok((values, found)) => {
-                    target.extend(values);
+                    if target.is_empty() {
+                        *target = values;
+                    } else {
+                        target.extend(values);
+                    }
                     *unit = Some(found);
                 }
                 // A fault in a column that is used for two variables is reported once.
@@ -253,6 +257,11 @@ impl Records {
         let columns = inputs.iter().map(|input| &self.inputs[*input]);
         let weights = self.weights.get(response).filter(|weights| !weights.is_empty());
         let columns: Vec<&Vec<f64>> = columns.chain([&self.responses[response]]).chain(weights).collect();
+        // Most files lack no number. This fold looks at many numbers at once.
+        let has_nan = |column: &&Vec<f64>| column.iter().fold(false, |has, value| has | value.is_nan());
+        if !columns.iter().any(has_nan) {
+            return (0..self.rows()).collect();
+        }
         (0..self.rows()).filter(|row| columns.iter().all(|column| !column[*row].is_nan())).collect()
     }
 

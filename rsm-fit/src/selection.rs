@@ -8,7 +8,7 @@
 //! On over-fitting in model selection; Breiman, Spector 1992 (five to ten parts).
 
 use crate::dd::Dd;
-use crate::dd::lanes::Lanes;
+use crate::dd::lanes::{self, Lanes};
 use crate::design::Design;
 use crate::design::eight::{Eight, Seen};
 use crate::ladder::{Judge, Ladder, LadderModel, most_terms};
@@ -129,8 +129,8 @@ impl Sample {
 /// Writes the terms and the response of some rows, times the roots of their weights, one row in each lane. Returns whether all terms are finite.
 pub(crate) fn rows_at(rows: Observations<'_>, terms: &mut Eight<'_>, first: usize, out: &mut [Lanes]) -> bool {
     let (response, row) = out.split_last_mut().expect("the response is behind the terms");
-    row.copy_from_slice(terms.rows(rows.inputs, first, Seen::AsMeasured));
-    let is_finite = row.iter().all(Lanes::is_finite);
+    terms.write(rows.inputs, first, Seen::AsMeasured, row);
+    let is_finite = lanes::are_finite(row);
     *response = rows.responses(first);
     if !rows.weights.is_empty() {
         let root = rows.weights(first).sqrt();

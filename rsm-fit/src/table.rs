@@ -176,7 +176,7 @@ impl Table {
         };
         let conversion = conversion.map_err(fault)?;
         let unit = unit.or(column.unit.as_deref()).unwrap_or_default().to_string();
-        Ok((column.values.iter().map(|value| conversion.apply(*value)).collect(), unit))
+        Ok((conversion.apply_to_all(&column.values), unit))
     }
 
     /// The values of a response, as [`Table::values_in`] returns them, if sums of their squares do not overflow.
@@ -213,17 +213,19 @@ impl Table {
 
 /// The row of a response with a magnitude outside [`MAGNITUDES`], the expected range, and what to do.
 pub(crate) fn magnitude_fault(values: &[f64]) -> Option<(usize, String, &'static str)> {
-    let known = values.iter().map(|value| value.abs()).enumerate().filter(|(_, value)| !value.is_nan());
-    let (row, largest) = known.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    // The largest that is no NaN; 0 if there is none.
+    let largest = values.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
     let [low, high] = MAGNITUDES;
+    if largest == 0.0 || (low..=high).contains(&largest) {
+        return None;
+    }
+    let row = values.iter().rposition(|value| value.abs() == largest)?;
     if largest > high {
         let what = format!("expected a magnitude up to {high:e}: the squares of a response must be finite");
         Some((row, what, "give it in a larger unit"))
-    } else if largest > 0.0 && largest < low {
+    } else {
         let what = format!("the largest of the response, expected {low:e} or more: its squares would be 0");
         Some((row, what, "give it in a smaller unit"))
-    } else {
-        None
     }
 }
 

@@ -66,6 +66,14 @@ impl Conversion {
             Conversion::Linear { factor, offset } => (Dd::from(value) * *factor + *offset).to_f64(),
         }
     }
+
+    /// The same for many numbers.
+    pub(crate) fn apply_to_all(&self, values: &[f64]) -> Vec<f64> {
+        match self {
+            Conversion::Identity => values.to_vec(),
+            Conversion::Linear { .. } => values.iter().map(|value| self.apply(*value)).collect(),
+        }
+    }
 }
 
 /// Whether a text is a unit that can be converted.

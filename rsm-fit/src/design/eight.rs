@@ -8,8 +8,7 @@ use rsm_core::model::Outside;
 
 use super::{Design, Physical};
 use crate::dd::Dd;
-use crate::dd::lanes::{LANES, Lanes};
-use rsm_core::vector::{Work, widest};
+use crate::dd::lanes::{LANES, Lanes, Work, widest};
 
 /// How a point is seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,6 +27,8 @@ pub(crate) struct Eight<'a> {
     plain: Vec<Option<[Lanes; 2]>>,
     /// The powers of each factor, from 0 on.
     powers: Vec<Vec<Lanes>>,
+    /// For each term its factors with their powers above 0.
+    products: Vec<Vec<(usize, usize)>>,
     terms: Vec<Lanes>,
 }
 
@@ -47,6 +48,7 @@ impl<'a> Eight<'a> {
         Eight {
             plain: plain.unwrap_or_default(),
             powers: design.highest.iter().map(|highest| vec![Lanes::ONE; *highest as usize + 1]).collect(),
+            products: design.terms.iter().map(|exponents| factors_of(exponents)).collect(),
             terms: vec![Lanes::ONE; design.width()],
             design,
         }
@@ -54,6 +56,14 @@ impl<'a> Eight<'a> {
 
     /// The terms of the rows from `first` on. Lanes beyond the last row have the terms of the last row.
     pub(crate) fn rows(&mut self, columns: &[&[f64]], first: usize, seen: Seen) -> &[Lanes] {
+        let mut terms = std::mem::take(&mut self.terms);
+        self.write(columns, first, seen, &mut terms);
+        self.terms = terms;
+        &self.terms
+    }
+
+    /// Writes the terms of [`Eight::rows`].
+    pub(crate) fn write(&mut self, columns: &[&[f64]], first: usize, seen: Seen, terms: &mut [Lanes]) {
         if self.plain.is_empty() {
             let last = columns.first().map_or(0, |column| column.len().saturating_sub(1));
             for lane in 0..LANES {
@@ -62,51 +72,86 @@ impl<'a> Eight<'a> {
                     Seen::AsMeasured => self.design.row_as_measured(&point),
                     Seen::AsEvaluated => self.design.row(&point),
                 };
-                self.terms.iter_mut().zip(row).for_each(|(term, value)| term.set(lane, value));
+                terms.iter_mut().zip(row).for_each(|(term, value)| term.set(lane, value));
             }
-            return &self.terms;
+            return;
         }
-        for (((factor, plain), powers), input) in
-            self.design.factors.iter().zip(&self.plain).zip(&mut self.powers).zip(&self.design.inputs)
-        {
-            // The factors are the inputs themselves here, in their order.
-            let xi = Lanes::of(eight(columns[factor.input], first, |value| match (seen, input.outside) {
-                (Seen::AsEvaluated, Outside::Clamp) if value < input.range[0] => input.range[0],
-                (Seen::AsEvaluated, Outside::Clamp) if input.range[1] < value => input.range[1],
-                _ => value,
-            }));
-            let x = match plain {
-                None => xi,
-                Some([middle, width]) => xi.add(xi).sub(*middle).div(*width),
-            };
-            for exponent in 1..powers.len() {
-                // Powers by repeated multiplication, from one.
-                powers[exponent] = powers[exponent - 1].mul(x);
+        let of_factors = self.design.factors.iter().zip(&self.plain).zip(&mut self.powers).zip(&self.design.inputs);
+        for (((factor, plain), powers), input) in of_factors {
+            // The factors are the inputs themselves here, in their order. An input that is in no term has no power.
+            let range = (seen == Seen::AsEvaluated && input.outside == Outside::Clamp).then_some(input.range);
+            if powers.len() > 1 {
+                widest(Powers { column: columns[factor.input], first, range, plain, powers });
             }
         }
-        widest(Products { terms: &mut self.terms, design: self.design, powers: &self.powers });
-        &self.terms
+        widest(Terms { terms, powers: &self.powers, products: &self.products });
+    }
+}
+
+/// The factors of a term with their powers above 0.
+fn factors_of(exponents: &[u32]) -> Vec<(usize, usize)> {
+    exponents.iter().enumerate().filter(|(_, exponent)| **exponent > 0).map(|(k, exponent)| (k, *exponent as usize)).collect()
+}
+
+/// The powers of a factor from 1 on.
+struct Powers<'a> {
+    column: &'a [f64],
+    first: usize,
+    /// Where the evaluator clamps the values.
+    range: Option<[f64; 2]>,
+    plain: &'a Option<[Lanes; 2]>,
+    powers: &'a mut [Lanes],
+}
+
+impl Work for Powers<'_> {
+    type Found = ();
+
+    #[inline(always)]
+    fn compute<const FUSED: bool>(self) {
+        let Powers { column, first, range, plain, powers } = self;
+        let mut values = match column.get(first..).and_then(<[f64]>::first_chunk) {
+            Some(values) => *values,
+            None => eight(column, first),
+        };
+        if let Some([low, high]) = range {
+            for value in &mut values {
+                let raised = if *value < low { low } else { *value };
+                *value = if high < raised { high } else { raised };
+            }
+        }
+        let xi = Lanes::of(values);
+        let x = match plain {
+            None => xi,
+            Some([middle, width]) => xi.add(xi).sub(*middle).over::<FUSED>(*width),
+        };
+        // Powers by repeated multiplication, from one.
+        powers[1] = x.times_one();
+        for exponent in 2..powers.len() {
+            powers[exponent] = powers[exponent - 1].times::<FUSED>(x);
+        }
     }
 }
 
 /// The products of powers of all terms.
-struct Products<'a> {
+struct Terms<'a> {
     terms: &'a mut [Lanes],
-    design: &'a Design,
     powers: &'a [Vec<Lanes>],
+    products: &'a [Vec<(usize, usize)>],
 }
 
-impl Work for Products<'_> {
+impl Work for Terms<'_> {
     type Found = ();
 
     #[inline(always)]
-    fn run(self) {
-        for (term, exponents) in self.terms.iter_mut().zip(&self.design.terms) {
-            let mut product = Lanes::ONE;
-            for (exponent, powers) in exponents.iter().zip(self.powers) {
-                if *exponent > 0 {
-                    product = product.mul(powers[*exponent as usize]);
-                }
+    fn compute<const FUSED: bool>(self) {
+        for (term, factors) in self.terms.iter_mut().zip(self.products) {
+            let Some(((factor, exponent), others)) = factors.split_first() else {
+                *term = Lanes::ONE;
+                continue;
+            };
+            let mut product = self.powers[*factor][*exponent];
+            for (factor, exponent) in others {
+                product = product.times::<FUSED>(self.powers[*factor][*exponent]);
             }
             *term = product;
         }
@@ -114,9 +159,9 @@ impl Work for Products<'_> {
 }
 
 /// The values of some rows, one in each lane; the last value again beyond the end.
-pub(crate) fn eight(column: &[f64], first: usize, of: impl Fn(f64) -> f64) -> [f64; LANES] {
+pub(crate) fn eight(column: &[f64], first: usize) -> [f64; LANES] {
     let last = column.len() - 1;
-    std::array::from_fn(|lane| of(column[(first + lane).min(last)]))
+    std::array::from_fn(|lane| column[(first + lane).min(last)])
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 
 use std::io::Read;
 
+use memchr::{memchr, memrchr};
 use sha2::{Digest as _, Sha256};
 
 use crate::hash::hexadecimal;
@@ -58,17 +59,16 @@ pub(super) struct Blocks {
     size: usize,
     hash: Sha256,
     scan: Scan,
-    /// Bytes that were read and are in no block yet.
+    /// The next block: behind the first block it begins with the header. Then bytes that were read and are in no block yet.
     rest: Vec<u8>,
     /// The bytes of `rest` that were scanned, and where its last whole row ends.
     scanned: usize,
     whole: usize,
     /// Where the current line begins in `rest`.
     line: usize,
-    /// The number of rows with content up to `whole`, without the header.
-    rows: usize,
+    /// Whether there is a row with content up to `whole`, without the header.
+    has_row: bool,
     header: Option<Vec<u8>>,
-    is_first: bool,
     is_at_end: bool,
 }
 
@@ -83,9 +83,8 @@ impl Blocks {
             scanned: 0,
             whole: 0,
             line: 0,
-            rows: 0,
+            has_row: false,
             header: None,
-            is_first: true,
             is_at_end: false,
         }
     }
@@ -97,27 +96,32 @@ impl Blocks {
 
     /// The next block with at least one row; `None` at the end.
     pub(super) fn next(&mut self) -> std::io::Result<Option<Vec<u8>>> {
-        while !self.is_at_end && (self.rest.len() < self.size || self.rows == 0) {
+        while !self.is_at_end && (self.rest.len() < self.size || !self.has_row) {
             self.read()?;
         }
-        if self.rows == 0 {
+        if !self.has_row {
             return Ok(None);
         }
-        let mut block = Vec::with_capacity(self.whole + 1000);
-        if !self.is_first {
-            block.extend(self.header.as_ref().expect("rows are below a header"));
-        }
-        block.extend(self.rest.drain(..self.whole));
-        (self.scanned, self.line) = (self.scanned - self.whole, self.line - self.whole);
-        (self.whole, self.rows, self.is_first) = (0, 0, false);
+        let header = self.header.as_ref().expect("rows are below a header");
+        // The block keeps its memory: only what is behind its last row is copied.
+        let behind = self.rest.len() - self.whole;
+        let mut rest = Vec::with_capacity(header.len() + behind + self.size);
+        rest.extend(header);
+        rest.extend(&self.rest[self.whole..]);
+        let moved = |place: usize| place - self.whole + header.len();
+        (self.scanned, self.line, self.whole, self.has_row) = (moved(self.scanned), moved(self.line), header.len(), false);
+        let mut block = std::mem::replace(&mut self.rest, rest);
+        block.truncate(block.len() - behind);
         Ok(Some(block))
     }
 
     fn read(&mut self) -> std::io::Result<()> {
         let before = self.rest.len();
         self.file.by_ref().take(self.size as u64).read_to_end(&mut self.rest)?;
-        self.hash.update(&self.rest[before..]);
-        if self.rest.len() == before {
+        let read = &self.rest[before..];
+        self.hash.update(read);
+        let has_quote = memchr(b'"', read).is_some();
+        if read.is_empty() {
             self.is_at_end = true;
             // The last row has no end of line.
             if self.scan.has_content {
@@ -125,7 +129,17 @@ impl Blocks {
             }
             (self.whole, self.line) = (self.rest.len(), self.rest.len());
         }
+        let mut last = if has_quote { None } else { memrchr(b'\n', &self.rest[before..]).map(|at| before + at + 1) };
         while self.scanned < self.rest.len() {
+            // Without a quote every end of line ends a row, and only the last one counts.
+            if self.has_row
+                && !matches!(self.scan.place, Place::Quoted | Place::Quote)
+                && let Some(last) = last.take_if(|last| self.scanned < *last)
+            {
+                self.scan = Scan { place: Place::LineStart, has_content: false };
+                (self.scanned, self.whole, self.line) = (last, last, last);
+                continue;
+            }
             let byte = self.rest[self.scanned];
             self.scanned += 1;
             if self.scan.ends(byte) {
@@ -141,7 +155,7 @@ impl Blocks {
 
     fn row_ends(&mut self, at: usize) {
         if self.header.is_some() {
-            self.rows += 1;
+            self.has_row = true;
         } else {
             let line = &self.rest[self.line..at];
             self.header = Some(line.strip_prefix("\u{feff}".as_bytes()).unwrap_or(line).to_vec());

@@ -2,12 +2,13 @@
 //!
 //! In: the solved problem of the merge and the number of reductions. Out: a bound for each coefficient, in its unit.
 //!
-//! Both fits are Householder reductions of the same rows in double-double numbers, in other blocks. A reflection of a column of m numbers changes
-//! it by less than 40 m e of its norm (two sums of m products, the norm of the tail, the division: at most 6 m + 31 operations, each with an error
-//! of at most e, see below). A reduction of a block of h rows has one reflection for each of its w columns, and its result is a row block of a
-//! later reduction. So each computed triangle is the exact one of rows in which column j is changed by at most d |x_j|, where d = 40 e w (sum of
-//! all h). The sum of all h is the number of rows plus w for each reduction, which holds the triangle of those before (Higham, Accuracy and
-//! Stability of Numerical Algorithms, 2002, lemma 19.3 and theorem 19.4, applied block by block).
+//! Both fits are Householder reductions of the same rows in double-double numbers, in other blocks. A reflection of a column of m numbers changes it
+//! by less than 40 m e of its norm (two sums of m products, the norm of the tail, the division: at most 6 m + 31 operations, each with an error of at
+//! most e, see below; the sums of large tables have fewer operations and no larger error, `dd/lanes.rs`). A reduction of a block of h rows has one
+//! reflection for each of its w columns, and its result is a row block of a later reduction. So each computed triangle is the exact one of rows in
+//! which column j is changed by at most d |x_j|, where d = 40 e w (sum of all h). The sum of all h is the number of rows plus w for each reduction,
+//! which holds the triangle of those before (Higham, Accuracy and Stability of Numerical Algorithms, 2002, lemma 19.3 and theorem 19.4, applied block
+//! by block).
 //!
 //! To first order, such a change moves the least-squares coefficient b_j by at most
 //!

@@ -47,6 +47,7 @@ use crate::design::{self, Design};
 use crate::fit::span;
 use crate::hash::{self, hash};
 use crate::left_out::{self, MissingCells};
+use crate::observations::Observations;
 use crate::outcome::Progress;
 use crate::qr::Triangle;
 use crate::qr::table::{self, GROUP, Gathered};
@@ -258,7 +259,15 @@ impl<'a> Builder<'a> {
         let wanted = Records::wanted(self.specification, Rows::ToFit);
         let name = short(file_name);
         let mut rows = 0;
-        let read = |block: Vec<u8>| Table::read(&Source::new(name.clone(), String::from_utf8(block).ok()?), &wanted).ok();
+        let (specification, units) = (self.specification, self.units.clone());
+        // Every block has the header of the file, so all find the same units.
+        let read = |block: Vec<u8>| {
+            let table = Table::read(&Source::new(name.clone(), String::from_utf8(block).ok()?), &wanted).ok()?;
+            let (mut records, mut units) = (Records::without_rows(specification, &wanted), units.clone());
+            let rows = records.add(specification, &table, Rows::ToFit, &mut units).ok()?;
+            records.files = vec![DataFile { name: name.clone(), sha256: String::new(), rows }];
+            Some((records, units))
+        };
         let sha256 = std::thread::scope(|scope| {
             let (send, receive) = sync_channel(AT_ONCE);
             let reader = scope.spawn(move || {
@@ -278,12 +287,10 @@ impl<'a> Builder<'a> {
                 }
                 let blocks: Vec<Mutex<Vec<u8>>> = blocks.into_iter().map(Mutex::new).collect();
                 let take = |block: usize| std::mem::take(&mut *blocks[block].lock().expect("each block is taken once"));
-                for table in threads::all(blocks.len(), threads::ROWS, |block| read(take(block))) {
-                    let table = table?;
-                    let mut records = Records::without_rows(self.specification, &wanted);
-                    let count = records.add(self.specification, &table, Rows::ToFit, &mut self.units).ok()?;
-                    records.files = vec![DataFile { name: name.clone(), sha256: String::new(), rows: count }];
-                    rows += count;
+                for found in threads::all(blocks.len(), threads::ROWS, |block| read(take(block))) {
+                    let (records, units) = found?;
+                    self.units = units;
+                    rows += records.rows();
                     self.add(records).ok()?;
                 }
             }
@@ -367,30 +374,42 @@ impl Open {
         let response = &specification.responses[k];
         let used = left_out::inputs_of(specification, response);
         let rows = records.complete(&used, k);
-        let of = |column: &Vec<f64>| rows.iter().map(|row| column[*row]).collect::<Vec<f64>>();
-        let weights = &records.weights[k];
-        let mut sample = Sample {
-            columns: used.iter().map(|input| of(&records.inputs[*input])).collect(),
-            response: of(&records.responses[k]),
-            weights: if weights.is_empty() { Vec::new() } else { of(weights) },
-            groups: Vec::new(),
-        };
-        if let Some(TransformSpec::Given(transform)) = response.transform {
-            transformed::of_sample(specification, response, transform, &mut sample, "to fit")?;
+        let is_complete = rows.len() == records.rows();
+        let of = |column: &'_ [f64]| rows.iter().map(|row| column[*row]).collect::<Vec<f64>>();
+        let columns = used.iter().map(|input| records.inputs[*input].as_slice());
+        let (response_column, weights) = (records.responses[k].as_slice(), records.weights[k].as_slice());
+        if is_complete && !matches!(response.transform, Some(TransformSpec::Given(_))) {
+            let columns: Vec<&[f64]> = columns.collect();
+            self.append(Observations { inputs: &columns, response: response_column, weights });
+        } else {
+            let mut sample = Sample {
+                columns: columns.map(of).collect(),
+                response: of(response_column),
+                weights: if weights.is_empty() { Vec::new() } else { of(weights) },
+                groups: Vec::new(),
+            };
+            if let Some(TransformSpec::Given(transform)) = response.transform {
+                transformed::of_sample(specification, response, transform, &mut sample, "to fit")?;
+            }
+            sample.observed(|rows| self.append(rows));
         }
-        self.span = both(self.span, span(&sample.response));
-        self.rows_outside += sample.observed(|rows| rows.rows_outside(&self.design));
-        for weight in &sample.weights {
-            self.weight += Dd::from(*weight);
-            self.logs += Dd::from(weight.ln());
-        }
-        self.pending.columns.iter_mut().zip(&sample.columns).for_each(|(all, own)| all.extend(own));
-        self.pending.response.extend(&sample.response);
-        self.pending.weights.extend(&sample.weights);
         if self.pending.rows() >= AT_ONCE * GROUP {
             self.reduce_groups();
         }
         Ok(())
+    }
+
+    /// Adds rows to the pending ones.
+    fn append(&mut self, rows: Observations<'_>) {
+        self.span = both(self.span, span(rows.response));
+        self.rows_outside += rows.rows_outside(&self.design);
+        for weight in rows.weights {
+            self.weight += Dd::from(*weight);
+            self.logs += Dd::from(weight.ln());
+        }
+        self.pending.columns.iter_mut().zip(rows.inputs).for_each(|(all, own)| all.extend_from_slice(own));
+        self.pending.response.extend_from_slice(rows.response);
+        self.pending.weights.extend_from_slice(rows.weights);
     }
 
     /// Reduces all whole groups of the pending rows. The groups are those of all rows of the response, wherever blocks of a file end.

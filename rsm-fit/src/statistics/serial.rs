@@ -170,7 +170,7 @@ fn effects(design: &Design, solved: &Growing, fit: Observations<'_>, errors: &[f
         for first in range.clone().step_by(LANES) {
             row.copy_from_slice(terms.rows(fit.inputs, first, Seen::AsMeasured));
             solved.effects(&mut row);
-            let pushed = Lanes::of(eight(errors, first, |error| error)).mul(fit.weights(first).sqrt());
+            let pushed = Lanes::of(eight(errors, first)).mul(fit.weights(first).sqrt());
             row.iter_mut().for_each(|effect| *effect = effect.mul(pushed));
             for lane in 0..LANES.min(range.end - first) {
                 effects.extend(row.iter().map(|effect| effect.get(lane).to_f64()));
