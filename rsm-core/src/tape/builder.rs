@@ -158,7 +158,7 @@ impl TapeBuilder {
         while let Some(&place) = self.places.get(&key) {
             match (op, &mut key) {
                 (Op::Constant(constant), Key::Constant(_, earlier)) if !is_constant(self.op(place), &constant.exact) => {
-                    *earlier += 1
+                    *earlier += 1;
                 }
                 _ => return Ok(place),
             }

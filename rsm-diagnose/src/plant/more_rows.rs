@@ -1,7 +1,7 @@
 //! Fits the answer of a search on a part of the rows to more rows.
 //!
-//! In: the training records, and a cause with the rivals that the part does not distinguish from it. Out: the plant with its numbers from more rows, and
-//! which of these rivals fit worse there. Names no other cause: if a rival fits better there, the answer does not hold.
+//! In: the training records, and a cause with the rivals that the part does not distinguish from it. Out: the plant with its numbers from more rows,
+//! and which of these rivals fit worse there. Names no other cause: if a rival fits better there, the answer does not hold.
 
 use rsm_core::order;
 use rsm_core::threads::in_threads;
@@ -31,8 +31,8 @@ pub struct FitToMoreRows {
 }
 
 /// Fits the plant of a search, and the rivals of its causes, to as many rows of the training records as a whole search uses. The noise is that of the
-/// search. `threshold` is the gain by chance. Returns the causes too, each with the differences of its rivals: from more rows if these distinguish what
-/// the part did not. `None` if the plant cannot be simulated, or if a rival explains these rows better.
+/// search. `threshold` is the gain by chance. Returns the causes too, each with the differences of its rivals: from more rows if these distinguish
+/// what the part did not. `None` if the plant cannot be simulated, or if a rival explains these rows better.
 #[must_use]
 pub fn fit_to_more_rows(
     training: &[Record],

@@ -27,8 +27,8 @@ const MOST_ROWS: usize = 60_000;
 /// take half a minute. All rows are used to check the result.
 const SEARCHED: usize = 24_000;
 
-/// The number of rows of all training records that the first search uses. The judged cases of `tests/hidden-effects` have 3000, and as many right answers
-/// as cases with 24,000. What a part does not distinguish is compared on more rows (`more_rows`).
+/// The number of rows of all training records that the first search uses. The judged cases of `tests/hidden-effects` have 3000, and as many right
+/// answers as cases with 24,000. What a part does not distinguish is compared on more rows (`more_rows`).
 const FIRST_SEARCHED: usize = 4000;
 
 /// With fewer rows, the first search uses all: if an answer from a part does not hold on all rows, the search on the part was in vain. It takes at most

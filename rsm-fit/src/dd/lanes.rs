@@ -243,8 +243,8 @@ impl Work for AreFinite<'_> {
     fn compute<const FUSED: bool>(self) -> bool {
         let mut rare = [0; LANES];
         for number in self.0 {
-            for k in 0..LANES {
-                rare[k] |= u64::from(exponent(number.high[k]) == INFINITE) | u64::from(exponent(number.low[k]) == INFINITE);
+            for (k, rare) in rare.iter_mut().enumerate() {
+                *rare |= u64::from(exponent(number.high[k]) == INFINITE) | u64::from(exponent(number.low[k]) == INFINITE);
             }
         }
         rare == [0; LANES]

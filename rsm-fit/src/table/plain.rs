@@ -215,7 +215,7 @@ fn digits(bytes: &[u8], mut at: usize, before: u64) -> Option<(u64, usize)> {
     while let Some(word) = bytes.get(at..).and_then(<[u8]>::first_chunk) {
         let values = u64::from_le_bytes(*word) ^ ZEROS;
         // A byte above 9 sets its highest bit: 0x76 + 10 is 0x80. Nothing is carried to the next byte.
-        let others = ((values & (0x7f * BYTES)) + 0x76 * BYTES | values) & (0x80 * BYTES);
+        let others = (((values & (0x7f * BYTES)) + 0x76 * BYTES) | values) & (0x80 * BYTES);
         if others == 0 {
             // A case of its own: where the next word begins is then known before this one is.
             number = number.checked_mul(POWERS[8])?.checked_add(of_eight(values))?;
