@@ -27,7 +27,7 @@ pub(super) const LAWS: &[Law] = &[
         ours: &[],
         // No target build compiles it: it checks the elementary functions.
         aside: &["astro-float"],
-        outside: Some(&["num-bigint", "num-rational", "num-traits", "proc-macro2", "quote", "serde", "toml"]),
+        outside: Some(&["foldhash", "num-bigint", "num-rational", "num-traits", "proc-macro2", "quote", "serde", "toml"]),
     },
     Law { package: "rsm-macros", ours: &["rsm-core"], aside: &[], outside: Some(&["proc-macro2", "quote", "syn"]) },
     Law { package: "rsm-fit", ours: &["rsm-core"], aside: &[], outside: None },

@@ -31,8 +31,8 @@ const SEARCHED: usize = 24_000;
 /// answers as cases with 24,000. What a part does not distinguish is compared on more rows (`more_rows`).
 const FIRST_SEARCHED: usize = 4000;
 
-/// With fewer rows, the first search uses all: if an answer from a part does not hold on all rows, the search on the part was in vain. It takes at most
-/// a third of the time of the second one.
+/// With fewer rows, the first search uses all: if an answer from a part does not hold on all rows, the search on the part was in vain. It takes at
+/// most a third of the time of the second one.
 const LEAST_FOR_TWO_SEARCHES: usize = 16_000;
 
 /// The limit of the work of one run along these rows. Before and after a search there are a thousand runs: a minute of one core,
