@@ -4,7 +4,6 @@
 //! and which of these rivals fit worse there. Names no other cause: if a rival fits better there, the answer does not hold.
 
 use rsm_core::order;
-use rsm_core::threads::in_threads;
 use rsm_sim::plant_file::PlantFile;
 use rsm_sim::record::Record;
 
@@ -54,15 +53,7 @@ pub fn fit_to_more_rows(
     let equal: Vec<(usize, usize)> = causes.iter().enumerate().flat_map(equal_rivals).collect();
     let models: Vec<&Model> =
         std::iter::once(&fit.model).chain(equal.iter().map(|&(cause, rival)| &causes[cause].rival_models[rival].1)).collect();
-    let threads = (there.threads / models.len()).max(1);
-    let fits = in_threads(&models, there.threads, |model| {
-        let here = there.for_one_job(threads);
-        (fitted(&here, model), here.work)
-    });
-    let mut fits = fits.into_iter().map(|(fit, work)| {
-        there.work.add_job(&work);
-        fit
-    });
+    let mut fits = there.jobs(&models, |there, model| fitted(there, model)).into_iter();
     let fit = fits.next().flatten()?;
     let mut causes = causes.to_vec();
     for ((cause, rival), other) in equal.into_iter().zip(fits) {

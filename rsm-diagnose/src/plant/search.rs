@@ -7,7 +7,6 @@ use super::hypotheses::Hypothesis;
 use super::levenberg::Fit;
 use super::model::Model;
 use super::whitened_residuals::WhitenedResiduals;
-use rsm_core::threads::in_threads;
 use rsm_sim::effect::Survey;
 
 /// The amount of work of each stage, as counts instead of seconds: the same records give the same answer on every machine.
@@ -106,21 +105,12 @@ pub struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The results of the same work for several items, side by side. Each item counts its own work, with what is left of the limit, so its result
-    /// does not depend on the other items nor on the number of threads.
+    /// The results of the same work for several items, side by side, as [`WhitenedResiduals::jobs`].
     pub(super) fn side_by_side<T: Sync, A: Send>(&self, items: &[T], work: impl Fn(&Search<'_>, &T) -> A + Sync) -> Vec<A> {
-        let threads = (self.whitened.threads / items.len().max(1)).max(1);
-        let done = in_threads(items, self.whitened.threads, |item| {
-            let whitened = self.whitened.for_one_job(threads);
-            let unseen = WhitenedResiduals { threads, work: whitened.work.clone(), ..self.unseen.clone() };
-            let result = work(&Search { whitened: &whitened, unseen: &unseen, ..*self }, item);
-            (result, whitened.work)
-        });
-        let result = |(result, work)| {
-            self.whitened.work.add_job(&work);
-            result
-        };
-        done.into_iter().map(result).collect()
+        self.whitened.jobs(items, |whitened, item| {
+            let unseen = WhitenedResiduals { threads: whitened.threads, work: whitened.work.clone(), ..self.unseen.clone() };
+            work(&Search { whitened, unseen: &unseen, ..*self }, item)
+        })
     }
 
     /// The difference of cost above which the better of two explanations is accepted.

@@ -232,8 +232,8 @@ impl Search<'_> {
         order::ascending(candidates, |it| it.score);
     }
 
-    /// If the best candidate leaves structure, its effect at other places competes. Where it changes the motion much, a guess of the catalogue is too far
-    /// off for a fit, so each fit begins with the numbers that were found at the first place.
+    /// If the best candidate leaves structure, its effect at other places competes. Where it changes the motion much, a guess of the catalogue is too
+    /// far off for a fit, so each fit begins with the numbers that were found at the first place.
     fn add_other_places(&self, fit: &Fit, candidates: &mut Vec<Candidate>, threshold: f64) {
         let Some(best) = self.winner(fit, candidates, threshold).filter(|it| !self.leaves_noise(&it.fit, threshold)) else {
             return;

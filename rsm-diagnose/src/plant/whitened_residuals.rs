@@ -139,12 +139,12 @@ impl SimulationWork {
     /// A separate count for one of several jobs side by side, with what is left of the limit. Then it does not depend on the other jobs when this one
     /// ends.
     #[must_use]
-    pub fn for_one_job(&self) -> Self {
+    fn for_one_job(&self) -> Self {
         SimulationWork { count: self.count.remaining(), ..self.clone() }
     }
 
     /// Adds the work of such a job.
-    pub fn add_job(&self, job: &Self) {
+    fn add_job(&self, job: &Self) {
         self.count.add(job.done());
     }
 
@@ -216,10 +216,19 @@ impl WhitenedResiduals {
         WhitenedResiduals { records: records.into(), work: self.work.clone(), ..*self }
     }
 
-    /// The same records for one of several jobs side by side, on this number of threads, with a count of its own.
-    #[must_use]
-    pub fn for_one_job(&self, threads: usize) -> Self {
-        WhitenedResiduals { threads, work: self.work.for_one_job(), ..self.clone() }
+    /// The results of the same work for several items, side by side, each with these records on its share of the threads. Each item counts its own
+    /// work, with what is left of the limit, so its result does not depend on the other items nor on the number of threads.
+    pub fn jobs<T: Sync, A: Send>(&self, items: &[T], work: impl Fn(&Self, &T) -> A + Sync) -> Vec<A> {
+        let threads = (self.threads / items.len().max(1)).max(1);
+        let done = in_threads(items, self.threads, |item| {
+            let here = WhitenedResiduals { threads, work: self.work.for_one_job(), ..self.clone() };
+            (work(&here, item), here.work)
+        });
+        let result = |(result, work)| {
+            self.work.add_job(&work);
+            result
+        };
+        done.into_iter().map(result).collect()
     }
 
     /// Runs jobs on all threads; `None` for a job whose simulation failed.

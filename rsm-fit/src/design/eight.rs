@@ -109,10 +109,7 @@ impl Work for Powers<'_> {
     #[inline(always)]
     fn compute<const FUSED: bool>(self) {
         let Powers { column, first, range, plain, powers } = self;
-        let mut values = match column.get(first..).and_then(<[f64]>::first_chunk) {
-            Some(values) => *values,
-            None => eight(column, first),
-        };
+        let mut values = eight(column, first);
         if let Some([low, high]) = range {
             for value in &mut values {
                 let raised = if *value < low { low } else { *value };
@@ -159,7 +156,11 @@ impl Work for Terms<'_> {
 }
 
 /// The values of some rows, one in each lane; the last value again beyond the end.
+#[inline(always)]
 pub(crate) fn eight(column: &[f64], first: usize) -> [f64; LANES] {
+    if let Some(values) = column.get(first..).and_then(<[f64]>::first_chunk) {
+        return *values;
+    }
     let last = column.len() - 1;
     std::array::from_fn(|lane| column[(first + lane).min(last)])
 }
