@@ -83,7 +83,7 @@ fn a_cause_that_a_part_of_the_rows_shows_gets_its_numbers_from_all_rows() {
 #[test]
 fn a_rival_that_no_row_distinguishes_stays_equal() {
     // In open loop the gain of the command and the force per volt are one factor.
-    let long = records(&axis("[[effects]]\nkind = \"input-gain\"\nparameters = { gain = 0.8 }\n"), 4);
+    let long = records(&axis("[[effects]]\nkind = \"input-gain\"\nparameters = { gain = 0.98 }\n"), 4);
     let found = diagnosed(&long);
     assert!(found.unused_rows.is_some() && found.verdict == Verdict::Explained, "{:?}", found.verdict);
     let [cause] = found.causes.as_slice() else { panic!("{:?}", found.causes) };
