@@ -1,5 +1,6 @@
 //! The manifests of the libraries: the entries that a registry shows, and that each library can be used without the rest of the workspace.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use rsm_tests::cases;
@@ -87,5 +88,33 @@ fn a_manifest_that_lacks_something_is_named() {
     ] {
         assert!(good.contains(from), "{from}");
         assert_eq!(wrong("rsm-core", &good.replacen(from, to, 1), &folder), [expected]);
+    }
+}
+
+/// The packages of `manifest`'s `[dependencies]` and `[build-dependencies]`.
+fn dependencies(manifest: &str) -> BTreeSet<String> {
+    let document = DeTable::parse(manifest).unwrap_or_else(|error| panic!("{error}")).into_inner();
+    let tables = ["dependencies", "build-dependencies"].into_iter().filter_map(|kind| document.get(kind)?.get_ref().as_table());
+    tables.flat_map(|table| table.keys()).map(|name| name.get_ref().to_string()).collect()
+}
+
+#[test]
+fn the_lock_file_of_the_firmware_has_the_dependencies_of_its_packages() {
+    // The workspace's own lock file is written by every build; this one is only used, with `--locked`, by a long test of the emulated board.
+    let root = cases::root();
+    let lock = std::fs::read_to_string(root.join("targets/firmware/rust/Cargo.lock")).expect("the lock file");
+    let lock = DeTable::parse(&lock).unwrap_or_else(|error| panic!("{error}")).into_inner();
+    let packages = lock.get("package").and_then(|value| value.get_ref().as_array()).expect("packages");
+    let packages = packages.iter().filter_map(|package| package.get_ref().as_table());
+    let ours: Vec<_> = packages.filter(|package| !package.contains_key("source")).collect();
+    assert!(ours.len() > 3, "{} packages of this project", ours.len());
+    for package in ours {
+        let name = package.get("name").and_then(|value| value.get_ref().as_str()).expect("a name");
+        let places = [root.join(name), root.join("targets").join(name), root.join("targets/firmware/rust")];
+        let folder = places.iter().find(|folder| folder.join("Cargo.toml").exists()).expect("the last has one");
+        // A version follows the name where the file has two versions of the package.
+        let locked: BTreeSet<_> =
+            texts(package, "dependencies").into_iter().filter_map(|text| text.split(' ').next()).map(str::to_string).collect();
+        assert_eq!(locked, dependencies(&manifest(folder)), "{name}: run `cargo metadata` in targets/firmware/rust");
     }
 }
