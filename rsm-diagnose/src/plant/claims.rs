@@ -170,7 +170,6 @@ fn with_contradicted_claims(
             rivals: &[],
             same: judged.decides,
             not_fitted: 0,
-            deciding_difference: judged.decides,
             left: anew.left.excess.max(0.0) * rows,
             explained,
             // The search with the claims unchanged tested all alternatives, and they fitted worse.

@@ -13,12 +13,11 @@ pub(super) struct Evidence<'a> {
     pub gain: f64,
     /// The name of each rival, and how much worse it fits, in the same unit.
     pub rivals: &'a [(String, f64)],
-    /// A rival that fits worse by less than this has the same trace. In the same unit.
+    /// A rival that fits worse by less than this has the same trace: the difference that decides between two explanations, or the accuracy of a fit
+    /// of this gain if that is more. In the same unit.
     pub same: f64,
     /// The number of rivals with the same trace that were not fitted. They would fit as well.
     pub not_fitted: usize,
-    /// The difference that decides between two explanations, in the same unit: the gain by chance, or a twentieth of what is left.
-    pub deciding_difference: f64,
     /// The energy of the residual above the noise, in the same unit.
     pub left: f64,
     /// Whether the causes together leave only noise.
@@ -43,8 +42,8 @@ const RIVALS_NOT_TESTED: f64 = 0.5;
 /// The probability that a cause is right.
 #[must_use]
 pub(super) fn confidence(case: &Evidence<'_>) -> Probability {
-    // The evidence falls by a factor of ten for each `deciding_difference` that a rival fits worse.
-    let evidence = |behind: f64| (-behind.max(0.0) / case.deciding_difference * std::f64::consts::LN_10).exp();
+    // The evidence falls by a factor of ten for each `same` that a rival fits worse.
+    let evidence = |behind: f64| (-behind.max(0.0) / case.same * std::f64::consts::LN_10).exp();
     let fitted = case.rivals.iter().map(|it| (evidence(it.1), it.1 < case.same));
     let rivals = fitted.chain(std::iter::repeat_n((1.0, true), case.not_fitted));
     let known = if case.explained { EXPLAINED } else { with_unlisted_cause(case) };
@@ -64,16 +63,7 @@ mod tests {
     use super::*;
 
     fn case<'a>(rivals: &'a [(String, f64)]) -> Evidence<'a> {
-        Evidence {
-            gain: 1e6,
-            rivals,
-            same: 30.0,
-            not_fitted: 0,
-            deciding_difference: 30.0,
-            left: 0.0,
-            explained: true,
-            rivals_tested: true,
-        }
+        Evidence { gain: 1e6, rivals, same: 30.0, not_fitted: 0, left: 0.0, explained: true, rivals_tested: true }
     }
 
     #[test]
@@ -93,7 +83,7 @@ mod tests {
         let third = confidence(&Evidence { not_fitted: 2, ..case(&[]) });
         assert!((third.own - EXPLAINED / 3.0).abs() < 1e-12 && (third.of_any - EXPLAINED).abs() < 1e-12);
         // The same distance says less where more decides: a twentieth of what is left.
-        let left = own(&Evidence { deciding_difference: 1000.0, ..case(&behind(30.0)) });
+        let left = own(&Evidence { same: 1000.0, ..case(&behind(30.0)) });
         assert!((left - EXPLAINED / (1.0 + 10_f64.powf(-0.03))).abs() < 1e-12);
         // No gain, no cause.
         assert_eq!(own(&Evidence { gain: 0.0, ..case(&[]) }), 0.0);

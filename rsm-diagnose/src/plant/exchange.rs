@@ -6,10 +6,11 @@
 use rsm_core::order;
 use rsm_sim::plant_file::Entry;
 
-use super::candidates::{Candidate, best_guesses, count};
+use super::candidates::{Candidate, count};
 use super::hypotheses::{label_of, labels};
 use super::levenberg::{self, Fit};
 use super::model::Model;
+use super::refined_guesses::best_guesses;
 use super::screen::{Screened, screen};
 use super::search::{AcceptedCause, Search};
 use super::search_history::SearchHistory;

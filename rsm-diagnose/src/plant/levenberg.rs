@@ -5,6 +5,7 @@
 
 use super::model::{Model, Place};
 use super::whitened_residuals::{Column, Simulated, WhitenedResiduals};
+use crate::engine::columns::dot;
 use crate::engine::levenberg::{CostTolerance, LEAST_DAMPING, Problem, Rules, descend};
 use crate::engine::normal::{Normal, symmetric};
 
@@ -73,6 +74,15 @@ impl Fit {
         Some(self.columns[column].clone())
     }
 
+    /// How far the cost is above its minimum, to first order: the gain that the derivatives predict for a whole step of the free unknowns.
+    #[must_use]
+    pub fn gain_to_minimum(&self) -> f64 {
+        let right = self.negative_gradient();
+        let change =
+            solved_within_bounds(&self.model, &self.free, &self.matrix(), &right, |small, m| Normal::new(small, m, 0.0));
+        dot(&change, &right)
+    }
+
     /// The negative gradient of the cost, from residual and priors, for each free unknown.
     #[must_use]
     pub fn negative_gradient(&self) -> Vec<f64> {
@@ -83,7 +93,7 @@ impl Fit {
 /// The squared residual of a model plus its priors.
 #[must_use]
 pub fn cost(model: &Model, residual: &[f64]) -> f64 {
-    let mut cost = crate::engine::columns::dot(residual, residual);
+    let mut cost = dot(residual, residual);
     for (k, unknown) in model.unknowns.iter().enumerate() {
         if let Some((centre, sd)) = unknown.prior {
             let off = (model.value(k) - centre) / sd;
@@ -265,7 +275,7 @@ impl Equations {
 
     /// The first-order gain of a step.
     pub(super) fn predicted_gain(&self, change: &[f64]) -> f64 {
-        change.iter().zip(&self.right).map(|(change, right)| change * right).sum()
+        dot(change, &self.right)
     }
 
     /// The model after a step.

@@ -70,6 +70,7 @@ pub mod posterior;
 pub mod predictors;
 pub mod prepared;
 pub mod quantities;
+pub mod refined_guesses;
 pub mod regions;
 pub mod rejected;
 pub mod repeated_blocks;

@@ -5,7 +5,7 @@
 //! which no training row depends are fitted to them (`open_numbers.rs`).
 
 use super::all_rows::AllRows;
-use super::candidates::{Candidate, best_guesses, count, form_of, leading, within_tolerance};
+use super::candidates::{Candidate, count, within_tolerance};
 use super::final_test::Refusal;
 use super::hypotheses::{Hypothesis, labels};
 use super::known_loop::KnownLoop;
@@ -13,6 +13,7 @@ use super::levenberg::{self, Fit};
 use super::model::Model;
 use super::more_rows::FitToMoreRows;
 use super::nuisance::Nuisance;
+use super::refined_guesses::{best_guesses, form_of, leading};
 use super::screen::{Pair, Screened, null, pairs, screen};
 use super::search::{AcceptedCause, Ended, Search, WorkLimits};
 use super::search_history::{Limit, SearchHistory};
@@ -347,9 +348,7 @@ impl Search<'_> {
 /// Adds a candidate to a competition, or replaces a worse fit of the same cause.
 fn compete(candidates: &mut Vec<Candidate>, found: Candidate) {
     match candidates.iter_mut().find(|it| it.label == found.label) {
-        Some(known) if found.score < known.score => {
-            *known = Candidate { aliases_not_fitted: std::mem::take(&mut known.aliases_not_fitted), ..found }
-        }
+        Some(known) if found.score < known.score => known.replace_fit(found),
         Some(_) => {}
         None => candidates.push(found),
     }

@@ -153,7 +153,6 @@ pub fn conclude(
             rivals: &one.rivals,
             same,
             not_fitted: rivals::not_fitted(one).count(),
-            deciding_difference: decides,
             left: most_left * fit.residual.len() as f64,
             explained: is_explained(structure, stopped),
             rivals_tested: one.rivals_tested,

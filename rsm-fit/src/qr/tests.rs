@@ -157,6 +157,20 @@ fn triangles_of_parts_stack_to_that_of_the_whole() {
 }
 
 #[test]
+fn a_factor_of_all_rows_leaves_the_coefficients_and_scales_the_residual() {
+    let (rows, problem) = drawn(&mut Random::new(6), 12, 3);
+    let triangle = pushed(&problem, &rows).finish();
+    let all = [0, 1, 2];
+    let before = Growing::of(&triangle, &all).unwrap();
+    // A power of two scales without rounding.
+    let scaled = triangle.clone().times(Dd::from(8.0));
+    let after = Growing::of(&scaled, &all).unwrap();
+    assert_eq!(after.coefficients(), before.coefficients());
+    assert_eq!(after.residual_square(), before.residual_square() * Dd::from(64.0));
+    assert_eq!(scaled.rows(), 12);
+}
+
+#[test]
 fn rows_are_kept_in_blocks_and_no_longer() {
     let mut random = Random::new(9);
     let (rows, problem) = drawn(&mut random, 2 * BLOCK + 9, 2);

@@ -88,7 +88,6 @@ fn a_cause_beside_structure_helps_and_what_the_law_shows_takes_its_place() {
         rivals: &[],
         same: unit,
         not_fitted: 0,
-        deciding_difference: unit,
         left: left * rows,
         explained: false,
         rivals_tested: true,
