@@ -68,7 +68,7 @@ impl Search<'_> {
                     && path.may_exchange()
                 {
                     let other = self.backward_elimination(winner.fit.clone(), threshold);
-                    if path.visit(labels(&other.model)) {
+                    if path.visit_once(labels(&other.model)) {
                         (self.progress)(&format!("{} in place of {name}", winner.label));
                         fit = other;
                         continue 'again;

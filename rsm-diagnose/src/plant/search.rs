@@ -50,6 +50,13 @@ impl WorkLimits {
             work_for_rivals,
         }
     }
+
+    /// The same for a search that ends without a result if one cause does not leave only noise. A second cause may be added: the first one may then
+    /// prove superfluous.
+    #[must_use]
+    pub fn for_one_cause(self) -> Self {
+        WorkLimits { one_cause: true, causes: 2, ..self }
+    }
 }
 
 /// Why a search ended without a result.

@@ -73,11 +73,16 @@ impl SearchHistory {
     /// Records a set of causes; false if the search has visited it before. The order of causes does not matter.
     pub fn visit(&mut self, mut causes: Vec<String>) -> bool {
         causes.sort_unstable();
-        if self.visited.contains(&causes) {
-            return self.stop(Limit::Cycle);
+        let is_new = !self.visited.contains(&causes);
+        if is_new {
+            self.visited.push(causes);
         }
-        self.visited.push(causes);
-        true
+        is_new
+    }
+
+    /// The same for a set of causes to which the search should not return: then it ends.
+    pub fn visit_once(&mut self, causes: Vec<String>) -> bool {
+        self.visit(causes) || self.stop(Limit::Cycle)
     }
 
     /// Whether the search has visited a sorted set of causes.
@@ -113,5 +118,20 @@ impl SearchHistory {
     fn stop(&mut self, limit: Limit) -> bool {
         self.stopped = self.stopped.or(Some(limit));
         false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_way_to_known_causes_ends_only_a_search_that_should_not_return_to_them() {
+        let set = |names: [&str; 2]| names.map(str::to_string).to_vec();
+        let mut path = SearchHistory::default();
+        assert!(path.visit(set(["leak", "delay"])) && path.visit_once(set(["leak", "drag"])));
+        assert!(!path.visit(set(["delay", "leak"])) && path.stopped().is_none());
+        assert!(!path.visit_once(set(["drag", "leak"])));
+        assert_eq!(path.stopped(), Some(Limit::Cycle));
     }
 }

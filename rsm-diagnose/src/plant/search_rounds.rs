@@ -94,14 +94,12 @@ impl<'a> SearchInput<'a> {
         let waves = if waves::has_waves(file.kind) { 2 * waves::MOST } else { 0 };
         let terms =
             equation_errors.as_ref().filter(|it| !it.terms.is_empty() || !it.orders.is_empty()).map_or(0, |it| it.looks);
+        let limits = WorkLimits::within((runs * run.max(LEAST_WORK_A_ROW * rows as u64)).min(most));
         Ok(SearchInput {
             hypotheses,
             survey: prepared.survey.clone(),
             rounded: prepared.rounded.clone(),
-            limits: WorkLimits {
-                one_cause: searched == Searched::Part,
-                ..WorkLimits::within((runs * run.max(LEAST_WORK_A_ROW * rows as u64)).min(most))
-            },
+            limits: if searched == Searched::Part { limits.for_one_cause() } else { limits },
             equation_errors,
             further_guesses: waves + terms,
             progress: options.progress,

@@ -216,7 +216,9 @@ impl Search<'_> {
             fit = self.by_configuration(fit, threshold, false);
             competed.push((name, candidates));
             stages.push(fit.clone());
-            if !path.visit(labels(&fit.model)) {
+            // Another way to causes that leave only noise confirms them.
+            let causes = labels(&fit.model);
+            if !(if self.leaves_noise(&fit, threshold) { path.visit(causes) } else { path.visit_once(causes) }) {
                 break;
             }
         }
