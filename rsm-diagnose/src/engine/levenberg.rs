@@ -14,7 +14,7 @@ pub(crate) const LEAST_DAMPING: f64 = 1e-9;
 const DAMPING_DECREASE: f64 = 1000.0;
 
 /// A step that raises the cost may be followed by this many steps with the same derivatives, while each of them halves the cost. Along a curved
-/// valley a full step ends high on its side. Each of these steps lowers the cost four- to tenfold there, so eight of them bring it down by 10^5 to 10^8.
+/// valley a full step ends high on its side. Each of these steps lowers the cost four- to tenfold there, eight of them by 10^5 to 10^8.
 const MOST_RETURNS: usize = 8;
 
 /// The damping after a failed step with a smaller damping.
@@ -190,8 +190,8 @@ mod tests {
     use super::*;
     use crate::engine::normal::{Normal, symmetric};
 
-    /// A gain and the logarithm of a friction. Records show their ratio a thousand times as well as the friction: the minimum is at the end of a curved
-    /// valley. With `exact` the derivatives are computed at each place, else they stay those of the first place.
+    /// A gain and the logarithm of a friction. Records show their ratio a thousand times as well as the friction, so the minimum is at the end of a
+    /// curved valley. With `exact` the derivatives are computed at each place, else they stay those of the first place.
     struct Ratio {
         exact: bool,
         computed: std::cell::Cell<usize>,

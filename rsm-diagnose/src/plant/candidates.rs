@@ -14,10 +14,6 @@ use crate::engine::significance::best_gain_by_chance;
 use rsm_core::order;
 use rsm_sim::plant_file::Entry;
 
-/// A simpler cause wins if it reaches this share of the gain, unless the better cause leaves only noise. Different smoothings and integrators of one
-/// formula differ by a tenth of the noise; that is a share of this size if the cause changes the outputs by ten times the noise.
-pub(super) const AS_GOOD: f64 = 0.995;
-
 /// The best candidate gets this many times the steps. A law with kinks converges by only a factor of three in each step.
 const FINAL_STEPS: usize = 3;
 
@@ -256,7 +252,7 @@ impl Search<'_> {
     pub(super) fn tie(&self, best: &Fit, gain: f64, score: f64, threshold: f64) -> f64 {
         let rows = self.whitened.rows() + self.unseen.rows();
         let left = whiteness::test(self.whitened, best).excess * rows as f64;
-        threshold.max(effect_size::tie(left.min((1.0 - AS_GOOD) * gain), score, rows))
+        threshold.max(effect_size::tie(left.min((1.0 - effect_size::AS_GOOD) * gain), score, rows))
     }
 }
 

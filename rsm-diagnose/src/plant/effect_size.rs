@@ -9,6 +9,10 @@
 /// error, an offset 60 % of the rest, an asymmetry of friction 20 % of that. The next best trace of the catalogue removes 1.5 %.
 const LEAST_SHARE_OF_EXCESS: f64 = 0.05;
 
+/// A simpler cause wins if it reaches this share of the gain, unless the better cause leaves only noise. Different smoothings and integrators of one
+/// formula differ by a tenth of the noise; that is a share of this size if the cause changes the outputs by ten times the noise.
+pub(super) const AS_GOOD: f64 = 0.995;
+
 /// The smallest gain of a cause, for a squared residual of this many rows.
 #[must_use]
 pub fn least_gain(squared: f64, rows: usize) -> f64 {

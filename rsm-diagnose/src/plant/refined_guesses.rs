@@ -3,7 +3,7 @@
 //! In: a fit and the results of its screen. Out: the forms that are worth a full fit, with their refined parameters. Forms with the same trace do not
 //! displace other traces. Accepts no cause.
 
-use super::candidates::AS_GOOD;
+use super::effect_size::AS_GOOD;
 use super::levenberg::Fit;
 use super::nuisance::Nuisance;
 use super::screen::Screened;
