@@ -120,18 +120,3 @@ impl SearchHistory {
         false
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn another_way_to_known_causes_ends_only_a_search_that_should_not_return_to_them() {
-        let set = |names: [&str; 2]| names.map(str::to_string).to_vec();
-        let mut path = SearchHistory::default();
-        assert!(path.visit(set(["leak", "delay"])) && path.visit_once(set(["leak", "drag"])));
-        assert!(!path.visit(set(["delay", "leak"])) && path.stopped().is_none());
-        assert!(!path.visit_once(set(["drag", "leak"])));
-        assert_eq!(path.stopped(), Some(Limit::Cycle));
-    }
-}
