@@ -9,12 +9,15 @@ const FIRST_DAMPING: f64 = 1e-3;
 /// The smallest damping. Finite differences are accurate to nine digits.
 pub(crate) const LEAST_DAMPING: f64 = 1e-9;
 
-/// The damping falls by this factor after a successful step. Two unknowns that nearly cancel have a millionth of their own curvature along their
-/// common direction, so even a small damping shortens the step there.
-const DAMPING_DECREASE: f64 = 1000.0;
+/// The damping falls by this factor after a successful step.
+const DAMPING_DECREASE: f64 = 10.0;
 
-/// A step that raises the cost may be followed by this many steps with the same derivatives, while each of them halves the cost. Along a curved
-/// valley a full step ends high on its side. Each of these steps lowers the cost four- to tenfold there, eight of them by 10^5 to 10^8.
+/// The same along a curved valley. Two unknowns that nearly cancel have a millionth of their own curvature along their common direction, so even a small
+/// damping shortens the step there.
+const DAMPING_DECREASE_IN_VALLEY: f64 = 1000.0;
+
+/// The largest number of steps with the same derivatives that lead back to the bottom of a curved valley. Each of them lowers the cost four- to
+/// tenfold there, eight of them by 10^5 to 10^8.
 const MOST_RETURNS: usize = 8;
 
 /// The damping after a failed step with a smaller damping.
@@ -87,13 +90,17 @@ pub(crate) struct Rules {
     pub least_gain: CostTolerance,
     /// The same, if the gain is less than this share of its prediction: then the derivatives are not accurate.
     pub least_gain_ratio: f64,
+    /// Whether steps are long along a curved valley: the damping falls faster, and a step that raises the cost may be followed by steps with the same
+    /// derivatives, while each of them halves the cost. A full step along such a valley ends high on its side.
+    pub follows_valleys: bool,
     /// Whether the search may end only with exact derivatives at the final place.
     pub ends_exact: bool,
 }
 
 /// The damping after a successful step.
-fn decreased_damping(damping: f64) -> f64 {
-    (damping / DAMPING_DECREASE).max(LEAST_DAMPING)
+fn decreased_damping(damping: f64, follows_valleys: bool) -> f64 {
+    let decrease = if follows_valleys { DAMPING_DECREASE_IN_VALLEY } else { DAMPING_DECREASE };
+    (damping / decrease).max(LEAST_DAMPING)
 }
 
 /// The damping after a failed step.
@@ -105,12 +112,12 @@ fn increased_damping(damping: f64) -> f64 {
 fn moved_below<P: Problem>(
     problem: &P,
     at: &P::Iterate,
-    derivatives: &P::Derivatives,
-    equations: &P::Equations,
+    (derivatives, equations): (&P::Derivatives, &P::Equations),
     (step, damping): (Vec<f64>, f64),
+    returns: usize,
 ) -> Option<P::Iterate> {
     let mut to = problem.moved(at, equations, &step)?;
-    for _ in 0..MOST_RETURNS {
+    for _ in 0..returns {
         if problem.cost(&to) < problem.cost(at) {
             return Some(to);
         }
@@ -154,9 +161,15 @@ pub(crate) fn descend<P: Problem>(
                 damping = LEAST_DAMPING;
                 continue;
             }
-            match moved_below(problem, &at, &derivatives, &equations, (step, damping)) {
+            match moved_below(
+                problem,
+                &at,
+                (&derivatives, &equations),
+                (step, damping),
+                if rules.follows_valleys { MOST_RETURNS } else { 0 },
+            ) {
                 Some(to) => {
-                    damping = decreased_damping(damping);
+                    damping = decreased_damping(damping, rules.follows_valleys);
                     taken = Some((to, predicted));
                     break;
                 }
@@ -249,6 +262,7 @@ mod tests {
             retries_undamped: true,
             least_gain: enough,
             least_gain_ratio: 0.5,
+            follows_valleys: true,
             ends_exact: true,
         };
         for exact in [true, false] {

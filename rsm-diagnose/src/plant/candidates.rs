@@ -108,8 +108,7 @@ impl Search<'_> {
             |it: &&mut Candidate| it.fit.cost > enough && it.fit.cost - OPEN_GAINS * it.fit.gain_to_minimum() < enough;
         let mut open: Vec<&mut Candidate> = rivals.iter_mut().filter(is_open).collect();
         let further = self.side_by_side(&open, |search, it| {
-            let steps = FINAL_STEPS * self.limits.fit_steps;
-            let further = levenberg::refit(search.whitened, it.fit.model.clone(), steps, Some(&it.fit))?;
+            let further = levenberg::settled(search.whitened, &it.fit, FINAL_STEPS * self.limits.fit_steps)?;
             search.evaluated(fit, further).filter(|further| further.score < it.score)
         });
         for (rival, further) in open.iter_mut().zip(further) {

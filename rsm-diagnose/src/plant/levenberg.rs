@@ -195,6 +195,22 @@ impl Problem for AllUnknowns<'_> {
 /// Fits all unknowns. Starts with the derivatives of an earlier fit to the same records, for the unknowns that both have.
 #[must_use]
 pub fn refit(whitened: &WhitenedResiduals, model: Model, steps: usize, earlier: Option<&Fit>) -> Option<Fit> {
+    descended(whitened, model, earlier, steps, false)
+}
+
+/// Continues a fit until it converges, also along a curved valley, in at most `steps` steps.
+#[must_use]
+pub fn settled(whitened: &WhitenedResiduals, fit: &Fit, steps: usize) -> Option<Fit> {
+    descended(whitened, fit.model.clone(), Some(fit), steps, true)
+}
+
+fn descended(
+    whitened: &WhitenedResiduals,
+    model: Model,
+    earlier: Option<&Fit>,
+    steps: usize,
+    follows_valleys: bool,
+) -> Option<Fit> {
     let start = Iterate::of(whitened, model)?;
     let all = 0..start.model.unknowns.len();
     let known: Vec<Option<Column>> = all.clone().map(|k| earlier.and_then(|fit| fit.column_of(&start.model, k))).collect();
@@ -212,6 +228,7 @@ pub fn refit(whitened: &WhitenedResiduals, model: Model, steps: usize, earlier: 
         retries_undamped: true,
         least_gain: enough,
         least_gain_ratio: 0.5,
+        follows_valleys,
         ends_exact: true,
     };
     let (at, equations) = descend(&AllUnknowns(whitened), start, Some((columns, exact)), &rules)?;

@@ -212,6 +212,7 @@ pub fn robust_fit(whitened: &WhitenedResiduals, model: Model) -> Option<Model> {
         retries_undamped: false,
         least_gain: enough,
         least_gain_ratio: 0.0,
+        follows_valleys: false,
         ends_exact: false,
     };
     Some(descend(&RobustFit(whitened), Iterate::of(whitened, model)?, None, &rules)?.0.model)

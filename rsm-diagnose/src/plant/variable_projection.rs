@@ -132,6 +132,7 @@ pub fn project(
         retries_undamped: false,
         least_gain: enough,
         least_gain_ratio: 0.0,
+        follows_valleys: false,
         ends_exact: false,
     };
     let (at, _) = descend(&problem, start, None, &rules)?;
