@@ -12,8 +12,8 @@ pub(crate) const LEAST_DAMPING: f64 = 1e-9;
 /// The damping falls by this factor after a successful step.
 const DAMPING_DECREASE: f64 = 10.0;
 
-/// The same along a curved valley. Two unknowns that nearly cancel have a millionth of their own curvature along their common direction, so even a small
-/// damping shortens the step there.
+/// The same along a curved valley. Two unknowns that nearly cancel have a millionth of their own curvature along their common direction, so even a
+/// small damping shortens the step there.
 const DAMPING_DECREASE_IN_VALLEY: f64 = 1000.0;
 
 /// The largest number of steps with the same derivatives that lead back to the bottom of a curved valley. Each of them lowers the cost four- to
