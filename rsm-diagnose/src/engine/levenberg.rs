@@ -98,8 +98,7 @@ pub(crate) struct Rules {
 }
 
 /// The damping after a successful step.
-fn decreased_damping(damping: f64, follows_valleys: bool) -> f64 {
-    let decrease = if follows_valleys { DAMPING_DECREASE_IN_VALLEY } else { DAMPING_DECREASE };
+fn decreased_damping(damping: f64, decrease: f64) -> f64 {
     (damping / decrease).max(LEAST_DAMPING)
 }
 
@@ -142,6 +141,8 @@ pub(crate) fn descend<P: Problem>(
     derivatives: Option<(P::Derivatives, bool)>,
     rules: &Rules,
 ) -> Option<(P::Iterate, P::Equations)> {
+    let (decrease, returns) =
+        if rules.follows_valleys { (DAMPING_DECREASE_IN_VALLEY, MOST_RETURNS) } else { (DAMPING_DECREASE, 0) };
     let mut at = start;
     let (mut derivatives, mut exact) = match derivatives {
         Some(known) => known,
@@ -161,15 +162,9 @@ pub(crate) fn descend<P: Problem>(
                 damping = LEAST_DAMPING;
                 continue;
             }
-            match moved_below(
-                problem,
-                &at,
-                (&derivatives, &equations),
-                (step, damping),
-                if rules.follows_valleys { MOST_RETURNS } else { 0 },
-            ) {
+            match moved_below(problem, &at, (&derivatives, &equations), (step, damping), returns) {
                 Some(to) => {
-                    damping = decreased_damping(damping, rules.follows_valleys);
+                    damping = decreased_damping(damping, decrease);
                     taken = Some((to, predicted));
                     break;
                 }

@@ -218,7 +218,8 @@ impl Search<'_> {
             stages.push(fit.clone());
             // Another way to causes that leave only noise confirms them.
             let causes = labels(&fit.model);
-            if !(if self.leaves_noise(&fit, threshold) { path.visit(causes) } else { path.visit_once(causes) }) {
+            let is_new = if self.leaves_noise(&fit, threshold) { path.visit(causes) } else { path.visit_once(causes) };
+            if !is_new {
                 break;
             }
         }
