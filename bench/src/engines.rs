@@ -17,10 +17,17 @@ use crate::simulation::Subject;
 /// The number of runs; the shortest time is used.
 const RUNS: usize = 31;
 
-/// The step of a difference that is compared with a derivative, as a share of the quantity; and the tolerance of both. A difference has the errors of
-/// two runs, divided by the step: a moved parameter may change the method of a row, so the steps of the runs differ.
+/// The step of a difference whose time is measured, as a share of the quantity.
 const DIFFERENCE: f64 = 1e-4;
+
+/// The step of the central differences that derivatives are compared with, and the tolerance of both. A difference has the errors of two runs, divided by
+/// the step: a moved parameter may change the method of a row, so the steps of the runs differ. At this tolerance errors are up to 1e-10 of an output, so
+/// the step is large; the third derivative then changes a difference by some 1e-5.
+const CLOSE_DIFFERENCE: f64 = 1e-3;
 const CLOSE: f64 = 1e-12;
+
+/// The size of a value of the start that is 0. The controller of the axis has 39,000 V/m and a limit of 10 V: steps of more than 0.2 mm meet the limit.
+const SMALL_START: f64 = 0.1;
 
 /// Lanes that run side by side.
 pub const LANES: usize = 8;
@@ -179,8 +186,8 @@ impl Text {
     }
 
     /// The time of the derivatives with respect to some quantities along the record, in seconds: exact; by differences with one run for each
-    /// quantity and one more, separately and in lanes; and, at a smaller tolerance, the largest difference of both, as a share of a derivative's
-    /// magnitude.
+    /// quantity and one more, separately and in lanes; and, at a smaller tolerance, the largest error against central differences, as a share of a
+    /// derivative's magnitude.
     ///
     /// # Panics
     /// If a run ends early.
@@ -195,28 +202,27 @@ impl Text {
         let of = Sensitive::new(&machine, &starts, self.signals.time[0], &first, &values, by);
         let of = of.unwrap_or_else(|faults| panic!("{faults}"));
         let setting = Setting::new(Method::Automatic, tolerance);
-        let mut lanes = vec![self.lane.clone()];
-        let mut steps = Vec::new();
-        for quantity in by {
-            match quantity {
+        let mut moved = |share: f64| -> Vec<(Lane, f64)> {
+            let lane = |quantity: &By| match quantity {
                 By::Parameter(name) => {
                     let value = machine.parameters().iter().find(|it| it.0 == *name).map_or(f64::NAN, |it| it.2);
-                    steps.push(DIFFERENCE * value);
-                    machine.set(name, value + DIFFERENCE * value).unwrap_or_else(|faults| panic!("{faults}"));
-                    lanes.push(self.lane_of(&mut machine));
+                    machine.set(name, value + share * value).unwrap_or_else(|faults| panic!("{faults}"));
+                    let lane = self.lane_of(&mut machine);
                     machine.set(name, value).unwrap_or_else(|faults| panic!("{faults}"));
+                    (lane, share * value)
                 }
                 By::Start(place) => {
                     let mut moved = values.clone();
-                    // A value of the start may be 0.
-                    let step = DIFFERENCE * moved[*place].abs().max(1.0);
+                    let step = share * moved[*place].abs().max(SMALL_START);
                     moved[*place] += step;
-                    steps.push(step);
                     let start = starts.at(&machine, self.signals.time[0], &first, &moved);
-                    lanes.push(Lane::new(&machine, start.unwrap_or_else(|faults| panic!("{faults}"))));
+                    (Lane::new(&machine, start.unwrap_or_else(|faults| panic!("{faults}"))), step)
                 }
-            }
-        }
+            };
+            by.iter().map(lane).collect()
+        };
+        let lanes: Vec<Lane> = [self.lane.clone()].into_iter().chain(moved(DIFFERENCE).into_iter().map(|it| it.0)).collect();
+        let (above, below) = (moved(CLOSE_DIFFERENCE), moved(-CLOSE_DIFFERENCE));
         let [mut of_derivatives, mut alone, mut group] = [(); 3].map(|()| Lanes::new(&self.machine));
         let [own, side_by_side, one_by_one] = in_turn([
             &mut || {
@@ -236,15 +242,16 @@ impl Text {
             },
         ]);
         let close = Setting::new(Method::Automatic, CLOSE);
-        let found = group.run(&lanes, self.inputs(), close);
+        let both: Vec<Lane> = above.iter().chain(&below).map(|it| it.0.clone()).collect();
+        let found = group.run(&both, self.inputs(), close);
         let found: Vec<Vec<Vec<f64>>> = found.into_iter().map(|it| it.unwrap_or_else(|it| panic!("{it}"))).collect();
         let exact = of_derivatives.sensitivities(&of, self.inputs(), close).unwrap_or_else(|it| panic!("{it}")).derivatives;
         let mut worst = 0.0_f64;
-        for (k, step) in steps.iter().enumerate() {
+        for (k, (above, below)) in above.iter().zip(&below).enumerate() {
             for (output, derivative) in exact[k].iter().enumerate() {
                 let size = derivative.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
                 for (row, derivative) in derivative.iter().enumerate().filter(|_| size > 0.0) {
-                    let difference = (found[k + 1][output][row] - found[0][output][row]) / step;
+                    let difference = (found[k][output][row] - found[by.len() + k][output][row]) / (above.1 - below.1);
                     worst = worst.max((difference - derivative).abs() / size);
                 }
             }

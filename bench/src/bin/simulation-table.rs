@@ -71,7 +71,7 @@ fn texts() {
 /// Exact derivatives with respect to ten parameters and values of the start, or to all that there are, compared with differences.
 fn sensitivities() {
     println!(
-        "\nsensitivities at a tolerance of 1e-8; differences of one run a quantity (a parameter or a value of the start) and one more; `off`: the difference of both at a tolerance of 1e-12, as a share of a derivative's size\n\n{:<11}| {:>10} {:>9} {:>12} {:>12} {:>9}",
+        "\nsensitivities at a tolerance of 1e-8; differences of one run a quantity (a parameter or a value of the start) and one more; `off`: the largest error against central differences at a tolerance of 1e-12, as a share of a derivative's size\n\n{:<11}| {:>10} {:>9} {:>12} {:>12} {:>9}",
         "", "quantities", "ms", "one by one", "in lanes", "off"
     );
     for subject in SUBJECTS {

@@ -8,16 +8,36 @@
 //! In: a walk of one lane, and the derivatives of its parameters and of its start in some directions. Out: the derivatives of every output. Each
 //! direction is a lane: four directions are computed together by the same machine code, and values that do not depend on the direction are computed
 //! once for all. The walk itself is unchanged. The sensitivity is the exact derivative of the computed solution with the step lengths held constant
-//! (H. G. Bock, "Numerical treatment of inverse problems in chemical reaction kinetics", 1981, calls it internal differentiation). The instant of an
-//! event depends on the parameters; the second line above contains this contribution (M. A. Aizerman, F. R. Gantmacher, "Determination of stability
-//! by linear approximation of a periodic solution of a system of differential equations with discontinuous right-hand sides", 1958).
+//! (H. G. Bock, "Numerical treatment of inverse problems in chemical reaction kinetics", 1981, calls it internal differentiation), if the terms of the
+//! sensitivities permit this step. Else they have steps of their own along the same solution. The instant of an event depends on the parameters; the
+//! second line above contains this contribution (M. A. Aizerman, F. R. Gantmacher, "Determination of stability by linear approximation of a periodic
+//! solution of a system of differential equations with discontinuous right-hand sides", 1958).
 
 use super::rows::Stopped;
 use super::series::Tried;
-use super::shortened::composed;
+use super::series_speeds::{Open, Places, SeriesSpeeds};
 use super::speeds::{Carried, Direction};
+use super::thresholds::Thresholds;
 use super::walk::Walk;
-use crate::code::{Slot, WIDE, Way};
+use crate::code::{Slot, WIDE, Way, lengthen};
+
+/// The smallest tolerance of the terms of the derivatives. Where the states rest, the derivatives may move: at the tolerance of the states they would
+/// need steps of their own in most rows, to digits that no fit and no standard error needs.
+pub(super) const TOLERANCE: f64 = 1e-4;
+
+/// The shortest share of a step of the states for a step of the sensitivities. With three orders and a tolerance of 1e-13, a share of 1/4096 of a step
+/// that is 100 times as long as the fastest time constant still has terms that decrease.
+const SHORTEST: f64 = 1.0 / 4096.0;
+
+/// A step in which some directions go separately.
+struct Separate {
+    begin: f64,
+    length: f64,
+    /// For each order from 0: the terms of all states.
+    polynomial: Vec<Vec<f64>>,
+    /// The last solution of the iterated blocks.
+    guesses: Vec<f64>,
+}
 
 /// The data that one set of directions keeps from run to run.
 pub(super) struct Along<'m> {
@@ -38,6 +58,11 @@ impl<const L: usize> Walk<'_, L> {
         if let Some(linear) = &mut it.linear {
             linear.parts.clear();
             linear.loaded = None;
+        }
+        it.checked.begin(&mut it.store);
+        let tolerance = self.setting.tolerance.max(TOLERANCE);
+        if it.thresholds.tolerance() != tolerance {
+            it.thresholds = Thresholds::new(tolerance, self.programs.counts.guesses > 0);
         }
         for (k, moving) in directions.iter().enumerate() {
             let (group, lane) = (k / WIDE, k % WIDE);
@@ -66,48 +91,66 @@ impl<const L: usize> Walk<'_, L> {
     /// Carries the sensitivities over a step of the series that began at an instant, up to a share of its length. `before` contains the states at the
     /// start of the step.
     pub(super) fn carry_step(&mut self, tried: Tried, share: f64, begin: f64) {
-        let Some(mut it) = self.carried.take() else { return };
-        let layout = self.programs.layout;
         let count = self.programs.counts.states;
-        if count == 0 {
-            self.carried = Some(it);
-            return;
-        }
+        let Some(mut it) = self.carried.take_if(|_| count > 0) else { return };
+        let layout = self.programs.layout;
         let mut last = 0;
         while self.programs.part(last).order < tried.order {
             last += 1;
         }
         let mut time = [begin; L];
         self.swap_with_step_start(&mut time);
-        if share == 1.0 {
-            self.whole_step(&mut it, last);
-        } else {
-            for place in 0..=last {
-                if it.parts.len() <= place {
-                    let found = it.written(&self.programs.part(place).placed);
-                    it.parts.push(found);
-                }
-                it.parts[place].iter().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
-            }
+        let step = self.slots[layout.step as usize];
+        self.slots[layout.step as usize] = step.map(|it| it * share);
+        if let Some(open) = self.series_step(&mut it, last, None, false) {
+            self.carry_separately(&mut it, last, (begin, share * step[0]), &open);
         }
+        self.slots[layout.step as usize] = step;
         self.swap_with_step_start(&mut time);
-        if share == 1.0 {
-            it.take_end(layout.states, self.programs.end(), count, false);
-            self.carried = Some(it);
-            return;
-        }
-        for group in 0..it.groups {
-            for k in 0..count as Slot {
-                let Some(to) = it.speed(group, layout.states + k) else { continue };
-                let mut moved = [0.0; WIDE];
-                for order in (1..=tried.order).rev() {
-                    let term = it.speeds_of(group, self.programs.terms[order - 1] + k);
-                    moved = std::array::from_fn(|lane| (moved[lane] + term[lane]) * share);
-                }
-                (0..WIDE).for_each(|lane| it.store.slots[to][lane] += moved[lane]);
-            }
-        }
         self.carried = Some(it);
+    }
+
+    /// Carries the sensitivities in some directions over a step, whose start is in the slots, with orders and lengths of their own. The states inside of
+    /// the step are those of its series up to the last order of a part. The walk stays where it is.
+    fn carry_separately(&mut self, it: &mut Carried, last: usize, (begin, length): (f64, f64), open: &Open) {
+        let (states, count) = (self.programs.layout.states as usize, self.programs.counts.states);
+        let mut highest = last;
+        while self.programs.part(highest).order + 2 <= it.thresholds.most() {
+            highest += 1;
+        }
+        lengthen(&mut self.slots, self.programs.slots());
+        let kept = self.slots.clone();
+        for place in 0..=last {
+            self.programs.part(place).code.run(&mut self.slots, &mut self.spare);
+        }
+        let order = self.programs.part(last).order;
+        let terms = &self.programs.terms[..order];
+        let list = |begin: usize| self.slots[begin..begin + count].iter().map(|it| it[0]).collect::<Vec<f64>>();
+        let polynomial: Vec<Vec<f64>> = [states].into_iter().chain(terms.iter().map(|it| *it as usize)).map(list).collect();
+        let guesses =
+            self.slots[self.programs.layout.guesses as usize..][..self.programs.counts.guesses].iter().map(|it| it[0]);
+        let of = Separate { begin, length, polynomial, guesses: guesses.collect() };
+        self.carry_divided(it, highest, &of, (0.0, 1.0), open);
+        self.slots = kept;
+    }
+
+    /// Carries the sensitivities in some directions over a share of a step, between two shares. If it is too long for a direction, it is divided into
+    /// halves.
+    fn carry_divided(&mut self, it: &mut Carried, last: usize, of: &Separate, (from, to): (f64, f64), open: &Open) {
+        let layout = self.programs.layout;
+        self.slots[layout.step as usize] = [(to - from) * of.length; L];
+        self.slots[layout.time as usize] = [of.begin + from * of.length; L];
+        for (k, slot) in self.slots[layout.states as usize..][..self.programs.counts.states].iter_mut().enumerate() {
+            *slot = [of.polynomial.iter().rev().fold(0.0, |sum, terms| sum * from + terms[k]); L];
+        }
+        let guesses = &mut self.slots[layout.guesses as usize..];
+        guesses.iter_mut().zip(&of.guesses).for_each(|(slot, value)| *slot = [*value; L]);
+        self.settle();
+        if let Some(open) = self.series_step(it, last, Some(open), to - from <= SHORTEST) {
+            let middle = 0.5 * (from + to);
+            self.carry_divided(it, last, of, (from, middle), &open);
+            self.carry_divided(it, last, of, (middle, to), &open);
+        }
     }
 
     /// Swaps the time and the states with those at the start of the step: programs of derivatives read their arguments from the walk.
@@ -118,15 +161,32 @@ impl<const L: usize> Walk<'_, L> {
         self.slots[states].swap_with_slice(&mut self.before);
     }
 
-    /// The derivatives at the end of a whole step, from all orders up to the last order of a part.
-    fn whole_step(&mut self, it: &mut Carried, last: usize) {
-        it.whole.resize_with(it.whole.len().max(last + 1), || None);
-        if it.whole[last].is_none() {
+    /// Takes the derivatives at the end of a step of the series, from all orders up to the last order of a part, in some directions or all. Returns the
+    /// directions for which the step is too long, and keeps their derivatives.
+    fn series_step(&mut self, it: &mut Carried, last: usize, of: Option<&Open>, is_shortest: bool) -> Option<Open> {
+        it.series.resize_with(it.series.len().max(last + 1), || None);
+        let order = self.programs.written(last)[last].order;
+        if it.series[last].is_none() {
+            let places = Places {
+                states: self.programs.layout.states,
+                count: self.programs.counts.states,
+                end: self.programs.end(),
+                last: self.programs.terms[order - 1],
+            };
             let parts: Vec<_> = self.programs.written(last).iter().map(|it| &it.placed).collect();
-            let composed = composed(&parts, self.programs.end(), self.programs.counts.states);
-            it.whole[last] = Some(it.written(&composed));
+            it.series[last] = Some(SeriesSpeeds::new(it, &parts, places));
         }
-        it.whole[last].iter().flatten().for_each(|speeds| speeds.run(&mut it.store, &self.slots));
+        let Carried { series, store, checked, thresholds, groups, .. } = it;
+        let Some(series) = &series[last] else { return None };
+        let limit = thresholds.of(order).0;
+        let is_valid = series.run(store, checked, &self.slots, limit) || is_shortest;
+        if is_valid && of.is_none() {
+            series.take(store);
+            return None;
+        }
+        let all = vec![[true; WIDE]; *groups];
+        let open = series.take_valid(store, limit, of.unwrap_or(&all), is_valid);
+        open.as_flattened().contains(&true).then_some(open)
     }
 
     /// At an instant at which a comparison has just changed: the instant depends on the parameters, and so do the states at this instant.

@@ -77,7 +77,7 @@ impl<const L: usize> Walk<'_, L> {
         }
         self.swap_with_step_start(&mut time);
         let found = if share == 1.0 {
-            it.take_end(layout.states, block.end() as Slot, n, true);
+            it.take_end(layout.states, block.end() as Slot, n);
             Some(())
         } else {
             self.carry_inside(it, &mut linear, (place, loaded.level), share)

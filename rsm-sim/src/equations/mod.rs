@@ -46,6 +46,7 @@ pub mod rows;
 mod sampling;
 pub mod sensitivities;
 mod series;
+mod series_speeds;
 mod shortened;
 pub mod signals;
 mod speeds;

@@ -57,8 +57,8 @@ pub(super) fn without(tape: &Tape, zero_inputs: &[bool]) -> (Option<Tape>, Vec<b
     (own, moves)
 }
 
-/// Combines parts of a series to one program for the states at the end of a whole step.
-pub(super) fn composed(parts: &[&Placed], end: Slot, states: usize) -> Placed {
+/// Combines parts of a series to one program for some of their results.
+pub(super) fn composed(parts: &[&Placed], results: &[Slot]) -> Placed {
     let mut builder = TapeBuilder::sharing(rsm_core::number::Precision::F64);
     let mut found: HashMap<Slot, Reg> = HashMap::new();
     let mut arguments: Vec<Slot> = Vec::new();
@@ -73,8 +73,11 @@ pub(super) fn composed(parts: &[&Placed], end: Slot, states: usize) -> Placed {
         let results = builder.inline(&part.tape, &inputs);
         found.extend(part.results.iter().copied().zip(results));
     }
-    let results: Vec<Slot> = (end..end + states as Slot).collect();
     let outputs: Vec<(String, Reg)> = results.iter().map(|slot| (format!("slot {slot}"), found[slot])).collect();
     let names = arguments.iter().map(|slot| format!("slot {slot}")).collect();
-    Placed { tape: builder.finish_with_results("step", names, outputs, [] as [(String, Reg); 0]), arguments, results }
+    Placed {
+        tape: builder.finish_with_results("step", names, outputs, [] as [(String, Reg); 0]),
+        arguments,
+        results: results.to_vec(),
+    }
 }

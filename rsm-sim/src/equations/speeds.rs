@@ -18,7 +18,9 @@ use super::frechet_values::Shared;
 use super::phi::Chain;
 use super::placed::Placed;
 use super::programs::Programs;
+use super::series_speeds::{Checked, SeriesSpeeds};
 use super::shortened::without;
+use super::thresholds::Thresholds;
 use crate::code::{Code, Piece, Slot, WIDE, Way, lengthen};
 
 /// The rows of derivatives of outputs that are collected before they are written: one at a time, they would go to as many places as there are
@@ -44,7 +46,7 @@ pub(super) struct Mirror {
 }
 
 /// No slots.
-const NONE: Range<usize> = 0..0;
+pub(super) const NONE: Range<usize> = 0..0;
 
 /// No place.
 const NO_SLOT: Slot = Slot::MAX;
@@ -84,6 +86,20 @@ pub(super) struct DerivativeProgram {
     loaded: Vec<(usize, usize)>,
 }
 
+/// The same before it is compiled.
+pub(super) struct Pieces {
+    pub pieces: Vec<Piece>,
+    fixed: Vec<(usize, usize)>,
+    loaded: Vec<(usize, usize)>,
+}
+
+impl Pieces {
+    pub(super) fn compiled(self, way: Way) -> DerivativeProgram {
+        let Pieces { pieces, fixed, loaded } = self;
+        DerivativeProgram { code: Code::of(pieces, WIDE, way), fixed, run: Cell::new(0), loaded }
+    }
+}
+
 /// Values and derivatives, at the places of the mirror.
 #[derive(Debug, Default)]
 pub(super) struct Store {
@@ -101,7 +117,7 @@ impl Store {
         self.grow(places);
     }
 
-    fn grow(&mut self, places: Slot) {
+    pub(super) fn grow(&mut self, places: Slot) {
         lengthen(&mut self.slots, places as usize);
     }
 
@@ -138,9 +154,11 @@ pub(super) struct Carried {
     still: Vec<HashSet<Slot>>,
     pub once: Vec<Option<DerivativeProgram>>,
     pub row: Vec<Option<DerivativeProgram>>,
-    pub parts: Vec<Option<DerivativeProgram>>,
-    /// For each part: all orders up to its last one, for the end of a whole step.
-    pub whole: Vec<Option<Option<DerivativeProgram>>>,
+    /// For each part of the series: steps with all orders up to its last one. Compiled at the first such step.
+    pub series: Vec<Option<SeriesSpeeds>>,
+    /// The limits of their last terms.
+    pub thresholds: Thresholds,
+    pub checked: Checked,
     /// Slots of the walk that are constant during a run.
     fixed: HashSet<Slot>,
     pub output_program: Option<DerivativeProgram>,
@@ -150,8 +168,8 @@ pub(super) struct Carried {
     pub instant: Option<Vec<[f64; WIDE]>>,
     /// For each memory that has a derivative in a group: its place, and that of its next value.
     pub memories: Vec<(usize, Option<usize>)>,
-    /// Copies the derivatives of the states at the end of a step; of the series, and by a linear part.
-    ends: [Option<Code>; 2],
+    /// Copies the derivatives of the states at the end of a step by a linear part.
+    end: Option<Code>,
     /// The places of the derivatives of the outputs, side by side: for each group, for each output; and the collected rows of them.
     outputs: Range<usize>,
     pub block: Vec<[f64; WIDE]>,
@@ -231,15 +249,16 @@ impl Carried {
             moving,
             once: Vec::new(),
             row: Vec::new(),
-            parts: Vec::new(),
-            whole: Vec::new(),
+            series: Vec::new(),
+            checked: Checked::default(),
+            thresholds: Thresholds::new(super::carried::TOLERANCE, counts.guesses > 0),
             fixed,
             output_program: None,
             sides: None,
             events: None,
             instant: None,
             memories: Vec::new(),
-            ends: [None, None],
+            end: None,
             outputs: 0..0,
             block: Vec::new(),
             linear: None,
@@ -288,6 +307,11 @@ impl Carried {
     /// Compiles the derivatives of a program, and marks which of its results have derivatives.
     /// `loaded`: the slots of the walk that only a new linear part changes.
     pub(super) fn speeds(&mut self, placed: &Placed, by_time: bool, loaded: &Range<usize>) -> Option<DerivativeProgram> {
+        self.pieces(placed, by_time, loaded).map(|pieces| pieces.compiled(self.way))
+    }
+
+    /// The pieces of [`Carried::speeds`].
+    pub(super) fn pieces(&mut self, placed: &Placed, by_time: bool, loaded: &Range<usize>) -> Option<Pieces> {
         let ports: Vec<usize> =
             (0..placed.arguments.len()).filter(|port| self.moving.contains(&placed.arguments[*port])).collect();
         if ports.is_empty() {
@@ -338,7 +362,7 @@ impl Carried {
             let results: Vec<Slot> = results.iter().zip(&moves).filter(|it| *it.1).map(|it| it.0.1).collect();
             pieces.extend(own.map(|own| Piece::tape(&own, &all, &results)));
         }
-        Some(DerivativeProgram { code: Code::of(pieces, WIDE, self.way), fixed, run: Cell::new(0), loaded })
+        Some(Pieces { pieces, fixed, loaded })
     }
 
     /// The derivatives of what is computed when inputs, held comparisons or memories change.
@@ -431,10 +455,10 @@ impl Carried {
         self.speed(group, slot).map_or([0.0; WIDE], |place| self.store.slots[place])
     }
 
-    /// Takes the derivatives of the states from those at the end of a step, of the series or by a linear part.
-    pub(super) fn take_end(&mut self, states: Slot, end: Slot, count: usize, by_linear: bool) {
-        let Carried { ends, mirror, groups, store, way, .. } = self;
-        let code = ends[usize::from(by_linear)].get_or_insert_with(|| {
+    /// Takes the derivatives of the states from those at the end of a step by a linear part.
+    pub(super) fn take_end(&mut self, states: Slot, end: Slot, count: usize) {
+        let Carried { end: code, mirror, groups, store, way, .. } = self;
+        let code = code.get_or_insert_with(|| {
             let both = |(group, k): (usize, Slot)| mirror.known(group, end + k).zip(mirror.known(group, states + k));
             let all = (1..=*groups).flat_map(|group| (0..count as Slot).map(move |k| (group, k)));
             Code::of(vec![Piece::Copy(all.filter_map(both).collect())], WIDE, *way)
@@ -461,12 +485,5 @@ impl Carried {
             }
         }
         self.block.clear();
-    }
-
-    /// The derivatives of a program that is first needed during a run, with memory for them.
-    pub(super) fn written(&mut self, placed: &Placed) -> Option<DerivativeProgram> {
-        let found = self.speeds(placed, false, &NONE);
-        self.store.grow(self.mirror.next);
-        found
     }
 }

@@ -9,6 +9,7 @@ const MOST: usize = 25;
 const MOST_BY_NEWTON: usize = 7;
 
 /// Limits for the last terms of a series.
+#[derive(Debug)]
 pub(super) struct Thresholds {
     tolerance: f64,
     /// For each order: the limits of its term and of the term before.

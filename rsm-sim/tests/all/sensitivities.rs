@@ -409,3 +409,46 @@ fn directions_by_linear_parts_have_the_bits_that_they_have_alone_by_the_interpre
         assert_eq!(interpreted.unwrap_or_else(|stopped| panic!("{stopped}")), all);
     }
 }
+
+/// A slow motion, and a fast one that follows it: a lag, or a damped vibration. `fast`: rate of the fast one in 1/s.
+const FOLLOWERS: [&str; 2] = [
+    "model Lag\n  parameter Real fast = 200;\n  parameter Real gain = 0.7;\n  input Real force;\n  output Real x(start = 1.0, fixed = true);\n  \
+     output Real y(start = 1.0, fixed = true);\nequation\n  der(x) = gain*(force - x*x*x);\n  der(y) = fast*(x - y) - 0.3*y*y;\nend Lag;\n",
+    "model Vibration\n  parameter Real fast = 200;\n  parameter Real gain = 0.7;\n  input Real force;\n  output Real x(start = 1.0, fixed = true);\n  \
+     output Real y(start = 1.0, fixed = true);\n  Real v(start = 0.0, fixed = true);\nequation\n  der(x) = gain*(force - x*x*x);\n  der(y) = fast*v;\n  \
+     der(v) = fast*(x - y - 0.6*v);\nend Vibration;\n",
+];
+
+#[test]
+fn derivatives_of_a_motion_that_the_states_hardly_show_are_as_accurate_as_the_states() {
+    // The states rest on the slow motion, so the fast one is no reason for short steps. Beyond the region of stability of such a step, the derivatives
+    // by `fast` would grow up to 1e5 times the output.
+    let (period, rows_of_record) = (0.01, 200);
+    let time = rows(rows_of_record, period);
+    let values = vec![(0..rows_of_record).map(|k| 1.0 + 0.5 * f64::from((k as u32 / 50) % 2)).collect::<Vec<f64>>()];
+    let inputs = Inputs { time: &time, values: &values };
+    let names = ["fast", "gain"];
+    for (k, text) in FOLLOWERS.iter().enumerate() {
+        for case in 0..24 {
+            // From 2 to 300 time constants in a row, and tolerances from 1e-2 to 1e-9 (a Weyl sequence).
+            let drawn = |by: f64| (f64::from(case * 2 + k as u32) * by).fract();
+            let (stiffness, tolerance) =
+                (2.0 * 150.0_f64.powf(drawn(2.0_f64.sqrt())), 10.0_f64.powf(-2.0 - 7.0 * drawn(3.0_f64.sqrt())));
+            let file = file(text, &format!("fast = {}\n", stiffness / period));
+            let exact = found(&file, &names, inputs, Setting::new(Method::Stiff, 1e-11));
+            for method in [Method::Automatic, Method::Explicit] {
+                let it = found(&file, &names, inputs, Setting::new(method, tolerance));
+                for (parameter, (found, exact)) in it.derivatives.iter().zip(&exact.derivatives).enumerate() {
+                    let value = [stiffness / period, 0.7][parameter];
+                    let off =
+                        found.iter().zip(exact).flat_map(|(found, exact)| found.iter().zip(exact).map(|(a, b)| (a - b).abs()));
+                    let off = value * off.fold(0.0, f64::max);
+                    // The outputs are about 1. Each row has at most a few errors of the tolerance: one by one they are below 50 tolerances, and in
+                    // sum at most one a row.
+                    let allowed = tolerance * rows_of_record as f64;
+                    assert!(off < allowed, "{k} {method:?} {stiffness:.0} {tolerance:.0e} {}: {off:.1e}", names[parameter]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! Sensitivities over a step of the series, with a check of their own terms.
+//!
+//! ```text
+//! scale = max(largest |S| so far, |S_end - S|);  the step is valid for a direction if |last term| < limit scale for all states
+//! ```
+//!
+//! In: the parts of a series up to its last order. Out: code for the derivatives at the end of the step, and the directions for which the step is too long. The states alone decide how long a step is. A motion that is faster than the step, and that the states do not show, is in the
+//! derivatives: beyond the region of stability of the series it grows from step to step there, before the states show it (E. Hairer, G. Wanner,
+//! "Solving Ordinary Differential Equations II", IV.2). Each direction is checked alone, so its bits do not depend on the others.
+
+use rsm_core::number::{Precision, exact, integer};
+use rsm_core::tape::{Reg, TapeBuilder};
+
+use super::placed::Placed;
+use super::shortened::composed;
+use super::speeds::{Carried, DerivativeProgram, NONE, Store};
+use crate::code::{Code, Piece, Slot, WIDE};
+
+/// Directions, for each group.
+pub(super) type Open = Vec<[bool; WIDE]>;
+
+/// Where the states of a walk and the results of a series are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Places {
+    pub states: Slot,
+    pub count: usize,
+    /// The first of the states at the end of the step.
+    pub end: Slot,
+    /// The first of the last terms.
+    pub last: Slot,
+}
+
+/// What the steps of all orders share: the places of the limit, of the number of terms above it, and of the largest magnitude of each derivative so
+/// far.
+#[derive(Debug, Default)]
+pub(super) struct Checked {
+    limit: Slot,
+    too_long: Slot,
+    largest: Vec<Slot>,
+}
+
+impl Checked {
+    /// Before a run.
+    pub(super) fn begin(&self, store: &mut Store) {
+        self.largest.iter().for_each(|place| store.slots[*place as usize] = [0.0; WIDE]);
+    }
+}
+
+/// The derivatives of one state in the directions of a group: the places at the start and at the end of the step, of the last term, of the largest
+/// magnitude so far, and of the next one.
+#[derive(Debug)]
+struct Derivatives {
+    group: usize,
+    begin: Slot,
+    end: Slot,
+    last: Option<Slot>,
+    largest: Slot,
+    next: Slot,
+}
+
+/// The steps of one order.
+#[derive(Debug)]
+pub(super) struct SeriesSpeeds {
+    program: Option<DerivativeProgram>,
+    /// Takes the derivatives at the end of the step, and the largest magnitudes.
+    accept: Code,
+    all: Vec<Derivatives>,
+}
+
+impl SeriesSpeeds {
+    pub(super) fn new(it: &mut Carried, parts: &[&Placed], places: Places) -> SeriesSpeeds {
+        let states = 0..places.count as Slot;
+        if it.checked.largest.is_empty() {
+            let largest = (0..it.groups * places.count).map(|_| it.mirror.fresh()).collect();
+            it.checked = Checked { limit: it.mirror.fresh(), too_long: it.mirror.fresh(), largest };
+        }
+        let results: Vec<Slot> =
+            [places.end, places.last].into_iter().flat_map(|begin| states.clone().map(move |k| begin + k)).collect();
+        let pieces = it.pieces(&composed(parts, &results), false, &NONE);
+        let mut all = Vec::new();
+        for (group, k) in (0..it.groups).flat_map(|group| states.clone().map(move |k| (group, k))) {
+            let place = |begin: Slot| it.speed(group, begin + k).map(|it| it as Slot);
+            let (Some(begin), Some(end)) = (place(places.states), place(places.end)) else { continue };
+            let (last, next) = (place(places.last), it.mirror.fresh());
+            all.push(Derivatives {
+                group,
+                begin,
+                end,
+                last,
+                largest: it.checked.largest[group * places.count + k as usize],
+                next,
+            });
+        }
+        let program = pieces.map(|mut pieces| {
+            pieces.pieces.push(check(&it.checked, &all));
+            pieces.compiled(it.way)
+        });
+        it.store.grow(it.mirror.next);
+        let copies = all.iter().flat_map(|it| [(it.end, it.begin), (it.next, it.largest)]);
+        let copies = copies.map(|(from, to)| (from as usize, to as usize)).collect();
+        SeriesSpeeds { program, accept: Code::of(vec![Piece::Copy(copies)], WIDE, it.way), all }
+    }
+
+    /// Computes the derivatives at the end of a step from the values in a walk of one lane. `limit`: of the last terms, as a share of the scale. Returns
+    /// whether the step is valid for all directions.
+    #[inline]
+    pub(super) fn run<const L: usize>(&self, store: &mut Store, checked: &Checked, values: &[[f64; L]], limit: f64) -> bool {
+        let Some(program) = &self.program else { return true };
+        store.slots[checked.limit as usize] = [limit; WIDE];
+        program.run(store, values);
+        store.slots[checked.too_long as usize] == [0.0; WIDE]
+    }
+
+    /// Takes the derivatives at the end of the step in all directions.
+    #[inline]
+    pub(super) fn take(&self, store: &mut Store) {
+        store.run(&self.accept, &[]);
+    }
+
+    /// Takes the derivatives at the end of the step in those of some directions for which it is valid. Returns the others.
+    pub(super) fn take_valid(&self, store: &mut Store, limit: f64, of: &Open, all_valid: bool) -> Open {
+        let mut open = vec![[false; WIDE]; of.len()];
+        for it in &self.all {
+            let Some(last) = it.last.filter(|_| !all_valid) else { continue };
+            let [begin, end, last, next] = [it.begin, it.end, last, it.next].map(|place| store.slots[place as usize]);
+            for lane in (0..WIDE).filter(|lane| of[it.group][*lane]) {
+                let scale = (end[lane] - begin[lane]).abs().max(next[lane]);
+                let fits = last[lane].abs() < limit * scale + f64::MIN_POSITIVE;
+                open[it.group][lane] |= !fits;
+            }
+        }
+        for it in &self.all {
+            for lane in (0..WIDE).filter(|lane| of[it.group][*lane] && !open[it.group][*lane]) {
+                for (from, to) in [(it.end, it.begin), (it.next, it.largest)] {
+                    store.slots[to as usize][lane] = store.slots[from as usize][lane];
+                }
+            }
+        }
+        open
+    }
+}
+
+/// The check of the derivatives of a step.
+fn check(checked: &Checked, all: &[Derivatives]) -> Piece {
+    let mut tape = TapeBuilder::sharing(Precision::F64);
+    let (mut arguments, mut outputs, mut results) = (Vec::new(), Vec::new(), Vec::new());
+    let mut given = |tape: &mut TapeBuilder, slot: Slot| {
+        arguments.push(slot);
+        tape.input(arguments.len() as u32 - 1)
+    };
+    let larger = |tape: &mut TapeBuilder, a: Reg, b: Reg| tape.select_less(b, a, a, b);
+    let limit = given(&mut tape, checked.limit);
+    let (zero, one, smallest) = (tape.constant(integer(0)), tape.constant(integer(1)), tape.constant(exact(f64::MIN_POSITIVE)));
+    let mut too_long = zero;
+    for it in all {
+        let [begin, end, largest] = [it.begin, it.end, it.largest].map(|slot| given(&mut tape, slot));
+        let size = tape.absolute(begin);
+        let next = larger(&mut tape, size, largest);
+        outputs.push((format!("slot {}", it.next), next));
+        results.push(it.next);
+        let Some(last) = it.last else { continue };
+        let last = given(&mut tape, last);
+        let (moved, size) = (tape.subtract(end, begin), tape.absolute(last));
+        let moved = tape.absolute(moved);
+        let scale = larger(&mut tape, moved, next);
+        let allowed = tape.multiply(limit, scale);
+        let allowed = tape.add(allowed, smallest);
+        // A term that is not finite is not less.
+        let is_too_long = tape.select_less(size, allowed, zero, one);
+        too_long = tape.add(too_long, is_too_long);
+    }
+    outputs.push(("too long".to_string(), too_long));
+    results.push(checked.too_long);
+    let names = arguments.iter().map(|slot| format!("slot {slot}")).collect();
+    Piece::tape(&tape.finish_with_results("check", names, outputs, [] as [(String, Reg); 0]), &arguments, &results)
+}
