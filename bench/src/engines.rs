@@ -20,13 +20,14 @@ const RUNS: usize = 31;
 /// The step of a difference whose time is measured, as a share of the quantity.
 const DIFFERENCE: f64 = 1e-4;
 
-/// The step of the central differences that derivatives are compared with, and the tolerance of both. A difference has the errors of two runs, divided by
-/// the step: a moved parameter may change the method of a row, so the steps of the runs differ. At this tolerance errors are up to 1e-10 of an output, so
-/// the step is large; the third derivative then changes a difference by some 1e-5.
+/// The step of the central differences that derivatives are compared with, and the tolerance of both. A difference has the errors of two runs,
+/// divided by the step: a moved parameter may change the method of a row, so the steps of the runs differ. At this tolerance errors are up to 1e-10
+/// of an output, so the step is large; the third derivative then changes a difference by some 1e-5.
 const CLOSE_DIFFERENCE: f64 = 1e-3;
 const CLOSE: f64 = 1e-12;
 
-/// The size of a value of the start that is 0. The controller of the axis has 39,000 V/m and a limit of 10 V: steps of more than 0.2 mm meet the limit.
+/// The size of a value of the start that is 0. The controller of the axis has 39,000 V/m and a limit of 10 V: steps of more than 0.2 mm meet the
+/// limit.
 const SMALL_START: f64 = 0.1;
 
 /// Lanes that run side by side.

@@ -8,25 +8,21 @@
 //! In: a walk of one lane, and the derivatives of its parameters and of its start in some directions. Out: the derivatives of every output. Each
 //! direction is a lane: four directions are computed together by the same machine code, and values that do not depend on the direction are computed
 //! once for all. The walk itself is unchanged. The sensitivity is the exact derivative of the computed solution with the step lengths held constant
-//! (H. G. Bock, "Numerical treatment of inverse problems in chemical reaction kinetics", 1981, calls it internal differentiation), if the terms of the
-//! sensitivities permit this step. Else they have steps of their own along the same solution. The instant of an event depends on the parameters; the
-//! second line above contains this contribution (M. A. Aizerman, F. R. Gantmacher, "Determination of stability by linear approximation of a periodic
-//! solution of a system of differential equations with discontinuous right-hand sides", 1958).
+//! (H. G. Bock, "Numerical treatment of inverse problems in chemical reaction kinetics", 1981, calls it internal differentiation), if the terms of
+//! the sensitivities permit this step. Else they have steps of their own along the same solution. The instant of an event depends on the parameters;
+//! the second line above contains this contribution (M. A. Aizerman, F. R. Gantmacher, "Determination of stability by linear approximation of a
+//! periodic solution of a system of differential equations with discontinuous right-hand sides", 1958).
 
 use super::rows::Stopped;
 use super::series::Tried;
-use super::series_speeds::{Open, Places, SeriesSpeeds};
+use super::series_speeds::{Open, TOLERANCE};
 use super::speeds::{Carried, Direction};
 use super::thresholds::Thresholds;
 use super::walk::Walk;
 use crate::code::{Slot, WIDE, Way, lengthen};
 
-/// The smallest tolerance of the terms of the derivatives. Where the states rest, the derivatives may move: at the tolerance of the states they would
-/// need steps of their own in most rows, to digits that no fit and no standard error needs.
-pub(super) const TOLERANCE: f64 = 1e-4;
-
-/// The shortest share of a step of the states for a step of the sensitivities. With three orders and a tolerance of 1e-13, a share of 1/4096 of a step
-/// that is 100 times as long as the fastest time constant still has terms that decrease.
+/// The shortest share of a step of the states for a step of the sensitivities. With three orders and a tolerance of 1e-13, a share of 1/4096 of a
+/// step that is 100 times as long as the fastest time constant still has terms that decrease.
 const SHORTEST: f64 = 1.0 / 4096.0;
 
 /// A step in which some directions go separately.
@@ -110,8 +106,8 @@ impl<const L: usize> Walk<'_, L> {
         self.carried = Some(it);
     }
 
-    /// Carries the sensitivities in some directions over a step, whose start is in the slots, with orders and lengths of their own. The states inside of
-    /// the step are those of its series up to the last order of a part. The walk stays where it is.
+    /// Carries the sensitivities in some directions over a step, whose start is in the slots, with orders and lengths of their own. The states inside
+    /// of the step are those of its series up to the last order of a part. The walk stays where it is.
     fn carry_separately(&mut self, it: &mut Carried, last: usize, (begin, length): (f64, f64), open: &Open) {
         let (states, count) = (self.programs.layout.states as usize, self.programs.counts.states);
         let mut highest = last;
@@ -161,20 +157,15 @@ impl<const L: usize> Walk<'_, L> {
         self.slots[states].swap_with_slice(&mut self.before);
     }
 
-    /// Takes the derivatives at the end of a step of the series, from all orders up to the last order of a part, in some directions or all. Returns the
-    /// directions for which the step is too long, and keeps their derivatives.
+    /// Takes the derivatives at the end of a step of the series, from all orders up to the last order of a part, in some directions or all. Returns
+    /// the directions for which the step is too long, and keeps their derivatives.
     fn series_step(&mut self, it: &mut Carried, last: usize, of: Option<&Open>, is_shortest: bool) -> Option<Open> {
         it.series.resize_with(it.series.len().max(last + 1), || None);
         let order = self.programs.written(last)[last].order;
         if it.series[last].is_none() {
-            let places = Places {
-                states: self.programs.layout.states,
-                count: self.programs.counts.states,
-                end: self.programs.end(),
-                last: self.programs.terms[order - 1],
-            };
             let parts: Vec<_> = self.programs.written(last).iter().map(|it| &it.placed).collect();
-            it.series[last] = Some(SeriesSpeeds::new(it, &parts, places));
+            let (end, terms) = (self.programs.end(), self.programs.terms[order - 1]);
+            it.series[last] = Some(it.write_series(&self.programs, &parts, end, terms));
         }
         let Carried { series, store, checked, thresholds, groups, .. } = it;
         let Some(series) = &series[last] else { return None };

@@ -15,6 +15,7 @@ mod checked;
 mod choice;
 pub mod code;
 mod computed;
+mod derivatives;
 pub(crate) mod effect_files;
 pub mod engine;
 mod entries;

@@ -146,11 +146,12 @@ impl Starts {
 }
 
 impl<'m> Lanes<'m> {
-    /// Runs along inputs as [`Lanes::run`], and computes the derivatives along with it. They are the exact derivatives of the computed outputs:
-    /// every step is differentiated as it is, also the matrices of steps by a linear part. Held constant are the lengths of the steps, and the
-    /// instants at which linear parts are computed. Where a step of the series is too long for a derivative, because the states rest and the derivative
-    /// does not, the derivative has shorter steps along the same solution; its error is then at most the tolerance, or 1e-4 of its size. A plant with more than 24 states has no steps by a linear part: it is run with
-    /// [`Method::Explicit`] in place of [`Method::Automatic`], which needs many short steps if it is stiff.
+    /// Runs along inputs as [`Lanes::run`], and computes the derivatives along with it. They are the exact derivatives of the computed outputs: every
+    /// step is differentiated as it is, also the matrices of steps by a linear part. Held constant are the lengths of the steps, and the instants at
+    /// which linear parts are computed. Where a step of the series is too long for a derivative, because the states rest and the derivative does not,
+    /// the derivative has shorter steps along the same solution; its error is then at most the tolerance, or 1e-4 of its size. A plant with more than
+    /// 24 states has no steps by a linear part: it is run with [`Method::Explicit`] in place of [`Method::Automatic`], which needs many short steps
+    /// if it is stiff.
     ///
     /// Where a comparison changes, the instant depends on the parameters, and the derivative has a jump. If two comparisons change at one instant for
     /// two different reasons, there is no derivative, and the first comparison is used. A comparison inside of `noEvent` is not located: the

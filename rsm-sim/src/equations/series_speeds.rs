@@ -4,39 +4,31 @@
 //! scale = max(largest |S| so far, |S_end - S|);  the step is valid for a direction if |last term| < limit scale for all states
 //! ```
 //!
-//! In: the parts of a series up to its last order. Out: code for the derivatives at the end of the step, and the directions for which the step is too long. The states alone decide how long a step is. A motion that is faster than the step, and that the states do not show, is in the
-//! derivatives: beyond the region of stability of the series it grows from step to step there, before the states show it (E. Hairer, G. Wanner,
-//! "Solving Ordinary Differential Equations II", IV.2). Each direction is checked alone, so its bits do not depend on the others.
+//! In: the parts of a series up to its last order. Out: code for the derivatives at the end of the step, and the directions for which the step is too
+//! long. The states alone decide how long a step is. A motion that is faster than the step, and that the states do not show, is in the derivatives:
+//! beyond the region of stability of the series it grows from step to step there, before the states show it (E. Hairer, G. Wanner, "Solving Ordinary
+//! Differential Equations II", IV.2). Each direction is checked alone, so its bits do not depend on the others.
 
 use rsm_core::number::{Precision, exact, integer};
 use rsm_core::tape::{Reg, TapeBuilder};
 
-use super::placed::Placed;
-use super::shortened::composed;
-use super::speeds::{Carried, DerivativeProgram, NONE, Store};
-use crate::code::{Code, Piece, Slot, WIDE};
+use super::derivatives::{DerivativeProgram, Pieces, Store};
+use crate::code::{Code, Piece, Slot, WIDE, Way};
 
 /// Directions, for each group.
 pub(super) type Open = Vec<[bool; WIDE]>;
 
-/// Where the states of a walk and the results of a series are.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Places {
-    pub states: Slot,
-    pub count: usize,
-    /// The first of the states at the end of the step.
-    pub end: Slot,
-    /// The first of the last terms.
-    pub last: Slot,
-}
+/// The smallest tolerance of the terms of the derivatives. Where the states rest, the derivatives may move: at the tolerance of the states they would
+/// need steps of their own in most rows, to digits that no fit and no standard error needs.
+pub(super) const TOLERANCE: f64 = 1e-4;
 
 /// What the steps of all orders share: the places of the limit, of the number of terms above it, and of the largest magnitude of each derivative so
 /// far.
 #[derive(Debug, Default)]
 pub(super) struct Checked {
-    limit: Slot,
-    too_long: Slot,
-    largest: Vec<Slot>,
+    pub limit: Slot,
+    pub too_long: Slot,
+    pub largest: Vec<Slot>,
 }
 
 impl Checked {
@@ -49,13 +41,13 @@ impl Checked {
 /// The derivatives of one state in the directions of a group: the places at the start and at the end of the step, of the last term, of the largest
 /// magnitude so far, and of the next one.
 #[derive(Debug)]
-struct Derivatives {
-    group: usize,
-    begin: Slot,
-    end: Slot,
-    last: Option<Slot>,
-    largest: Slot,
-    next: Slot,
+pub(super) struct Derivatives {
+    pub group: usize,
+    pub begin: Slot,
+    pub end: Slot,
+    pub last: Option<Slot>,
+    pub largest: Slot,
+    pub next: Slot,
 }
 
 /// The steps of one order.
@@ -68,41 +60,19 @@ pub(super) struct SeriesSpeeds {
 }
 
 impl SeriesSpeeds {
-    pub(super) fn new(it: &mut Carried, parts: &[&Placed], places: Places) -> SeriesSpeeds {
-        let states = 0..places.count as Slot;
-        if it.checked.largest.is_empty() {
-            let largest = (0..it.groups * places.count).map(|_| it.mirror.fresh()).collect();
-            it.checked = Checked { limit: it.mirror.fresh(), too_long: it.mirror.fresh(), largest };
-        }
-        let results: Vec<Slot> =
-            [places.end, places.last].into_iter().flat_map(|begin| states.clone().map(move |k| begin + k)).collect();
-        let pieces = it.pieces(&composed(parts, &results), false, &NONE);
-        let mut all = Vec::new();
-        for (group, k) in (0..it.groups).flat_map(|group| states.clone().map(move |k| (group, k))) {
-            let place = |begin: Slot| it.speed(group, begin + k).map(|it| it as Slot);
-            let (Some(begin), Some(end)) = (place(places.states), place(places.end)) else { continue };
-            let (last, next) = (place(places.last), it.mirror.fresh());
-            all.push(Derivatives {
-                group,
-                begin,
-                end,
-                last,
-                largest: it.checked.largest[group * places.count + k as usize],
-                next,
-            });
-        }
+    /// `pieces`: the derivatives of the series; `None` if it has none.
+    pub(super) fn new(pieces: Option<Pieces>, checked: &Checked, all: Vec<Derivatives>, way: Way) -> SeriesSpeeds {
         let program = pieces.map(|mut pieces| {
-            pieces.pieces.push(check(&it.checked, &all));
-            pieces.compiled(it.way)
+            pieces.pieces.push(check(checked, &all));
+            pieces.compiled(way)
         });
-        it.store.grow(it.mirror.next);
         let copies = all.iter().flat_map(|it| [(it.end, it.begin), (it.next, it.largest)]);
         let copies = copies.map(|(from, to)| (from as usize, to as usize)).collect();
-        SeriesSpeeds { program, accept: Code::of(vec![Piece::Copy(copies)], WIDE, it.way), all }
+        SeriesSpeeds { program, accept: Code::of(vec![Piece::Copy(copies)], WIDE, way), all }
     }
 
-    /// Computes the derivatives at the end of a step from the values in a walk of one lane. `limit`: of the last terms, as a share of the scale. Returns
-    /// whether the step is valid for all directions.
+    /// Computes the derivatives at the end of a step from the values in a walk of one lane. `limit`: of the last terms, as a share of the scale.
+    /// Returns whether the step is valid for all directions.
     #[inline]
     pub(super) fn run<const L: usize>(&self, store: &mut Store, checked: &Checked, values: &[[f64; L]], limit: f64) -> bool {
         let Some(program) = &self.program else { return true };

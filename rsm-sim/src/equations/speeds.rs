@@ -4,7 +4,6 @@
 //! derivatives, four directions in a register, and the code for it. Values that do not depend on the direction are computed once for all. This file
 //! handles no steps and no events.
 
-use std::cell::Cell;
 use std::collections::HashSet;
 use std::ops::Range;
 
@@ -12,16 +11,17 @@ use rsm_core::held::{Divided, divided};
 use rsm_core::tangent;
 use rsm_core::tape::{Op, Tape};
 
+use super::derivatives::{DerivativeProgram, Mirror, Pieces, Store};
 use super::entries::{Entries, Entry, Rest};
 use super::frechet::Along;
 use super::frechet_values::Shared;
 use super::phi::Chain;
 use super::placed::Placed;
 use super::programs::Programs;
-use super::series_speeds::{Checked, SeriesSpeeds};
-use super::shortened::without;
+use super::series_speeds::{Checked, Derivatives, SeriesSpeeds, TOLERANCE};
+use super::shortened::{composed, without};
 use super::thresholds::Thresholds;
-use crate::code::{Code, Piece, Slot, WIDE, Way, lengthen};
+use crate::code::{Code, Piece, Slot, WIDE, Way};
 
 /// The rows of derivatives of outputs that are collected before they are written: one at a time, they would go to as many places as there are
 /// directions and outputs.
@@ -36,109 +36,8 @@ pub(super) struct Direction {
     pub memories: Vec<f64>,
 }
 
-/// The places of values and their derivatives in an array: group 0 contains values, group k + 1 the derivatives in four directions, the last group
-/// the derivatives with respect to time.
-#[derive(Debug, Default)]
-pub(super) struct Mirror {
-    /// For each group, for each slot of the walk.
-    pub places: Vec<Vec<Slot>>,
-    pub next: Slot,
-}
-
 /// No slots.
-pub(super) const NONE: Range<usize> = 0..0;
-
-/// No place.
-const NO_SLOT: Slot = Slot::MAX;
-
-impl Mirror {
-    pub(super) fn place(&mut self, group: usize, slot: Slot) -> Slot {
-        let (group, slot) = (group, slot as usize);
-        self.places.resize_with(self.places.len().max(group + 1), Vec::new);
-        let list = &mut self.places[group];
-        list.resize(list.len().max(slot + 1), NO_SLOT);
-        if list[slot] == NO_SLOT {
-            list[slot] = self.next;
-            self.next += 1;
-        }
-        list[slot]
-    }
-
-    pub(super) fn known(&self, group: usize, slot: Slot) -> Option<usize> {
-        self.places.get(group)?.get(slot as usize).filter(|it| **it != NO_SLOT).map(|it| *it as usize)
-    }
-
-    pub(super) fn fresh(&mut self) -> Slot {
-        self.next += 1;
-        self.next - 1
-    }
-}
-
-/// The derivatives of a program's results.
-#[derive(Debug)]
-pub(super) struct DerivativeProgram {
-    /// Copies the values that it reads, then computes first what does not depend on the direction, then group by group.
-    code: Code,
-    /// Values that are constant during a run: their places in the walk, and in the mirror. They are copied once, in the run with this number.
-    fixed: Vec<(usize, usize)>,
-    run: Cell<u64>,
-    /// Values that only a new linear part changes, and which are copied then.
-    loaded: Vec<(usize, usize)>,
-}
-
-/// The same before it is compiled.
-pub(super) struct Pieces {
-    pub pieces: Vec<Piece>,
-    fixed: Vec<(usize, usize)>,
-    loaded: Vec<(usize, usize)>,
-}
-
-impl Pieces {
-    pub(super) fn compiled(self, way: Way) -> DerivativeProgram {
-        let Pieces { pieces, fixed, loaded } = self;
-        DerivativeProgram { code: Code::of(pieces, WIDE, way), fixed, run: Cell::new(0), loaded }
-    }
-}
-
-/// Values and derivatives, at the places of the mirror.
-#[derive(Debug, Default)]
-pub(super) struct Store {
-    pub slots: Vec<[f64; WIDE]>,
-    spare: Vec<[f64; WIDE]>,
-    /// The number of the run.
-    run: u64,
-}
-
-impl Store {
-    /// Starts a new run: all derivatives are 0, and there is memory for this number of places.
-    pub(super) fn begin(&mut self, places: Slot) {
-        self.run += 1;
-        self.slots.fill([0.0; WIDE]);
-        self.grow(places);
-    }
-
-    pub(super) fn grow(&mut self, places: Slot) {
-        lengthen(&mut self.slots, places as usize);
-    }
-
-    /// Runs code that reads values of a walk.
-    #[inline]
-    pub(super) fn run(&mut self, code: &Code, values: &[f64]) {
-        code.run_with(values, &mut self.slots, &mut self.spare);
-    }
-}
-
-impl DerivativeProgram {
-    /// Computes the derivatives of a program's results from the values in a walk of one lane.
-    pub(super) fn run<const L: usize>(&self, store: &mut Store, values: &[[f64; L]]) {
-        assert!(L == 1, "derivatives are computed along with one lane");
-        let values = values.as_flattened();
-        if self.run.replace(store.run) != store.run {
-            self.fixed.iter().for_each(|(from, to)| store.slots[*to] = [values[*from]; WIDE]);
-        }
-        store.run(&self.code, values);
-    }
-}
+const NONE: Range<usize> = 0..0;
 
 /// The programs of derivatives. `None`: the program has no argument with a derivative.
 #[derive(Debug)]
@@ -251,7 +150,7 @@ impl Carried {
             row: Vec::new(),
             series: Vec::new(),
             checked: Checked::default(),
-            thresholds: Thresholds::new(super::carried::TOLERANCE, counts.guesses > 0),
+            thresholds: Thresholds::new(TOLERANCE, counts.guesses > 0),
             fixed,
             output_program: None,
             sides: None,
@@ -443,6 +342,28 @@ impl Carried {
             both: Along::default(),
             chain: Chain::default(),
         }));
+    }
+
+    /// Compiles the derivatives of a step of the series. `end`, `last`: the first of the states at its end, and of its last terms.
+    pub(super) fn write_series(&mut self, programs: &Programs, parts: &[&Placed], end: Slot, last: Slot) -> SeriesSpeeds {
+        let (begin, states) = (programs.layout.states, 0..programs.counts.states as Slot);
+        let pairs: Vec<(usize, Slot)> = (0..self.groups).flat_map(|group| states.clone().map(move |k| (group, k))).collect();
+        if self.checked.largest.is_empty() {
+            let largest = pairs.iter().map(|_| self.mirror.fresh()).collect();
+            self.checked = Checked { limit: self.mirror.fresh(), too_long: self.mirror.fresh(), largest };
+        }
+        let results: Vec<Slot> = states.clone().map(|k| end + k).chain(states.map(|k| last + k)).collect();
+        let pieces = self.pieces(&composed(parts, &results), false, &NONE);
+        let mut all = Vec::new();
+        for ((group, k), largest) in pairs.iter().zip(&self.checked.largest) {
+            let [begin, end, last] = [begin, end, last].map(|slot| self.speed(*group, slot + k).map(|it| it as Slot));
+            if let Some((begin, end)) = begin.zip(end) {
+                let next = self.mirror.fresh();
+                all.push(Derivatives { group: *group, begin, end, last, largest: *largest, next });
+            }
+        }
+        self.store.grow(self.mirror.next);
+        SeriesSpeeds::new(pieces, &self.checked, all, self.way)
     }
 
     /// The place of the derivative of a slot of the walk; `None` if the derivative is 0.

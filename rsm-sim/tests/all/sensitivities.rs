@@ -421,8 +421,8 @@ const FOLLOWERS: [&str; 2] = [
 
 #[test]
 fn derivatives_of_a_motion_that_the_states_hardly_show_are_as_accurate_as_the_states() {
-    // The states rest on the slow motion, so the fast one is no reason for short steps. Beyond the region of stability of such a step, the derivatives
-    // by `fast` would grow up to 1e5 times the output.
+    // The states rest on the slow motion, so the fast one is no reason for short steps. Beyond the region of stability of such a step, the
+    // derivatives by `fast` would grow up to 1e5 times the output.
     let (period, rows_of_record) = (0.01, 200);
     let time = rows(rows_of_record, period);
     let values = vec![(0..rows_of_record).map(|k| 1.0 + 0.5 * f64::from((k as u32 / 50) % 2)).collect::<Vec<f64>>()];
