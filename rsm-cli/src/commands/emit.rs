@@ -80,7 +80,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
     let source = model_source(&arguments.model)?;
     let is_text = arguments.model.extension().is_some_and(|it| it.eq_ignore_ascii_case("mo"));
     let shown = arguments.model.display();
-    match (is_text || equations::is_equations(&source), arguments.step) {
+    match (is_text || equations::is_plant(&source), arguments.step) {
         (false, None) => {}
         (true, Some(step)) => {
             let options = equations::emit::Options {
@@ -98,12 +98,12 @@ pub fn run(arguments: &Arguments) -> Outcome {
         }
         (true, None) => {
             return Err(Refusal::new(format!(
-                "{shown}: found a plant of equations without --step: give the length of its step in s, such as --step 1e-4"
+                "{shown}: found a plant without --step: give the length of its step in s, such as --step 1e-4"
             )));
         }
         (false, Some(_)) => {
             return Err(Refusal::new(format!(
-                "{shown}: --step is for plants of equations (`format = 2`, or a text .mo), and this is a model file or a plant that is built in"
+                "{shown}: --step is for plants, and this is a model file: it has no `format = 2` or `plant`"
             )));
         }
     }

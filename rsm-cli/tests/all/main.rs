@@ -18,6 +18,7 @@ mod limits;
 mod made_up_runs;
 mod motor;
 mod optimise;
+mod plants_as_code;
 mod readme;
 mod reference;
 mod shell;

@@ -98,7 +98,8 @@ pub fn test_among(whitened: &WhitenedResiduals, fit: &Fit, tests: usize) -> Rema
     let point = point(bands.len(), tests);
     let all: f64 = bands.iter().map(|band| band.lines as f64).sum();
     let beyond = bands.iter().filter(|band| band.deviation > point);
-    let excess = beyond.map(|band| (band.ratio - 1.0) * band.lines as f64).sum::<f64>() / all.max(1.0);
+    // The sum of no numbers is -0 in the standard library.
+    let excess = beyond.fold(0.0, |sum, band| sum + (band.ratio - 1.0) * band.lines as f64) / all.max(1.0);
     RemainingStructure { bands, point, excess }
 }
 

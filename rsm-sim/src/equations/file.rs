@@ -103,6 +103,12 @@ pub fn format(source: &Source) -> Option<i64> {
     value.get_ref().as_integer().and_then(|number| i64::from_str_radix(number.as_str(), number.radix()).ok())
 }
 
+/// Whether a file has the key `plant`, which names a plant of format 1. A model of surfaces has none.
+#[must_use]
+pub fn names_a_plant(source: &Source) -> bool {
+    parse(source, &mut Collector::new()).is_some_and(|document| document.get_ref().get("plant").is_some())
+}
+
 impl EquationFile {
     /// Reads a plant file. `open` returns the text of a file that it names, relative to the folder of the plant file.
     ///

@@ -66,7 +66,7 @@ pub fn run(arguments: &Arguments) -> Outcome {
         return Ok(Answer::Positive);
     }
     for (state, value) in states.iter().zip(&at.states) {
-        stderr_line!("at {} = {}", with_unit(state), decimal(*value));
+        stderr_line!("at {} = {}", with_unit(state), decimal(*value + 0.0));
     }
     if [&found.a, &found.b, &found.c, &found.d].iter().any(|it| it.iter().flatten().any(|it| !it.is_finite())) {
         stderr_line!(

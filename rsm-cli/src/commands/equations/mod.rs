@@ -16,7 +16,9 @@ use rsm_model::effects::{Catalogue, Room};
 use rsm_sim::equations::file::NamedValue;
 use rsm_sim::equations::linear::Pole;
 use rsm_sim::equations::{EquationFile, Machine, Point};
+use rsm_sim::kind::Drive;
 use rsm_sim::plant_file::PlantFile;
+use rsm_sim::record::Record;
 
 use crate::outcome::Refusal;
 
@@ -47,11 +49,28 @@ pub fn file(path: &Path, effects: Option<&Path>) -> Result<EquationFile, Refusal
         return Ok(EquationFile::of_text(&source)?);
     }
     if rsm_sim::equations::file::format(&source) == Some(1) {
+        if effects.is_some() {
+            return Err(built_in_effects_only());
+        }
         let plant = PlantFile::read(&source)?;
         let closed = plant.parameters.optional("position_gain").is_some();
         return Ok(EquationFile::of_first_format(&plant, closed)?);
     }
     Ok(EquationFile::read_with(&source, &open, &catalogue(effects)?)?)
+}
+
+/// The same along a record, whose columns decide whether a plant of format 1 is in open or in closed loop.
+pub fn file_along(path: &Path, record: &Source, effects: Option<&Path>) -> Result<EquationFile, Refusal> {
+    let source = Source::read(path)?;
+    if is_equations(&source) || !rsm_sim::equations::file::names_a_plant(&source) {
+        return file(path, effects);
+    }
+    if effects.is_some() {
+        return Err(built_in_effects_only());
+    }
+    let plant = PlantFile::read(&source)?;
+    let closed = Record::read(record, &plant)?.drive == Drive::Closed;
+    Ok(EquationFile::of_first_format(&plant, closed)?)
 }
 
 /// The plant in a configuration of its file, if one is named.
@@ -90,6 +109,11 @@ pub fn built_in_effects_only() -> Refusal {
 /// Whether a plant file is of format 2.
 pub fn is_equations(source: &Source) -> bool {
     rsm_sim::equations::file::format(source) == Some(2)
+}
+
+/// Whether a file describes a plant, of format 2 or one of the three of format 1, and not a model of surfaces.
+pub fn is_plant(source: &Source) -> bool {
+    is_equations(source) || rsm_sim::equations::file::names_a_plant(source)
 }
 
 /// The numbers of `--at`: `name=number,...`.

@@ -58,7 +58,10 @@ fn causes_that_leave_noise_are_told_with_all_their_figures() {
     let entries: Vec<_> = found.plant.effects.iter().map(|it| it.description.kind).collect();
     assert_eq!(entries, ["coulomb-friction", "sensor-drift", "sensor-quantisation"]);
     // On holdout records nothing is left, all is gained, and the interval holds the gain.
-    assert!(found.left_unseen.as_ref().is_some_and(|it| it.excess == 0.0) && found.left.excess == 0.0);
+    assert!(
+        found.left_unseen.as_ref().is_some_and(|it| it.excess.to_bits() == 0) && found.left.excess.to_bits() == 0,
+        "0, not -0"
+    );
     let (low, high) = found.gain_interval;
     assert!(found.gain > 0.99 && low <= found.gain && found.gain <= high && low > 0.9, "{} {low} {high}", found.gain);
     assert!(found.error_breakdown.unseen && !found.error_breakdown.slices.is_empty());
