@@ -157,31 +157,31 @@ impl<const L: usize> Walk<'_, L> {
         let Events { conditions, branches, only_samples, .. } = &mut self.events;
         let mut any = false;
         for (place, branch) in branches.iter().enumerate() {
-            let mut rises = [0_u64; L];
+            // Numbers in place of booleans, and sums in place of comparisons of lists: they stay in registers.
+            let mut rises = [0.0; L];
             for k in 0..branch.conditions.len() {
                 let (now, before) = (self.slots[found.unwrap_or(0) + branch.first + k], conditions[branch.first + k]);
                 for lane in 0..L {
-                    rises[lane] |= u64::from(now[lane] != 0.0) & u64::from(before[lane] == 0.0);
+                    rises[lane] = if (now[lane] != 0.0) & (before[lane] == 0.0) { 1.0 } else { rises[lane] };
                 }
                 if !*only_samples {
                     conditions[branch.first + k] = now;
                 }
             }
-            if rises == [0; L] {
+            if rises.iter().sum::<f64>() == 0.0 {
                 continue;
             }
             // A branch acts unless one before it in its clause does.
             let mut act = rises;
             for other in &branch.unless {
                 let before = self.slots[acts + *other];
-                (0..L).for_each(|lane| act[lane] &= u64::from(before[lane] == 0.0));
+                (0..L).for_each(|lane| act[lane] = if before[lane] == 0.0 { act[lane] } else { 0.0 });
             }
             let slot = &mut self.slots[acts + place];
             for lane in 0..L {
-                let value = if act[lane] != 0 { 1.0 } else { 0.0 };
-                slot[lane] = if rises[lane] != 0 { value } else { slot[lane] };
+                slot[lane] = if rises[lane] != 0.0 { act[lane] } else { slot[lane] };
             }
-            any |= act != [0; L];
+            any |= act.iter().sum::<f64>() != 0.0;
         }
         if !any && self.events.only_acts_change {
             return false;
@@ -202,10 +202,10 @@ impl<const L: usize> Walk<'_, L> {
         let mut differ = [0_u64; L];
         for k in 0..self.events.memories {
             let (next, now) = (self.slots[results + k], self.slots[memories + k]);
-            (0..L).for_each(|lane| differ[lane] |= u64::from(next[lane] != now[lane]));
+            (0..L).for_each(|lane| differ[lane] |= next[lane].to_bits() ^ now[lane].to_bits());
             self.slots[memories + k] = next;
         }
-        let remembered = differ != [0; L];
+        let remembered = differ.iter().fold(0, |all, lane| all | lane) != 0;
         if remembered {
             self.refresh();
         }
