@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::calls::{folder, rsm, text};
+use crate::shell::{of_the_project, published};
 
 /// The columns of a record without units, and its rows.
 fn table(text: &str) -> (Vec<String>, Vec<Vec<f64>>) {
@@ -51,8 +52,7 @@ fn compile_and_run(folder: &Path, plant: &str) -> String {
 
 #[test]
 fn every_shipped_plant_is_emitted_with_the_bits_of_its_simulation() {
-    let plants = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rsm-sim/plants");
-    let file = |name: &str| plants.join(name).canonicalize().unwrap().display().to_string();
+    let file = |name: &str| of_the_project("rsm-sim/plants").join(name).canonicalize().unwrap().display().to_string();
     // Fixed steps, shorter than the fastest motion: the clutch of the car dies out in 44 us.
     for (plant, step, emitted) in
         [("pmac", "2.5e-5", "pmac"), ("driveline", "2.5e-5", "driveline"), ("servo-axis", "2.5e-4", "servo_axis_closed_loop")]
@@ -94,12 +94,10 @@ fn every_shipped_plant_is_emitted_with_the_bits_of_its_simulation() {
 #[test]
 fn what_is_no_plant_has_no_step() {
     let here = folder();
-    let of_the_project = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name).canonicalize().unwrap();
-    let surface = of_the_project("generated/coefficients").read_dir().unwrap().next().unwrap().unwrap().path();
-    let axis = of_the_project("rsm-sim/plants/servo-axis.toml");
-    let emit = |model: &Path, more: &[&str]| {
-        let model = model.display().to_string();
-        let words = [&["emit", &model, "--lang", "c", "--out", "."], more].concat();
+    let (surface, axis) = (published("motor.toml"), of_the_project("rsm-sim/plants/servo-axis.toml"));
+    let axis = axis.canonicalize().unwrap().display().to_string();
+    let emit = |model: &str, more: &[&str]| {
+        let words = [&["emit", model, "--lang", "c", "--out", "."], more].concat();
         let output = rsm(&words, here.path());
         assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
         text(&output.stderr)

@@ -169,14 +169,19 @@ impl<const L: usize> Walk<'_, L> {
         }
         let Carried { series, store, checked, thresholds, groups, .. } = it;
         let Some(series) = &series[last] else { return None };
-        let limit = thresholds.of(order).0;
-        let is_valid = series.run(store, checked, &self.slots, limit) || is_shortest;
-        if is_valid && of.is_none() {
-            series.take(store);
-            return None;
-        }
-        let all = vec![[true; WIDE]; *groups];
-        let open = series.take_valid(store, limit, of.unwrap_or(&all), is_valid);
+        let fits = series.run(store, checked, &self.slots, thresholds.of(order).0) || is_shortest;
+        let all = match of {
+            None if fits => {
+                series.take(store);
+                return None;
+            }
+            None => &vec![[true; WIDE]; *groups],
+            Some(of) => of,
+        };
+        let open = if fits { vec![[false; WIDE]; *groups] } else { checked.too_long(store, all) };
+        let valid: Open =
+            all.iter().zip(&open).map(|(all, open)| std::array::from_fn(|lane| all[lane] && !open[lane])).collect();
+        series.take_in(store, &valid);
         open.as_flattened().contains(&true).then_some(open)
     }
 

@@ -54,7 +54,7 @@ impl Checked {
 }
 
 /// The larger of two numbers; the second if one is NaN.
-fn larger(tape: &mut TapeBuilder, a: Reg, b: Reg) -> Reg {
+pub(super) fn larger(tape: &mut TapeBuilder, a: Reg, b: Reg) -> Reg {
     tape.select_less(b, a, a, b)
 }
 

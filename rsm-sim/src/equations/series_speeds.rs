@@ -12,6 +12,7 @@
 use rsm_core::number::{Precision, exact, integer};
 use rsm_core::tape::{Reg, TapeBuilder};
 
+use super::checked::larger;
 use super::derivatives::{DerivativeProgram, Pieces, Store};
 use crate::code::{Code, Piece, Slot, WIDE, Way};
 
@@ -22,16 +23,22 @@ pub(super) type Open = Vec<[bool; WIDE]>;
 /// need steps of their own in most rows, to digits that no fit and no standard error needs.
 pub(super) const TOLERANCE: f64 = 1e-4;
 
-/// What the steps of all orders share: the places of the limit, of the number of terms above it, and of the largest magnitude of each derivative so
-/// far.
+/// What the steps of all orders share: the place of the limit; for each group that of the number of terms above it; and for each derivative that of
+/// its largest magnitude so far.
 #[derive(Debug, Default)]
 pub(super) struct Checked {
     pub limit: Slot,
-    pub too_long: Slot,
+    pub too_long: Vec<Slot>,
     pub largest: Vec<Slot>,
 }
 
 impl Checked {
+    /// Those of some directions for which the last step is too long.
+    pub(super) fn too_long(&self, store: &Store, of: &Open) -> Open {
+        let places = self.too_long.iter().map(|place| store.slots[*place as usize]);
+        places.zip(of).map(|(sums, of)| std::array::from_fn(|lane| of[lane] && sums[lane] != 0.0)).collect()
+    }
+
     /// Before a run.
     pub(super) fn begin(&self, store: &mut Store) {
         self.largest.iter().for_each(|place| store.slots[*place as usize] = [0.0; WIDE]);
@@ -78,7 +85,7 @@ impl SeriesSpeeds {
         let Some(program) = &self.program else { return true };
         store.slots[checked.limit as usize] = [limit; WIDE];
         program.run(store, values);
-        store.slots[checked.too_long as usize] == [0.0; WIDE]
+        checked.too_long.iter().all(|place| store.slots[*place as usize] == [0.0; WIDE])
     }
 
     /// Takes the derivatives at the end of the step in all directions.
@@ -87,26 +94,15 @@ impl SeriesSpeeds {
         store.run(&self.accept, &[]);
     }
 
-    /// Takes the derivatives at the end of the step in those of some directions for which it is valid. Returns the others.
-    pub(super) fn take_valid(&self, store: &mut Store, limit: f64, of: &Open, all_valid: bool) -> Open {
-        let mut open = vec![[false; WIDE]; of.len()];
+    /// Takes the derivatives at the end of the step in some directions.
+    pub(super) fn take_in(&self, store: &mut Store, of: &Open) {
         for it in &self.all {
-            let Some(last) = it.last.filter(|_| !all_valid) else { continue };
-            let [begin, end, last, next] = [it.begin, it.end, last, it.next].map(|place| store.slots[place as usize]);
             for lane in (0..WIDE).filter(|lane| of[it.group][*lane]) {
-                let scale = (end[lane] - begin[lane]).abs().max(next[lane]);
-                let fits = last[lane].abs() < limit * scale + f64::MIN_POSITIVE;
-                open[it.group][lane] |= !fits;
-            }
-        }
-        for it in &self.all {
-            for lane in (0..WIDE).filter(|lane| of[it.group][*lane] && !open[it.group][*lane]) {
                 for (from, to) in [(it.end, it.begin), (it.next, it.largest)] {
                     store.slots[to as usize][lane] = store.slots[from as usize][lane];
                 }
             }
         }
-        open
     }
 }
 
@@ -118,10 +114,9 @@ fn check(checked: &Checked, all: &[Derivatives]) -> Piece {
         arguments.push(slot);
         tape.input(arguments.len() as u32 - 1)
     };
-    let larger = |tape: &mut TapeBuilder, a: Reg, b: Reg| tape.select_less(b, a, a, b);
     let limit = given(&mut tape, checked.limit);
     let (zero, one, smallest) = (tape.constant(integer(0)), tape.constant(integer(1)), tape.constant(exact(f64::MIN_POSITIVE)));
-    let mut too_long = zero;
+    let mut too_long = vec![zero; checked.too_long.len()];
     for it in all {
         let [begin, end, largest] = [it.begin, it.end, it.largest].map(|slot| given(&mut tape, slot));
         let size = tape.absolute(begin);
@@ -137,10 +132,10 @@ fn check(checked: &Checked, all: &[Derivatives]) -> Piece {
         let allowed = tape.add(allowed, smallest);
         // A term that is not finite is not less.
         let is_too_long = tape.select_less(size, allowed, zero, one);
-        too_long = tape.add(too_long, is_too_long);
+        too_long[it.group] = tape.add(too_long[it.group], is_too_long);
     }
-    outputs.push(("too long".to_string(), too_long));
-    results.push(checked.too_long);
+    outputs.extend(checked.too_long.iter().zip(too_long).map(|(place, sum)| (format!("slot {place}"), sum)));
+    results.extend(&checked.too_long);
     let names = arguments.iter().map(|slot| format!("slot {slot}")).collect();
     Piece::tape(&tape.finish_with_results("check", names, outputs, [] as [(String, Reg); 0]), &arguments, &results)
 }

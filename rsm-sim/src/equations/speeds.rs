@@ -350,7 +350,8 @@ impl Carried {
         let pairs: Vec<(usize, Slot)> = (0..self.groups).flat_map(|group| states.clone().map(move |k| (group, k))).collect();
         if self.checked.largest.is_empty() {
             let largest = pairs.iter().map(|_| self.mirror.fresh()).collect();
-            self.checked = Checked { limit: self.mirror.fresh(), too_long: self.mirror.fresh(), largest };
+            let too_long = (0..self.groups).map(|_| self.mirror.fresh()).collect();
+            self.checked = Checked { limit: self.mirror.fresh(), too_long, largest };
         }
         let results: Vec<Slot> = states.clone().map(|k| end + k).chain(states.map(|k| last + k)).collect();
         let pieces = self.pieces(&composed(parts, &results), false, &NONE);

@@ -32,7 +32,7 @@ fn numbers(effect: &Effect, kind: SiteKind) -> Vec<(String, String)> {
 pub fn run(arguments: &Arguments) -> Outcome {
     let catalogue = catalogue(arguments.effects.as_deref())?;
     let rooms = match &arguments.plant {
-        Some(plant) => Some(file(plant, arguments.effects.as_deref())?.rooms()?),
+        Some(plant) => Some(file(plant, None, arguments.effects.as_deref())?.rooms()?),
         None => None,
     };
     if arguments.json {

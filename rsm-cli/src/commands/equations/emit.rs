@@ -29,14 +29,8 @@ pub struct Options<'a> {
 }
 
 pub fn run(path: &Path, options: &Options<'_>) -> Outcome {
-    let record = match options.record {
-        Some(record) => Some(Source::read(record)?),
-        None => None,
-    };
-    let file = match &record {
-        Some(record) => super::file_along(path, record, options.effects)?,
-        None => super::file(path, options.effects)?,
-    };
+    let record = options.record.map(Source::read).transpose()?;
+    let file = super::file(path, record.as_ref(), options.effects)?;
     let mut file = super::in_configuration(file, options.configuration)?;
     if let Some(record) = &record {
         file = file.of_record(record)?;

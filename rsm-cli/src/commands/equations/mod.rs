@@ -40,8 +40,9 @@ pub fn catalogue(folder: Option<&Path>) -> Result<Arc<Catalogue>, Refusal> {
     Ok(Arc::new(catalogue))
 }
 
-/// Reads a plant of equations from its plant file, or from its text (`.mo`) alone.
-pub fn file(path: &Path, effects: Option<&Path>) -> Result<EquationFile, Refusal> {
+/// Reads a plant of equations from its plant file, or from its text (`.mo`) alone. An axis of format 1 is in open or in closed loop: the columns of a
+/// record decide this, and without a record the parameters of the controller.
+pub fn file(path: &Path, record: Option<&Source>, effects: Option<&Path>) -> Result<EquationFile, Refusal> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let open = |name: &str| Source::read(&folder.join(name));
     let source = Source::read(path)?;
@@ -53,24 +54,13 @@ pub fn file(path: &Path, effects: Option<&Path>) -> Result<EquationFile, Refusal
             return Err(built_in_effects_only());
         }
         let plant = PlantFile::read(&source)?;
-        let closed = plant.parameters.optional("position_gain").is_some();
+        let closed = match record {
+            Some(record) => Record::read(record, &plant)?.drive == Drive::Closed,
+            None => plant.parameters.optional("position_gain").is_some(),
+        };
         return Ok(EquationFile::of_first_format(&plant, closed)?);
     }
     Ok(EquationFile::read_with(&source, &open, &catalogue(effects)?)?)
-}
-
-/// The same along a record, whose columns decide whether a plant of format 1 is in open or in closed loop.
-pub fn file_along(path: &Path, record: &Source, effects: Option<&Path>) -> Result<EquationFile, Refusal> {
-    let source = Source::read(path)?;
-    if is_equations(&source) || !rsm_sim::equations::file::names_a_plant(&source) {
-        return file(path, effects);
-    }
-    if effects.is_some() {
-        return Err(built_in_effects_only());
-    }
-    let plant = PlantFile::read(&source)?;
-    let closed = Record::read(record, &plant)?.drive == Drive::Closed;
-    Ok(EquationFile::of_first_format(&plant, closed)?)
 }
 
 /// The plant in a configuration of its file, if one is named.
@@ -96,7 +86,7 @@ pub fn refuse_several(path: &Path, file: &EquationFile, option: &str) -> Result<
 
 /// A plant of equations, ready to be evaluated.
 pub fn plant(path: &Path, effects: Option<&Path>, configuration: Option<&str>) -> Result<(EquationFile, Machine), Refusal> {
-    let file = in_configuration(file(path, effects)?, configuration)?;
+    let file = in_configuration(file(path, None, effects)?, configuration)?;
     let machine = Machine::new(&file)?;
     Ok((file, machine))
 }

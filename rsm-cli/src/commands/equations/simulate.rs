@@ -52,7 +52,7 @@ impl Options<'_> {
 /// Runs the subcommand.
 pub fn run(path: &Path, record: &Path, out: &Path, options: &Options<'_>, as_json: bool) -> Outcome {
     let table = Source::read(record)?;
-    let file = file(path, options.effects)?.of_record(&table)?;
+    let file = file(path, Some(&table), options.effects)?.of_record(&table)?;
     let mut machine = Machine::new(&file)?;
     let signals = Signals::read(&table, &file, &machine)?;
     let setting = options.setting(signals.period)?;
