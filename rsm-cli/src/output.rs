@@ -154,7 +154,7 @@ pub fn json(value: &impl Serialize) -> Result<(), Refusal> {
 
 /// Prints a line on standard output. If the reader has closed the pipe, this is not an error.
 pub fn line(text: &str) -> Result<(), Refusal> {
-    match writeln!(std::io::stdout(), "{text}") {
+    match std::io::stdout().write_all(format!("{text}\n").as_bytes()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Refusal::new(format!("standard output cannot be written: {error}")))
         }
@@ -163,9 +163,10 @@ pub fn line(text: &str) -> Result<(), Refusal> {
 }
 
 /// Prints a message on standard error. The reader may have closed it (`2>&1 | head`). This is not an error and does not stop the program, because the
-/// files and the exit status are still needed. `eprintln!` would panic.
+/// files and the exit status are still needed. `eprintln!` would panic. A message is one write, because processes of one federation share the stream:
+/// `write_fmt` writes the parts of a message one by one, and parts of another process come between them.
 pub fn stderr(text: std::fmt::Arguments<'_>) {
-    let _ = std::io::stderr().write_fmt(text);
+    let _ = std::io::stderr().write_all(text.to_string().as_bytes());
 }
 
 /// A number for JSON: null if it is not finite.

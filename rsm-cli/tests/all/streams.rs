@@ -160,6 +160,56 @@ fn a_reader_that_goes_in_the_middle_changes_no_status() {
     }
 }
 
+/// What a command wrote on one stream, each write apart.
+#[cfg(unix)]
+fn writes(arguments: &[&str], here: &Path, is_out: bool) -> Vec<String> {
+    use std::os::unix::net::UnixDatagram;
+    // A socket of this kind keeps the bounds of a write.
+    let (ours, theirs) = UnixDatagram::pair().unwrap();
+    let stream = Stdio::from(std::os::fd::OwnedFd::from(theirs));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rsm"));
+    command.args(arguments).current_dir(here).stdin(Stdio::null());
+    if is_out {
+        command.stdout(stream).stderr(Stdio::null());
+    } else {
+        command.stdout(Stdio::null()).stderr(stream);
+    }
+    let mut running = command.spawn().unwrap();
+    ours.set_read_timeout(Some(std::time::Duration::from_millis(10))).unwrap();
+    let (mut all, mut bytes) = (Vec::new(), vec![0; 1 << 18]);
+    loop {
+        // Read until nothing comes after the end of the command.
+        let has_ended = running.try_wait().unwrap().is_some();
+        match ours.recv(&mut bytes) {
+            Ok(length) => all.push(text(&bytes[..length])),
+            Err(_) if has_ended => return all,
+            Err(_) => {}
+        }
+    }
+}
+
+/// Several processes may share a terminal or a log file (`rsm cosim`, both sides of `rsm stream`): no write ends within a line, so lines stay whole.
+#[cfg(unix)]
+#[test]
+fn no_write_ends_within_a_line() {
+    let here = inputs();
+    let mut written = [0, 0];
+    for (arguments, _) in RUNS {
+        for is_out in [false, true] {
+            let parts = writes(arguments, here.path(), is_out);
+            // clap prints help and bad usage piece by piece, before the command does anything.
+            if ["Usage: ", "try '--help'"].iter().any(|words| parts.concat().contains(words)) {
+                continue;
+            }
+            for part in parts {
+                assert!(part.ends_with('\n'), "{arguments:?}: {part:?}");
+                written[usize::from(is_out)] += 1;
+            }
+        }
+    }
+    assert!(written.iter().all(|count| *count > 10), "{written:?}");
+}
+
 /// Subcommands with an output, and every file that each reads.
 const WRITERS: &[(&[&str], &[&str])] = &[
     (&["fit", "fit.toml", "--out"], &["fit.toml", "data.csv"]),
