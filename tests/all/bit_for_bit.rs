@@ -60,7 +60,7 @@ fn scratch() -> &'static Path {
 
 fn random_cases() -> &'static [Case] {
     static CASES: OnceLock<Vec<Case>> = OnceLock::new();
-    CASES.get_or_init(cases::random)
+    CASES.get_or_init(cases::every_random)
 }
 
 /// The emitted C of every model, written once.

@@ -155,7 +155,7 @@ fn sequence<T: Number>(function: &Function) -> Vec<Vec<f64>> {
 #[test]
 fn without_rounding_a_step_is_the_filter() {
     let mut compared = 0;
-    for case in cases::random() {
+    for case in cases::every_random() {
         for function in case.unit.functions.iter().filter(|function| function.kind == Kind::Step) {
             let mut compensators = case.checked.model().compensators.iter();
             let compensator = compensators.find(|it| it.name == function.surface).expect("a function of a compensator");
@@ -193,7 +193,7 @@ fn without_rounding_a_step_is_the_filter() {
 
 #[test]
 fn no_sequence_makes_a_state_that_is_not_finite() {
-    for case in cases::random() {
+    for case in cases::every_random() {
         for function in case.unit.functions.iter().filter(|function| function.kind == Kind::Step) {
             match function.tape.precision {
                 Precision::F64 => stays_finite::<f64>(function),

@@ -86,7 +86,7 @@ fn self_test_passes_where_the_bits_are_kept_and_fails_where_they_are_not() {
 #[test]
 fn nearly_every_self_test_can_tell_a_fused_operation() {
     // A model of clamps alone has none; the random ones have products that feed sums.
-    let cases = cases::random();
+    let cases = cases::every_random();
     let can_tell =
         cases.iter().filter(|case| rsm_core::emit::c::emit(&case.unit).source.contains("other bits if fused")).count();
     assert!(can_tell * 10 >= cases.len() * 9, "{can_tell} of {}", cases.len());

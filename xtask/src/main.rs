@@ -42,7 +42,7 @@ usage: cargo xtask test     everything that must hold, the same commands as cont
                             surfaces against new data with something hidden in them
        cargo xtask constraints [FIRST-END]
                             fits of random feasible problems with constraints, of the seeds from FIRST to END - 1 (0-270): proofs, violations, distance from the optimum
-       cargo xtask bits     every back end at 10^6 points for each function, and every way of inlining with every model
+       cargo xtask bits     the tests of emitted code with 10^6 points for each function, every model, every way of inlining
        cargo xtask mutants [--package NAME] [--file PART] [--function NAME] [--line N] [--change TEXT] [--sample N] [--seed N] [--unit] [--near] [--within SECONDS] [--optimised] [--list]
                             changes the meaning of the code place by place, and names the changes that no test of the package notices
        cargo xtask fuzz [--count INPUTS] [--seed N] [--subject NAME] [--input NUMBER]

@@ -56,8 +56,11 @@ pub(crate) fn run() -> bool {
         .command("test", tests(&[]))
         // Whole diagnoses, pages in a browser, loops between processes and hosts.
         .command("slow tests", tests(&SLOW))
+        // At opt 0: these tests read small files, and a second optimised build of the library takes three times as long as all else of this stage.
         .command("parquet and arrow", {
-            cargo_for_tests(&["test", "-p", "rsm-fit", "--features", "parquet,arrow", "--lib", "--", "partial", "columnar"])
+            let unoptimised = "profile.dev.package.rsm-fit.opt-level=0";
+            let with_features = ["test", "-p", "rsm-fit", "--features", "parquet,arrow", "--lib", "--config", unoptimised];
+            cargo_for_tests(&[&with_features[..], &["--", "partial", "columnar"]].concat())
         })
         .command("programs", programs())
         // The diagnosis on records of the independent simulation: a quick subset; all of it is `cargo xtask hidden-effects`.
@@ -68,7 +71,7 @@ pub(crate) fn run() -> bool {
         // Whether the tests notice changes of the code: a sample; all of it is `cargo xtask mutants`.
         .command("mutants", mutants::quick())
         // At opt 3: see `LONG_MATRIX`. All points and combinations are `cargo xtask bits`.
-        .command("long matrix", long_matrix())
+        .command("long matrix", across_as_released(&LONG_MATRIX))
         .command("docs", {
             let mut docs = cargo_for_tests(&["doc", "--workspace", "--no-deps"]);
             docs.env("RUSTDOCFLAGS", "-D warnings");
@@ -114,20 +117,20 @@ fn tests(targets: &[&str]) -> std::process::Command {
     test
 }
 
-/// The tests of `LONG_MATRIX` at opt 3.
-fn long_matrix() -> std::process::Command {
+/// Tests of the target `across` at opt 3, by parts of their names; all of them if there is none.
+fn across_as_released(names: &[&str]) -> std::process::Command {
     let mut test = cargo_for_tests(&["test", "--workspace", "--test", "across", "--no-fail-fast"]);
     test.args(
         AS_RELEASED.iter().flat_map(|package| as_released(package)).flat_map(|setting| ["--config".to_string(), setting]),
     );
-    test.args(["--", "--include-ignored"]).args(LONG_MATRIX);
+    test.args(["--", "--include-ignored"]).args(names);
     test
 }
 
-/// `cargo xtask bits`: the long matrix with 10^6 points for each function, and every way of inlining with every model.
+/// `cargo xtask bits`: the target `across` with 10^6 points for each function, every compiler and every way of inlining with every model.
 pub(crate) fn bits() -> bool {
     let mut run = Run::new();
-    let mut campaign = long_matrix();
+    let mut campaign = across_as_released(&[]);
     campaign.env("RSM_BITS_CAMPAIGN", "1");
     run.check("packages", packages::ensure).command("bits", campaign);
     run.finish()

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -35,7 +35,7 @@ pub(crate) enum Fate {
 }
 
 /// The tests of the programs, by name.
-pub(crate) fn names(programs: &[PathBuf], folder: &Path) -> Result<Vec<(PathBuf, String)>, String> {
+pub(crate) fn names(programs: &[PathBuf], folder: &Path) -> Result<Names, String> {
     let mut names = Vec::new();
     for program in programs {
         let output = command(program, folder)
@@ -50,18 +50,30 @@ pub(crate) fn names(programs: &[PathBuf], folder: &Path) -> Result<Vec<(PathBuf,
     Ok(names)
 }
 
-/// Runs the tests, and returns their times and the switches that they reach.
-pub(crate) fn survey(names: &[(PathBuf, String)], folder: &Path, scratch: &Path) -> Result<Vec<Test>, String> {
+/// Tests by program and name.
+pub(crate) type Names = Vec<(PathBuf, String)>;
+
+/// Runs the tests, and returns their times and the switches that they reach. Tests that take longer than a limit are ended, and returned by name.
+pub(crate) fn survey(
+    names: &Names,
+    folder: &Path,
+    scratch: &Path,
+    limit: Option<Duration>,
+) -> Result<(Vec<Test>, Names), String> {
     let tests = Mutex::new(Vec::new());
     let failed = Mutex::new(Vec::new());
+    let slow = Mutex::new(Vec::new());
     in_parallel(names.len(), |k| {
         let (program, name) = &names[k];
         let seen = scratch.join(format!("seen-{k}.txt"));
         let _ = std::fs::remove_file(&seen);
         let begin = Instant::now();
-        let done =
-            command(program, folder).args(["--exact", name, "--test-threads", "1"]).env("RSM_MUTANTS_SEEN", &seen).status();
-        if done.is_ok_and(|status| status.success()) {
+        let mut command = command(program, folder);
+        command.args(["--exact", name, "--test-threads", "1"]).env("RSM_MUTANTS_SEEN", &seen);
+        let status = status_within(&mut command, limit.unwrap_or(Duration::MAX));
+        if status.is_none() {
+            slow.lock().expect("no panic").push((program.clone(), name.clone()));
+        } else if status.is_some_and(|status| status.success()) {
             let text = std::fs::read_to_string(&seen).unwrap_or_default();
             let reaches = text.lines().filter_map(|line| line.parse().ok()).collect();
             let test = Test { program: program.clone(), name: name.clone(), time: begin.elapsed(), reaches };
@@ -77,7 +89,7 @@ pub(crate) fn survey(names: &[(PathBuf, String)], folder: &Path, scratch: &Path)
     }
     let mut tests = tests.into_inner().expect("no panic");
     tests.sort_by_key(|test| test.time);
-    Ok(tests)
+    Ok((tests, slow.into_inner().expect("no panic")))
 }
 
 /// The result for each of the numbers; `progress` is called for each as soon as it is known.
@@ -108,23 +120,24 @@ fn notices(test: &Test, number: usize, folder: &Path) -> bool {
     let limit = (test.time * PATIENCE).max(FLOOR);
     let mut command = command(&test.program, folder);
     command.args(["--exact", &test.name, "--test-threads", "1"]).env("RSM_MUTANT", number.to_string());
-    let mut child = command.spawn().expect("a program that ran before");
+    status_within(&mut command, limit).is_none_or(|status| !status.success())
+}
+
+/// The status of a program, or none if it has not ended within the limit and was stopped.
+fn status_within(command: &mut Command, limit: Duration) -> Option<ExitStatus> {
+    let mut child = command.spawn().expect("a program that was built");
     let begin = Instant::now();
     loop {
         if let Some(status) = child.try_wait().expect("a child to wait for") {
-            return !status.success();
+            return Some(status);
         }
         if begin.elapsed() > limit {
-            end(&mut child);
-            return true;
+            let _ = child.kill();
+            let _ = child.wait();
+            return None;
         }
         std::thread::sleep(Duration::from_millis(if begin.elapsed() < Duration::from_millis(50) { 1 } else { 10 }));
     }
-}
-
-fn end(child: &mut Child) {
-    let _ = child.kill();
-    let _ = child.wait();
 }
 
 fn command(program: &Path, folder: &Path) -> Command {

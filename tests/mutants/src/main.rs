@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use instrument::Mutant;
 use judge::Fate;
@@ -55,6 +55,9 @@ const FILES: &[(&str, &[&str])] = &[
     ("rsm-sim", &["src/effect", "src/effects"]),
     ("rsm-diagnose", &["src/plant/verdict"]),
 ];
+
+/// Of a sample, tests that take longer run only if mutants remain: three tests of rsm-core take most of its time without optimisation.
+const QUICK_TEST: Duration = Duration::from_secs(5);
 
 #[derive(Default)]
 struct Request {
@@ -172,7 +175,7 @@ fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String
         mutants.iter().for_each(|mutant| println!("{}", told(mutant)));
         return Ok(true);
     }
-    // For a sample, the tests of its own files run first, and the others only if mutants remain: running every test once takes most of the time.
+    // For a sample, the quick tests of its own files run first, and the others only if mutants remain: every test once would take most of the time.
     let names = judge::names(&built.programs, &built.folder)?;
     let modules: Vec<String> = files.iter().map(|file| module(file, package)).collect();
     let all_at_once = request.sample.is_none() && !request.near;
@@ -181,8 +184,10 @@ fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String
     if request.near {
         others.clear();
     }
-    let mut tests = judge::survey(&near, &built.folder, &scratch)?;
-    let all = tests.len();
+    let limit = request.sample.map(|_| QUICK_TEST);
+    let (mut tests, slow) = judge::survey(&near, &built.folder, &scratch, limit)?;
+    let all = tests.len() + slow.len();
+    others.extend(slow);
     if let Some(seconds) = request.within {
         tests.retain(|test| test.time.as_secs_f64() <= seconds as f64);
     }
@@ -206,8 +211,8 @@ fn run(request: &Request, package: &str, listed: &[&str]) -> Result<bool, String
     let is_left = |(number, fate): &(&usize, &Fate)| !matches!(fate, Fate::Killed(_)) && !is_argued(**number);
     let left: Vec<usize> = fates.iter().filter(is_left).map(|(number, _)| *number).collect();
     if !left.is_empty() && !others.is_empty() {
-        println!("   {} of them against the {} tests of other files", left.len(), others.len());
-        let further = judge::survey(&others, &built.folder, &scratch)?;
+        println!("   {} of them against {} other tests", left.len(), others.len());
+        let (further, _) = judge::survey(&others, &built.folder, &scratch, None)?;
         for (number, fate) in judge::judge(&further, &left, &built.folder, |_, _| {}) {
             if fate != Fate::NotReached {
                 fates.insert(number, fate);
