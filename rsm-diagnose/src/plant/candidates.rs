@@ -103,9 +103,10 @@ impl Search<'_> {
     fn continue_rivals(&self, fit: &Fit, candidates: &mut [Candidate], threshold: f64) {
         let Some((best, rivals)) = candidates.split_first_mut() else { return };
         let decides = effect_size::deciding_difference(threshold, best.fit.cost, self.whitened.rows());
-        let enough = best.fit.cost + effect_size::equal(decides, fit.cost - best.fit.cost);
+        let gain = fit.cost - best.fit.cost;
+        let enough = |it: &Candidate| best.fit.cost + effect_size::equal_rival(decides, gain, it.numbers < best.numbers);
         let is_open =
-            |it: &&mut Candidate| it.fit.cost > enough && it.fit.cost - OPEN_GAINS * it.fit.gain_to_minimum() < enough;
+            |it: &&mut Candidate| it.fit.cost > enough(it) && it.fit.cost - OPEN_GAINS * it.fit.gain_to_minimum() < enough(it);
         let mut open: Vec<&mut Candidate> = rivals.iter_mut().filter(is_open).collect();
         let further = self.side_by_side(&open, |search, it| {
             let further = levenberg::settled(search.whitened, &it.fit, FINAL_STEPS * self.limits.fit_steps)?;

@@ -13,10 +13,15 @@ const LEAST_SHARE_OF_EXCESS: f64 = 0.05;
 /// formula differ by a tenth of the noise; that is a share of this size if the cause changes the outputs by ten times the noise.
 pub(super) const AS_GOOD: f64 = 0.995;
 
-/// The smallest gain of a cause, for a squared residual of this many rows.
+/// By how many standard deviations a squared residual may be above its rows without an error: 95 % of noise is below.
+const BY_CHANCE: f64 = 2.0;
+
+/// The smallest gain of a cause, for a squared residual of this many rows. What noise alone can leave is no error: the squares of n residuals have a
+/// standard deviation of sqrt(2 n) about n.
 #[must_use]
 pub fn least_gain(squared: f64, rows: usize) -> f64 {
-    LEAST_SHARE_OF_EXCESS * (squared - rows as f64).max(0.0)
+    let rows = rows as f64;
+    LEAST_SHARE_OF_EXCESS * (squared - rows - BY_CHANCE * (2.0 * rows).sqrt()).max(0.0)
 }
 
 /// The difference that decides between two explanations: `threshold`, the gain by chance, or a twentieth of the error above the noise if that is
@@ -42,16 +47,31 @@ pub fn equal(decides: f64, gain: f64) -> f64 {
     decides.max(EQUAL * gain)
 }
 
+/// The same for a rival that is still being fitted. One with fewer numbers wins if it is as good, so its fit goes on until that is decided.
+#[must_use]
+pub fn equal_rival(decides: f64, gain: f64, is_simpler: bool) -> f64 {
+    if is_simpler { decides } else { equal(decides, gain) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
+    fn a_simpler_rival_is_decided_by_the_records_and_another_may_be_equal() {
+        assert_eq!(
+            [equal_rival(30.0, 1e8, true), equal_rival(30.0, 1e8, false), equal_rival(30.0, 1e5, false)],
+            [30.0, 1e3, 30.0]
+        );
+    }
+
+    #[test]
     fn noise_asks_for_nothing_and_structure_for_its_twentieth() {
-        assert_eq!(least_gain(900.0, 1000), 0.0);
-        assert_eq!(least_gain(21_000.0, 1000), 1000.0);
-        assert_eq!((deciding_difference(30.0, 900.0, 1000), deciding_difference(30.0, 21_000.0, 1000)), (30.0, 1000.0));
-        assert_eq!(tie(500.0, 1900.0, 1000), 500.0);
-        assert_eq!(tie(500.0, 5000.0, 1000), 200.0);
+        // The squares of 800 residuals of noise have a standard deviation of 40.
+        assert_eq!((least_gain(700.0, 800), least_gain(879.0, 800)), (0.0, 0.0));
+        assert_eq!(least_gain(20_880.0, 800), 1000.0);
+        assert_eq!((deciding_difference(30.0, 700.0, 800), deciding_difference(30.0, 20_880.0, 800)), (30.0, 1000.0));
+        assert_eq!(tie(500.0, 1600.0, 800), 500.0);
+        assert_eq!(tie(500.0, 4880.0, 800), 200.0);
     }
 }

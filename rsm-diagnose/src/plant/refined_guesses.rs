@@ -115,6 +115,13 @@ pub fn leading<T>(list: Vec<T>, forms: usize, each: usize, form: impl Fn(&T) -> 
     kept
 }
 
+/// A list with one more element, unless it has one of that form already.
+fn with_form<T>(mut list: Vec<T>, one: Option<T>, form: impl Fn(&T) -> (usize, usize)) -> Vec<T> {
+    let new = one.filter(|it| list.iter().all(|other| form(other) != form(it)));
+    list.extend(new);
+    list
+}
+
 impl Search<'_> {
     /// The best forms with refined parameters; everything else is to first order.
     pub(super) fn refined(&self, fit: &Fit, screened: &[Screened], threshold: f64) -> Vec<Projected> {
@@ -124,6 +131,8 @@ impl Search<'_> {
         guesses.retain(|it| it.gain > LEAST_PREDICTED_SHARE * threshold);
         let mut forms = self.limits.profiled;
         let guesses = leading(guesses, forms, STARTS, |it| form_of(it));
+        // The form that promises most is always fitted. Where an error is strong, the first order in everything else may rank it behind others.
+        let first = guesses.first().map(|it| form_of(it));
         let mut pool: Vec<Projected> = guesses
             .into_iter()
             .map(|it| Projected {
@@ -158,11 +167,14 @@ impl Search<'_> {
             let mut next: Vec<Projected> = refined.into_iter().flatten().collect();
             order::ascending(&mut next, |it| it.cost);
             starts = starts.div_ceil(2);
+            let most_promising = next.iter().find(|it| Some(it.form()) == first).cloned();
             pool = leading(next, forms, starts, |it| it.form());
+            pool = with_form(pool, most_promising, Projected::form);
             // A full fit finds more than the first order, so twice as many forms as will be fitted enter the last round.
             forms = (2 * self.limits.fitted).min(forms);
         }
         // Forms with the same predicted gain as the best are always fitted: they have the same trace, and the answer must name them.
+        let most_promising = pool.iter().find(|it| Some(it.form()) == first).cloned();
         let mut chosen = leading(pool, 2 * self.limits.fitted, 1, |it| it.form());
         let best = chosen.first().map_or(0.0, |it| it.cost);
         let alike = best + (1.0 - AS_GOOD) * (fit.cost - best);
@@ -177,7 +189,7 @@ impl Search<'_> {
             fitted.push(its);
             !again || it.cost <= alike
         });
-        chosen
+        with_form(chosen, most_promising, Projected::form)
     }
 }
 
@@ -204,6 +216,14 @@ mod tests {
         let list = vec![(0, 'a'), (0, 'b'), (1, 'c'), (0, 'd'), (2, 'e'), (1, 'f')];
         let kept: String = leading(list, 2, 2, |it| (it.0, 0)).into_iter().map(|it| it.1).collect();
         assert_eq!(kept, "abcf");
+    }
+
+    #[test]
+    fn a_form_is_added_once() {
+        let with = |list: &[(usize, char)], one| with_form(list.to_vec(), one, |it| (it.0, 0));
+        assert_eq!(with(&[(0, 'a'), (1, 'b')], Some((2, 'c'))), [(0, 'a'), (1, 'b'), (2, 'c')]);
+        assert_eq!(with(&[(0, 'a'), (1, 'b')], Some((1, 'c'))), [(0, 'a'), (1, 'b')]);
+        assert_eq!(with(&[(0, 'a')], None), [(0, 'a')]);
     }
 
     #[test]

@@ -5,13 +5,18 @@
 
 use super::super::noise::NoiseFloor;
 
+/// A step of more than this many standard deviations of the noise before rounding is an error of a sensor: its error, step/sqrt(12), is then 1.3 times
+/// the noise, and in slow motion most readings are repeated. Loggers are set to steps of up to four standard deviations, which hides no motion that
+/// the noise does not hide.
+const COARSE: f64 = 4.5;
+
 /// Of the rounded outputs (place, step), those whose sensor is reported as a cause; `recorded` is the number of outputs in the records. A logger that
-/// rounds, rounds every channel. A step with an error, step/sqrt(12), below the noise before rounding is no fault.
+/// rounds, rounds every channel.
 pub(super) fn reported_as_causes(rounded: &[(usize, f64)], recorded: usize, floors: &[NoiseFloor]) -> Vec<(usize, f64)> {
     if rounded.len() == recorded && recorded > 1 {
         return Vec::new();
     }
-    let coarse = |(output, step): &&(usize, f64)| floors[*output].rounding.is_none_or(|it| step / 12.0_f64.sqrt() > it.noise);
+    let coarse = |(output, step): &&(usize, f64)| floors[*output].rounding.is_none_or(|it| *step > COARSE * it.noise);
     rounded.iter().filter(coarse).copied().collect()
 }
 
@@ -23,7 +28,7 @@ mod tests {
     #[test]
     fn one_coarse_sensor_is_blamed_and_a_logger_or_a_fine_step_is_not() {
         let rounding = |noise: f64| NoiseFloor { rounding: Some(Rounding { step: 1.0, noise }), ..NoiseFloor::white(0.4) };
-        let floors = [rounding(0.1), rounding(0.35), NoiseFloor::white(0.4)];
+        let floors = [rounding(0.22), rounding(0.23), NoiseFloor::white(0.4)];
         assert_eq!(reported_as_causes(&[(0, 1.0), (1, 1.0)], 3, &floors), [(0, 1.0)]);
         assert_eq!(reported_as_causes(&[(2, 1.0)], 3, &floors), [(2, 1.0)]);
         assert_eq!(reported_as_causes(&[(0, 1.0)], 1, &floors), [(0, 1.0)]);

@@ -54,6 +54,9 @@ fn a_plant_in_order_gets_nothing_wrong_and_causes_are_practical_that_remove_near
     // So does a thousandth of what was wrong.
     assert!(of(0.009, 9.1).is_some());
     assert_eq!([of(0.009, 8.9), of(0.005, 5.0), of(0.009, 0.0)], [None, None, None]);
+    // A strong error hides more: three thousandths of it, and a tenth of the noise at most.
+    assert!(of(0.049, 5e3).is_some() && of(0.051, 5e3).is_none());
+    assert!(of(0.099, 1e6).is_some() && of(0.101, 1e6).is_none());
     // What is left may be below the noise by chance: all is gone, and not more.
     assert_eq!(of(-0.5, 10.0), Some(Practical { removed: 1.0, left: -0.5 }));
 }
