@@ -61,7 +61,7 @@ mod tests {
     fn a_simpler_rival_is_decided_by_the_records_and_another_may_be_equal() {
         assert_eq!(
             [equal_rival(30.0, 1e8, true), equal_rival(30.0, 1e8, false), equal_rival(30.0, 1e5, false)],
-            [30.0, 1e3, 30.0]
+            [30.0, 1e-5 * 1e8, 30.0]
         );
     }
 
