@@ -12,7 +12,7 @@ mod random;
 mod rest;
 #[path = "../../../rsm-sim/tests/all/shipped.rs"]
 mod shipped;
+mod standing;
 mod surface;
-mod whole_numbers;
 
 use shipped::{effect, path, plant, record, run};

@@ -10,8 +10,13 @@ mod measured;
 mod next_experiment;
 #[path = "../all/random.rs"]
 mod random;
+mod rest;
 #[path = "../../../rsm-sim/tests/all/shipped.rs"]
 mod shipped;
+#[expect(dead_code, reason = "the faults of records with rest are for quick tests")]
+#[path = "../all/standing.rs"]
+mod standing;
 mod units;
+mod whole_numbers;
 
 use shipped::{axis_record, car_record, effect, motor_record, path, plant, record, run};

@@ -43,6 +43,9 @@ const LEAST_GAIN: f64 = 0.1;
 /// several about different places.
 const TIMES_THE_HELPERS: f64 = 2.0;
 
+/// A law of one variable is preferred to one of several if its gain is smaller by less than this: the share of the error that a term must remove.
+const LEAST_GAIN_OF_A_VARIABLE: f64 = 0.01;
+
 /// A law of a site.
 #[derive(Debug, Clone)]
 pub struct Law {
@@ -122,25 +125,42 @@ pub fn find(
     let records: Vec<&Record> = split.training.records.iter().map(|it| &it.record).collect();
     let scales = equation_plant::scales(&base.model.file, &records).ok()?;
     let values = visited(&split.training, &base.model, &sites.iter().collect::<Vec<_>>());
+    let judged = |site: &added::Balance, values: &[Vec<f64>]| -> Option<(f64, Candidate, Fit)> {
+        let sizes = scales.iter().filter(|it| it.at == site.at).flat_map(|it| &it.sizes);
+        let effort = sizes.filter(|it| it.0 == "effort_scale").map(|it| it.1).find(|it| *it > 0.0)?;
+        let candidate = Candidate::of(Form::new(site, values)?, effort, &split.training, nominal, &base)?;
+        let after = validation::fit_initial_states(&split.judged, &candidate.law.fit.model)?;
+        Some((gain(&errors_before, &validation::errors(&split.judged, &after)), candidate, after))
+    };
     let mut best: Option<(f64, Candidate, Fit)> = None;
     for (site, values) in sites.iter().zip(&values) {
         progress(&format!("looking for an unknown law at {}", site.at));
-        let sizes = scales.iter().filter(|it| it.at == site.at).flat_map(|it| &it.sizes);
-        let effort = sizes.filter(|it| it.0 == "effort_scale").map(|it| it.1).find(|it| *it > 0.0);
-        let form = Form::new(site, values);
-        let Some((form, effort)) = form.zip(effort) else { continue };
-        let Some(candidate) = Candidate::of(form, effort, &split.training, nominal, &base) else { continue };
-        let Some(after) = validation::fit_initial_states(&split.judged, &candidate.law.fit.model) else { continue };
-        let gain = gain(&errors_before, &validation::errors(&split.judged, &after));
-        if best.as_ref().is_none_or(|it| gain > it.0) {
-            best = Some((gain, candidate, after));
-        }
+        best = judged(site, values).filter(|it| best.as_ref().is_none_or(|best| it.0 > best.0)).or(best);
+    }
+    if let Some((most, several, _)) = &best
+        && contain_several(&several.law.terms, several.form.variables.len())
+        && let Some((site, values)) = sites.iter().zip(&values).find(|(site, _)| site.at == several.form.balance.at)
+    {
+        // Terms of a second variable may only do what the first one would do with more terms.
+        let alone: Vec<Vec<f64>> =
+            values.iter().enumerate().map(|(k, it)| if k == 0 { it.clone() } else { Vec::new() }).collect();
+        best = judged(site, &alone).filter(|one| is_enough_alone(one.0, *most)).or(best);
     }
     let (gain, candidate, after) = best?;
     let interval = bootstrap::gain_interval(&split.judged, &before.simulated, &after.simulated, gain_of);
     let rows = split.judged.rows() as f64;
     let is_better = helped.is_none_or(|it| after.cost - rows < TIMES_THE_HELPERS * (it.cost - rows).max(0.0) + rows.sqrt());
     (gain >= LEAST_GAIN && interval.0 > 0.0 && is_better).then(|| candidate.law(whitened, &named, gain, interval)).flatten()
+}
+
+/// Whether terms contain more than one of the first so many variables.
+fn contain_several(terms: &[Vec<u32>], variables: usize) -> bool {
+    (0..variables).filter(|variable| terms.iter().any(|it| it[*variable] > 0)).count() > 1
+}
+
+/// Whether a law of one variable with this gain is preferred to one of several.
+fn is_enough_alone(gain: f64, of_several: f64) -> bool {
+    gain > of_several - LEAST_GAIN_OF_A_VARIABLE
 }
 
 /// A law at a site, fitted to the training records.
@@ -227,4 +247,18 @@ fn visited(whitened: &WhitenedResiduals, model: &Model, sites: &[&added::Balance
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_variable_is_enough_where_the_others_remove_less_than_a_term_must() {
+        // Speed, position, the sign of the speed.
+        assert!(!contain_several(&[vec![1, 0, 0], vec![3, 0, 1]], 2));
+        assert!(contain_several(&[vec![1, 0, 0], vec![0, 2, 0]], 2) && contain_several(&[vec![1, 1, 0]], 2));
+        assert!(!contain_several(&[vec![0, 0, 0]], 2));
+        assert!(is_enough_alone(0.99, 0.995) && is_enough_alone(0.99, 0.95) && !is_enough_alone(0.9, 0.995));
+    }
 }
