@@ -58,17 +58,12 @@ fn scratch() -> &'static Path {
     Path::new(env!("CARGO_TARGET_TMPDIR"))
 }
 
-fn random_cases() -> &'static [Case] {
-    static CASES: OnceLock<Vec<Case>> = OnceLock::new();
-    CASES.get_or_init(cases::every_random)
-}
-
 /// The emitted C of every model, written once.
 fn c_folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
         compilers::kept(scratch(), "bits-c", |folder| {
-            compilers::write_c(random_cases().iter().map(|case| &case.unit), folder);
+            compilers::write_c(cases::every_random().iter().map(|case| &case.unit), folder);
         })
     })
 }
@@ -78,7 +73,7 @@ fn rust_folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
         compilers::kept(scratch(), "bits-rust", |folder| {
-            compilers::write_rust(random_cases().iter().map(|case| &case.unit), folder);
+            compilers::write_rust(cases::every_random().iter().map(|case| &case.unit), folder);
         })
     })
 }
@@ -107,7 +102,7 @@ fn compare(of_f64: &[&dyn Backend<f64>], of_f32: &[&dyn Backend<f32>], random: u
     let next = AtomicUsize::new(0);
     let failures = Mutex::new(Vec::new());
     let functions: Vec<(&Case, usize)> =
-        random_cases().iter().flat_map(|case| (0..case.unit.functions.len()).map(move |k| (case, k))).collect();
+        cases::every_random().iter().flat_map(|case| (0..case.unit.functions.len()).map(move |k| (case, k))).collect();
     let work = || {
         while let Some((case, k)) = functions.get(next.fetch_add(1, Ordering::Relaxed)) {
             let function = &case.unit.functions[*k];
@@ -175,7 +170,7 @@ fn macros() -> (Linked<f64>, Linked<f32>) {
 
 #[test]
 fn the_random_models_cover_what_they_must() {
-    let models: Vec<_> = random_cases().iter().map(|case| case.checked.model()).collect();
+    let models: Vec<_> = cases::every_random().iter().map(|case| case.checked.model()).collect();
     let surfaces: Vec<&Surface> = models.iter().flat_map(|model| &model.surfaces).collect();
     assert!(models.len() >= 30);
     for inputs in 1..=6 {
@@ -196,7 +191,7 @@ fn the_random_models_cover_what_they_must() {
     for outside in [Outside::Clamp, Outside::Extrapolate] {
         assert!(models.iter().flat_map(|model| &model.inputs).filter(|input| input.outside == outside).count() > 5);
     }
-    let functions = || random_cases().iter().flat_map(|case| &case.unit.functions);
+    let functions = || cases::every_random().iter().flat_map(|case| &case.unit.functions);
     for precision in Precision::ALL {
         let steps = functions().filter(|function| function.kind == Kind::Step && function.tape.precision == precision);
         let arguments: Vec<usize> = steps.map(|function| function.inputs.len()).collect();

@@ -25,7 +25,7 @@ const C_COMPILERS: [&str; 7] = [
 
 const RUST_OPTIONS: [&str; 2] = ["-C opt-level=0", "-C opt-level=3 -C target-cpu=native"];
 
-/// The models that users see first, and random ones with every form of a surface.
+/// The models that users see first, and random ones.
 fn units() -> Vec<Unit> {
     let with_gradients = |case: &Case| {
         let mut unit = compile::unit_with_gradients(&case.checked, &[]).expect("a checked model");

@@ -93,7 +93,7 @@ fn some() -> Vec<Case> {
 }
 
 fn every() -> Vec<Case> {
-    extrapolating().into_iter().chain(cases::every_random()).collect()
+    extrapolating().into_iter().chain(cases::every_random().iter().cloned()).collect()
 }
 
 /// How the caller gets the evaluators.

@@ -167,7 +167,7 @@ fn without_rounding_a_step_is_the_filter() {
             let rows = rows.into_iter().filter(|row| row.iter().all(|xi| xi.is_finite()) && is_handy(row));
             for (k, row) in rows.take(POINTS).enumerate() {
                 let at = rational(&row);
-                let number = |of: &Scheduled| scheduled(&case, of, schedule, &at[1..]);
+                let number = |of: &Scheduled| scheduled(case, of, schedule, &at[1..]);
                 let numbers =
                     [&compensator.natural_frequency, &compensator.zero_damping, &compensator.pole_damping].map(number);
                 let [Some(w), Some(z), Some(p)] = numbers else { continue };

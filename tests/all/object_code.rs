@@ -228,10 +228,10 @@ fn barrier_costs_a_copy_at_most_in_the_checked_in_functions() {
     }
 }
 
-/// Over all random models: no arithmetic more, and in all 1 instruction in 20: copies of registers (1157 against 1139 over the shipped models in gcc
-/// without AVX, 907 against 905 with it; 13057 against 12497 over the random ones, 4.5 %); clang no longer moves signs through products.
+/// Over the random models: no arithmetic more, and in all 1 instruction in 20: copies of registers (1157 against 1139 over the shipped models in gcc
+/// without AVX, 907 against 905 with it; 13057 against 12497 over all random ones, 4.5 %); clang no longer moves signs through products.
 #[test]
-#[ignore = "compiles every random model twelve times: run by `cargo xtask test`"]
+#[ignore = "compiles the random models twelve times: run by `cargo xtask test`, with all models by `cargo xtask bits`"]
 fn barrier_costs_next_to_nothing_in_any_model() {
     let folder = scratch("object-barrier-random");
     let cases = cases::random();

@@ -52,7 +52,7 @@ fn unit(case: &Case) -> Unit {
     unit
 }
 
-/// The models that users see first, and random ones with every form of a surface.
+/// The models that users see first, and some random ones.
 fn units() -> Vec<Unit> {
     let cases: Vec<Case> = cases::quick_random().into_iter().step_by(3).chain(cases::checked_in()).collect();
     let units: Vec<Unit> = cases.iter().map(unit).filter(|unit| !unit.functions.is_empty()).collect();

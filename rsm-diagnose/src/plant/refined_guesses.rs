@@ -133,6 +133,7 @@ impl Search<'_> {
         let guesses = leading(guesses, forms, STARTS, |it| form_of(it));
         // The form that promises most is always fitted. Where an error is strong, the first order in everything else may rank it behind others.
         let first = guesses.first().map(|it| form_of(it));
+        let most_promising = |list: &[Projected]| list.iter().find(|it| Some(it.form()) == first).cloned();
         let mut pool: Vec<Projected> = guesses
             .into_iter()
             .map(|it| Projected {
@@ -167,14 +168,13 @@ impl Search<'_> {
             let mut next: Vec<Projected> = refined.into_iter().flatten().collect();
             order::ascending(&mut next, |it| it.cost);
             starts = starts.div_ceil(2);
-            let most_promising = next.iter().find(|it| Some(it.form()) == first).cloned();
-            pool = leading(next, forms, starts, |it| it.form());
-            pool = with_form(pool, most_promising, Projected::form);
+            let always = most_promising(&next);
+            pool = with_form(leading(next, forms, starts, Projected::form), always, Projected::form);
             // A full fit finds more than the first order, so twice as many forms as will be fitted enter the last round.
             forms = (2 * self.limits.fitted).min(forms);
         }
         // Forms with the same predicted gain as the best are always fitted: they have the same trace, and the answer must name them.
-        let most_promising = pool.iter().find(|it| Some(it.form()) == first).cloned();
+        let always = most_promising(&pool);
         let mut chosen = leading(pool, 2 * self.limits.fitted, 1, |it| it.form());
         let best = chosen.first().map_or(0.0, |it| it.cost);
         let alike = best + (1.0 - AS_GOOD) * (fit.cost - best);
@@ -189,7 +189,7 @@ impl Search<'_> {
             fitted.push(its);
             !again || it.cost <= alike
         });
-        with_form(chosen, most_promising, Projected::form)
+        with_form(chosen, always, Projected::form)
     }
 }
 

@@ -55,7 +55,7 @@ pub(crate) type Names = Vec<(PathBuf, String)>;
 
 /// Runs the tests, and returns their times and the switches that they reach. Tests that take longer than a limit are ended, and returned by name.
 pub(crate) fn survey(
-    names: &Names,
+    names: &[(PathBuf, String)],
     folder: &Path,
     scratch: &Path,
     limit: Option<Duration>,

@@ -43,9 +43,6 @@ const LEAST_GAIN: f64 = 0.1;
 /// several about different places.
 const TIMES_THE_HELPERS: f64 = 2.0;
 
-/// A law of one variable is preferred to one of several if its gain is smaller by less than this: the share of the error that a term must remove.
-const LEAST_GAIN_OF_A_VARIABLE: f64 = 0.01;
-
 /// A law of a site.
 #[derive(Debug, Clone)]
 pub struct Law {
@@ -158,9 +155,9 @@ fn contain_several(terms: &[Vec<u32>], variables: usize) -> bool {
     (0..variables).filter(|variable| terms.iter().any(|it| it[*variable] > 0)).count() > 1
 }
 
-/// Whether a law of one variable with this gain is preferred to one of several.
+/// Whether a law of one variable with this gain is preferred to one of several: the other variables add less than one term must.
 fn is_enough_alone(gain: f64, of_several: f64) -> bool {
-    gain > of_several - LEAST_GAIN_OF_A_VARIABLE
+    gain > of_several - selection::LEAST_SHARE
 }
 
 /// A law at a site, fitted to the training records.

@@ -21,7 +21,7 @@ use crate::plant::whitened_residuals::WhitenedResiduals;
 const MOST_TERMS: usize = 12;
 
 /// A term must remove this share of the error above the noise that is left.
-const LEAST_SHARE: f64 = 0.01;
+pub(super) const LEAST_SHARE: f64 = 0.01;
 
 /// Terms are chosen again from the traces of the fitted law. A free run is not linear in a force that moves it far, so later rounds see more.
 const ROUNDS: usize = 5;

@@ -6,8 +6,8 @@
 use super::super::noise::NoiseFloor;
 
 /// A step of more than this many standard deviations of the noise before rounding is an error of a sensor: its error, step/sqrt(12), is then 1.3
-/// times the noise, and in slow motion most readings are repeated. Loggers are set to steps of up to four standard deviations, which hides no motion
-/// that the noise does not hide.
+/// times the noise, and in slow motion most readings are repeated. Where an error begins is a convention: steps of up to four standard deviations
+/// count as the resolution of a logger.
 const COARSE: f64 = 4.5;
 
 /// Of the rounded outputs (place, step), those whose sensor is reported as a cause; `recorded` is the number of outputs in the records. A logger that
